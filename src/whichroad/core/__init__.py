@@ -1,0 +1,1 @@
+"""The compiled floor: floats and arrays, no files, no degrees, raises nothing."""

@@ -1,0 +1,92 @@
+"""The one compile decorator, and the array types of the kernels.
+
+Numba stamps a cached kernel with the file of that kernel alone, so a callee that
+changed in another file would go on running as it was.  Here the cache folder is
+named by a digest of all kernel files: any change recompiles everything.
+"""
+
+import contextlib
+import functools
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Floats32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_KEEP_DAYS = 30
+
+
+def digest(folder: Path = Path(__file__).parent) -> str:
+    """Digest of every kernel file: what the compiled code depends on."""
+    files = sorted(folder.glob("*.py"))
+    return hashlib.sha256(b"\0".join(f.name.encode() + f.read_bytes() for f in files)).hexdigest()
+
+
+def _writable(base: Path) -> bool:
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=base):
+            return True
+    except OSError:
+        return False
+
+
+@functools.cache
+def cache_folder() -> Path | None:
+    """First writable place for compiled kernels, or None: compile anew each time."""
+    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), numba.config.CACHE_DIR]
+    xdg = os.environ.get("XDG_CACHE_HOME")
+    bases.append(f"{xdg}/whichroad" if xdg else None)
+    with contextlib.suppress(RuntimeError):
+        bases.append(str(Path.home() / ".cache" / "whichroad"))
+    bases.append(str(Path(tempfile.gettempdir()) / f"whichroad-{getattr(os, 'getuid', int)()}"))
+    for base in bases:
+        if base and _writable(Path(base)):
+            root = Path(base) / "kernels"
+            _delete_stale(root)
+            folder = root / digest()[:24]
+            return folder if _writable(folder) else None
+    return None
+
+
+def _delete_stale(root: Path) -> None:
+    """Delete kernels of versions that nobody has used for a month."""
+    limit = time.time() - _KEEP_DAYS * 86400.0
+    with contextlib.suppress(OSError):
+        for folder in root.iterdir():
+            if folder.is_dir() and folder.stat().st_mtime < limit:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def kernel(function: F) -> F:
+    """Compile `function` at its first call and remember it until any kernel changes.
+
+    Divisions follow NumPy (no exception), the interpreter lock is released, and
+    nothing is reordered (no fastmath: log-weights may be infinite).
+    """
+    folder = cache_folder()
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder) if folder else before
+    try:
+        return cast(
+            F,
+            numba.njit(cache=folder is not None, nogil=True, error_model="numpy")(function),
+        )
+    finally:
+        numba.config.CACHE_DIR = before

@@ -1,0 +1,35 @@
+"""What can go wrong, as one small tree.
+
+    WhichroadError
+    ├── ReadError      a file could not be understood (names file and line)
+    ├── MapError       the road map cannot serve, or is not a map
+    ├── DriveError     nothing in the drive could be answered
+    ├── WriteError     the output cannot be written
+    └── SettingError   a setting is out of bounds or contradicts another (also a ValueError)
+
+Every message reads `where: what was seen; what was expected; what to do`.
+"""
+
+
+class WhichroadError(Exception):
+    """Base of every error that whichroad raises on purpose."""
+
+
+class ReadError(WhichroadError):
+    """A file or stream could not be understood."""
+
+
+class MapError(WhichroadError):
+    """The road map cannot serve this drive, or is not a road map."""
+
+
+class DriveError(WhichroadError):
+    """Nothing in the drive could be answered."""
+
+
+class WriteError(WhichroadError):
+    """An output cannot be written."""
+
+
+class SettingError(WhichroadError, ValueError):
+    """A setting is out of bounds or contradicts another."""
