@@ -1,0 +1,140 @@
+"""Every number a user may turn: unit, default, bounds, reason, source.
+
+`Settings` are the model's, `Vehicle` describes one car.  Sources: the paper
+(Smaili et al. 2007) gives map errors as 95 % radii, 10 m absolute and 1 m relative;
+the rest was measured on simulated and real drives (docs/model.md, section 7).
+"""
+
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
+
+from .errors import SettingError
+
+
+def _number(default: float, low: float, high: float, unit: str, why: str) -> Any:
+    return field(
+        default=default, metadata={"low": low, "high": high, "unit": unit, "why": why}
+    )
+
+
+class Parameters(NamedTuple):
+    """The settings as the kernels take them: floats in SI, in the order of `Settings`."""
+
+    heading_noise: float
+    turn_noise: float
+    along_noise: float
+    lateral_noise: float
+    yaw_bias_noise: float
+    acceleration_noise: float
+    scale_sigma: float
+    drift_sigma: float
+    lane_sigma: float
+    lane_length: float
+    map_sigma: float
+    map_length: float
+    relative_sigma: float
+    edge_heading_sigma: float
+    node_radius: float
+    node_sigma: float
+    node_heading_sigma: float
+    map_spacing: float
+    gnss_bias_ratio: float
+    gnss_white_ratio: float
+    gnss_time: float
+    gnss_gate: float
+    off_road_leave: float
+    off_road_return: float
+    off_road_cost: float
+    off_road_start: float
+    wrong_way: float
+    u_turn_rate: float
+    search_radius: float
+    prune: float
+    merge: float
+    components: float
+    lost_after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """The model's numbers.  The defaults serve cars on OpenStreetMap roads."""
+
+    heading_noise: float = _number(8e-4, 0, 0.1, "rad/√m", "heading random walk of wheel odometry")
+    turn_noise: float = _number(0.012, 0, 0.5, "", "heading error per radian turned")
+    along_noise: float = _number(0.01, 0, 1, "m/√m", "along-road random walk of wheel odometry")
+    lateral_noise: float = _number(0.02, 0, 1, "m/√m", "cross-road random walk of wheel odometry")
+    yaw_bias_noise: float = _number(2e-5, 0, 0.1, "rad/m/√m", "wander of the heading drift")
+    acceleration_noise: float = _number(
+        1.5, 0.01, 20, "m/s/√s", "speed random walk where there is no odometry"
+    )
+    scale_sigma: float = _number(0.012, 1e-5, 0.5, "", "odometer scale, before it is learnt")
+    drift_sigma: float = _number(3e-4, 0, 0.1, "rad/m", "heading drift per metre, before learnt")
+    lane_sigma: float = _number(1.8, 0.01, 50, "m", "offset from the usual lane")
+    lane_length: float = _number(150, 1, 1e5, "m", "distance over which that offset persists")
+    map_sigma: float = _number(4.1, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %)")
+    map_length: float = _number(1000, 10, 1e6, "m", "distance over which the map error persists")
+    relative_sigma: float = _number(0.7, 0.01, 20, "m", "relative map error (paper: 1 m, 95 %)")
+    edge_heading_sigma: float = _number(0.08, 0.001, 1, "rad", "chord heading against the vehicle's")
+    node_radius: float = _number(12, 0, 100, "m", "about a junction the centre line is not driven")
+    node_sigma: float = _number(1.5, 0, 20, "m", "extra lateral error there")
+    node_heading_sigma: float = _number(0.5, 0, 3, "rad", "extra heading error there")
+    map_spacing: float = _number(5, 0.5, 50, "m", "distance between map observations")
+    gnss_bias_ratio: float = _number(1.0, 0, 10, "", "correlated GNSS error over the reported sigma")
+    gnss_white_ratio: float = _number(0.5, 0.01, 10, "", "white GNSS error over it, one fix a second")
+    gnss_time: float = _number(60, 0.1, 1e5, "s", "correlation time of the GNSS error while moving")
+    gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
+    off_road_leave: float = _number(2e-5, 0, 0.1, "1/m", "rate of leaving the mapped roads")
+    off_road_return: float = _number(0.01, 0, 1, "1/m", "rate of coming back to one")
+    off_road_cost: float = _number(
+        0.1, 0, 10, "nats/m", "what following a road by chance costs an off-road vehicle"
+    )
+    off_road_start: float = _number(0.05, 0, 1, "", "probability of starting off the roads")
+    wrong_way: float = _number(2e-4, 0, 1, "", "weight of driving against a one-way or a ban")
+    u_turn_rate: float = _number(2e-6, 0, 0.1, "1/m", "rate of turning round between junctions")
+    search_radius: float = _number(30, 1, 5000, "m", "smallest candidate radius (paper: 30 m)")
+    prune: float = _number(1e-4, 0, 0.1, "", "hypotheses below this probability are dropped")
+    merge: float = _number(0.05, 0, 100, "nats", "Runnalls cost below which two are merged")
+    components: float = _number(2, 1, 8, "", "Gaussians kept per directed edge")
+    lost_after: float = _number(8, 1, 1e4, "", "fixes in a row that fit nothing: start again")
+
+    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "per-axis sigma of fixes that report none")
+    user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
+    outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
+    ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, meta = getattr(self, f.name), f.metadata
+            if not meta["low"] <= value <= meta["high"]:
+                raise SettingError(
+                    f"{f.name} is {value!r} {meta['unit']}; between {meta['low']:g} and "
+                    f"{meta['high']:g} was expected ({meta['why']})"
+                )
+
+    def parameters(self) -> Parameters:
+        """The numbers the kernels need, in their order."""
+        return Parameters(*(float(getattr(self, name)) for name in Parameters._fields))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vehicle:
+    """One car: wheels, antenna, clocks, signals; `vehicle.toml` in Python."""
+
+    track_width: float = 1.5  # m, between the rear wheels
+    metres_per_tick_left: float = 0.0404
+    metres_per_tick_right: float = 0.0404
+    counter_bits: int = 0  # 0: counters do not wrap
+    antenna_forward: float = 0.0  # m, antenna ahead of the rear axle's middle
+    antenna_left: float = 0.0  # m
+    clock_offset: dict[str, float] = field(default_factory=dict)  # s added to a source's times
+    signals: dict[str, str] = field(default_factory=dict)  # role -> signal name in the .dbc
+    noise: dict[str, float] = field(default_factory=dict)  # settings that this car overrides
+    driving_side: str = "right"
+
+    def __post_init__(self) -> None:
+        if not self.track_width > 0:
+            raise SettingError(f"track_width is {self.track_width} m; more than 0 was expected")
+        if self.driving_side not in ("right", "left"):
+            raise SettingError(
+                f"driving_side is {self.driving_side!r}; 'right' or 'left' was expected"
+            )
