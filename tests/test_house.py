@@ -1,0 +1,263 @@
+"""House rules: the public names, the contracts, and that the documents speak the truth."""
+
+import ast
+import contextlib
+import importlib
+import importlib.util
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import whichroad
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted((ROOT / "src" / "whichroad").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py")) + sorted((ROOT / "benchmarks").rglob("*.py"))
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+DOCUMENTS += sorted((ROOT / "benchmarks").rglob("*.md"))
+
+PUBLIC = [
+    "match",
+    "RoadMap",
+    "Localizer",
+    "Estimate",
+    "Hypothesis",
+    "Pose",
+    "GeoFix",
+    "WheelTicks",
+    "WheelSpeed",
+    "Distance",
+    "SpeedYaw",
+    "StartPose",
+    "Settings",
+    "Vehicle",
+    "read_drive",
+    "read_vehicle",
+    "simulate_drive",
+    "Result",
+    "WhichroadError",
+    "ReadError",
+    "MapError",
+    "DriveError",
+    "WriteError",
+    "SettingError",
+]
+
+HEAVY = [
+    "numpy",
+    "numba",
+    "pandas",
+    "geopandas",
+    "pyarrow",
+    "shapely",
+    "pyproj",
+    "osmium",
+    "matplotlib",
+    "can",
+    "cantools",
+]
+
+
+def title(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+# The surface
+
+
+def test_the_public_names_are_these_and_no_others():
+    assert sorted(whichroad.__all__) == sorted(PUBLIC)
+    assert set(PUBLIC) <= set(dir(whichroad))
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_can_be_imported_and_says_what_it_is(name: str):
+    assert getattr(whichroad, name).__doc__
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = whichroad.no_such_name
+
+
+@pytest.mark.parametrize("module", ["whichroad", "whichroad.cli"])
+def test_importing_the_front_door_imports_nothing_heavy(module: str):
+    code = f"import sys, {module}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(HEAVY) & set(done.stdout.split()) == set()
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; from whichroad.cli import main\ntry: main()\nfinally: print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True
+    )
+    assert set(HEAVY) & set(done.stdout.split()) == set()
+
+
+# The floors
+
+
+def test_imports_go_down_only():
+    assert importlib.util.find_spec("importlinter"), (
+        'import-linter is missing: pip install ".[dev]"'
+    )
+    code = "from importlinter.cli import lint_imports_command as c; c()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--no-cache"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def exported(tree: ast.Module) -> list[ast.AST]:
+    """The module, its public functions and classes, and their public methods."""
+    found: list[ast.AST] = [tree]
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            found.append(node)
+            if isinstance(node, ast.ClassDef):
+                found += [
+                    n
+                    for n in node.body
+                    if isinstance(n, ast.FunctionDef) and not n.name.startswith("_")
+                ]
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=title)
+def test_what_is_public_has_a_docstring(path: Path):
+    nodes = exported(ast.parse(path.read_text("utf-8")))
+    assert [getattr(n, "name", title(path)) for n in nodes if not ast.get_docstring(n)] == []
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=title)
+def test_a_room_is_small(path: Path):
+    assert len(path.read_text("utf-8").splitlines()) <= 400
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=title)
+def test_no_room_is_a_drawer_for_odds_and_ends(path: Path):
+    assert path.stem not in {"utils", "util", "helpers", "helper", "common", "base", "misc"}
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in SOURCES if p.stem not in ("cli", "__main__")], ids=title
+)
+def test_library_code_neither_prints_nor_exits(path: Path):
+    calls = [
+        ast.unparse(node.func)
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call)
+    ]
+    assert {"print", "exit", "quit", "sys.exit", "os._exit"} & set(calls) == set()
+
+
+# No file may name the machine that it was written on.
+PRIVATE = re.compile(
+    "|".join(["/" + "root/", "/" + "work/", "/" + "tmp/w/", "/" + "home/", "C:" + r"\\"])
+)
+
+
+@pytest.mark.parametrize(
+    "path", [*SOURCES, *TESTS, *DOCUMENTS, ROOT / "pyproject.toml", ROOT / ".ci" / "run"], ids=title
+)
+def test_no_file_names_a_path_of_one_machine(path: Path):
+    assert PRIVATE.findall(path.read_text("utf-8")) == []
+
+
+# The documents
+
+NAME = re.compile(r"`([a-z_]+(?:\.[A-Za-z_][A-Za-z_0-9]*)+)(?:\(\))?`")
+SUFFIXES = [
+    "md",
+    "toml",
+    "py",
+    "csv",
+    "parquet",
+    "json",
+    "geojson",
+    "gpx",
+    "osm",
+    "pbf",
+    "gz",
+    "bz2",
+    "nmea",
+    "log",
+    "dbc",
+    "png",
+    "wkt",
+    "txt",
+]
+FILE = re.compile(r"`((?:src|tests|docs|benchmarks|\.ci)/[\w./-]*)`")
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+def resolve(name: str) -> object:
+    """The object that `room.function` names inside whichroad."""
+    parts = name.removeprefix("whichroad.").split(".")
+    thing: object = whichroad
+    path = "whichroad"
+    for part in parts:
+        path = f"{path}.{part}"
+        thing = getattr(thing, part) if hasattr(thing, part) else importlib.import_module(path)
+    return thing
+
+
+def names(path: Path) -> list[str]:
+    found = NAME.findall(path.read_text("utf-8"))
+    return sorted({n for n in found if n.rpartition(".")[2] not in SUFFIXES})
+
+
+@pytest.mark.parametrize("document", ["docs/model.md", "docs/map.md", "docs/glossary.md"])
+def test_what_the_documents_name_exists(document: str):
+    missing = []
+    for name in names(ROOT / document):
+        try:
+            resolve(name)
+        except (ImportError, AttributeError):
+            missing.append(name)
+    assert missing == []
+
+
+def test_the_model_page_names_functions():
+    assert len(names(ROOT / "docs" / "model.md")) > 20
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=title)
+def test_files_and_links_of_a_document_exist(path: Path):
+    text = path.read_text("utf-8")
+    missing = [f for f in FILE.findall(text) if not (ROOT / f).exists()]
+    missing += [f for f in LINK.findall(text) if not (path.parent / f).exists()]
+    assert missing == []
+
+
+BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```python\n(.*?)^```", re.M | re.S)
+
+
+def story(path: Path) -> str:
+    """The Python blocks of a document, in order, as one script."""
+    return "\n".join(code for skip, code in BLOCK.findall(path.read_text("utf-8")) if not skip)
+
+
+@pytest.fixture(scope="module")
+def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `whichroad demo` leaves: the documents' examples use its files."""
+    folder = tmp_path_factory.mktemp("demo")
+    code = "from whichroad.cli import main; main()"
+    subprocess.run(
+        [sys.executable, "-c", code, "demo", "--out", str(folder), "--force"], check=True
+    )
+    return folder
+
+
+@pytest.mark.parametrize("path", [p for p in DOCUMENTS if story(p)], ids=title)
+def test_the_python_of_a_document_runs_in_the_demo_folder(
+    path: Path, demo_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(demo_folder)
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(story(path), title(path), "exec"), {"__name__": "__main__"})
