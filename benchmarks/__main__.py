@@ -1,0 +1,108 @@
+"""`python -m benchmarks NAME`: measure, print a table, write rows as JSON."""
+
+import argparse
+import importlib
+import json
+import platform
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from . import Figure, Options, Skipped, data_folder
+
+# name: module and function, what is measured
+BENCHMARKS = {
+    "kubicka": ("kubicka.run", "real GNSS drives world-wide, 1 Hz: route mismatch"),
+    "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
+    "outage": ("town.outage", "the same with 1.5 km without GNSS"),
+    "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
+    "speed": ("speed.run", "epochs a second on recorded drives"),
+    "online": ("speed.online", "time of one Localizer.update"),
+    "map": ("speed.map_files", "compiling and opening a road map"),
+    "readers": ("readers.run", "sentences and frames a second"),
+    "fuzz": ("fuzz.run", "random and mutated input to every reader"),
+}
+
+
+def seeds(text: str) -> range:
+    """`A:B` as a range."""
+    first, _, last = text.partition(":")
+    return range(int(first), int(last))
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    listing = "\n".join(f"  {name:9} {what}" for name, (_, what) in BENCHMARKS.items())
+    command = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        epilog=f"names:\n{listing}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument("name", metavar="NAME", choices=BENCHMARKS)
+    command.add_argument("--seeds", type=seeds, metavar="A:B", help="seeds A to B - 1")
+    command.add_argument("--data", type=Path, metavar="DIR", help="the folder of real data")
+    command.add_argument("--json", metavar="FILE", help="write the rows here (-: print them)")
+    command.add_argument("--tracks", metavar="0-9", help="kubicka: only these tracks")
+    command.add_argument("--every", type=float, metavar="S", help="kubicka: seconds between fixes")
+    command.add_argument("--preset", metavar="NAME", help="town, outage: the simulator's preset")
+    command.add_argument("--seconds", type=float, metavar="S", help="fuzz: per reader; town: drive")
+    command.add_argument("--processes", type=int, metavar="N", help="town, outage: side by side")
+    return command
+
+
+def table(figures: list[Figure]) -> str:
+    """The figures as aligned text."""
+    head = ("figure", "value", "goal", "", "unit", "n", "95 % interval", "seeds")
+    mark = {True: "met", False: "MISSED", None: ""}
+    rows = [
+        (
+            f.figure,
+            "-"
+            if f.value is None
+            else f"{f.value:,.4g}"
+            if abs(f.value) < 1e4
+            else f"{f.value:,.0f}",
+            f.goal,
+            mark[f.met],
+            f.unit,
+            str(f.n),
+            f"{f.ci95[0]:.4g} .. {f.ci95[1]:.4g}" if f.ci95 else "",
+            f.seeds,
+        )
+        for f in figures
+    ]
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+    lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) for r in [head, *rows]]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def main() -> int:
+    """Run one benchmark; 0 also where its data is absent."""
+    given = vars(parser().parse_args())
+    more = {k: given[k] for k in ("tracks", "every", "preset", "seconds", "processes")}
+    options = Options(
+        data=given["data"] or data_folder(),
+        seeds=given["seeds"],
+        more={k: v for k, v in more.items() if v is not None},
+    )
+    module, function = BENCHMARKS[given["name"]][0].split(".")
+    try:
+        figures = getattr(importlib.import_module(f"benchmarks.{module}"), function)(options)
+    except Skipped as reason:
+        print(f"{given['name']}: skipped: {reason}")
+        figures = []
+    if figures:
+        print(f"\n{given['name']}, Python {platform.python_version()}, {platform.machine()}\n")
+        print(table(figures))
+    if given["json"]:
+        text = json.dumps([asdict(f) for f in figures], indent=1)
+        if given["json"] == "-":
+            print(text)
+        else:
+            Path(given["json"]).write_text(text + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
