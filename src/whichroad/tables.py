@@ -1,0 +1,153 @@
+"""The tables that come out, their columns, and their geometry as well-known binary.
+
+Two tables answer for a drive: the points say where the vehicle was at every epoch,
+the path says which edges it drove along.  Absence is null, never NaN.  Times are UTC,
+angles are degrees clockwise from north, positions are WGS 84.
+"""
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+TIME = pa.timestamp("us", tz="UTC")
+
+POINTS = pa.schema(
+    [
+        ("drive_id", pa.string()),
+        ("time", TIME),
+        ("lat", pa.float64()),
+        ("lon", pa.float64()),
+        ("bearing_deg", pa.float64()),
+        ("speed_mps", pa.float64()),
+        ("cov_ee_m2", pa.float64()),
+        ("cov_en_m2", pa.float64()),
+        ("cov_nn_m2", pa.float64()),
+        ("sigma_bearing_deg", pa.float64()),
+        ("ellipse_major_m", pa.float64()),  # 1 sigma
+        ("ellipse_minor_m", pa.float64()),
+        ("ellipse_bearing_deg", pa.float64()),
+        ("edge_id", pa.int64()),
+        ("source_id", pa.string()),
+        ("forward", pa.bool_()),
+        ("abscissa_m", pa.float64()),
+        ("lateral_m", pa.float64()),
+        ("matched_lat", pa.float64()),
+        ("matched_lon", pa.float64()),
+        ("map_lat", pa.float64()),
+        ("map_lon", pa.float64()),
+        ("p_road", pa.float64()),
+        ("p_off_road", pa.float64()),
+        ("status", pa.string()),
+        ("reason", pa.string()),
+        ("alternatives", pa.list_(pa.struct([("edge_id", pa.int64()), ("p", pa.float64())]))),
+    ]
+)
+"""One row per epoch."""
+
+PATH = pa.schema(
+    [
+        ("drive_id", pa.string()),
+        ("seq", pa.int64()),
+        ("edge_id", pa.int64()),
+        ("source_id", pa.string()),
+        ("from_node", pa.int64()),
+        ("to_node", pa.int64()),
+        ("forward", pa.bool_()),
+        ("enter_time", TIME),
+        ("exit_time", TIME),
+        ("enter_m", pa.float64()),
+        ("exit_m", pa.float64()),
+        ("p", pa.float64()),
+        ("broken_rule", pa.string()),
+        ("geometry", pa.binary()),  # WKB LineString, driving direction, lon before lat
+    ]
+)
+"""One row per traversed edge; consecutive rows share a node unless the rule broken is `gap`."""
+
+_WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
+
+
+def times(seconds: NDArray[np.float64]) -> pa.Array:
+    """Turn seconds since 1970 UTC, shape (n,), into timestamps of microseconds."""
+    return pa.array(np.round(seconds * 1e6).astype(np.int64)).cast(TIME)
+
+
+def point_wkb(lon: pa.Array, lat: pa.Array) -> pa.Array:
+    """Points as WKB, without a loop over rows.
+
+    Args:
+        lon: degrees, n values; null where there is no position.
+        lat: degrees, n values.
+
+    Returns:
+        n binary values, null where either coordinate is.
+    """
+    present = pc.and_(pc.is_valid(lon), pc.is_valid(lat))
+    cells = np.empty(int(pc.sum(present).as_py() or 0), dtype=_WKB_POINT)
+    cells["order"], cells["type"] = 1, 1
+    cells["lon"] = lon.filter(present).to_numpy(zero_copy_only=False)
+    cells["lat"] = lat.filter(present).to_numpy(zero_copy_only=False)
+    mask = present.to_numpy(zero_copy_only=False)
+    ends = np.concatenate([[0], np.cumsum(mask)]) * _WKB_POINT.itemsize
+    buffers = [
+        pa.py_buffer(np.packbits(mask, bitorder="little").tobytes()),
+        pa.py_buffer(ends.astype(np.int32).tobytes()),
+        pa.py_buffer(cells.tobytes()),
+    ]
+    return pa.Array.from_buffers(pa.binary(), len(mask), buffers)
+
+
+def line_wkb(
+    lon: NDArray[np.float64], lat: NDArray[np.float64], first: NDArray[np.integer[Any]]
+) -> pa.Array:
+    """Lines as WKB.
+
+    Args:
+        lon: degrees, all vertices of all lines, shape (v,).
+        lat: degrees, shape (v,).
+        first: where each line's vertices begin, shape (n + 1,); at least two vertices each.
+
+    Returns:
+        n binary values.
+    """
+    import shapely
+
+    line_of = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    lines = shapely.linestrings(np.column_stack([lon, lat]), indices=line_of)
+    return pa.array(shapely.to_wkb(lines), pa.binary())
+
+
+def geometry(table: pa.Table) -> pa.Array | None:
+    """The table's geometry as WKB: its `geometry` column, else its `lat`, `lon`, else None."""
+    if "geometry" in table.column_names:
+        return table["geometry"].combine_chunks()
+    if {"lat", "lon"} <= set(table.column_names):
+        return point_wkb(table["lon"].combine_chunks(), table["lat"].combine_chunks())
+    return None
+
+
+def geo_frame(table: pa.Table) -> Any:
+    """The table as a GeoDataFrame in EPSG:4326; positions that are absent are None."""
+    import geopandas
+    import shapely
+
+    wkb = geometry(table)
+    columns = [name for name in table.column_names if name != "geometry"]
+    frame = table.select(columns).to_pandas()
+    if wkb is None:
+        return frame
+    shapes = shapely.from_wkb(wkb.to_numpy(zero_copy_only=False))
+    return geopandas.GeoDataFrame(frame, geometry=shapes, crs="EPSG:4326")
+
+
+def with_iso_times(table: pa.Table) -> pa.Table:
+    """The same table with every timestamp as ISO 8601 text in UTC, ending in Z."""
+    for index, column in enumerate(table.schema):
+        if pa.types.is_timestamp(column.type):
+            text = table.column(index).cast(pa.timestamp("us", tz="UTC")).cast(pa.string())
+            iso = pc.replace_substring(text, " ", "T")
+            table = table.set_column(index, column.name, iso)
+    return table

@@ -1,0 +1,66 @@
+"""GeoParquet 1.1: WKB in a column `geometry`, its metadata under the key `geo`."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from ..tables import geometry
+
+ROWS_AT_A_TIME = 1 << 18  # bounds the memory, and keeps WKB offsets within 32 bits
+
+
+def write(table: pa.Table, path: Path) -> None:
+    """Write the table; one without geometry becomes a plain Parquet file."""
+    schema = _schema(table)
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for start in range(0, table.num_rows, ROWS_AT_A_TIME):
+            part = table.slice(start, ROWS_AT_A_TIME)
+            wkb = geometry(part)
+            if wkb is not None and "geometry" not in part.column_names:
+                part = part.append_column("geometry", wkb)
+            writer.write_table(part.cast(schema))
+
+
+def _schema(table: pa.Table) -> pa.Schema:
+    names = set(table.column_names)
+    if "geometry" not in names and not {"lat", "lon"} <= names:
+        return table.schema
+    schema = table.schema
+    if "geometry" not in names:
+        schema = schema.append(pa.field("geometry", pa.binary()))
+    return schema.with_metadata({**(schema.metadata or {}), b"geo": _geo(table)})
+
+
+def _geo(table: pa.Table) -> bytes:
+    """The `geo` metadata: encoding, kinds, reference system and bounding box."""
+    from pyproj import CRS
+
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": ["LineString" if "geometry" in table.column_names else "Point"],
+        "crs": CRS.from_epsg(4326).to_json_dict(),
+    }
+    box = _bounds(table)
+    if box is not None:
+        column["bbox"] = box
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": column}}
+    return json.dumps(geo).encode()
+
+
+def _bounds(table: pa.Table) -> list[float] | None:
+    """West, south, east, north in degrees; None when no row has a position."""
+    if "geometry" in table.column_names:
+        import shapely
+
+        shapes = shapely.from_wkb(table["geometry"].to_numpy())
+        box = [float(value) for value in shapely.total_bounds(shapes)]
+        return box if np.isfinite(box).all() else None
+    lon, lat = (pc.min_max(table[name]).as_py() for name in ("lon", "lat"))
+    if lon["min"] is None or lat["min"] is None:
+        return None
+    return [lon["min"], lat["min"], lon["max"], lat["max"]]
