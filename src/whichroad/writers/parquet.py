@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -57,9 +56,10 @@ def _bounds(table: pa.Table) -> list[float] | None:
     if "geometry" in table.column_names:
         import shapely
 
-        shapes = shapely.from_wkb(table["geometry"].to_numpy())
-        box = [float(value) for value in shapely.total_bounds(shapes)]
-        return box if np.isfinite(box).all() else None
+        shapes = shapely.from_wkb(table["geometry"].drop_null().to_numpy())
+        if len(shapes) == 0:
+            return None
+        return [float(value) for value in shapely.total_bounds(shapes)]
     lon, lat = (pc.min_max(table[name]).as_py() for name in ("lon", "lat"))
     if lon["min"] is None or lat["min"] is None:
         return None
