@@ -1,1 +1,74 @@
-"""Where exactly a vehicle is, on which road, and how sure that is."""
+"""Where exactly a vehicle is, on which road, and how sure that is.
+
+    result = whichroad.match("drive.nmea", "city.osm.pbf")
+    result.points, result.path
+
+Names are loaded when first used, so that importing the package costs nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .errors import (
+        DriveError,
+        MapError,
+        ReadError,
+        SettingError,
+        WhichroadError,
+        WriteError,
+    )
+    from .localizer import Localizer
+    from .readers import read_drive, read_vehicle
+    from .records import (
+        Distance,
+        Estimate,
+        GeoFix,
+        Hypothesis,
+        Pose,
+        SpeedYaw,
+        StartPose,
+        WheelSpeed,
+        WheelTicks,
+    )
+    from .result import Result
+    from .roadmap import RoadMap
+    from .session import match
+    from .settings import Settings, Vehicle
+    from .simulate import simulate_drive
+
+_ROOMS = {
+    "errors": (
+        "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
+    ),
+    "localizer": ("Localizer",),
+    "readers": ("read_drive", "read_vehicle"),
+    "records": (
+        "Distance", "Estimate", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
+        "WheelSpeed", "WheelTicks",
+    ),
+    "result": ("Result",),
+    "roadmap": ("RoadMap",),
+    "session": ("match",),
+    "settings": ("Settings", "Vehicle"),
+    "simulate": ("simulate_drive",),
+}  # fmt: skip
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+
+__version__ = "0.1.0"
+__all__ = [  # noqa: RUF022 - by room, as a reader looks for them
+    "match", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
+    "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
+    "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive",
+    "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name in _ROOM_OF:
+        return getattr(importlib.import_module(f".{_ROOM_OF[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

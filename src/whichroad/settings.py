@@ -5,9 +5,11 @@
 the rest was measured on simulated and real drives (docs/model.md, section 7).
 """
 
+import json
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from typing import Any
 
+from .core.parameters import Parameters
 from .errors import SettingError
 
 
@@ -15,44 +17,6 @@ def _number(default: float, low: float, high: float, unit: str, why: str) -> Any
     return field(
         default=default, metadata={"low": low, "high": high, "unit": unit, "why": why}
     )
-
-
-class Parameters(NamedTuple):
-    """The settings as the kernels take them: floats in SI, in the order of `Settings`."""
-
-    heading_noise: float
-    turn_noise: float
-    along_noise: float
-    lateral_noise: float
-    yaw_bias_noise: float
-    acceleration_noise: float
-    scale_sigma: float
-    drift_sigma: float
-    lane_sigma: float
-    lane_length: float
-    map_sigma: float
-    map_length: float
-    relative_sigma: float
-    edge_heading_sigma: float
-    node_radius: float
-    node_sigma: float
-    node_heading_sigma: float
-    map_spacing: float
-    gnss_bias_ratio: float
-    gnss_white_ratio: float
-    gnss_time: float
-    gnss_gate: float
-    off_road_leave: float
-    off_road_return: float
-    off_road_cost: float
-    off_road_start: float
-    wrong_way: float
-    u_turn_rate: float
-    search_radius: float
-    prune: float
-    merge: float
-    components: float
-    lost_after: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,3 +102,32 @@ class Vehicle:
             raise SettingError(
                 f"driving_side is {self.driving_side!r}; 'right' or 'left' was expected"
             )
+
+
+def to_toml(vehicle: Vehicle) -> str:
+    """`vehicle.toml` of one car, as `whichroad.readers.read_vehicle` reads it."""
+
+    def text(value: float | str) -> str:
+        # a TOML basic string is a JSON string, up to DEL
+        return (
+            json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+            if isinstance(value, str)
+            else repr(value)
+        )
+
+    def section(name: str, items: dict[str, Any]) -> list[str]:
+        lines = [f"{json.dumps(key)} = {text(value)}" for key, value in items.items()]
+        return ["", f"[{name}]", *lines] if lines else []
+
+    wheels = {
+        "track_width_m": vehicle.track_width,
+        "metres_per_tick_left": vehicle.metres_per_tick_left,
+        "metres_per_tick_right": vehicle.metres_per_tick_right,
+        "counter_bits": vehicle.counter_bits,
+    }
+    antenna = {"forward_m": vehicle.antenna_forward, "left_m": vehicle.antenna_left}
+    lines = [f"driving_side = {text(vehicle.driving_side)}"]
+    lines += section("wheels", wheels) + section("antenna", antenna)
+    lines += section("clock", vehicle.clock_offset) + section("signals", vehicle.signals)
+    lines += section("noise", vehicle.noise)
+    return "\n".join(lines) + "\n"

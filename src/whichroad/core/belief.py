@@ -1,0 +1,96 @@
+"""The belief: a mixture of hypotheses, one row each, and what its state means.
+
+The state of a hypothesis, in this order and nowhere else:
+
+    X, Y     position of M, the middle of the rear axle, plane coordinates (paper, X_k)
+    H        heading, rad, counter-clockwise from the plane's east (the paper's θ)
+    K        metres per odometer metre; without odometry the "odometer" counts seconds
+             and K is the speed in m/s
+    B        heading drift per odometer metre, rad/m
+    D        offset from the road's centre line in the map's frame, m, right positive
+    MX, MY   map-minus-world offset, m
+    GX, GY   GNSS error in units of the reported ellipse (zero mean, unit variance)
+
+X and Y are in plane units and everything else, covariance included, in true metres:
+a displacement of v metres moves X, Y by k v, with k the plane's local scale.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import Bytes, Ints, Ints32, Matrix, Vector
+
+N = 10
+X, Y, H, K, B, D, MX, MY, GX, GY = range(N)
+
+OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
+NO_EDGE = -2
+
+# clock
+NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD, GATED = range(10)
+
+CAPACITY = 160  # hypotheses, children of one epoch included
+KEPT = 48  # hypotheses that survive an epoch
+
+
+class Belief(NamedTuple):
+    """All hypotheses; rows from `size[0]` on are scratch space.
+
+    Shapes: C = CAPACITY, N states.
+    """
+
+    mean: Matrix  # (C, N)
+    cov: Matrix  # (C, N, N)
+    log_weight: Vector  # (C,)
+    edge: Ints32  # (C,) directed edge, OFF_ROAD
+    segment: Ints32  # (C,) vertex at which the current segment starts
+    abscissa: Vector  # (C,) m
+    spread: Vector  # (C,) standard deviation of the abscissa, m
+    stay: Vector  # (C,) probability of not being past the edge's end, when last looked at
+    node: Ints  # (C,) newest node of the route tree
+    fresh: Bytes  # (C,) 1: the edge was entered in this epoch, the route node is not made yet
+    size: Ints  # (1,)
+    clock: Vector  # see the names above
+    scratch: Matrix  # (4, C)
+
+
+class Route(NamedTuple):
+    """Tree of edges entered: follow `parent` back to get a hypothesis' route."""
+
+    edge: Ints32
+    parent: Ints
+    time: Vector  # when the edge was entered, s
+    abscissa: Vector  # where, m
+    size: Ints  # (1,)
+
+
+def new_belief() -> Belief:
+    """An empty belief."""
+    c = CAPACITY
+    return Belief(
+        np.zeros((c, N)),
+        np.zeros((c, N, N)),
+        np.zeros(c),
+        np.full(c, NO_EDGE, np.int32),
+        np.zeros(c, np.int32),
+        np.zeros(c),
+        np.ones(c),
+        np.ones(c),
+        np.full(c, -1, np.int64),
+        np.zeros(c, np.uint8),
+        np.zeros(1, np.int64),
+        np.zeros(16),
+        np.zeros((4, c)),
+    )
+
+
+def new_route(capacity: int) -> Route:
+    """An empty route tree."""
+    return Route(
+        np.full(capacity, NO_EDGE, np.int32),
+        np.full(capacity, -1, np.int64),
+        np.zeros(capacity),
+        np.zeros(capacity),
+        np.zeros(1, np.int64),
+    )

@@ -1,0 +1,536 @@
+"""The compiled loop over the epochs of a drive; on line it runs one epoch at a time."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import Bytes, Floats32, Ints32, Matrix, Vector, kernel
+from .angles import wrap
+from .belief import (
+    GATED,
+    LAST_FIX,
+    MISFITS,
+    MOVING,
+    NO_EDGE,
+    NOW,
+    OFF_ROAD,
+    SINCE_FIX,
+    SPEED,
+    STARTED,
+    STOOD,
+    TRAVELLED,
+    B,
+    Belief,
+    H,
+    K,
+    MX,
+    MY,
+    Route,
+    X,
+    Y,
+)
+from .motion import age_gnss, predict_free
+from .network import Roads
+from .parameters import Parameters
+from .observe import (
+    normalise,
+    observe_fix,
+    observe_roads,
+    observe_state,
+    positive_speed,
+    track,
+    weight,
+)
+from .start import cold_start, leave_and_return
+from .switching import Work, advance_along, hand_over, reduce
+
+WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
+
+ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
+
+ALTERNATIVES = 6
+
+_STEP = 6.0  # m, longest piece in which wheels are followed
+_MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
+
+
+class Epochs(NamedTuple):
+    """What the sensors said, one row an epoch, in time order.
+
+    Odometry is pre-integrated since the epoch before, in M's frame at that epoch.
+    """
+
+    time: Vector  # (n,) s
+    arc: Vector  # (n,) odometer metres
+    turn: Vector  # (n,) rad
+    forward: Vector  # (n,) m
+    left: Vector  # (n,) m
+    moved: Bytes  # (n,) 1: the odometer spoke
+    has_fix: Bytes  # (n,)
+    fix: Matrix  # (n, 5) x, y (plane), sigma_major, sigma_minor (m), heading of major (rad)
+    speed: Vector  # (n,) m/s
+    speed_sigma: Vector  # (n,) inf: not reported
+    course: Vector  # (n,) heading over ground, rad
+    course_sigma: Vector  # (n,) inf: not reported
+
+
+class Output(NamedTuple):
+    """What the filter says, one row an epoch."""
+
+    value: Matrix  # (n, 20) see the V_ names
+    edge: Ints32  # (n,)
+    status: Bytes  # (n,)
+    live: Ints32  # (n,) hypotheses
+    alt_edge: Ints32  # (n, ALTERNATIVES)
+    alt_p: Floats32  # (n, ALTERNATIVES)
+    alt_pose: Matrix  # (n or 0, ALTERNATIVES * 6) x, y, heading, cov xx, xy, yy
+
+
+V_X, V_Y, V_H, V_XX, V_XY, V_XH, V_YY, V_YH, V_HH = range(9)
+V_P, V_OFF, V_S, V_LATERAL, V_MAP_X, V_MAP_Y, V_MATCH_X, V_MATCH_Y, V_SPEED, V_CHI2 = range(9, 19)
+
+
+def new_output(n: int, poses: bool) -> Output:
+    """Empty output for n epochs."""
+    return Output(
+        np.zeros((n, 20)),
+        np.full(n, NO_EDGE, np.int32),
+        np.full(n, LOST, np.uint8),
+        np.zeros(n, np.int32),
+        np.full((n, ALTERNATIVES), NO_EDGE, np.int32),
+        np.zeros((n, ALTERNATIVES), np.float32),
+        np.zeros((n if poses else 0, ALTERNATIVES * 6)),
+    )
+
+
+@kernel
+def _move_wheels(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, side: float, par: Parameters, cut: bool,
+) -> bool:  # fmt: skip
+    """Wheels (equation 1): everything moves in the plane, then roads are handed over."""
+    arc = epochs.arc[k]
+    turn = epochs.turn[k]
+    length = abs(arc)
+    pieces = max(1, int(math.ceil(length / _STEP)))
+    part = 1.0 / pieces
+    known = epochs.moved[k] == 1
+    changed = False
+    for piece in range(pieces):
+        forward = epochs.forward[k]
+        left = epochs.left[k]
+        if pieces > 1:  # the same circle in equal pieces
+            half = 0.5 * turn * part
+            chord = arc * part
+            if abs(half) > 1e-6:
+                chord *= math.sin(half) / half
+            forward = chord * math.cos(half)
+            left = chord * math.sin(half)
+        metres = length * part
+        q_heading = par.heading_noise**2 * metres + (par.turn_noise * turn * part) ** 2 * pieces
+        q_along = par.along_noise**2 * metres
+        if not known:
+            q_along += 0.04 * metres * metres
+            q_heading += 0.01 * metres
+        for i in range(belief.size[0]):
+            predict_free(
+                belief.mean[i], belief.cov[i], forward, left, turn * part, arc * part, scale,
+                q_along, par.lateral_noise**2 * metres, q_heading,
+                1e-10 * metres, par.yaw_bias_noise**2 * metres,
+            )  # fmt: skip
+        if metres > 0.0:
+            changed = (
+                hand_over(
+                    belief, roads, route, work, scale, arc * part, side, par.lane_sigma,
+                    par.prune, cut,
+                )
+                or changed
+            )  # fmt: skip
+            if pieces > 1 and changed and piece < pieces - 1:
+                reduce(
+                    belief, roads, route, scale, par.prune, par.merge, int(par.components)
+                )
+    return changed
+
+
+@kernel
+def _move_along(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, dt: float, mode: int, side: float, par: Parameters,
+) -> bool:  # fmt: skip
+    """Distance or time alone: roads tell the turn; off the roads, straight on."""
+    if mode == CLOCK:
+        odometer = dt
+        q_rate = par.acceleration_noise**2 * dt
+        q_along = q_rate * dt * dt / 3.0 + 0.01 * dt
+        q_cross = q_rate * dt / 2.0
+        q_free = 0.09 * dt
+    else:
+        odometer = epochs.arc[k]
+        metres = abs(odometer)
+        q_rate = 1e-10 * metres
+        q_along = (3.0 * par.along_noise) ** 2 * metres
+        q_cross = 0.0
+        q_free = 0.0025 * metres
+    changed = advance_along(
+        belief, roads, route, work, scale, odometer, q_along, q_rate, q_cross,
+        par.edge_heading_sigma**2, side, par.lane_sigma, par.prune,
+    )  # fmt: skip
+    for i in range(belief.size[0]):
+        if belief.edge[i] == OFF_ROAD:
+            predict_free(
+                belief.mean[i], belief.cov[i], odometer, 0.0, 0.0, odometer, scale,
+                q_along, 0.25 * q_along, q_free, q_rate, 0.0,
+            )  # fmt: skip
+    if mode == CLOCK:
+        positive_speed(belief)
+    return changed
+
+
+@kernel
+def _begin(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, mode: int, side: float, lever: Vector, par: Parameters,
+) -> None:  # fmt: skip
+    """Start, or start anew, from the fix of epoch k."""
+    heading = epochs.course[k]
+    heading_sigma = math.inf
+    if epochs.course_sigma[k] < 0.5 and (
+        epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
+    ):
+        heading_sigma = epochs.course_sigma[k] + 0.03
+    rate = 1.0
+    rate_sigma = par.scale_sigma
+    if mode == CLOCK:
+        rate = epochs.speed[k] if epochs.speed_sigma[k] < 10.0 else 6.0
+        rate_sigma = min(epochs.speed_sigma[k], 8.0)
+    cold_start(
+        belief, roads, route, work, epochs.fix[k], par.gnss_white_ratio, scale, lever, heading,
+        heading_sigma, rate, rate_sigma, par.drift_sigma if mode == WHEELS else 0.0, side,
+        par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+    )  # fmt: skip
+    clock = belief.clock
+    clock[STARTED] = 1.0
+    clock[MISFITS] = 0.0
+    clock[TRAVELLED] = 0.0
+    clock[MOVING] = 0.0
+    clock[SINCE_FIX] = 0.0
+    clock[LAST_FIX] = epochs.time[k]
+    normalise(belief)
+    _see_roads(belief, roads, work, scale, side, mode != CLOCK and heading_sigma < 10.0, par)
+    reduce(belief, roads, route, scale, par.prune, par.merge, int(par.components))
+
+
+@kernel
+def _see_roads(
+    belief: Belief, roads: Roads, work: Work, scale: float, side: float, with_heading: bool,
+    par: Parameters,
+) -> None:  # fmt: skip
+    observe_roads(
+        belief, roads, scale, side, with_heading, par.relative_sigma, par.edge_heading_sigma,
+        par.node_radius, par.node_sigma, par.node_heading_sigma, par.lane_sigma,
+        par.lane_length, par.map_sigma, par.map_length, par.off_road_cost, work.row,
+    )  # fmt: skip
+    belief.clock[TRAVELLED] = 0.0
+
+
+@kernel
+def _take_fix(
+    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int,
+    lever: Vector, par: Parameters,
+) -> float:  # fmt: skip
+    """GNSS position, course and speed of epoch k."""
+    clock = belief.clock
+    interval = epochs.time[k] - clock[LAST_FIX]
+    if mode == CLOCK:
+        interval *= min(1.0, max(clock[SPEED], 0.25))
+    for i in range(belief.size[0]):
+        age_gnss(belief.mean[i], belief.cov[i], clock[MOVING], par.gnss_time)
+    clock[MOVING] = 0.0
+    clock[SINCE_FIX] = 0.0
+    clock[LAST_FIX] = epochs.time[k]
+    thin = max(1.0, 1.0 / max(interval, 0.01))
+    chi2 = observe_fix(
+        belief, epochs.fix[k], interval, scale, lever, par.gnss_white_ratio, par.gnss_gate,
+        work.row,
+    )  # fmt: skip
+    moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
+    if epochs.course_sigma[k] < 1.0 and moving:
+        observe_state(
+            belief, H, epochs.course[k], (epochs.course_sigma[k] ** 2 + 0.0025) * thin, scale,
+            work.row,
+        )  # fmt: skip
+    if mode == CLOCK and epochs.speed_sigma[k] < 20.0:
+        observe_state(
+            belief, K, epochs.speed[k], (epochs.speed_sigma[k] ** 2 + 0.04) * thin, scale,
+            work.row,
+        )  # fmt: skip
+    if chi2 > 4.0 * par.gnss_gate:
+        clock[MISFITS] += 1.0
+    else:
+        clock[MISFITS] = 0.0
+    return chi2
+
+
+@kernel
+def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> float:
+    """Speed of M over ground, m/s, by the weighted κ."""
+    rate = 0.0
+    for i in range(belief.size[0]):
+        rate += weight(belief, i) * belief.mean[i, K]
+    if mode == CLOCK:
+        return rate
+    return rate * epochs.arc[k] / dt if dt > 1e-6 else belief.clock[SPEED]
+
+
+@kernel
+def run(
+    belief: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs, output: Output,
+    first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
+    outage_after: float, ambiguous_below: float, cut: bool,
+) -> int:  # fmt: skip
+    """Localize over epochs first … last − 1: the paper's Figure 7, once per epoch.
+
+    predict – observe GNSS – branch along the roads – observe the map – weigh – merge –
+    prune – say.
+
+    Args:
+        belief: The state of the filter, in place; empty before the first fix.
+        roads: The network.
+        route: Tree of edges entered.
+        work: Scratch.
+        epochs: What the sensors said.
+        output: Filled for the same rows.
+        first: First epoch.
+        last: One past the last.
+        mode: WHEELS, DISTANCE or CLOCK.
+        side: 1 where one drives on the right, −1 on the left.
+        lever: Antenna ahead and left of M, m, (2,).
+        par: The settings.
+        outage_after: Seconds without a fix that make an outage.
+        ambiguous_below: P(edge) below which the road is ambiguous.
+        cut: Whether Gaussians are cut at the ends of edges.
+
+    Returns:
+        The epoch it stopped before: `last`, or earlier when the route tree is full.
+    """
+    clock = belief.clock
+    for k in range(first, last):
+        if len(route.edge) - route.size[0] < 2048 and len(route.edge) > 2048:
+            return k
+        if clock[STARTED] == 0.0:
+            if epochs.has_fix[k] == 0:
+                clock[NOW] = epochs.time[k]
+                continue
+            clock[NOW] = epochs.time[k]
+            scale = 1.0 + roads.curvature * (epochs.fix[k, 0] ** 2 + epochs.fix[k, 1] ** 2)
+            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
+            clock[SPEED] = _speed(belief, epochs, k, 0.0, mode)
+            _say(belief, roads, output, k, scale, outage_after, ambiguous_below, 0.0)
+            continue
+        dt = epochs.time[k] - clock[NOW]
+        clock[NOW] = epochs.time[k]
+        scale = 1.0 + roads.curvature * (belief.mean[0, X] ** 2 + belief.mean[0, Y] ** 2)
+        if mode == CLOCK and dt > _MOST_SECONDS and epochs.has_fix[k] == 1:
+            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
+            _say(belief, roads, output, k, scale, outage_after, ambiguous_below, 0.0)
+            continue
+        if mode == WHEELS:
+            changed = _move_wheels(
+                belief, roads, route, work, scale, epochs, k, side, par, cut
+            )
+            moved = abs(epochs.arc[k])
+        else:
+            changed = _move_along(
+                belief, roads, route, work, scale, epochs, k, dt, mode, side, par
+            )
+            moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
+        clock[TRAVELLED] += moved
+        clock[SINCE_FIX] += moved
+        if moved > 0.05 * dt:
+            clock[MOVING] += dt
+            clock[STOOD] = 0.0
+        else:
+            clock[STOOD] += dt
+        chi2 = 0.0
+        if epochs.has_fix[k] == 1:
+            if mode == CLOCK or clock[SINCE_FIX] > 0.3:
+                normalise(belief)
+                chi2 = _take_fix(belief, work, scale, epochs, k, mode, lever, par)
+                normalise(belief)
+                hand_over(
+                    belief, roads, route, work, scale, 0.0, side, par.lane_sigma, par.prune, cut
+                )
+                changed = True
+            else:
+                clock[LAST_FIX] = epochs.time[k]
+        if clock[TRAVELLED] >= par.map_spacing:
+            travelled = clock[TRAVELLED]
+            if changed:
+                normalise(belief)
+            leave_and_return(
+                belief, roads, work, scale, travelled, par.off_road_leave, par.off_road_return,
+                side, par.lane_sigma, par.map_sigma, par.search_radius, par.wrong_way,
+                mode != WHEELS,
+            )  # fmt: skip
+            _see_roads(belief, roads, work, scale, side, mode == WHEELS, par)
+            changed = True
+        if changed:
+            reduce(belief, roads, route, scale, par.prune, par.merge, int(par.components))
+        if clock[MISFITS] >= par.lost_after and epochs.has_fix[k] == 1:
+            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
+        clock[SPEED] = _speed(belief, epochs, k, dt, mode)
+        _say(belief, roads, output, k, scale, outage_after, ambiguous_below, chi2)
+    return last
+
+
+@kernel
+def _say(
+    belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
+    ambiguous_below: float, chi2: float,
+) -> None:  # fmt: skip
+    """Write epoch k: moments of the mixture, the most probable edge, the alternatives."""
+    n = belief.size[0]
+    out = output.value[k]
+    top = 0
+    off = 0.0
+    mx = 0.0
+    my = 0.0
+    mh = 0.0
+    for i in range(n):
+        if belief.log_weight[i] > belief.log_weight[top]:
+            top = i
+    x0 = belief.mean[top, X]
+    y0 = belief.mean[top, Y]
+    h0 = belief.mean[top, H]
+    for i in range(n):
+        p = weight(belief, i)
+        mx += p * (belief.mean[i, X] - x0)
+        my += p * (belief.mean[i, Y] - y0)
+        mh += p * wrap(belief.mean[i, H] - h0)
+        if belief.edge[i] == OFF_ROAD:
+            off += p
+    for v in range(V_XX, V_HH + 1):
+        out[v] = 0.0
+    for i in range(n):
+        p = weight(belief, i)
+        if p < 1e-9:
+            continue
+        dx = (belief.mean[i, X] - x0 - mx) / scale
+        dy = (belief.mean[i, Y] - y0 - my) / scale
+        dh = wrap(belief.mean[i, H] - h0) - mh
+        cov = belief.cov[i]
+        out[V_XX] += p * (cov[X, X] + dx * dx)
+        out[V_XY] += p * (cov[X, Y] + dx * dy)
+        out[V_XH] += p * (cov[X, H] + dx * dh)
+        out[V_YY] += p * (cov[Y, Y] + dy * dy)
+        out[V_YH] += p * (cov[Y, H] + dy * dh)
+        out[V_HH] += p * (cov[H, H] + dh * dh)
+    out[V_X] = x0 + mx
+    out[V_Y] = y0 + my
+    out[V_H] = wrap(h0 + mh)
+    out[V_OFF] = off
+    out[V_SPEED] = belief.clock[SPEED]
+    out[V_CHI2] = chi2
+    output.live[k] = n
+    _rank(belief, output, k)
+    edge = output.alt_edge[k, 0]
+    if edge == OFF_ROAD and output.alt_edge[k, 1] >= 0 and off <= 0.5:
+        edge = output.alt_edge[k, 1]
+    output.edge[k] = edge
+    p_edge = 0.0
+    sx = 0.0
+    sy = 0.0
+    if edge >= 0:
+        best = -1
+        for i in range(n):
+            if belief.edge[i] == edge:
+                p = weight(belief, i)
+                p_edge += p
+                sx += p * (belief.mean[i, X] + scale * belief.mean[i, MX])
+                sy += p * (belief.mean[i, Y] + scale * belief.mean[i, MY])
+                if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
+                    best = i
+        out[V_MAP_X] = sx / p_edge
+        out[V_MAP_Y] = sy / p_edge
+        lateral, tx, ty = track(belief, roads, best, scale)
+        s = belief.abscissa[best]
+        inside = min(max(s, 0.0), roads.length[edge])
+        out[V_S] = inside
+        out[V_LATERAL] = lateral
+        across = lateral * scale
+        qx = belief.mean[best, X] + scale * belief.mean[best, MX]
+        qy = belief.mean[best, Y] + scale * belief.mean[best, MY]
+        out[V_MATCH_X] = qx - across * ty + (inside - s) * scale * tx
+        out[V_MATCH_Y] = qy + across * tx + (inside - s) * scale * ty
+    else:
+        out[V_MAP_X] = out[V_X]
+        out[V_MAP_Y] = out[V_Y]
+        out[V_MATCH_X] = out[V_X]
+        out[V_MATCH_Y] = out[V_Y]
+        out[V_S] = 0.0
+        out[V_LATERAL] = 0.0
+    out[V_P] = p_edge
+    clock = belief.clock
+    if clock[MISFITS] >= 3.0:
+        status = LOST
+    elif off > 0.5:
+        status = OFF
+    elif p_edge < ambiguous_below:
+        status = AMBIGUOUS
+    elif clock[NOW] - clock[LAST_FIX] > outage_after:
+        status = OUTAGE
+    elif clock[STOOD] > 1.0:
+        status = STOPPED
+    else:
+        status = ON_ROAD
+    output.status[k] = status
+
+
+@kernel
+def _rank(belief: Belief, output: Output, k: int) -> None:
+    """The most probable edges of epoch k, components of one edge added up."""
+    n = belief.size[0]
+    edges = output.alt_edge[k]
+    ps = output.alt_p[k]
+    poses = len(output.alt_pose) > 0
+    for a in range(ALTERNATIVES):
+        edges[a] = NO_EDGE
+        ps[a] = 0.0
+    for i in range(n):
+        edge = belief.edge[i]
+        seen = False
+        for j in range(i):
+            if belief.edge[j] == edge:
+                seen = True
+                break
+        if seen:
+            continue
+        p = 0.0
+        best = i
+        for j in range(i, n):
+            if belief.edge[j] == edge:
+                p += weight(belief, j)
+                if belief.log_weight[j] > belief.log_weight[best]:
+                    best = j
+        slot = ALTERNATIVES
+        while slot > 0 and ps[slot - 1] < p:
+            slot -= 1
+        if slot == ALTERNATIVES:
+            continue
+        for a in range(ALTERNATIVES - 1, slot, -1):
+            edges[a] = edges[a - 1]
+            ps[a] = ps[a - 1]
+            if poses:
+                for v in range(6):
+                    output.alt_pose[k, 6 * a + v] = output.alt_pose[k, 6 * (a - 1) + v]
+        edges[slot] = edge
+        ps[slot] = p
+        if poses:
+            output.alt_pose[k, 6 * slot] = belief.mean[best, X]
+            output.alt_pose[k, 6 * slot + 1] = belief.mean[best, Y]
+            output.alt_pose[k, 6 * slot + 2] = belief.mean[best, H]
+            output.alt_pose[k, 6 * slot + 3] = belief.cov[best, X, X]
+            output.alt_pose[k, 6 * slot + 4] = belief.cov[best, X, Y]
+            output.alt_pose[k, 6 * slot + 5] = belief.cov[best, Y, Y]

@@ -1,0 +1,288 @@
+"""What the GNSS and the map say to every hypothesis.
+
+All hypotheses, off-road included, see the same rows with the same noise, so that
+their likelihoods are densities of the same quantity and may be compared.
+"""
+
+import math
+
+from ._jit import Vector, kernel
+from .angles import wrap
+from .belief import GX, GY, MX, MY, OFF_ROAD, TRAVELLED, Belief, D, H, K, N, X, Y
+from .gaussian import condition, innovation_variance
+from .motion import age_map
+from .network import Roads
+from .segment import chord_heading, project
+
+_HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
+
+
+@kernel
+def weight(belief: Belief, i: int) -> float:
+    """Probability of hypothesis i; weights are normalised at every epoch's end."""
+    return math.exp(belief.log_weight[i])
+
+
+@kernel
+def normalise(belief: Belief) -> float:
+    """Make the weights sum to one; returns the log of what they summed to."""
+    n = belief.size[0]
+    top = -math.inf
+    for i in range(n):
+        top = max(top, belief.log_weight[i])
+    total = 0.0
+    for i in range(n):
+        total += math.exp(belief.log_weight[i] - top)
+    log_total = top + math.log(total)
+    for i in range(n):
+        belief.log_weight[i] -= log_total
+    return log_total
+
+
+@kernel
+def _fix_row(
+    belief: Belief, i: int, row: Vector, fix: Vector, axis: int, scale: float, lever: Vector
+) -> float:
+    """Fill the row of one axis of the fix's ellipse; returns the innovation, m.
+
+    z = p + R(θ) a + S γ + white, along the unit vector e of the axis, where S has the
+    axis as eigenvector: eᵀ S = σ eᵀ.
+    """
+    mean = belief.mean[i]
+    c = math.cos(mean[H])
+    s = math.sin(mean[H])
+    ax = c * lever[0] - s * lever[1]
+    ay = s * lever[0] + c * lever[1]
+    angle = fix[4]
+    sigma = fix[2 + axis]
+    ex = math.cos(angle) if axis == 0 else -math.sin(angle)
+    ey = math.sin(angle) if axis == 0 else math.cos(angle)
+    for j in range(N):
+        row[j] = 0.0
+    row[X] = ex
+    row[Y] = ey
+    row[H] = -ex * ay + ey * ax
+    row[GX] = sigma * ex
+    row[GY] = sigma * ey
+    dx = (fix[0] - mean[X]) / scale - ax - sigma_dot(mean, fix, 0)
+    dy = (fix[1] - mean[Y]) / scale - ay - sigma_dot(mean, fix, 1)
+    return ex * dx + ey * dy
+
+
+@kernel
+def sigma_dot(mean: Vector, fix: Vector, component: int) -> float:
+    """Component (0 x, 1 y) of S γ, m, with S the symmetric root of the fix's covariance."""
+    c = math.cos(fix[4])
+    s = math.sin(fix[4])
+    along = fix[2] * (c * mean[GX] + s * mean[GY])
+    across = fix[3] * (-s * mean[GX] + c * mean[GY])
+    return c * along - s * across if component == 0 else s * along + c * across
+
+
+@kernel
+def observe_fix(
+    belief: Belief,
+    fix: Vector,
+    interval: float,
+    scale: float,
+    lever: Vector,
+    white_ratio: float,
+    gate: float,
+    row: Vector,
+) -> float:
+    """Condition every hypothesis on a GNSS fix (the paper's Y₁), its error correlated.
+
+    The white part is scaled with the interval, so that measuring ten times as often
+    teaches nearly nothing more.  A fix that no hypothesis of weight explains within
+    the gate is given the variance that makes it fit the best one: it is weighed
+    down, never locked out, and alike for all.
+
+    Args:
+        belief: In place.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        interval: Since the last fix, s.
+        scale: Local scale of the plane.
+        lever: Antenna ahead and left of M, m.
+        white_ratio: White sigma over reported sigma for one fix a second.
+        gate: Chi-square (two degrees) of a fix that is taken at its word.
+        row: Scratch, (N,).
+
+    Returns:
+        The smallest chi-square before weighing down.
+    """
+    n = belief.size[0]
+    thin = max(1.0, 1.0 / max(interval, 0.01))
+    r0 = (white_ratio * fix[2]) ** 2 * thin
+    r1 = (white_ratio * fix[3]) ** 2 * thin
+    best = math.inf
+    extra0 = 0.0
+    extra1 = 0.0
+    for i in range(n):
+        if belief.log_weight[i] < -4.6:
+            continue
+        nu0 = _fix_row(belief, i, row, fix, 0, scale, lever)
+        s0 = innovation_variance(belief.cov[i], row, r0)
+        nu1 = _fix_row(belief, i, row, fix, 1, scale, lever)
+        s1 = innovation_variance(belief.cov[i], row, r1)
+        chi2 = nu0 * nu0 / s0 + nu1 * nu1 / s1
+        if chi2 < best:
+            best = chi2
+            over = max(chi2 / gate - 1.0, 0.0)
+            extra0 = s0 * over
+            extra1 = s1 * over
+    for i in range(n):
+        for axis in range(2):
+            nu = _fix_row(belief, i, row, fix, axis, scale, lever)
+            if axis == 1:
+                r = r1 + extra1
+            else:
+                r = r0 + extra0
+            belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, r, scale)
+    return best
+
+
+@kernel
+def observe_state(
+    belief: Belief, state: int, value: float, variance: float, scale: float, row: Vector
+) -> None:
+    """Condition every hypothesis on one of its states: course (H) or speed (K)."""
+    for j in range(N):
+        row[j] = 0.0
+    row[state] = 1.0
+    for i in range(belief.size[0]):
+        nu = value - belief.mean[i, state]
+        if state == H:
+            nu = wrap(nu)
+        belief.log_weight[i] += condition(
+            belief.mean[i], belief.cov[i], row, nu, variance, scale
+        )
+
+
+@kernel
+def track(belief: Belief, roads: Roads, i: int, scale: float) -> tuple[float, float, float]:
+    """Project hypothesis i, shifted into the map's frame, on its edge.
+
+    Sets its segment, abscissa and spread.
+
+    Returns:
+        Lateral offset (m, right positive) and the unit tangent.
+    """
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    segment, s, across, tx, ty = project(roads, belief.edge[i], belief.segment[i], qx, qy)
+    belief.segment[i] = segment
+    belief.abscissa[i] = s
+    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
+    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+    belief.spread[i] = math.sqrt(max(tx * tx * vxx + 2.0 * tx * ty * vxy + ty * ty * vyy, 1e-4))
+    return across / scale, tx, ty
+
+
+@kernel
+def observe_roads(
+    belief: Belief,
+    roads: Roads,
+    scale: float,
+    side: float,
+    with_heading: bool,
+    relative_sigma: float,
+    heading_sigma: float,
+    node_radius: float,
+    node_sigma: float,
+    node_heading_sigma: float,
+    lane_sigma: float,
+    lane_length: float,
+    map_sigma: float,
+    map_length: float,
+    off_road_cost: float,
+    row: Vector,
+) -> None:
+    """Condition every hypothesis on its road (the paper's Y_carto), without an along row.
+
+        n·(p + m − c(s)) − d = e,      e ~ relative map error
+        θ − chord heading    = e_θ
+
+    The paper's row along the road is left out: its innovation is zero by construction
+    and would only make the filter falsely sure.  Near junctions, where the centre line
+    is not what is driven, both errors are relaxed for all hypotheses alike, by the
+    weighted share that is near one.  An off-road vehicle sees the rows through its own
+    free offset, which fits as a road does on average, and pays for fitting by distance.
+    """
+    n = belief.size[0]
+    travelled = belief.clock[TRAVELLED]
+    lateral = belief.scratch[0]
+    tangent_x = belief.scratch[1]
+    tangent_y = belief.scratch[2]
+    relax = 0.0
+    on = 0.0
+    for i in range(n):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD:
+            age_map(
+                belief.mean[i], belief.cov[i], travelled, 0.0,
+                lane_length, lane_sigma, map_length, map_sigma,
+            )  # fmt: skip
+            continue
+        age_map(
+            belief.mean[i], belief.cov[i], travelled, side * roads.lane[edge],
+            lane_length, lane_sigma, map_length, map_sigma,
+        )  # fmt: skip
+        lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)
+        s = belief.abscissa[i]
+        p = weight(belief, i)
+        on += p
+        if min(s, roads.length[edge] - s) < node_radius:
+            relax += p
+    share = relax / on if on > 0.0 else 0.0
+    r_lateral = relative_sigma**2 + share * node_sigma**2
+    r_heading = heading_sigma**2 + share * node_heading_sigma**2
+    log_s = 0.0
+    for i in range(n):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD:
+            continue
+        p = weight(belief, i)
+        mean = belief.mean[i]
+        for j in range(N):
+            row[j] = 0.0
+        nx = tangent_y[i]
+        ny = -tangent_x[i]
+        row[X] = nx
+        row[Y] = ny
+        row[MX] = nx
+        row[MY] = ny
+        row[D] = -1.0
+        nu = mean[D] - lateral[i]
+        s_lateral = innovation_variance(belief.cov[i], row, r_lateral)
+        gain = condition(mean, belief.cov[i], row, nu, r_lateral, scale)
+        log_s += p * math.log(s_lateral)
+        if with_heading:
+            chord = chord_heading(
+                roads, edge, belief.segment[i], belief.abscissa[i], _HALF_CHORD
+            )
+            for j in range(N):
+                row[j] = 0.0
+            row[H] = 1.0
+            log_s += p * math.log(belief.cov[i, H, H] + r_heading)
+            gain += condition(
+                mean, belief.cov[i], row, wrap(chord - mean[H]), r_heading, scale
+            )
+        belief.log_weight[i] += gain
+    rows = 2.0 if with_heading else 1.0
+    if on > 0.0:
+        fit = -0.5 * (rows * (1.0 + math.log(2.0 * math.pi)) + log_s / on)
+        for i in range(n):
+            if belief.edge[i] == OFF_ROAD:
+                belief.log_weight[i] += fit - off_road_cost * travelled
+
+
+@kernel
+def positive_speed(belief: Belief) -> None:
+    """Without odometry a vehicle drives forwards: weigh by P(speed > −0.5 m/s)."""
+    for i in range(belief.size[0]):
+        z = (belief.mean[i, K] + 0.5) / math.sqrt(belief.cov[i, K, K] + 0.25)
+        if z < 3.0:
+            belief.log_weight[i] += math.log(max(0.5 * math.erfc(-z * 0.7071067811865476), 1e-9))

@@ -1,0 +1,106 @@
+"""Positions on an edge: projection, point and heading at an abscissa.
+
+The orthogonal projection of the paper's Figure 3, with the closest extremity where
+the foot falls outside a segment; before the first and beyond the last vertex the
+edge is prolonged straight, so that an abscissa may be below 0 or above the length.
+"""
+
+import math
+
+from ._jit import kernel
+from .angles import wrap
+from .network import Roads
+
+
+@kernel
+def project(
+    roads: Roads, edge: int, segment: int, x: float, y: float
+) -> tuple[int, float, float, float, float]:
+    """Project a plane point on an edge, walking from a segment that was near before.
+
+    Args:
+        roads: The network.
+        edge: Directed edge.
+        segment: Vertex index at which to start looking.
+        x: Point, plane.
+        y: Point, plane.
+
+    Returns:
+        Segment (vertex index), abscissa (true m, may leave [0, length]), lateral offset
+        (plane units, right of the driving direction positive), unit tangent (tx, ty).
+    """
+    first = roads.first[edge]
+    last = roads.first[edge + 1] - 2
+    i = min(max(segment, first), last)
+    direction = 0
+    while True:
+        ax = roads.x[i]
+        ay = roads.y[i]
+        dx = roads.x[i + 1] - ax
+        dy = roads.y[i + 1] - ay
+        length2 = dx * dx + dy * dy
+        t = ((x - ax) * dx + (y - ay) * dy) / length2
+        if t > 1.0 and i < last and direction >= 0:
+            direction = 1
+            i += 1
+            continue
+        if t < 0.0 and i > first:
+            if direction == 1:
+                t = 0.0  # outer side of a bend: the vertex is closest
+                break
+            direction = -1
+            i -= 1
+            continue
+        if t > 1.0 and i < last:
+            t = 1.0
+        break
+    length = math.sqrt(length2)
+    tx = dx / length
+    ty = dy / length
+    across = (x - ax) * ty - (y - ay) * tx
+    s = roads.s[i] + t * (roads.s[i + 1] - roads.s[i])
+    return i, s, across, tx, ty
+
+
+@kernel
+def locate(
+    roads: Roads, edge: int, segment: int, s: float
+) -> tuple[int, float, float, float, float]:
+    """Point and unit tangent at an abscissa (prolonged beyond the ends).
+
+    Returns:
+        Segment (vertex index), x, y (plane), tx, ty.
+    """
+    first = roads.first[edge]
+    last = roads.first[edge + 1] - 2
+    i = min(max(segment, first), last)
+    while i < last and s > roads.s[i + 1]:
+        i += 1
+    while i > first and s < roads.s[i]:
+        i -= 1
+    dx = roads.x[i + 1] - roads.x[i]
+    dy = roads.y[i + 1] - roads.y[i]
+    t = (s - roads.s[i]) / (roads.s[i + 1] - roads.s[i])
+    length = math.sqrt(dx * dx + dy * dy)
+    return i, roads.x[i] + t * dx, roads.y[i] + t * dy, dx / length, dy / length
+
+
+@kernel
+def chord_heading(roads: Roads, edge: int, segment: int, s: float, half: float) -> float:
+    """Heading of the chord from `half` metres before to `half` metres after s, rad."""
+    length = roads.length[edge]
+    low = min(max(s - half, 0.0), max(length - half, 0.0))
+    high = max(min(s + half, length), min(half, length))
+    _, ax, ay, tx, ty = locate(roads, edge, segment, low)
+    _, bx, by, _, _ = locate(roads, edge, segment, high)
+    dx = bx - ax
+    dy = by - ay
+    if dx * dx + dy * dy < 1e-6:
+        return math.atan2(ty, tx)
+    return math.atan2(dy, dx)
+
+
+@kernel
+def heading_difference(a: float, b: float) -> float:
+    """|a − b| on the circle, rad."""
+    return abs(wrap(a - b))

@@ -1,0 +1,289 @@
+"""Cold starts, and the way off the roads and back."""
+
+import math
+
+from ._jit import Vector, kernel
+from .angles import wrap
+from .belief import (
+    CAPACITY,
+    GX,
+    GY,
+    MX,
+    MY,
+    OFF_ROAD,
+    B,
+    Belief,
+    D,
+    H,
+    K,
+    N,
+    Route,
+    X,
+    Y,
+)
+from .gaussian import normal_cdf
+from .grid import near
+from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads
+from .observe import weight
+from .segment import chord_heading, project
+from .switching import Work, copy_hypothesis
+
+_HEADINGS = 8  # components of an off-road start whose heading is unknown
+
+
+@kernel
+def _fresh_state(
+    belief: Belief, i: int, fix: Vector, white: float, scale: float, lever: Vector,
+    heading: float, heading_sigma: float, rate: float, rate_sigma: float,
+    drift_sigma: float, lane: float, lane_sigma: float, map_sigma: float,
+) -> None:  # fmt: skip
+    """Fill row i with what one fix and a heading tell: p = z − R a − S γ − white."""
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    for a in range(N):
+        mean[a] = 0.0
+        for b in range(N):
+            cov[a, b] = 0.0
+    ch = math.cos(heading)
+    sh = math.sin(heading)
+    lx = ch * lever[0] - sh * lever[1]
+    ly = sh * lever[0] + ch * lever[1]
+    mean[X] = fix[0] - scale * lx
+    mean[Y] = fix[1] - scale * ly
+    mean[H] = wrap(heading)
+    mean[K] = rate
+    mean[D] = lane
+    c = math.cos(fix[4])
+    s = math.sin(fix[4])
+    rxx = fix[2] * c * c + fix[3] * s * s
+    ryy = fix[2] * s * s + fix[3] * c * c
+    rxy = (fix[2] - fix[3]) * c * s
+    full = 1.0 + white * white
+    cov[X, X] = full * (rxx * rxx + rxy * rxy)
+    cov[Y, Y] = full * (ryy * ryy + rxy * rxy)
+    cov[X, Y] = full * (rxx * rxy + rxy * ryy)
+    cov[Y, X] = cov[X, Y]
+    cov[X, GX] = -rxx
+    cov[X, GY] = -rxy
+    cov[Y, GX] = -rxy
+    cov[Y, GY] = -ryy
+    cov[GX, X] = -rxx
+    cov[GY, X] = -rxy
+    cov[GX, Y] = -rxy
+    cov[GY, Y] = -ryy
+    cov[GX, GX] = 1.0
+    cov[GY, GY] = 1.0
+    cov[H, H] = heading_sigma**2
+    cov[K, K] = rate_sigma**2
+    cov[B, B] = drift_sigma**2
+    cov[D, D] = lane_sigma**2
+    cov[MX, MX] = map_sigma**2
+    cov[MY, MY] = map_sigma**2
+
+
+@kernel
+def cold_start(
+    belief: Belief, roads: Roads, route: Route, work: Work, fix: Vector, white: float,
+    scale: float, lever: Vector, heading: float, heading_sigma: float, rate: float,
+    rate_sigma: float, drift_sigma: float, side: float, lane_sigma: float, map_sigma: float,
+    search_radius: float, off_road: float, wrong_way: float,
+) -> int:  # fmt: skip
+    """Begin with every road near a position, both directions, and with none of them.
+
+    A road's prior is the Gaussian mass of the position along it, so that cutting a
+    road into pieces changes nothing (the paper draws equal chances per segment).
+
+    Args:
+        belief: Replaced.
+        roads: The network.
+        route: The tree of edges entered; the new roots follow the best old node.
+        work: Scratch.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
+        white: White sigma over reported sigma.
+        scale: Local scale of the plane.
+        lever: Antenna ahead and left of M, m; zero when a pose of M is given.
+        heading: Of the vehicle, rad.
+        heading_sigma: Infinite when unknown: roads tell theirs.
+        rate: κ, and
+        rate_sigma: its spread.
+        drift_sigma: Of b.
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Of the lane offset, m.
+        map_sigma: Of the map's error per axis, m.
+        search_radius: At least this far (the paper's 30 m); more where sigma asks.
+        off_road: Probability of being on no road.
+        wrong_way: Weight of driving against a one-way.
+
+    Returns:
+        How many roads are near.
+    """
+    best = -1
+    for i in range(belief.size[0]):
+        if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
+            best = i
+    parent = belief.node[best] if best >= 0 else -1
+    sigma = math.sqrt(fix[2] ** 2 * (1.0 + white * white) + map_sigma**2)
+    radius = max(search_radius, 3.0 * sigma + 2.0 * lane_sigma)
+    found = near(
+        roads, fix[0], fix[1], radius, work.near_edge, work.near_s, work.near_lateral,
+        work.near_distance,
+    )  # fmt: skip
+    known = heading_sigma < 10.0
+    n = 0
+    for c in range(found):
+        edge = work.near_edge[c]
+        segment, s, _, _, _ = project(roads, edge, _vertex(roads, edge, work.near_s[c]), fix[0], fix[1])
+        length = roads.length[edge]
+        mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
+        if roads.rule[edge] & AGAINST_ONE_WAY:
+            mass *= wrong_way
+        if roads.rule[edge] & NO_ACCESS:
+            mass *= 0.1
+        if roads.service[edge]:
+            mass *= 0.5
+        along = chord_heading(roads, edge, segment, min(max(s, 0.0), length), 6.0)
+        if mass < 1e-9 or n >= CAPACITY - 64:
+            continue
+        if known and abs(wrap(along - heading)) > 4.0 * heading_sigma + 0.6:
+            continue
+        _fresh_state(
+            belief, n, fix, white, scale, lever, heading if known else along,
+            heading_sigma if known else 0.12, rate, rate_sigma, drift_sigma,
+            side * roads.lane[edge], lane_sigma, map_sigma,
+        )  # fmt: skip
+        belief.edge[n] = edge
+        belief.segment[n] = segment
+        belief.log_weight[n] = math.log(mass * (1.0 - off_road))
+        n += 1
+    free = 1 if known else _HEADINGS
+    total = 0.0
+    for i in range(n):
+        total += math.exp(belief.log_weight[i])
+    for a in range(free):
+        at = heading if known else wrap(2.0 * math.pi * a / free)
+        _fresh_state(
+            belief, n, fix, white, scale, lever, at, heading_sigma if known else 0.3, rate,
+            rate_sigma, drift_sigma, 0.0, lane_sigma, map_sigma,
+        )  # fmt: skip
+        belief.edge[n] = OFF_ROAD
+        share = off_road / max(1.0 - off_road, 1e-6) * total if total > 0.0 else 1.0
+        belief.log_weight[n] = math.log(max(share, 1e-300) / free)
+        n += 1
+    for i in range(n):
+        belief.stay[i] = 1.0
+        belief.fresh[i] = 1
+        belief.node[i] = parent
+    belief.size[0] = n
+    return found
+
+
+@kernel
+def _vertex(roads: Roads, edge: int, s: float) -> int:
+    """First vertex of the segment that holds an abscissa."""
+    low = roads.first[edge]
+    high = roads.first[edge + 1] - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if roads.s[middle] <= s:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@kernel
+def leave_and_return(
+    belief: Belief, roads: Roads, work: Work, scale: float, travelled: float,
+    leave: float, back: float, side: float, lane_sigma: float, map_sigma: float,
+    search_radius: float, wrong_way: float, follows_road: bool,
+) -> None:  # fmt: skip
+    """Off the roads at a small rate per metre, and back on to those near at a larger one.
+
+    Args:
+        belief: In place; children are appended.
+        roads: The network.
+        work: Scratch.
+        scale: Local scale of the plane.
+        travelled: Since the last call, m.
+        leave: Rate of leaving the mapped roads, 1/m.
+        back: Rate of returning to one, 1/m.
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Spread of the lane offset, m.
+        map_sigma: Of the map's error per axis, m.
+        search_radius: Smallest candidate radius, m.
+        wrong_way: Weight of entering against a one-way.
+        follows_road: Whether headings are the roads' (no heading sensor).
+    """
+    n = belief.size[0]
+    for i in range(n):
+        p = weight(belief, i)
+        if belief.edge[i] != OFF_ROAD:
+            if p > 0.02:
+                child = belief.size[0]
+                copy_hypothesis(belief, i, child)
+                belief.edge[child] = OFF_ROAD
+                belief.fresh[child] = 1
+                belief.log_weight[child] += math.log(leave * travelled)
+                if follows_road:
+                    belief.cov[child, H, H] += 0.04
+                belief.size[0] = child + 1
+        elif p > 1e-3:
+            _return(
+                belief, roads, work, i, scale, min(back * travelled, 0.5), side, lane_sigma,
+                map_sigma, search_radius, wrong_way, p,
+            )  # fmt: skip
+
+
+@kernel
+def _return(
+    belief: Belief, roads: Roads, work: Work, i: int, scale: float, share: float, side: float,
+    lane_sigma: float, map_sigma: float, search_radius: float, wrong_way: float, p: float,
+) -> None:  # fmt: skip
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    sigma = math.sqrt(max(cov[X, X], cov[Y, Y]) + 2.0 * lane_sigma**2)
+    radius = min(max(search_radius, 2.5 * sigma), 150.0)
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    found = near(
+        roads, qx, qy, radius, work.near_edge, work.near_s, work.near_lateral, work.near_distance
+    )
+    spread = math.sqrt(cov[H, H] + 0.15)
+    count = 0
+    for c in range(found):
+        edge = work.near_edge[c]
+        s = work.near_s[c]
+        along = chord_heading(roads, edge, _vertex(roads, edge, s), s, 6.0)
+        turned = abs(wrap(along - mean[H]))
+        fits = turned < min(2.5 * spread, 1.6) and (
+            work.near_distance[c] <= abs(work.near_lateral[c]) + 3.0
+        )
+        if fits and work.near_distance[c] < 3.0 * sigma + 5.0:
+            work.near_edge[count] = edge
+            work.near_s[count] = s
+            count += 1
+    count = min(count, 12)
+    if count == 0:
+        return
+    for c in range(count):
+        if belief.size[0] >= CAPACITY - 64:
+            return
+        edge = work.near_edge[c]
+        part = share / count
+        if roads.rule[edge] & AGAINST_ONE_WAY:
+            part *= max(wrong_way, 1e-6)
+        if part * p < 1e-6:
+            continue
+        child = belief.size[0]
+        copy_hypothesis(belief, i, child)
+        belief.edge[child] = edge
+        belief.segment[child] = _vertex(roads, edge, work.near_s[c])
+        belief.stay[child] = 1.0
+        belief.fresh[child] = 1
+        belief.log_weight[child] += math.log(part)
+        for j in range(N):
+            belief.cov[child, D, j] = 0.0
+            belief.cov[child, j, D] = 0.0
+        belief.cov[child, D, D] = lane_sigma**2
+        belief.mean[child, D] = side * roads.lane[edge]
+        belief.size[0] = child + 1

@@ -1,0 +1,582 @@
+"""The discrete half: hypotheses branch along the roads, merge within an edge, and die.
+
+The paper redraws its candidates from scratch within 30 m of every estimate and leaves
+the transition B(i, j) unsaid.  Here a hypothesis moves along the road graph: it stays
+on its edge with the probability that it has not passed the end, and gives the rest to
+the edges that follow, by turn prior times the mass that lies on them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import Ints32, Matrix, Vector, kernel
+from .angles import wrap
+from .belief import (
+    CAPACITY,
+    KEPT,
+    MX,
+    MY,
+    NO_EDGE,
+    NOW,
+    OFF_ROAD,
+    Belief,
+    H,
+    K,
+    N,
+    Route,
+    X,
+    Y,
+)
+from .gaussian import merge_moments, normal_cdf, reshape_along, truncated_moments
+from .motion import predict_along, redraw_lane
+from .network import Roads
+from .observe import normalise, track, weight
+from .segment import locate
+
+_REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
+_MOST = 64  # destinations of one hypothesis in one step
+
+
+class Work(NamedTuple):
+    """Scratch space of the kernels, allocated once."""
+
+    row: Vector  # (N,)
+    edge: Ints32  # (_MOST,) destinations
+    parent: Ints32  # (_MOST,) destination it was reached from, -1: the origin itself
+    offset: Vector  # (_MOST,) abscissa of its start, from the origin's start
+    prior: Vector  # (_MOST,) product of turn priors
+    mass: Vector  # (_MOST,) prior times Gaussian mass
+    turn: Vector  # (_MOST,) sum of turns, rad
+    near_edge: Ints32
+    near_s: Vector
+    near_lateral: Vector
+    near_distance: Vector
+    spare: Matrix
+
+
+def new_work() -> Work:
+    """Scratch space for one thread."""
+    return Work(
+        np.zeros(N),
+        np.zeros(_MOST, np.int32),
+        np.zeros(_MOST, np.int32),
+        np.zeros(_MOST),
+        np.zeros(_MOST),
+        np.zeros(_MOST),
+        np.zeros(_MOST),
+        np.zeros(128, np.int32),
+        np.zeros(128),
+        np.zeros(128),
+        np.zeros(128),
+        np.zeros((2, N)),
+    )
+
+
+
+
+@kernel
+def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
+    """Copy one row of the belief over another."""
+    for i in range(N):
+        belief.mean[target, i] = belief.mean[source, i]
+        for j in range(N):
+            belief.cov[target, i, j] = belief.cov[source, i, j]
+    belief.log_weight[target] = belief.log_weight[source]
+    belief.edge[target] = belief.edge[source]
+    belief.segment[target] = belief.segment[source]
+    belief.abscissa[target] = belief.abscissa[source]
+    belief.spread[target] = belief.spread[source]
+    belief.stay[target] = belief.stay[source]
+    belief.node[target] = belief.node[source]
+    belief.fresh[target] = belief.fresh[source]
+
+
+@kernel
+def enter(route: Route, edge: int, parent: int, time: float, abscissa: float) -> int:
+    """Add a node to the route tree; returns its number, the parent when it is full."""
+    node = route.size[0]
+    if node >= len(route.edge):
+        return parent
+    route.edge[node] = edge
+    route.parent[node] = parent
+    route.time[node] = time
+    route.abscissa[node] = abscissa
+    route.size[0] = node + 1
+    return node
+
+
+@kernel
+def reachable(roads: Roads, work: Work, edge: int, s: float, sigma: float, least: float) -> int:
+    """List the edges on which a vehicle that left `edge` may be.
+
+    Breadth first over the successors; an edge's mass is its turn priors' product times
+    the Gaussian mass of the abscissa on it.
+
+    Args:
+        roads: The network.
+        work: `edge, parent, offset, prior, mass, turn` are filled.
+        edge: The origin.
+        s: Mean abscissa, from the origin's start, m.
+        sigma: Its standard deviation, m.
+        least: Priors below this are not followed.
+
+    Returns:
+        How many.
+    """
+    count = 0
+    end = roads.length[edge]
+    k = -1
+    current = edge
+    prior = 1.0
+    turn = 0.0
+    while True:
+        for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
+            p = prior * roads.succ_prior[t]
+            if p < least or count >= _MOST:
+                continue
+            f = roads.succ[t]
+            high = normal_cdf((end + roads.length[f] - s) / sigma)
+            low = normal_cdf((end - s) / sigma)
+            work.edge[count] = f
+            work.parent[count] = k
+            work.offset[count] = end
+            work.prior[count] = p
+            work.mass[count] = p * (high - low)
+            work.turn[count] = turn + roads.succ_turn[t]
+            count += 1
+        k += 1
+        while k < count and work.offset[k] + roads.length[work.edge[k]] > s + _REACH * sigma:
+            k += 1
+        if k >= count:
+            return count
+        current = work.edge[k]
+        end = work.offset[k] + roads.length[current]
+        prior = work.prior[k]
+        turn = work.turn[k]
+
+
+@kernel
+def _adopt(
+    belief: Belief, roads: Roads, route: Route, work: Work, i: int, child: int, d: int,
+    log_share: float, side: float, lane_sigma: float,
+) -> None:  # fmt: skip
+    """Make row `child` a copy of i on destination d, with its share of the weight."""
+    copy_hypothesis(belief, i, child)
+    edge = work.edge[d]
+    belief.log_weight[child] += log_share
+    belief.edge[child] = edge
+    belief.segment[child] = roads.first[edge]
+    belief.fresh[child] = 1
+    up = work.parent[d]
+    if up >= 0 and belief.node[i] >= 0:
+        chain = 0
+        while up >= 0:
+            chain += 1
+            up = work.parent[up]
+        for back in range(chain, 0, -1):
+            up = work.parent[d]
+            for _ in range(back - 1):
+                up = work.parent[up]
+            belief.node[child] = enter(
+                route, work.edge[up], belief.node[child], belief.clock[NOW], 0.0
+            )
+    redraw_lane(
+        belief.mean[child], belief.cov[child], work.turn[d],
+        side * roads.lane[belief.edge[i]], side * roads.lane[edge], lane_sigma,
+    )  # fmt: skip
+
+
+@kernel
+def _leave_map(belief: Belief, i: int, child: int, log_share: float) -> None:
+    """The road ends at the map's border or in a one-way trap: what leaves is off road."""
+    copy_hypothesis(belief, i, child)
+    belief.log_weight[child] += log_share
+    belief.edge[child] = OFF_ROAD
+    belief.fresh[child] = 1
+
+
+@kernel
+def _destinations(
+    roads: Roads, work: Work, edge: int, s: float, sigma: float, share: float, prune: float
+) -> tuple[int, float]:
+    """Reachable edges, and the mass on them altogether."""
+    least = min(0.1 * prune / max(share, prune), 0.05)
+    count = reachable(roads, work, edge, s, sigma, least)
+    total = 0.0
+    for d in range(count):
+        total += work.mass[d]
+    if total <= 1e-12 and count > 0:  # all mass before the end: the nearest edges take it
+        total = 0.0
+        for d in range(count):
+            work.mass[d] = work.prior[d] if work.parent[d] < 0 else 0.0
+            total += work.mass[d]
+    return count, total
+
+
+@kernel
+def hand_over(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
+    side: float, lane_sigma: float, prune: float, cut: bool,
+) -> bool:  # fmt: skip
+    """Give the part of every hypothesis that has passed its edge's end to what follows.
+
+        P(stay) = Φ((L − s₁)/σ₁) / max(Φ((L − s₀)/σ₀), 0.05), at most 1
+
+    with s₀ when last looked at: a standing car leaks nothing.  In reverse the part
+    that passed the start goes to the edges before.
+
+    Args:
+        belief: In place; children are appended.
+        roads: The network.
+        route: The tree of edges entered.
+        work: Scratch.
+        scale: Local scale of the plane.
+        arc: Distance moved in this step, m; its sign tells the direction.
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Spread of the lane offset, m.
+        prune: Probability below which a hypothesis is not worth its while.
+        cut: Whether to cut the Gaussians at the edge's end.
+
+    Returns:
+        Whether anything was handed over.
+    """
+    n = belief.size[0]
+    changed = False
+    for i in range(n):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD:
+            continue
+        _, tx, ty = track(belief, roads, i, scale)
+        s = belief.abscissa[i]
+        sigma = belief.spread[i]
+        length = roads.length[edge]
+        p = weight(belief, i)
+        if arc < 0.0 and s < _REACH * sigma and belief.size[0] < CAPACITY - 8:
+            changed = (
+                _back_up(belief, roads, i, s, sigma, -arc, p, side, lane_sigma, prune) or changed
+            )
+        if s + _REACH * sigma < length:
+            belief.stay[i] = 1.0
+            continue
+        now = normal_cdf((length - s) / sigma)
+        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
+        if share * p < 0.3 * prune or belief.size[0] > CAPACITY - _MOST:
+            belief.stay[i] = max(belief.stay[i], now)
+            continue
+        changed = True
+        count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
+        if total <= 0.0:
+            _leave_map(belief, i, belief.size[0], math.log(share))
+            belief.size[0] += 1
+        for d in range(count):
+            part = share * work.mass[d] / total if total > 0.0 else 0.0
+            if part * p < 0.1 * prune:
+                continue
+            child = belief.size[0]
+            _adopt(belief, roads, route, work, i, child, d, math.log(part), side, lane_sigma)
+            belief.size[0] = child + 1
+            f = work.edge[d]
+            ahead = s - work.offset[d]
+            if cut:
+                _cut_along(belief, child, work, tx, ty, ahead, sigma, 0.0, 1e9, scale)
+            track(belief, roads, child, scale)
+            belief.stay[child] = max(
+                normal_cdf((roads.length[f] - ahead) / belief.spread[child]), 1e-6
+            )
+        belief.stay[i] = now
+        belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
+        if cut:
+            _cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
+            track(belief, roads, i, scale)
+            belief.stay[i] = max(normal_cdf((length - belief.abscissa[i]) / belief.spread[i]), 1e-6)
+    return changed
+
+
+@kernel
+def _back_up(
+    belief: Belief, roads: Roads, i: int, s: float, sigma: float, arc: float, p: float,
+    side: float, lane_sigma: float, prune: float,
+) -> bool:  # fmt: skip
+    """Reversing: the hazard of passing the edge's start goes to its predecessors."""
+    edge = belief.edge[i]
+    count = 0
+    for t in range(roads.pred_first[edge], roads.pred_first[edge + 1]):
+        if roads.pred[t] != roads.opposite[edge]:
+            count += 1
+    density = math.exp(-0.5 * (s / sigma) ** 2) * 0.3989422804014327 / sigma
+    share = min(arc * density / max(normal_cdf(s / sigma), 0.02), 0.9)
+    if count == 0 or share * p < 0.3 * prune:
+        return False
+    for t in range(roads.pred_first[edge], roads.pred_first[edge + 1]):
+        q = roads.pred[t]
+        if q == roads.opposite[edge]:
+            continue
+        child = belief.size[0]
+        copy_hypothesis(belief, i, child)
+        belief.log_weight[child] += math.log(share / count)
+        belief.edge[child] = q
+        belief.segment[child] = roads.first[q + 1] - 2
+        belief.fresh[child] = 1
+        belief.stay[child] = 1.0
+        belief.size[0] = child + 1
+    belief.log_weight[i] += math.log(1.0 - share)
+    return True
+
+
+@kernel
+def _cut_along(
+    belief: Belief, i: int, work: Work, tx: float, ty: float, s: float, sigma: float,
+    low: float, high: float, scale: float,
+) -> None:  # fmt: skip
+    """Cut the abscissa of hypothesis i to [low, high]."""
+    mean, variance = truncated_moments(s, sigma, low, high)
+    row = work.row
+    for j in range(N):
+        row[j] = 0.0
+    row[X] = tx
+    row[Y] = ty
+    row[MX] = tx
+    row[MY] = ty
+    reshape_along(
+        belief.mean[i], belief.cov[i], row, mean - s, variance / (sigma * sigma), scale
+    )
+
+
+@kernel
+def _move_to(
+    belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
+    lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
+    scale: float, q_along: float, q_rate: float, q_cross: float, heading_variance: float,
+) -> None:  # fmt: skip
+    """Put hypothesis i at abscissa s of an edge, cut to [low, high], by its road's shape."""
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    cut, variance = truncated_moments(s, sigma, low, high)
+    segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
+    heading = math.atan2(ny, nx)
+    turn = wrap(heading - math.atan2(ty, tx))
+    predict_along(
+        mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
+    )
+    row = work.row
+    for j in range(N):
+        row[j] = 0.0
+    row[X] = nx
+    row[Y] = ny
+    row[MX] = nx
+    row[MY] = ny
+    reshape_along(mean, cov, row, cut - s, variance / (sigma * sigma), scale)
+    mean[X] = cx + scale * (lateral * ny - mean[MX])
+    mean[Y] = cy + scale * (-lateral * nx - mean[MY])
+    belief.segment[i] = segment
+    belief.abscissa[i] = cut
+    belief.spread[i] = math.sqrt(variance)
+    belief.stay[i] = max(normal_cdf((roads.length[edge] - cut) / belief.spread[i]), 1e-6)
+
+
+@kernel
+def advance_along(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
+    q_along: float, q_rate: float, q_cross: float, heading_variance: float,
+    side: float, lane_sigma: float, prune: float,
+) -> bool:  # fmt: skip
+    """Move the hypotheses on roads by κ δ along them, branching where roads branch.
+
+    For vehicles without a heading sensor: the road tells the turn.  Off-road
+    hypotheses are left alone.
+
+    Args:
+        belief: In place; children are appended.
+        roads: The network.
+        route: The tree of edges entered.
+        work: Scratch.
+        scale: Local scale of the plane.
+        odometer: δ, odometer metres, or seconds where κ is a speed.
+        q_along: Variance added along the road, m².
+        q_rate: Variance added to κ.
+        q_cross: Covariance added between them.
+        heading_variance: Of the vehicle's heading about the road's.
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Spread of the lane offset, m.
+        prune: Probability below which a hypothesis is not worth its while.
+
+    Returns:
+        Whether anything branched.
+    """
+    n = belief.size[0]
+    changed = False
+    for i in range(n):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD:
+            continue
+        lateral, tx, ty = track(belief, roads, i, scale)
+        cov = belief.cov[i]
+        s = belief.abscissa[i] + odometer * belief.mean[i, K]
+        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+        variance = belief.spread[i] ** 2 + odometer * (2.0 * cross + odometer * cov[K, K])
+        sigma = math.sqrt(max(variance + q_along, 1e-4))
+        length = roads.length[edge]
+        now = normal_cdf((length - s) / sigma)
+        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
+        p = weight(belief, i)
+        if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - _MOST:
+            changed = True
+            count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
+            if total <= 0.0:
+                _leave_map(belief, i, belief.size[0], math.log(share))
+                belief.size[0] += 1
+            for d in range(count):
+                part = share * work.mass[d] / total if total > 0.0 else 0.0
+                if part * p < 0.1 * prune:
+                    continue
+                child = belief.size[0]
+                _adopt(belief, roads, route, work, i, child, d, math.log(part), side, lane_sigma)
+                belief.size[0] = child + 1
+                f = work.edge[d]
+                _move_to(
+                    belief, roads, work, child, f, s - work.offset[d], sigma, lateral, tx, ty,
+                    0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
+                    heading_variance,
+                )  # fmt: skip
+            belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
+        _move_to(
+            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
+            scale, q_along, q_rate, q_cross, heading_variance,
+        )  # fmt: skip
+    return changed
+
+
+@kernel
+def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
+    """Runnalls' bound on what merging two hypotheses loses, along the road only, nats.
+
+        B = ½ (W log v − w_i log v_i − w_j log v_j)
+
+    with v the variance of the merged abscissa; off the roads the worst of x, y, heading.
+    """
+    wi = weight(belief, i)
+    wj = weight(belief, j)
+    w = wi + wj
+    shares = wi * wj / (w * w)
+    if belief.edge[i] != OFF_ROAD:
+        vi = belief.spread[i] ** 2
+        vj = belief.spread[j] ** 2
+        gap = belief.abscissa[i] - belief.abscissa[j]
+        v = (wi * vi + wj * vj) / w + shares * gap * gap
+        return 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+    worst = 0.0
+    for c in range(3):
+        gap = belief.mean[i, c] - belief.mean[j, c]
+        gap = wrap(gap) if c == H else gap / scale
+        vi = belief.cov[i, c, c]
+        vj = belief.cov[j, c, c]
+        v = (wi * vi + wj * vj) / w + shares * gap * gap
+        worst = max(worst, 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj)))
+    return worst
+
+
+@kernel
+def _merge_into(belief: Belief, i: int, j: int, scale: float) -> None:
+    """Merge hypothesis j into i, the heavier; j is marked dead."""
+    wi = weight(belief, i)
+    wj = weight(belief, j)
+    merge_moments(
+        belief.mean[i], belief.cov[i], belief.mean[j], belief.cov[j], wi / (wi + wj), scale
+    )
+    share = wi / (wi + wj)
+    belief.stay[i] = share * belief.stay[i] + (1.0 - share) * belief.stay[j]
+    belief.log_weight[i] = math.log(wi + wj)
+    belief.edge[j] = NO_EDGE
+
+
+@kernel
+def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: float) -> bool:
+    """Merge the cheapest pair on the edge of hypothesis `first`; False when all is well."""
+    n = belief.size[0]
+    edge = belief.edge[first]
+    count = 0
+    best = math.inf
+    best_i = -1
+    best_j = -1
+    for i in range(first, n):
+        if belief.edge[i] != edge:
+            continue
+        count += 1
+        for j in range(i + 1, n):
+            if belief.edge[j] != edge:
+                continue
+            cost = _merge_cost(belief, i, j, scale)
+            if cost < best:
+                best, best_i, best_j = cost, i, j
+    if best_i < 0 or (best > limit and count <= most):
+        return False
+    if belief.log_weight[best_j] > belief.log_weight[best_i]:
+        copy_from = best_i
+        best_i = best_j
+        best_j = copy_from
+    _merge_into(belief, best_i, best_j, scale)
+    return True
+
+
+@kernel
+def reduce(
+    belief: Belief, roads: Roads, route: Route, scale: float, prune: float, limit: float,
+    most: int,
+) -> None:  # fmt: skip
+    """Normalise; drop the negligible; merge within edges; enter the route tree.
+
+    The off-road hypothesis is kept down to a thousandth of the usual floor: it is the
+    way back when every road was wrong.
+
+    Args:
+        belief: In place, weights normalised afterwards.
+        roads: The network.
+        route: New edges of the survivors are entered here.
+        scale: Local scale of the plane.
+        prune: Floor of the probabilities.
+        limit: Merging cost (nats) that is accepted.
+        most: Components kept per directed edge.
+    """
+    normalise(belief)
+    n = belief.size[0]
+    floor = math.log(max(prune, 1e-12))
+    for i in range(n):
+        low = floor - 6.9 if belief.edge[i] == OFF_ROAD else floor
+        if belief.log_weight[i] < low:
+            belief.edge[i] = NO_EDGE
+    for i in range(n):
+        if belief.edge[i] == NO_EDGE:
+            continue
+        while belief.edge[i] != NO_EDGE and _merge_edge(belief, i, limit, most, scale):
+            pass
+    m = 0
+    for i in range(n):
+        if belief.edge[i] != NO_EDGE:
+            if m != i:
+                copy_hypothesis(belief, i, m)
+            m += 1
+    belief.size[0] = m
+    while belief.size[0] > KEPT:
+        _drop_lightest(belief)
+    normalise(belief)
+    for i in range(belief.size[0]):
+        if belief.fresh[i] == 1:
+            belief.fresh[i] = 0
+            belief.node[i] = enter(
+                route, belief.edge[i], belief.node[i], belief.clock[NOW],
+                min(max(belief.abscissa[i], 0.0), 1e9),
+            )  # fmt: skip
+
+
+@kernel
+def _drop_lightest(belief: Belief) -> None:
+    lightest = 0
+    for i in range(belief.size[0]):
+        if belief.log_weight[i] < belief.log_weight[lightest]:
+            lightest = i
+    last = belief.size[0] - 1
+    if lightest != last:
+        copy_hypothesis(belief, last, lightest)
+    belief.size[0] = last

@@ -1,0 +1,139 @@
+"""Sensor streams to time-ordered epochs: one clock, outages made visible.
+
+An epoch is a moment at which a sensor spoke.  Odometry is kept cumulative until here
+and differenced between epochs, so a fix between two wheel readings splits the arc.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from .errors import DriveError
+from .frames import Plane
+from .records import Array, Drive
+from .sensors.gnss import fix_rows
+from .sensors.odometry import Motion, motion_of
+from .settings import Vehicle
+
+_SAME = 1e-4  # s; closer readings are one epoch
+_GAP = 2.0  # s without odometry after which it no longer counts as known
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """A drive in epochs, and how it is moved."""
+
+    epochs: Epochs
+    mode: int
+    masked: int  # fixes withheld
+
+
+def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tuple[float, float]]:
+    """Windows in absolute seconds; numbers below ten years count from the drive's start."""
+    ten_years = 10 * 365.25 * 86400.0
+    return [tuple(start + t if abs(t) < ten_years else t for t in w) for w in mask]  # type: ignore[misc]
+
+
+def _union(times: list[Array]) -> Array:
+    together = np.sort(np.concatenate(times))
+    return together[np.concatenate([[True], np.diff(together) > _SAME])]
+
+
+def build_timeline(
+    drive: Drive, plane: Plane, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = ()
+) -> Timeline:
+    """Put the sensors of a drive on one clock.
+
+    Args:
+        drive: What the readers gave; at least fixes or odometry.
+        plane: The map's plane.
+        vehicle: For the odometry.
+        mask: Time windows (s) in which fixes are withheld.
+
+    Returns:
+        Epochs in time order and the mode of motion.
+
+    Raises:
+        DriveError: There is neither a fix nor odometry.
+    """
+    motion = motion_of(drive.odometry, vehicle) if drive.odometry is not None else None
+    if motion is not None and len(motion.time) < 2:
+        motion = None
+    fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
+    if motion is None and fixes is None:
+        raise DriveError(
+            f"{drive.drive_id}: there is neither a fix nor odometry in it; "
+            "a table or log with time, lat, lon or wheel data was expected"
+        )
+    streams = [m.time for m in (motion, fixes) if m is not None]
+    time = _union(streams)
+    n = len(time)
+    arc, turn, moved = _odometry(motion, time)
+    half = 0.5 * turn
+    chord = arc * np.sinc(half / math.pi)
+    has_fix = np.zeros(n, np.uint8)
+    rows = np.zeros((n, 5))
+    speed, course = np.zeros(n), np.zeros(n)
+    speed_sigma, course_sigma = np.full(n, np.inf), np.full(n, np.inf)
+    masked = 0
+    if fixes is not None:
+        at = _nearest(time, fixes.time)
+        keep = np.ones(len(fixes), bool)
+        for low, high in mask_windows(mask, float(time[0])):
+            keep &= ~((fixes.time >= low) & (fixes.time <= high))
+        masked = int((~keep).sum())
+        fix, heading, sigma = fix_rows(fixes, plane)
+        at, fix = at[keep], fix[keep]
+        has_fix[at] = 1
+        rows[at] = fix
+        speed[at], speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
+        course[at], course_sigma[at] = heading[keep], sigma[keep]
+    mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
+    return Timeline(
+        Epochs(
+            time, arc, turn, chord * np.cos(half), chord * np.sin(half), moved, has_fix, rows,
+            speed, speed_sigma, course, course_sigma,
+        ),
+        mode,
+        masked,
+    )  # fmt: skip
+
+
+def _nearest(time: Array, wanted: Array) -> NDArray[np.int64]:
+    at = np.searchsorted(time, wanted)
+    at = np.clip(at, 1, max(len(time) - 1, 1)) if len(time) > 1 else np.zeros(len(wanted), int)
+    if len(time) > 1:
+        at = at - (wanted - time[at - 1] <= time[at] - wanted)
+    return at.astype(np.int64)
+
+
+def _odometry(motion: Motion | None, time: Array) -> tuple[Array, Array, NDArray[np.uint8]]:
+    """Arc, turn and whether they were measured, from the epoch before to each epoch."""
+    n = len(time)
+    if motion is None:
+        return np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
+    distance = np.interp(time, motion.time, motion.distance)
+    arc = np.diff(distance, prepend=distance[0])
+    turn = np.zeros(n)
+    if motion.turn is not None:
+        angle = np.interp(time, motion.time, motion.turn)
+        turn = np.diff(angle, prepend=angle[0])
+    before, after = time < motion.time[0], time > motion.time[-1]
+    step = np.diff(time, prepend=time[0])
+    edge = np.searchsorted(motion.time, time).clip(1, len(motion.time) - 1)
+    gap = motion.time[edge] - motion.time[edge - 1] > _GAP
+    known = ~(before | after | gap)
+    tail = motion.time[-1] - 1.0
+    span = motion.time[-1] - max(tail, motion.time[0])
+    if after.any() and span > 0:
+        last = (motion.distance[-1] - np.interp(tail, motion.time, motion.distance)) / span
+        arc[after] = last * step[after]
+    if before.any():
+        head = min(motion.time[0] + 1.0, motion.time[-1])
+        rise = np.interp(head, motion.time, motion.distance) - motion.distance[0]
+        arc[before] = rise / max(head - motion.time[0], 1e-9) * step[before]
+    return arc, turn, known.astype(np.uint8)

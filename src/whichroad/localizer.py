@@ -1,0 +1,433 @@
+"""The filter: one epoch at a time on line, or a whole recorded drive in one compiled call.
+
+Both run `core.drive.run`, which tells the method in the paper's order (its Figure 7).
+The localizer owns the belief; nothing else remembers.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.belief import OFF_ROAD, Belief, H, Route, X, Y, new_belief, new_route
+from .core.drive import (
+    CLOCK,
+    DISTANCE,
+    V_H,
+    V_HH,
+    V_LATERAL,
+    V_OFF,
+    V_P,
+    V_S,
+    V_X,
+    V_XX,
+    V_Y,
+    WHEELS,
+    Epochs,
+    Output,
+    new_output,
+    run,
+)
+from .core.motion import arc_chord
+from .core.observe import normalise
+from .core.start import cold_start
+from .core.switching import new_work, reduce
+from .epochs import Timeline
+from .errors import DriveError
+from .records import (
+    Array,
+    Distance,
+    Estimate,
+    Fixes,
+    GeoFix,
+    Hypothesis,
+    Observation,
+    Pose,
+    SpeedYaw,
+    StartPose,
+    WheelSpeed,
+    WheelTicks,
+)
+from .roadmap import RoadMap
+from .sensors.gnss import fix_rows
+from .settings import Settings, Vehicle
+
+STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
+
+_CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
+_LATE = 1.0  # s; an observation later than this is refused
+
+
+class Recorded(NamedTuple):
+    """A recorded drive, localized."""
+
+    output: Output
+    route_edge: NDArray[np.int32]  # edges of the most probable route, OFF_ROAD between
+    route_time: Array  # when each was entered, s
+    route_abscissa: Array
+
+
+def _side(vehicle: Vehicle) -> float:
+    return 1.0 if vehicle.driving_side == "right" else -1.0
+
+
+def _lever(vehicle: Vehicle) -> Array:
+    return np.array([vehicle.antenna_forward, vehicle.antenna_left])
+
+
+def _start_at(
+    belief: Belief, roads: RoadMap, route: Route, start: StartPose, time: float, mode: int,
+    settings: Settings, vehicle: Vehicle,
+) -> None:  # fmt: skip
+    """Begin from a given pose of M, before any fix."""
+    x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
+    turn = roads.plane.convergence(x, y)
+    heading = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
+    fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
+    par = settings.parameters()
+    scale = 1.0 + roads.arrays.curvature * float(x[0] ** 2 + y[0] ** 2)
+    work = new_work()
+    clock_mode = mode == CLOCK
+    cold_start(
+        belief, roads.arrays, route, work, fix, 0.01, scale, np.zeros(2), heading,
+        math.radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
+        8.0 if clock_mode else par.scale_sigma, par.drift_sigma if mode == WHEELS else 0.0,
+        _side(vehicle), par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start,
+        par.wrong_way,
+    )  # fmt: skip
+    n = int(belief.size[0])
+    for state in (8, 9):  # the pose owes nothing to the GNSS error of later fixes
+        belief.cov[:n, state, :] = 0.0
+        belief.cov[:n, :, state] = 0.0
+        belief.cov[:n, state, state] = 1.0
+    normalise(belief)
+    reduce(belief, roads.arrays, route, scale, par.prune, par.merge, int(par.components))
+    belief.clock[0] = time
+    belief.clock[3] = -math.inf
+    belief.clock[5] = 1.0
+
+
+def localize_recorded(
+    roads: RoadMap,
+    timeline: Timeline,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    start: StartPose | None = None,
+    poses: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Recorded:
+    """Localize a recorded drive.
+
+    Args:
+        roads: The map.
+        timeline: The drive in epochs.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: A known pose at the first epoch; else the first fix starts the filter.
+        poses: Whether the poses of the alternatives are kept too, for pictures.
+        progress: Told how many epochs are done, now and then.
+
+    Returns:
+        One output row per epoch, and the most probable route.
+
+    Raises:
+        DriveError: Nothing can start the filter.
+    """
+    vehicle, settings = vehicle or Vehicle(), settings or Settings()
+    epochs = timeline.epochs
+    n = len(epochs.time)
+    if start is None and not epochs.has_fix.any():
+        raise DriveError(
+            "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
+            "give start=(lat, lon, bearing)"
+        )
+    belief, work, route = new_belief(), new_work(), new_route(1 << 15)
+    output = new_output(n, poses)
+    if start is not None:
+        _start_at(
+            belief, roads, route, start, float(epochs.time[0]), timeline.mode, settings, vehicle
+        )
+    par = settings.parameters()
+    done = 0
+    while done < n:
+        target = min(done + _CHUNK, n)
+        done = run(
+            belief, roads.arrays, route, work, epochs, output, done, target, timeline.mode,
+            _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
+            settings.ambiguous_below, False,
+        )  # fmt: skip
+        if done < target or len(route.edge) - route.size[0] < 4096:
+            route = _tidy(route, belief)
+        if progress is not None:
+            progress(done)
+    return Recorded(output, *_best_route(route, belief))
+
+
+def _tidy(route: Route, belief: Belief) -> Route:
+    """Keep the nodes that living hypotheses descend from, and make room for more."""
+    n = int(belief.size[0])
+    used = int(route.size[0])
+    keep = np.zeros(used, bool)
+    for node in belief.node[:n]:
+        while node >= 0 and not keep[node]:
+            keep[node] = True
+            node = route.parent[node]
+    kept = np.flatnonzero(keep)
+    number = np.full(used + 1, -1, np.int64)
+    number[kept] = np.arange(len(kept))
+    larger = new_route(max(len(route.edge), 4 * len(kept) + (1 << 14)))
+    larger.edge[: len(kept)] = route.edge[kept]
+    larger.parent[: len(kept)] = number[route.parent[kept]]
+    larger.time[: len(kept)] = route.time[kept]
+    larger.abscissa[: len(kept)] = route.abscissa[kept]
+    larger.size[0] = len(kept)
+    belief.node[:n] = number[belief.node[:n]]
+    return larger
+
+
+def _best_route(route: Route, belief: Belief) -> tuple[NDArray[np.int32], Array, Array]:
+    n = int(belief.size[0])
+    if n == 0:
+        return np.zeros(0, np.int32), np.zeros(0), np.zeros(0)
+    node = int(belief.node[int(np.argmax(belief.log_weight[:n]))])
+    chain = []
+    while node >= 0:
+        chain.append(node)
+        node = int(route.parent[node])
+    at = np.array(chain[::-1], int)
+    return route.edge[at], route.time[at], route.abscissa[at]
+
+
+class Localizer:
+    """The on-line filter: one observation in, one estimate out.
+
+    Example:
+        >>> localizer = Localizer(roads)                                # doctest: +SKIP
+        >>> estimate = localizer.update(GeoFix(time=0.0, lat_deg=49.4, lon_deg=8.7))
+        >>> estimate.edge, estimate.p_road
+
+    Args:
+        roads: The map.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: A known pose; else the first fix starts the filter.
+    """
+
+    def __init__(
+        self,
+        roads: RoadMap,
+        *,
+        vehicle: Vehicle | None = None,
+        settings: Settings | None = None,
+        start: StartPose | None = None,
+    ) -> None:
+        self.roads = roads
+        self.vehicle = vehicle or Vehicle()
+        self.settings = settings or Settings()
+        self.skipped: dict[str, int] = {}  # reason -> observations refused
+        self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
+        self._epoch = Epochs(
+            *(np.zeros(1) for _ in range(5)), np.zeros(1, np.uint8), np.zeros(1, np.uint8),
+            np.zeros((1, 5)), *(np.zeros(1) for _ in range(4)),
+        )  # fmt: skip
+        self._output = new_output(1, False)
+        self._par = self.settings.parameters()
+        self._lever = _lever(self.vehicle)
+        self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
+        self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
+        self._mode = CLOCK
+        self._start = start
+
+    def update(self, observation: Observation) -> Estimate:
+        """Take one observation and say where the vehicle is.
+
+        A fix that is up to a second late is moved along with the vehicle; an older
+        observation is refused and counted in `skipped`.
+
+        Args:
+            observation: A fix or an odometry reading; times in seconds, one clock.
+
+        Returns:
+            The estimate at the observation's time.
+        """
+        late = float(self._belief.clock[0]) - observation.time
+        if self._belief.clock[5] and late > (_LATE if isinstance(observation, GeoFix) else 0.0):
+            self.skipped["late"] = self.skipped.get("late", 0) + 1
+            return self.predict(float(self._belief.clock[0]))
+        if isinstance(observation, GeoFix):
+            self._take_fix(observation, max(late, 0.0))
+        else:
+            self._take_odometry(observation)
+        return self._estimate()
+
+    def predict(self, time: float) -> Estimate:
+        """Dead reckoning to a later time, without changing the filter.
+
+        Args:
+            time: Not before the last observation, s.
+
+        Returns:
+            The estimate expected there.
+        """
+        belief = Belief(*(a.copy() for a in self._belief))
+        real, self._belief = self._belief, belief
+        try:
+            ahead = max(time - float(real.clock[0]), 0.0)
+            self._fill(time, self._rate[0] * ahead, self._rate[1] * ahead, False)
+            self._run()
+            return self._estimate()
+        finally:
+            self._belief = real
+
+    def _take_odometry(self, reading: WheelTicks | WheelSpeed | Distance | SpeedYaw) -> None:
+        arc, turn = self._increment(reading)
+        self._mode = DISTANCE if isinstance(reading, Distance) else WHEELS
+        self._begin_at_start(reading.time)
+        self._fill(reading.time, arc, turn, True)
+        self._run()
+
+    def _increment(
+        self, reading: WheelTicks | WheelSpeed | Distance | SpeedYaw
+    ) -> tuple[float, float]:
+        """Arc and turn since the last epoch, less what a fix in between already took."""
+        before, self._reading = self._reading, reading
+        if before is None or type(before) is not type(reading):
+            self._odometer = (reading.time, 0.0, 0.0)
+            return 0.0, 0.0
+        dt = reading.time - before.time
+        car = self.vehicle
+        match reading, before:
+            case WheelTicks(), WheelTicks():
+                left = (reading.left - before.left) * car.metres_per_tick_left
+                right = (reading.right - before.right) * car.metres_per_tick_right
+            case WheelSpeed(), WheelSpeed():
+                left = 0.5 * (reading.left + before.left) * dt
+                right = 0.5 * (reading.right + before.right) * dt
+            case Distance(), Distance():
+                left = right = reading.distance - before.distance
+            case SpeedYaw(), SpeedYaw():
+                half = 0.25 * (reading.yaw_rate + before.yaw_rate) * dt * car.track_width
+                middle = 0.5 * (reading.speed + before.speed) * dt
+                left, right = middle - half, middle + half
+        arc, turn = 0.5 * (left + right), (right - left) / car.track_width
+        if dt > 0:
+            self._rate = (arc / dt, turn / dt)
+        taken = self._odometer or (0.0, 0.0, 0.0)
+        self._odometer = (reading.time, 0.0, 0.0)
+        return arc - taken[1], turn - taken[2]
+
+    def _take_fix(self, fix: GeoFix, late: float) -> None:
+        time = max(fix.time, float(self._belief.clock[0])) if late else fix.time
+        self._begin_at_start(time)
+        ahead = time - float(self._belief.clock[0]) if self._belief.clock[5] else 0.0
+        arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
+        if self._odometer is not None:
+            _, a, t = self._odometer
+            self._odometer = (time, a + arc, t + turn)
+        self._fill(time, arc, turn, self._mode != CLOCK)
+        row, heading, sigma = fix_rows(self._one(fix), self.roads.plane)
+        e = self._epoch
+        e.has_fix[0] = 1
+        e.fix[0] = row[0]
+        if late and self._belief.size[0]:
+            heading_now = float(self._belief.mean[0, H])
+            speed = float(self._belief.clock[7])
+            e.fix[0, 0] += speed * late * math.cos(heading_now)
+            e.fix[0, 1] += speed * late * math.sin(heading_now)
+        e.speed[0], e.speed_sigma[0] = fix.speed, fix.sigma_speed
+        e.course[0], e.course_sigma[0] = heading[0], sigma[0]
+        self._run()
+
+    def _one(self, fix: GeoFix) -> Fixes:
+        default = self.settings.default_sigma_m**2
+        known = math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn)
+        cov = (fix.cov_ee, fix.cov_en, fix.cov_nn) if known else (default, 0.0, default)
+        return Fixes(
+            *(
+                np.array([v])
+                for v in (
+                    fix.time, fix.lat_deg, fix.lon_deg, *cov, fix.speed, fix.sigma_speed,
+                    fix.bearing_deg, fix.sigma_bearing_deg,
+                )
+            ),
+            np.zeros(1, np.uint8),
+        )  # fmt: skip
+
+    def _begin_at_start(self, time: float) -> None:
+        if self._start is not None and not self._belief.clock[5]:
+            _start_at(
+                self._belief, self.roads, self._route, self._start, time, self._mode,
+                self.settings, self.vehicle,
+            )  # fmt: skip
+
+    def _fill(self, time: float, arc: float, turn: float, known: bool) -> None:
+        e = self._epoch
+        e.time[0], e.arc[0], e.turn[0] = time, arc, turn
+        e.forward[0], e.left[0] = arc_chord(arc, turn)
+        e.moved[0] = known
+        e.has_fix[0] = 0
+
+    def _run(self) -> None:
+        run(
+            self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
+            0, 1, self._mode, _side(self.vehicle), self._lever, self._par,
+            self.settings.outage_after_s, self.settings.ambiguous_below, False,
+        )  # fmt: skip
+
+    def _estimate(self) -> Estimate:
+        value = self._output.value[0].tolist()
+        edge = int(self._output.edge[0])
+        status = STATUS[int(self._output.status[0])]
+        b = self._belief
+        n = int(b.size[0])
+        k = 1.0 + self.roads.arrays.curvature * (value[V_X] ** 2 + value[V_Y] ** 2)
+        weights = np.exp(b.log_weight[:n]).tolist()
+        edges = b.edge[:n].tolist()
+        means = b.mean[:n].tolist()
+        abscissae = b.abscissa[:n].tolist()
+        hypotheses = []
+        for i in sorted(range(n), key=weights.__getitem__, reverse=True):
+            m = means[i]
+            road = edges[i] if edges[i] != OFF_ROAD else None
+            hypotheses.append(
+                Hypothesis(
+                    weights[i], road, self._pose(m[X], m[Y], m[H]), b.cov[i, :3, :3].copy(),
+                    abscissae[i] if road is not None else 0.0,
+                    self._lateral(m, road, abscissae[i], k) if road is not None else 0.0,
+                )
+            )  # fmt: skip
+        xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
+        return Estimate(
+            float(b.clock[0]), self._pose(value[V_X], value[V_Y], value[V_H]),
+            np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
+            edge if edge >= 0 else None, value[V_P], value[V_OFF], status, reason(status),
+            value[V_S], value[V_LATERAL], tuple(hypotheses),
+        )  # fmt: skip
+
+    def _lateral(self, mean: list[float], edge: int, s: float, scale: float) -> float:
+        return mean[5]
+
+    def _pose(self, x: float, y: float, heading: float) -> Pose:
+        lat, lon, bearing = self.roads.plane.pose(x, y, heading)
+        return Pose(x, y, heading, lat, lon, bearing)
+
+
+_REASONS = {
+    "on_road": "",
+    "ambiguous": "several roads fit",
+    "off_road": "no mapped road fits",
+    "outage": "no GNSS fix for a while: dead reckoning and map",
+    "stopped": "the vehicle stands",
+    "lost": "fixes fit no hypothesis, or none has come yet",
+}
+
+
+def reason(status: str) -> str:
+    """Why an estimate has its status, for people."""
+    return _REASONS[status]
+
+

@@ -1,0 +1,283 @@
+"""What a matched drive says, as tables: points, path, summary."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from .core.belief import OFF_ROAD
+from .core.drive import (
+    V_H,
+    V_HH,
+    V_LATERAL,
+    V_MAP_X,
+    V_MAP_Y,
+    V_MATCH_X,
+    V_MATCH_Y,
+    V_OFF,
+    V_P,
+    V_S,
+    V_SPEED,
+    V_X,
+    V_XX,
+    V_XY,
+    V_Y,
+    V_YY,
+    Epochs,
+    Output,
+)
+from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from .localizer import STATUS, Recorded, reason
+from .records import Array
+from .roadmap import RoadMap
+from .route import Traversal, traversals
+from .sensors.gnss import ellipse
+from .tables import PATH, POINTS, geo_frame, line_wkb, times
+from .writers import write_table
+
+_RULES = (
+    (AGAINST_ONE_WAY, "against_one_way"),
+    (TURN_BANNED, "turn_banned"),
+    (NO_ACCESS, "no_access"),
+    (U_TURN, "u_turn"),
+)
+
+
+class Result:
+    """A matched drive (or several): tables of points and path, and a summary.
+
+    Args:
+        points: Points, one row per epoch.
+        path: Path, one row per traversed edge.
+        summary: What happened, in numbers.
+        hypotheses: Poses of the alternatives per epoch, when they were asked for.
+    """
+
+    def __init__(
+        self,
+        points: pa.Table,
+        path: pa.Table,
+        summary: dict[str, Any],
+        hypotheses: dict[str, NDArray[Any]] | None = None,
+    ) -> None:
+        self._points, self._path = points, path
+        self.summary = summary
+        self.hypotheses = hypotheses
+
+    @property
+    def points(self) -> Any:
+        """Points as a GeoDataFrame in EPSG:4326."""
+        return geo_frame(self._points)
+
+    @property
+    def path(self) -> Any:
+        """Path as a GeoDataFrame in EPSG:4326."""
+        return geo_frame(self._path)
+
+    def to_arrow(self) -> pa.Table:
+        """Points as an Arrow table."""
+        return self._points
+
+    def path_arrow(self) -> pa.Table:
+        """Path as an Arrow table, geometry as WKB."""
+        return self._path
+
+    def write(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.
+
+        Raises:
+            WriteError: The file exists and `force` is not set, or the suffix is unknown.
+        """
+        write_table(self._points, path, force=force)
+
+    def write_path(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the path likewise.
+
+        Raises:
+            WriteError: The file exists and `force` is not set, or the suffix is unknown.
+        """
+        write_table(self._path, path, force=force)
+
+
+def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
+    return pa.array(values, mask=absent)
+
+
+def points_table(
+    drive_id: str, epochs: Epochs, output: Output, roads: RoadMap, *, attributes: bool = False
+) -> pa.Table:
+    """One row per epoch; what is not known yet is null.
+
+    Args:
+        drive_id: Its name.
+        epochs: (n,) what the sensors said.
+        output: (n,) what the filter said.
+        roads: The map.
+        attributes: Whether name, class and speed limit of the road are added.
+
+    Returns:
+        A table with the columns of `tables.POINTS`.
+    """
+    plane, v = roads.plane, output.value
+    none = output.live == 0
+    x, y = v[:, V_X], v[:, V_Y]
+    lat, lon = plane.to_geodetic(x, y)
+    map_lat, map_lon = plane.to_geodetic(v[:, V_MAP_X], v[:, V_MAP_Y])
+    match_lat, match_lon = plane.to_geodetic(v[:, V_MATCH_X], v[:, V_MATCH_Y])
+    turn = plane.convergence(x, y)
+    bearing = np.degrees(math.pi / 2 - (v[:, V_H] - turn)) % 360.0
+    c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
+    xx, xy, yy = v[:, V_XX], v[:, V_XY], v[:, V_YY]
+    ee = c * c * xx + 2 * c * s * xy + s * s * yy
+    nn = s * s * xx - 2 * c * s * xy + c * c * yy
+    en = c * s * (yy - xx) + (c * c - s * s) * xy
+    major, minor, axis = ellipse(ee, en, nn)
+    off = none | (output.edge < 0)
+    source, forward = roads.sources(np.where(off, 0, output.edge), v[:, V_S])
+    status = np.array(STATUS)[output.status]
+    columns = {
+        "drive_id": pa.array([drive_id]).take(pa.array(np.zeros(len(x), np.int32))),
+        "time": times(epochs.time),
+        "lat": _nullable(lat, none),
+        "lon": _nullable(lon, none),
+        "bearing_deg": _nullable(bearing, none),
+        "speed_mps": _nullable(v[:, V_SPEED], none),
+        "cov_ee_m2": _nullable(ee, none),
+        "cov_en_m2": _nullable(en, none),
+        "cov_nn_m2": _nullable(nn, none),
+        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[:, V_HH], 0))), none),
+        "ellipse_major_m": _nullable(major, none),
+        "ellipse_minor_m": _nullable(minor, none),
+        "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
+        "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
+        "source_id": _text(source, off),
+        "forward": pa.array(forward, mask=off),
+        "abscissa_m": _nullable(v[:, V_S], off),
+        "lateral_m": _nullable(v[:, V_LATERAL], off),
+        "matched_lat": _nullable(match_lat, off),
+        "matched_lon": _nullable(match_lon, off),
+        "map_lat": _nullable(map_lat, none),
+        "map_lon": _nullable(map_lon, none),
+        "p_road": _nullable(v[:, V_P], none),
+        "p_off_road": _nullable(v[:, V_OFF], none),
+        "status": pa.array(status),
+        "reason": pa.array(np.array([reason(s) for s in STATUS])[output.status]),
+        "alternatives": _alternatives(output),
+    }
+    table = pa.table(columns).cast(POINTS)
+    if attributes:
+        for name, column in roads.attributes(np.where(off, 0, output.edge), off).items():
+            table = table.append_column(name, column)
+    return table
+
+
+def _text(values: NDArray[Any], absent: NDArray[np.bool_]) -> pa.Array:
+    """Ids as text; few differ, so each is written once."""
+    unique, at = np.unique(values, return_inverse=True)
+    texts = pa.array([str(u) for u in unique.tolist()], pa.string())
+    return texts.take(pa.array(at, mask=absent))
+
+
+def _alternatives(output: Output) -> pa.Array:
+    on = output.alt_edge >= 0
+    ends = np.concatenate([[0], np.cumsum(on.sum(axis=1))]).astype(np.int32)
+    rows = pa.StructArray.from_arrays(
+        [
+            pa.array(output.alt_edge[on].astype(np.int64)),
+            pa.array(output.alt_p[on].astype(np.float64)),
+        ],
+        names=["edge_id", "p"],
+    )
+    return pa.ListArray.from_arrays(pa.array(ends), rows)
+
+
+def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap) -> pa.Table:
+    """One row per traversed edge, in driving order.
+
+    Args:
+        drive_id: Its name.
+        epochs: (n,) what the sensors said.
+        recorded: The filter's output and most probable route.
+        roads: The map.
+
+    Returns:
+        A table with the columns of `tables.PATH`.
+    """
+    rows = traversals(epochs, recorded, roads.arrays)
+    edges = np.array([r.edge for r in rows], int)
+    middle = np.array([0.5 * (r.enter_m + r.exit_m) for r in rows])
+    source, forward = roads.sources(edges, middle)
+    lon, lat, first = [], [], [0]
+    for r in rows:
+        x, y = roads.edge_part(r.edge, r.enter_m, r.exit_m)
+        a, b = roads.plane.to_geodetic(x, y)
+        lat.append(a)
+        lon.append(b)
+        first.append(first[-1] + len(a))
+    wkb = (
+        line_wkb(np.concatenate(lon), np.concatenate(lat), np.array(first))
+        if rows
+        else pa.array([], pa.binary())
+    )
+    arrays = roads.arrays
+    columns = {
+        "drive_id": pa.array([drive_id] * len(rows), pa.string()),
+        "seq": pa.array(np.arange(len(rows))),
+        "edge_id": pa.array(edges, pa.int64()),
+        "source_id": _text(source, np.zeros(len(rows), bool))
+        if rows
+        else pa.array([], pa.string()),
+        "from_node": pa.array(arrays.from_node[edges].astype(np.int64)),
+        "to_node": pa.array(arrays.to_node[edges].astype(np.int64)),
+        "forward": pa.array(forward, pa.bool_()),
+        "enter_time": times(np.array([r.enter_time for r in rows])),
+        "exit_time": times(np.array([r.exit_time for r in rows])),
+        "enter_m": pa.array([r.enter_m for r in rows], pa.float64()),
+        "exit_m": pa.array([r.exit_m for r in rows], pa.float64()),
+        "p": pa.array([r.p for r in rows], pa.float64()),
+        "broken_rule": pa.array([_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()),
+        "geometry": wkb,
+    }
+    return pa.table(columns).cast(PATH)
+
+
+def _broken(row: Traversal, before: Traversal | None, roads: RoadMap) -> str | None:
+    """Names of the rules that driving this row broke, or `gap`, or None."""
+    if row.gap:
+        return "gap"
+    a = roads.arrays
+    bits = int(a.rule[row.edge])
+    if before is not None:
+        for t in range(a.succ_first[before.edge], a.succ_first[before.edge + 1]):
+            if a.succ[t] == row.edge:
+                bits |= int(a.succ_rule[t])
+    names = [name for bit, name in _RULES if bits & bit]
+    return ",".join(names) or None
+
+
+def summary_of(epochs: Epochs, output: Output, path: pa.Table, masked: int) -> dict[str, Any]:
+    """The drive in numbers, for people and for JSON."""
+    n = len(epochs.time)
+    known = output.live > 0
+    shares = {
+        s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n
+    }
+    length = float(np.sum(np.abs(np.subtract(path["exit_m"], path["enter_m"]))))
+    return {
+        "epochs": n,
+        "fixes": int(epochs.has_fix.sum()),
+        "fixes_masked": masked,
+        "epochs_without_answer": int((~known).sum()),
+        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
+        "path_m": length,
+        "edges": path.num_rows,
+        "gaps": int(sum(r == "gap" for r in path["broken_rule"].to_pylist())),
+        "mean_p_road": float(output.value[known, V_P].mean()) if known.any() else 0.0,
+        "mean_p_off_road": float(output.value[known, V_OFF].mean()) if known.any() else 0.0,
+        "mean_live_hypotheses": float(output.live[known].mean()) if known.any() else 0.0,
+        "status": {k: v for k, v in shares.items() if v > 0},
+        "off_road_epochs": int((output.alt_edge[:, 0] == OFF_ROAD).sum()),
+    }

@@ -1,0 +1,1 @@
+"""What each sensor observes: one file each, from readings to what the filter takes."""

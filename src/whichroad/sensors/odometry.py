@@ -1,0 +1,54 @@
+"""Wheels, odometers and yaw rates: cumulative distance and turn of M.
+
+Everything is kept cumulative, so that the quantisation of wheel counts telescopes
+instead of piling up as white noise per step.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..records import Array, Odometer, OdometryLog, SpeedYawRate, WheelCounts, WheelSpeeds
+from ..settings import Vehicle
+
+
+class Motion(NamedTuple):
+    """Cumulative odometry of M, the middle of the rear axle, shape (n,) each."""
+
+    time: Array  # s
+    distance: Array  # m, falling in reverse
+    turn: Array | None  # rad, counter-clockwise; None where nothing measures it
+
+
+def _integral(time: Array, rate: Array) -> Array:
+    """Cumulative trapezoidal integral, 0 at the first row."""
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
+    """Cumulative distance and turn from any odometry (paper, §2.1).
+
+        δs = (δright + δleft) / 2,   δθ = (δright − δleft) / track width
+
+    Args:
+        log: Rear-wheel counts or speeds, an odometer, or speed and yaw rate.
+        vehicle: Metres per count and track width.
+
+    Returns:
+        Cumulative motion at the log's own times.
+    """
+    match log:
+        case WheelCounts():
+            left = (log.left - log.left[0]) * vehicle.metres_per_tick_left
+            right = (log.right - log.right[0]) * vehicle.metres_per_tick_right
+        case WheelSpeeds():
+            left = _integral(log.time, log.left)
+            right = _integral(log.time, log.right)
+        case Odometer():
+            return Motion(log.time, log.distance - log.distance[0], None)
+        case SpeedYawRate():
+            return Motion(
+                log.time, _integral(log.time, log.speed), _integral(log.time, log.yaw_rate)
+            )
+    return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)

@@ -1,0 +1,229 @@
+"""One call from files to tables: read, localize, tell."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from .core.belief import OFF_ROAD
+from .core.drive import ALTERNATIVES, NO_EDGE, Epochs, Output
+from .epochs import Timeline, build_timeline
+from .errors import DriveError, MapError, SettingError
+from .localizer import localize_recorded
+from .readers import drive_from_table, read_drive
+from .records import Drive, StartPose
+from .result import Result, path_table, points_table, summary_of
+from .roadmap import RoadMap
+from .settings import Settings, Vehicle
+
+Start = StartPose | tuple[float, float, float] | None
+Window = tuple[Any, Any]
+
+_FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
+
+
+def open_map(roads: RoadMap | str | Path) -> RoadMap:
+    """A road map from whatever names one: itself, a compiled file, OSM, or a table of edges.
+
+    Raises:
+        MapError: The file is not a map.
+    """
+    if isinstance(roads, RoadMap):
+        return roads
+    name = str(roads).lower()
+    if name.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2")):
+        return RoadMap.from_osm(roads)
+    if name.endswith((".geojson", ".json", ".csv", ".parquet")):
+        return RoadMap.from_edges(roads)
+    return RoadMap.open(roads)
+
+
+def _drives(drive: Any, vehicle: Vehicle | None, settings: Settings | None) -> list[Drive]:
+    if isinstance(drive, Drive):
+        return [drive]
+    if isinstance(drive, str | Path):
+        return read_drive([drive], vehicle=vehicle, settings=settings)
+    if isinstance(drive, list | tuple):
+        if all(isinstance(d, Drive) for d in drive):
+            return list(drive)
+        if all(isinstance(d, str | Path) for d in drive):
+            return read_drive(list(drive), vehicle=vehicle, settings=settings)
+    return drive_from_table(drive)
+
+
+def _start(start: Start) -> StartPose | None:
+    if start is None or isinstance(start, StartPose):
+        return start
+    lat, lon, bearing = start
+    return StartPose(float(lat), float(lon), float(bearing))
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, int | float):
+        return float(value)
+    if isinstance(value, datetime):
+        return value.timestamp()
+    if hasattr(value, "timestamp"):
+        return float(value.timestamp())
+    return datetime.fromisoformat(str(value).replace("Z", "+00:00")).timestamp()
+
+
+def _tuned(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
+    """The settings with what the vehicle's `[noise]` overrides."""
+    settings = settings or Settings()
+    return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
+
+
+def match(
+    drive: Any,
+    roads: RoadMap | str | Path,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    model: str = "default",
+    start: Start = None,
+    mask: Sequence[Window] = (),
+    attributes: bool = False,
+    hypotheses: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Result:
+    """Say where a vehicle was at every epoch, on which road, and how sure that is.
+
+    Args:
+        drive: Paths of logs and tables, a DataFrame or Arrow table, or `Drive` records.
+        roads: A `RoadMap`, or the path of a compiled map, an OSM extract or an edge table.
+        vehicle: The car's wheels, antenna and clocks.
+        settings: The model's numbers.
+        model: "default"; "paper" is the literal method, for comparison.
+        start: A known pose (lat, lon, bearing in degrees); else the first fix starts.
+        mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
+        attributes: Whether the road's name, class and speed limit are added to the points.
+        hypotheses: Whether the alternatives' poses are kept for pictures.
+        progress: Told (drive_id, epochs done, epochs in all).
+
+    Returns:
+        Tables of points and path, and a summary.
+
+    Raises:
+        ReadError: A file could not be understood.
+        MapError: The drive is nowhere near the map, or the map is not one.
+        DriveError: Nothing could be answered.
+        SettingError: A setting or the model's name is out of bounds.
+    """
+    if model not in MODELS:
+        raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
+    road_map = open_map(roads)
+    tuned = _tuned(settings, vehicle)
+    windows = [(_seconds(a), _seconds(b)) for a, b in mask]
+    parts: list[Result] = []
+    failed: list[str] = []
+    drives = _drives(drive, vehicle, settings)
+    for one in drives:
+        try:
+            parts.append(
+                _match_one(
+                    one, road_map, vehicle or Vehicle(), tuned, model, _start(start), windows,
+                    attributes, hypotheses, progress,
+                )
+            )  # fmt: skip
+        except (DriveError, MapError) as error:
+            if len(drives) == 1:
+                raise
+            failed.append(str(error))
+    if not parts:
+        raise DriveError(failed[0] if failed else "there is no drive in the input")
+    return _together(parts, failed)
+
+
+MODELS = ("default",)
+
+
+def _match_one(
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
+    start: StartPose | None, mask: list[tuple[float, float]], attributes: bool,
+    hypotheses: bool, progress: Callable[[str, int, int], None] | None,
+) -> Result:  # fmt: skip
+    _check_distance(drive, roads)
+    timeline = build_timeline(drive, roads.plane, vehicle, mask)
+    n = len(timeline.epochs.time)
+    recorded = localize_recorded(
+        roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
+        progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
+    )  # fmt: skip
+    points = points_table(
+        drive.drive_id, timeline.epochs, recorded.output, roads, attributes=attributes
+    )
+    path = path_table(drive.drive_id, timeline.epochs, recorded, roads)
+    summary = summary_of(timeline.epochs, recorded.output, path, timeline.masked)
+    summary |= {
+        "drive_id": drive.drive_id,
+        "sources": list(drive.sources),
+        "skipped": dict(drive.skipped),
+        "notes": list(drive.notes),
+    }
+    poses = _poses(recorded.output, timeline) if hypotheses else None
+    return Result(points, path, summary, poses)
+
+
+def _check_distance(drive: Drive, roads: RoadMap) -> None:
+    """Refuse a drive that is wholly off the map, with the distance and a hint."""
+    fixes = drive.fixes
+    if fixes is None or not len(fixes):
+        return
+    low_x, low_y, high_x, high_y = roads.bounds
+    x, y = roads.plane.from_geodetic(fixes.lat_deg, fixes.lon_deg)
+    away = np.hypot(
+        np.maximum(np.maximum(low_x - x, x - high_x), 0.0),
+        np.maximum(np.maximum(low_y - y, y - high_y), 0.0),
+    )
+    nearest = int(np.argmin(away))
+    if away[nearest] <= _FAR:
+        return
+    lat, lon = float(fixes.lat_deg[nearest]), float(fixes.lon_deg[nearest])
+    hint = "is this the right extract?"
+    if abs(lon) <= 90.0:
+        sx, sy = roads.plane.from_geodetic(np.array([lon]), np.array([lat]))
+        if low_x <= sx[0] <= high_x and low_y <= sy[0] <= high_y:
+            hint = "were latitude and longitude swapped?"
+    raise MapError(
+        f"{drive.drive_id}: position lat {lat:.4f}, lon {lon:.4f} is "
+        f"{away[nearest] / 1000:,.0f} km from the map; {hint}"
+    )
+
+
+def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
+    poses = output.alt_pose.reshape(-1, ALTERNATIVES, 6)
+    edge = np.where(output.alt_edge == NO_EDGE, -2, output.alt_edge)
+    edge = np.where(output.alt_edge == OFF_ROAD, -1, edge)
+    epochs: Epochs = timeline.epochs
+    return {
+        "time": epochs.time, "edge": edge.astype(np.int32), "p": output.alt_p.astype(float),
+        "x": poses[..., 0], "y": poses[..., 1], "heading": poses[..., 2],
+        "cov_xx": poses[..., 3], "cov_xy": poses[..., 4], "cov_yy": poses[..., 5],
+        "has_fix": epochs.has_fix.astype(bool), "fix": epochs.fix,
+    }  # fmt: skip
+
+
+def _together(parts: list[Result], failed: list[str]) -> Result:
+    if len(parts) == 1 and not failed:
+        return parts[0]
+    summaries = [p.summary for p in parts]
+    summary = {
+        "drives": len(parts),
+        "failed": failed,
+        "epochs": sum(s["epochs"] for s in summaries),
+        "epochs_without_answer": sum(s["epochs_without_answer"] for s in summaries),
+        "path_m": math.fsum(s["path_m"] for s in summaries),
+        "each": summaries,
+    }
+    return Result(
+        pa.concat_tables([p.to_arrow() for p in parts]),
+        pa.concat_tables([p.path_arrow() for p in parts]),
+        summary,
+        parts[0].hypotheses if len(parts) == 1 else None,
+    )
