@@ -1,0 +1,60 @@
+"""Pictures of an answer, after the paper's Figures 9 to 11.
+
+Positions are drawn in the map's plane, in metres.  Blue is probable and red is not,
+in every picture.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .scene import Window as Window
+from .scene import ambiguous_windows, make_scene
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from ..records import Fixes
+    from ..roadmap import RoadMap
+    from ..session import Result
+
+
+def plot_drive(
+    result: "Result",
+    roads: "RoadMap",
+    truth: "pa.Table | None" = None,
+    fixes: "Fixes | None" = None,
+    *,
+    out: str | os.PathLike[str],
+    windows: Sequence[Window] = (),
+    masked: Iterable[tuple[float, float]] = (),
+    reckoning: "pa.Table | None" = None,
+    title: str = "",
+) -> list[Path]:
+    """Draw one drive: where, among which roads, how probable, how far from the truth.
+
+    Args:
+        result: the answer, kept with its hypotheses.
+        roads: the map that it was matched to.
+        truth: `time, lat, lon`, if known.
+        fixes: what the receiver said.
+        out: folder for the pictures; those of the same name there are replaced.
+        windows: stretches to zoom in on; the two most ambiguous ones when empty.
+        masked: stretches without GNSS, s from the drive's start.
+        reckoning: `lat, lon` of dead reckoning alone, for comparison.
+        title: one sentence that says what one sees.
+
+    Returns:
+        The PNG files: `overview`, `hypotheses`, `probability`, and `drive` with all of it.
+
+    Raises:
+        DriveError: the answer was kept without its hypotheses.
+    """
+    from .pages import draw_pages
+
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    scene = make_scene(result, roads, truth, fixes, masked, reckoning)
+    chosen = list(windows) or ambiguous_windows(scene)
+    return draw_pages(scene, chosen, title, out)
