@@ -1,0 +1,147 @@
+"""The only door for degrees: geodetic positions and the map's plane, bearings and headings.
+
+The plane is conformal, so an angle on the ground is the same angle in the plane, and a
+covariance is turned by the convergence alone.  Its scale is that of `Plane.scale`:
+plane metres per true metre.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .core import geodesy
+from .errors import MapError
+from .records import Array
+
+_POLE_DEG = 89.999  # an origin nearer to a pole has no north to speak of
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A stereographic plane about an origin; x is east and y is north there.
+
+    Every method takes scalars or arrays (n,) and gives the same.
+
+    Args:
+        lat0_deg: Geodetic latitude of the origin (WGS84), degrees.
+        lon0_deg: Longitude of the origin, degrees.
+
+    Raises:
+        MapError: The origin is not on Earth, or at a pole.
+    """
+
+    lat0_deg: float
+    lon0_deg: float
+    sphere: geodesy.Sphere = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not (abs(self.lat0_deg) <= _POLE_DEG and abs(self.lon0_deg) <= 360.0):
+            raise MapError(
+                f"plane's origin: lat {self.lat0_deg}, lon {self.lon0_deg}; a latitude within "
+                f"±{_POLE_DEG}° and a longitude within ±360° were expected; give degrees"
+            )
+        sphere = geodesy.sphere_at(math.radians(self.lat0_deg), math.radians(self.lon0_deg))
+        object.__setattr__(self, "sphere", sphere)
+
+    @property
+    def curvature(self) -> float:
+        """1 / (4 R²), 1/m²: the scale is 1 + curvature (x² + y²)."""
+        return 0.25 / self.sphere.radius**2
+
+    @overload
+    def from_geodetic(self, lat_deg: float, lon_deg: float) -> tuple[float, float]: ...
+    @overload
+    def from_geodetic(self, lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]: ...
+    def from_geodetic(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> tuple[object, object]:
+        """Plane coordinates x, y (m) of WGS84 positions in degrees."""
+        if isinstance(lat_deg, float) and isinstance(lon_deg, float):
+            return geodesy.to_plane(self.sphere, math.radians(lat_deg), math.radians(lon_deg))
+        lat = np.radians(np.asarray(lat_deg, dtype=np.float64))
+        lon = np.radians(np.asarray(lon_deg, dtype=np.float64))
+        x, y = np.empty_like(lat), np.empty_like(lat)
+        geodesy.to_plane_all(self.sphere, lat.ravel(), lon.ravel(), x.ravel(), y.ravel())
+        return _as_given(x), _as_given(y)
+
+    @overload
+    def to_geodetic(self, x: float, y: float) -> tuple[float, float]: ...
+    @overload
+    def to_geodetic(self, x: Array, y: Array) -> tuple[Array, Array]: ...
+    def to_geodetic(self, x: ArrayLike, y: ArrayLike) -> tuple[object, object]:
+        """Latitude and longitude (degrees, WGS84, longitude in [-180, 180)) of plane points."""
+        if isinstance(x, float) and isinstance(y, float):
+            lat, lon = geodesy.to_geodetic(self.sphere, x, y)
+            return math.degrees(lat), math.degrees(lon)
+        east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        lats, lons = np.empty(east.shape), np.empty(east.shape)
+        geodesy.to_geodetic_all(
+            self.sphere, east.ravel(), north.ravel(), lats.ravel(), lons.ravel()
+        )
+        return _as_given(np.degrees(lats)), _as_given(np.degrees(lons))
+
+    @overload
+    def convergence(self, x: float, y: float) -> float: ...
+    @overload
+    def convergence(self, x: Array, y: Array) -> Array: ...
+    def convergence(self, x: ArrayLike, y: ArrayLike) -> object:
+        """Heading of true north less that of the plane's y axis, rad, counter-clockwise."""
+        if isinstance(x, float) and isinstance(y, float):
+            return geodesy.convergence(self.sphere, x, y)
+        east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        out = np.empty(east.shape)
+        geodesy.convergence_all(self.sphere, east.ravel(), north.ravel(), out.ravel())
+        return _as_given(out)
+
+    @overload
+    def scale(self, x: float, y: float) -> float: ...
+    @overload
+    def scale(self, x: Array, y: Array) -> Array: ...
+    def scale(self, x: ArrayLike, y: ArrayLike) -> object:
+        """Plane metres per true metre at plane points."""
+        east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        return _as_given(1.0 + self.curvature * (east * east + north * north))
+
+    @overload
+    def heading(self, bearing_deg: float, x: float, y: float) -> float: ...
+    @overload
+    def heading(self, bearing_deg: Array, x: Array, y: Array) -> Array: ...
+    def heading(self, bearing_deg: ArrayLike, x: ArrayLike, y: ArrayLike) -> object:
+        """Heading (rad, counter-clockwise from the plane's x axis, (-π, π]) of a bearing.
+
+        Args:
+            bearing_deg: Degrees clockwise from true north.
+            x: m, where.
+            y: m.
+        """
+        turn = np.asarray(self.convergence(x, y))  # type: ignore[call-overload]
+        angle = 0.5 * math.pi - np.radians(np.asarray(bearing_deg, dtype=np.float64)) + turn
+        return _as_given(-((math.pi - angle) % (2.0 * math.pi) - math.pi))
+
+    @overload
+    def bearing(self, heading: float, x: float, y: float) -> float: ...
+    @overload
+    def bearing(self, heading: Array, x: Array, y: Array) -> Array: ...
+    def bearing(self, heading: ArrayLike, x: ArrayLike, y: ArrayLike) -> object:
+        """Bearing (degrees clockwise from true north, [0, 360)) of a heading at plane points."""
+        turn = np.asarray(self.convergence(x, y))  # type: ignore[call-overload]
+        angle = 0.5 * math.pi + turn - np.asarray(heading, dtype=np.float64)
+        bearing = np.degrees(angle) % 360.0
+        return _as_given(np.where(bearing == 360.0, 0.0, bearing))  # -1e-20 % 360 is 360
+
+    @overload
+    def pose(self, x: float, y: float, heading: float) -> tuple[float, float, float]: ...
+    @overload
+    def pose(self, x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array]: ...
+    def pose(
+        self, x: ArrayLike, y: ArrayLike, heading: ArrayLike
+    ) -> tuple[object, object, object]:
+        """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
+        lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
+        return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
+
+
+def _as_given(values: Array) -> object:
+    """An array as it is, what was a scalar as a float."""
+    return values if values.ndim else float(values)
