@@ -151,3 +151,16 @@ def with_iso_times(table: pa.Table) -> pa.Table:
             iso = pc.replace_substring(text, " ", "T")
             table = table.set_column(index, column.name, iso)
     return table
+
+
+def thinned(points: pa.Table, every: float) -> pa.Table:
+    """The first row of each `every` seconds of each drive, counted from the drive's start."""
+    if points.num_rows == 0:
+        return points
+    drive = points["drive_id"].combine_chunks()
+    same = pc.equal(drive.slice(1), drive.slice(0, len(drive) - 1))
+    new = np.append(True, ~same.to_numpy(zero_copy_only=False))
+    micros = points["time"].cast(TIME).cast(pa.int64()).to_numpy()
+    began = micros[np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))]
+    cell = (micros - began) // round(every * 1e6)
+    return points.filter(pa.array(new | np.append(True, np.diff(cell) != 0)))

@@ -59,3 +59,15 @@ def test_the_frame_of_points_is_in_wgs_84_and_absent_positions_are_none(points):
 
 def test_a_table_without_position_has_no_geometry():
     assert tables.geometry(pa.table({"p": [1.0]})) is None
+
+
+def test_thinning_keeps_the_first_row_of_each_cell_of_each_drive():
+    seconds = np.array([10.0, 10.4, 10.9, 11.0, 12.5, 90.3, 91.2, 91.4])
+    table = pa.table({"drive_id": ["a"] * 5 + ["b"] * 3, "time": tables.times(seconds)})
+    kept = tables.thinned(table, 1.0)["time"].cast(pa.int64()).to_numpy() / 1e6
+    assert kept.tolist() == [10.0, 11.0, 12.5, 90.3, 91.4]
+
+
+def test_thinning_nothing_gives_nothing():
+    empty = tables.POINTS.empty_table()
+    assert tables.thinned(empty, 1.0).num_rows == 0

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from ..records import Fixes
+    from ..result import Result
     from ..roadmap import RoadMap
-    from ..session import Result
 
 
 def plot_drive(

@@ -88,7 +88,7 @@ def _probability(scene: Scene, windows: list[Window], title: str) -> Figure:
     axes[0].set_title("How probable the road was", pad=16)
     draw_status(axes[1], scene)
     if scene.truth is not None:
-        draw_error(axes[2], scene, [])
+        draw_error(axes[2], scene)
         axes[2].set_title("How far from the truth")
     axes[-1].set_xlabel("time since the start (s)")
     return figure
@@ -116,7 +116,7 @@ def _drive(scene: Scene, windows: list[Window], title: str) -> Figure:
     draw_status(figure.add_subplot(grid[3, :], sharex=chance), scene)
     if scene.truth is not None:
         error = figure.add_subplot(grid[4, :], sharex=chance)
-        draw_error(error, scene, [])
+        draw_error(error, scene)
         error.set_title("How far from the truth")
     figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=13)
     return figure

@@ -206,16 +206,16 @@ def draw_status(axes: "Axes", scene: Scene) -> None:
         side.set_visible(False)
 
 
-def draw_error(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
+def draw_error(axes: "Axes", scene: Scene) -> None:
     """How far from the truth, beside how far the answer said it might be."""
-    assert scene.truth is not None and scene.inside is not None
+    assert scene.truth is not None
+    assert scene.inside is not None
     held = f"holds the truth in {100 * scene.inside.mean():.1f} % of epochs"
     error = np.hypot(*(scene.truth - scene.xy).T)
     axes.fill_between(scene.time, 0, scene.bound, color=PROBABLE(0.75), alpha=0.25, lw=0,
                       label=f"95 % ellipse, semi-major axis ({held})")  # fmt: skip
     axes.plot(scene.time, error, color=TRUTH, lw=1.0, label="distance from the truth")
     _shade_masked(axes, scene)
-    _letters(axes, windows)
     axes.set(xlim=(0, scene.time[-1]), ylabel="metres", xlabel="time since the start (s)")
     axes.set_ylim(0, 1.15 * float(np.nanmax(np.concatenate([error, scene.bound]))))
     axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1, 1.0), borderpad=0)

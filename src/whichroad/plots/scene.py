@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from ..records import Array, Fixes
+    from ..result import Result
     from ..roadmap import RoadMap
-    from ..session import Result
 
 HYPOTHESIS = ("edge", "p", "x", "y", "cov_xx", "cov_xy", "cov_yy")
 CHI2_95 = 5.991  # 95 % of a two-dimensional Gaussian lies within this squared distance

@@ -1,0 +1,5 @@
+"""`python -m whichroad` is `whichroad`."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,374 @@
+"""Arguments in, exit codes out: 0 done, 1 nothing could be answered, 2 wrong usage.
+
+Rooms are imported inside the commands, so that asking for help costs nothing.
+Answers go to the standard output; progress, warnings and errors to the other.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from . import __version__
+from .errors import WhichroadError
+
+if TYPE_CHECKING:
+    from .result import Result
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+map_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(map_app, name="map", help="Compile a road map, or say what one holds.")
+
+Moment = float | datetime
+
+
+class Model(StrEnum):
+    """The filters that can answer."""
+
+    default = "default"
+    paper = "paper"
+
+
+class Preset(StrEnum):
+    """The worlds that can be simulated."""
+
+    good = "good"
+    urban = "urban"
+    outage = "outage"
+
+
+Force = Annotated[bool, typer.Option("--force", help="Replace outputs that exist.")]
+MapOption = Annotated[
+    Path,
+    typer.Option(
+        "--map",
+        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
+        "or a table of edges (.geojson, .csv, .parquet).",
+    ),
+]
+
+
+def main() -> NoReturn:
+    """Run the command line; every way out is an exit code and no traceback."""
+    try:
+        app()
+    except WhichroadError as error:
+        _fail(f"error: {error}")
+    except KeyboardInterrupt:
+        _fail("interrupted", code=130)
+    except Exception as error:
+        if os.environ.get("WHICHROAD_TRACEBACK"):
+            raise
+        kind = type(error).__name__
+        _fail(
+            f"error: this should not happen ({kind}: {error}); please report it, with what "
+            "WHICHROAD_TRACEBACK=1 adds"
+        )
+    sys.exit(0)
+
+
+def _fail(message: str, code: int = 1) -> NoReturn:
+    typer.echo(" ".join(message.split()), err=True)
+    sys.exit(code)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"whichroad {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def whichroad(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    """Where exactly a vehicle is, on which road, and how sure that is."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path("whichroad-demo"),
+    force: Force = False,
+) -> None:
+    """Localize the paper's drive from simulated files, and draw it."""
+    from .demo import run_demo
+
+    with _progress() as progress:
+        summary = run_demo(out, force=force, tell=progress)
+    _table("The paper's drive, answered from its files alone", summary["figures"].items())
+    typer.echo(f"picture: {summary['picture']}")
+
+
+@map_app.command("build")
+def map_build(
+    source: Annotated[Path, typer.Argument(metavar="INPUT", help="OSM extract or edge table.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The compiled map.")],
+    crs: Annotated[
+        str | None, typer.Option(help="Reference system of an edge table, such as EPSG:3067.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compile a map once, to open it in an instant."""
+    from .session import open_map
+    from .writers import replacing
+
+    with _progress() as progress, replacing(out, force=force) as part:
+        progress(f"reading {source}", 0, 0)
+        open_map(source, crs=crs).save(part)
+    typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+@map_app.command("info")
+def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")]) -> None:
+    """Say what a map holds."""
+    from .session import open_map
+
+    with _progress() as progress:
+        progress(f"reading {roads}", 0, 0)
+        info = open_map(roads).info()
+    _table(str(roads), info.items())
+
+
+@app.command()
+def match(
+    drive: Annotated[
+        list[Path], typer.Argument(metavar="DRIVE", help="NMEA logs and drive tables.")
+    ],
+    roads: MapOption,
+    can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
+    dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
+    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="LAT,LON,BEARING", help="A known pose, in degrees.")
+    ] = None,
+    mask: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="START:END",
+            help="Withhold GNSS, in seconds from the drive's start or in ISO times; repeatable.",
+        ),
+    ] = None,
+    model: Annotated[
+        Model, typer.Option(help="`paper` is the method as printed, to compare.")
+    ] = Model.default,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="Points: .parquet .geojson .csv .gpx .arrow."),
+    ] = None,
+    path_out: Annotated[
+        Path | None, typer.Option(help="The path driven, edge by edge, in the same formats.")
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="One point every S seconds.")
+    ] = None,
+    attributes: Annotated[
+        bool, typer.Option("--attributes", help="Add name, class and limit of the road.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Say where a vehicle was, on which road, and how sure that is."""
+    pose, windows = _start(start), [_window(text) for text in mask or ()]
+    from . import session, writers
+    from .readers import read_drive, read_vehicle
+
+    for output in (out, path_out):
+        if output is not None:
+            writers.check(output, force=force)
+    with _progress() as progress:
+        car = None if vehicle is None else read_vehicle(vehicle)
+        progress("reading the drive", 0, 0)
+        drives = read_drive(drive, vehicle=car, dbc=dbc, can=can)
+        progress("reading the map", 0, 0)
+        network = session.open_map(roads)
+        result = session.match(
+            drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
+            attributes=attributes, progress=progress,
+        )  # fmt: skip
+        progress("writing", 0, 0)
+        _write(result, out, path_out, every, force)
+    _say(result)
+    if out is None and path_out is None:
+        typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
+
+
+def _write(
+    result: "Result", out: Path | None, path_out: Path | None, every: float | None, force: bool
+) -> None:
+    from .tables import thinned
+    from .writers import write_table
+
+    if out is not None:
+        points = result.to_arrow()
+        write_table(thinned(points, every) if every else points, out, force=force)
+    if path_out is not None:
+        result.write_path(path_out, force=force)
+
+
+def _say(result: "Result") -> None:
+    """The summary; what was skipped or failed goes to the standard error."""
+    for one in result.summary.get("each", [result.summary]):
+        figures = dict(one)
+        for reason, count in figures.pop("skipped", {}).items():
+            typer.echo(f"skipped: {count} {reason}", err=True)
+        for note in figures.pop("notes", ()):
+            typer.echo(f"note: {note}", err=True)
+        _table(str(figures.pop("drive_id", "drive")), figures.items())
+    for failed in result.summary.get("failed", ()):
+        typer.echo(f"skipped: {failed}", err=True)
+
+
+@app.command()
+def simulate(
+    roads: MapOption,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the drive's files.")],
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same drive.")] = 1,
+    length: Annotated[float, typer.Option(min=0.1, metavar="KM", help="How far to drive.")] = 12.0,
+    preset: Annotated[Preset, typer.Option(help="The world to drive in.")] = Preset.good,
+    force: Force = False,
+) -> None:
+    """Make a drive whose truth is known, in the formats of a real one."""
+    from .session import open_map
+    from .simulate import simulate_drive, write_drive
+
+    with _progress() as progress:
+        progress("reading the map", 0, 0)
+        network = open_map(roads)
+        progress("driving", 0, 0)
+        drive = simulate_drive(network, seed=seed, length_m=1000.0 * length, scenario=preset.value)
+        written = write_drive(drive, network, out, force=force)
+    for path in written:
+        typer.echo(str(path))
+
+
+@app.command()
+def evaluate(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points that match wrote.")],
+    truth: Annotated[Path, typer.Option(help="The truth, a table as simulate writes it.")],
+) -> None:
+    """Say what an answer is worth against a known truth."""
+    from .evaluate import evaluate_files
+
+    with _progress() as progress:
+        progress("comparing", 0, 0)
+        figures = evaluate_files(result, truth)
+    _table(f"{result} against {truth}", figures.items())
+
+
+@app.command()
+def warmup() -> None:
+    """Compile the kernels now rather than at the first drive."""
+    from .session import warm_up
+
+    with _progress() as progress:
+        warm_up(progress)
+    typer.echo("ready")
+
+
+def _start(text: str | None) -> tuple[float, float, float] | None:
+    """`LAT,LON,BEARING` as three numbers."""
+    if text is None:
+        return None
+    try:
+        lat, lon, bearing = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"--start is {text!r}; three numbers LAT,LON,BEARING in degrees were expected"
+        ) from None
+    if not (abs(lat) <= 90 and abs(lon) <= 180 and abs(bearing) <= 360):
+        raise typer.BadParameter(
+            f"--start is {text!r}; a latitude within 90, a longitude within 180 and a bearing "
+            "within 360 degrees were expected"
+        )
+    return lat, lon, bearing
+
+
+def _window(text: str) -> tuple[Moment, Moment]:
+    """`START:END` as two moments; ISO times hold colons themselves."""
+    for index, letter in enumerate(text):
+        if letter == ":":
+            begin, end = _moment(text[:index]), _moment(text[index + 1 :])
+            if begin is not None and end is not None and type(begin) is type(end):
+                if begin < end:  # type: ignore[operator]
+                    return begin, end
+                raise typer.BadParameter(f"--mask {text!r} ends before it starts")
+    raise typer.BadParameter(
+        f"--mask is {text!r}; START:END in seconds from the drive's start (120:240) or in ISO "
+        "times (2026-06-01T08:02:00Z:2026-06-01T08:04:00Z) was expected"
+    )
+
+
+def _moment(text: str) -> Moment | None:
+    """Seconds, or a time (UTC unless it says otherwise), or None."""
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if "T" not in text:
+        return None
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A line on the terminal that says what is being done; silent elsewhere.
+
+    Yields:
+        To be told (what, done, of how many); zero of zero is of unknown length.
+    """
+    if not sys.stderr.isatty():
+        yield lambda what, done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(what: str, done: int, total: int) -> None:
+            bar.update(task, description=what, completed=done, total=total or None)
+
+        yield tell
+
+
+def _table(title: str, rows: Any) -> None:
+    """Names and values, one a line."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", show_header=False, box=None)
+    table.add_column(style="dim")
+    table.add_column()
+    for name, value in rows:
+        table.add_row(str(name).replace("_", " "), _text(value))
+    Console(soft_wrap=True).print(table)
+
+
+def _text(value: Any) -> str:
+    """A value for people: four digits, shares in per cent, lists by commas."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_text(inner)}" for name, inner in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(inner) for inner in value)
+    if isinstance(value, float):
+        return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return f"{value:,}" if type(value) is int else str(value)
