@@ -183,12 +183,14 @@ def match(
 ) -> None:
     """Say where a vehicle was, on which road, and how sure that is."""
     pose, windows = _start(start), [_window(text) for text in mask or ()]
-    from . import session, writers
-    from .readers import read_drive, read_vehicle
+    from . import writers
 
     for output in (out, path_out):
         if output is not None:
             writers.check(output, force=force)
+    from . import session
+    from .readers import read_drive, read_vehicle
+
     with _progress() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)

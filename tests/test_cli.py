@@ -1,0 +1,151 @@
+import subprocess
+import sys
+from datetime import UTC, datetime
+
+import pytest
+import typer
+
+from whichroad import __version__, cli
+from whichroad.errors import DriveError
+
+HEAVY = {"numpy", "numba", "pandas", "geopandas", "pyarrow", "shapely", "pyproj", "osmium"}
+HEAVY |= {"matplotlib", "can", "cantools", "rich"}
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command line here: exit code, standard output, standard error."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["whichroad", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code, said.out, said.err
+
+    return call
+
+
+@pytest.mark.parametrize("command", [[], ["match"], ["map"], ["simulate"], ["warmup"]])
+def test_help_loads_nothing_that_takes_time(command):
+    code = "import sys, whichroad.cli as c\ntry: c.main()\nfinally: print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *command, "--help"], capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert "Usage:" in done.stdout
+    assert HEAVY & {name.partition(".")[0] for name in done.stdout.split()} == set()
+
+
+def test_the_version_is_said(run):
+    assert run("--version") == (0, f"whichroad {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly"],
+        ["match"],
+        ["match", "drive.nmea"],
+        ["match", "drive.nmea", "--map", "m", "--model", "perfect"],
+        ["match", "drive.nmea", "--map", "m", "--start", "49.4,8.7"],
+        ["match", "drive.nmea", "--map", "m", "--start", "8.7,249.4,90"],
+        ["match", "drive.nmea", "--map", "m", "--mask", "120"],
+        ["match", "drive.nmea", "--map", "m", "--mask", "240:120"],
+        ["match", "drive.nmea", "--map", "m", "--every", "soon"],
+        ["simulate", "--map", "m", "-o", "d", "--preset", "hilly"],
+        ["evaluate", "points.parquet"],
+    ],
+)
+def test_wrong_usage_is_exit_code_2_without_a_traceback(run, arguments):
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert "Usage:" in err
+    assert "Traceback" not in err
+
+
+def one_error(outcome):
+    """The one line of a run that could answer nothing."""
+    code, out, err = outcome
+    assert (code, out) == (1, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    return err
+
+
+def test_a_missing_drive_is_one_line(run, tmp_path):
+    error = one_error(run("match", tmp_path / "none.nmea", "--map", tmp_path / "none.osm.pbf"))
+    assert "none.nmea" in error
+
+
+def test_a_missing_map_is_one_line(run, tmp_path):
+    assert "none.osm.pbf" in one_error(run("map", "info", tmp_path / "none.osm.pbf"))
+
+
+def test_an_output_that_exists_is_refused_before_the_work(run, tmp_path):
+    (tmp_path / "points.csv").write_text("mine")
+    error = one_error(run("match", "drive.nmea", "--map", "m", "-o", tmp_path / "points.csv"))
+    assert "--force" in error
+    assert (tmp_path / "points.csv").read_text() == "mine"
+
+
+def test_an_output_of_unknown_suffix_names_those_known(run, tmp_path):
+    error = one_error(run("match", "drive.nmea", "--map", "m", "-o", tmp_path / "points.kml"))
+    assert ".parquet" in error
+
+
+def break_with(monkeypatch, error):
+    def broken():
+        raise error
+
+    monkeypatch.setattr(cli, "app", broken)
+
+
+def test_an_error_of_several_lines_is_said_in_one(run, monkeypatch):
+    break_with(monkeypatch, DriveError("drive.csv: nothing\n  in it"))
+    assert one_error(run()) == "error: drive.csv: nothing in it\n"
+
+
+def test_a_bug_is_one_line_and_no_traceback(run, monkeypatch):
+    break_with(monkeypatch, KeyError("lat"))
+    error = one_error(run())
+    assert "KeyError" in error
+    assert "report" in error
+
+
+def test_an_interrupt_is_exit_code_130(run, monkeypatch):
+    break_with(monkeypatch, KeyboardInterrupt())
+    assert run()[0] == 130
+
+
+@pytest.mark.parametrize(
+    ("text", "window"),
+    [
+        ("120:240", (120.0, 240.0)),
+        ("0.5:inf", (0.5, float("inf"))),
+        (
+            "2026-06-01T08:02:00Z:2026-06-01T08:04:00.5Z",
+            (
+                datetime(2026, 6, 1, 8, 2, tzinfo=UTC),
+                datetime(2026, 6, 1, 8, 4, 0, 500_000, tzinfo=UTC),
+            ),
+        ),
+        (
+            "2026-06-01T08:02:2026-06-01T10:04:00+02:00",
+            (datetime(2026, 6, 1, 8, 2, tzinfo=UTC), datetime(2026, 6, 1, 8, 4, tzinfo=UTC)),
+        ),
+    ],
+)
+def test_a_mask_is_two_moments(text, window):
+    assert cli._window(text) == window
+
+
+@pytest.mark.parametrize("text", ["", ":", "1:", "a:b", "1:2026-06-01T08:02:00Z", "1:2:3"])
+def test_what_is_no_mask_is_refused(text):
+    with pytest.raises(typer.BadParameter, match="START:END"):
+        cli._window(text)
+
+
+def test_a_start_south_of_the_equator_is_no_option(run, tmp_path):
+    outcome = run("match", "none.nmea", "--map", "none", "--start", "-33.8,151.2,90")
+    assert "--start" not in one_error(outcome)
