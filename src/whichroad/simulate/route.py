@@ -1,0 +1,132 @@
+"""Where to drive: legal random routes along the road graph."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.network import Roads
+from ..errors import MapError
+
+Edges = NDArray[np.int64]
+
+_ATTEMPTS = 40
+_SERVICE = 0.05  # weight of turning into a service road
+_AGAIN = 0.25  # weight of an edge for each time it was driven before
+_SHORTEST_M = 50.0
+
+
+def _legal_turns(roads: Roads) -> tuple[Edges, Edges]:
+    """Legal turns as (from, to) edges: no rule broken by the turn or by either edge."""
+    origin = np.repeat(np.arange(len(roads.length)), np.diff(roads.succ_first))
+    ok = (roads.succ_rule == 0) & (roads.rule[roads.succ] == 0) & (roads.rule[origin] == 0)
+    ok &= roads.succ != roads.opposite[origin]
+    return origin[ok], roads.succ[ok].astype(np.int64)
+
+
+def _reached(start: int, first: Edges, follow: Edges, count: int) -> NDArray[np.bool_]:
+    """Edges that can be reached from `start`, breadth first."""
+    seen = np.zeros(count, dtype=bool)
+    seen[start] = True
+    front = np.array([start])
+    while len(front):
+        many = first[front + 1] - first[front]
+        steps = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        found = np.unique(follow[np.repeat(first[front], many) + steps])
+        front = found[~seen[found]]
+        seen[front] = True
+    return seen
+
+
+def drivable(roads: Roads, random: np.random.Generator) -> NDArray[np.bool_]:
+    """Edges among which one can legally drive on for ever.
+
+    The largest of a few strongly connected parts, each found as what one edge reaches
+    and is reached from.  On a map without any circuit: all legal edges.
+
+    Args:
+        roads: The network.
+        random: Which edges are tried.
+
+    Returns:
+        (E,) True for the edges.
+    """
+    count = len(roads.length)
+    origin, target = _legal_turns(roads)
+    bounds = np.arange(count + 1)
+    order = np.argsort(target, kind="stable")
+    forward = np.searchsorted(origin, bounds)
+    backward = np.searchsorted(target[order], bounds)
+    best = np.zeros(count, dtype=bool)
+    for edge in random.permutation(np.flatnonzero(roads.rule == 0))[:_ATTEMPTS]:
+        if best[edge]:
+            continue
+        part = _reached(edge, forward, target, count) & _reached(
+            edge, backward, origin[order], count
+        )
+        if part.sum() > max(1, best.sum()):
+            best = part
+        if best.sum() > 0.4 * count:
+            break
+    return best if best.any() else roads.rule == 0
+
+
+def _walk(
+    roads: Roads, allowed: NDArray[np.bool_], length_m: float, random: np.random.Generator
+) -> list[int]:
+    """One random drive of at least `length_m`, or until no legal turn is left."""
+    starts = np.flatnonzero(allowed)
+    weight = roads.length[starts] * np.where(roads.service[starts] > 0, _SERVICE, 1.0)
+    edge = int(random.choice(starts, p=weight / weight.sum()))
+    route, driven, visits = [edge], float(roads.length[edge]), {edge: 1}
+    while driven < length_m:
+        turns = np.arange(roads.succ_first[edge], roads.succ_first[edge + 1])
+        follow = roads.succ[turns]
+        p = roads.succ_prior[turns] * np.where(roads.service[follow] > 0, _SERVICE, 1.0)
+        p *= (roads.succ_rule[turns] == 0) & allowed[follow] & (follow != roads.opposite[edge])
+        p = p * np.array([_AGAIN ** visits.get(int(e), 0) for e in follow])
+        if not p.sum() > 0:
+            break
+        edge = int(random.choice(follow, p=p / p.sum()))
+        visits[edge] = visits.get(edge, 0) + 1
+        route.append(edge)
+        driven += float(roads.length[edge])
+    return route
+
+
+def random_route(
+    roads: Roads,
+    length_m: float,
+    random: np.random.Generator,
+    allowed: NDArray[np.bool_] | None = None,
+) -> Edges:
+    """Draw a legal, connected route without turning round.
+
+    Turns follow the map's own priors, seldom into service roads, and rather where one
+    has not been yet.
+
+    Args:
+        roads: The network.
+        length_m: How far to drive, true m; the route is a little longer where it can be.
+        random: Source of chance.
+        allowed: (E,) from `drivable`, to draw many routes on one map; None: found here.
+
+    Returns:
+        (n,) edges in driving order.
+
+    Raises:
+        MapError: No legal drive of 50 m exists.
+    """
+    if allowed is None:
+        allowed = drivable(roads, random)
+    best: list[int] = []
+    if allowed.any():
+        for _ in range(_ATTEMPTS):
+            route = _walk(roads, allowed, length_m, random)
+            best = max(best, route, key=lambda edges: float(roads.length[edges].sum()))
+            if roads.length[best].sum() >= length_m:
+                break
+    if roads.length[best].sum() < _SHORTEST_M:
+        raise MapError(
+            f"map of {len(roads.length)} directed edges: no legal drive of {_SHORTEST_M:g} m; "
+            "roads that may be driven were expected; simulate on another map"
+        )
+    return np.array(best, dtype=np.int64)

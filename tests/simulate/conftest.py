@@ -1,0 +1,89 @@
+"""Hand-made maps: a jittered grid of two-way streets."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from whichroad.core.network import Roads
+from whichroad.frames import Plane
+
+
+class HandMade(NamedTuple):
+    """What the simulator asks of a map."""
+
+    arrays: Roads
+    plane: Plane
+
+
+def roads_from_streets(nodes: np.ndarray, streets: list[tuple[int, int]]) -> Roads:
+    """Two-way straight streets between nodes (n, 2), each with two extra vertices."""
+    pairs = [p for a, b in streets for p in ((a, b), (b, a))]
+    x, y, s, first, length = [], [], [], [0], []
+    for a, b in pairs:
+        f = np.array([0.0, 0.3, 0.7, 1.0])
+        line = nodes[a] + f[:, None] * (nodes[b] - nodes[a])
+        size = float(np.hypot(*(nodes[b] - nodes[a])))
+        x.extend(line[:, 0])
+        y.extend(line[:, 1])
+        s.extend(f * size)
+        length.append(size)
+        first.append(len(x))
+    opposite = np.arange(len(pairs)) ^ 1
+    succ, prior, turn, succ_first = [], [], [], [0]
+    for e, (a, b) in enumerate(pairs):
+        here = np.arctan2(*(nodes[b] - nodes[a])[::-1])
+        out = [k for k, (c, _) in enumerate(pairs) if c == b]
+        w = []
+        for k in out:
+            c, d = pairs[k]
+            bend = np.arctan2(*(nodes[d] - nodes[c])[::-1]) - here
+            bend = (bend + np.pi) % (2 * np.pi) - np.pi
+            turn.append(bend)
+            w.append(0.01 if k == opposite[e] else 1.0 if abs(bend) < 0.6 else 0.5)
+        succ.extend(out)
+        prior.extend(np.array(w) / sum(w))
+        succ_first.append(len(succ))
+    count = len(pairs)
+    return Roads(
+        x=np.array(x),
+        y=np.array(y),
+        s=np.array(s),
+        first=np.array(first, dtype=np.int32),
+        length=np.array(length),
+        from_node=np.array([a for a, _ in pairs], dtype=np.int32),
+        to_node=np.array([b for _, b in pairs], dtype=np.int32),
+        opposite=opposite.astype(np.int32),
+        lane=np.full(count, 1.75, dtype=np.float32),
+        speed=np.full(count, 12.5, dtype=np.float32),
+        service=np.zeros(count, dtype=np.uint8),
+        rule=np.zeros(count, dtype=np.uint8),
+        succ_first=np.array(succ_first, dtype=np.int32),
+        succ=np.array(succ, dtype=np.int32),
+        succ_prior=np.array(prior, dtype=np.float32),
+        succ_turn=np.array(turn, dtype=np.float32),
+        succ_rule=np.zeros(len(succ), dtype=np.uint8),
+        pred_first=np.zeros(count + 1, dtype=np.int32),
+        pred=np.zeros(0, dtype=np.int32),
+        cell_size=50.0,
+        cell_key=np.zeros(0, dtype=np.int64),
+        cell_first=np.zeros(1, dtype=np.int32),
+        cell_edge=np.zeros(0, dtype=np.int32),
+        cell_vertex=np.zeros(0, dtype=np.int32),
+        curvature=6.1e-15,
+    )
+
+
+def grid_roads(rows: int = 6, columns: int = 6, spacing: float = 180.0) -> Roads:
+    """A grid whose crossings are moved about by up to 15 m."""
+    random = np.random.default_rng(5)
+    place = np.array([(c, r) for r in range(rows) for c in range(columns)], dtype=float)
+    nodes = place * spacing + random.uniform(-15, 15, (len(place), 2))
+    east = [(k, k + 1) for k in range(len(place)) if (k + 1) % columns]
+    north = [(k, k + columns) for k in range(len(place) - columns)]
+    return roads_from_streets(nodes, east + north)
+
+
+@pytest.fixture(scope="session")
+def hand_made() -> HandMade:
+    return HandMade(grid_roads(), Plane(49.41, 2.82))
