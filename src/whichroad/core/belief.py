@@ -43,6 +43,7 @@ class Belief(NamedTuple):
     mean: Matrix  # (C, N)
     cov: Matrix  # (C, N, N)
     log_weight: Vector  # (C,)
+    probability: Vector  # (C,) exp(log_weight), set by `observe.normalise`
     edge: Ints32  # (C,) directed edge, OFF_ROAD
     segment: Ints32  # (C,) vertex at which the current segment starts
     abscissa: Vector  # (C,) m
@@ -71,6 +72,7 @@ def new_belief() -> Belief:
     return Belief(
         np.zeros((c, N)),
         np.zeros((c, N, N)),
+        np.zeros(c),
         np.zeros(c),
         np.full(c, NO_EDGE, np.int32),
         np.zeros(c, np.int32),

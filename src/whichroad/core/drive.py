@@ -40,7 +40,6 @@ from .observe import (
     observe_state,
     positive_speed,
     track,
-    weight,
 )
 from .start import cold_start, leave_and_return
 from .switching import Work, advance_along, hand_over, reduce
@@ -278,7 +277,7 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
     """Speed of M over ground, m/s, by the weighted κ."""
     rate = 0.0
     for i in range(belief.size[0]):
-        rate += weight(belief, i) * belief.mean[i, K]
+        rate += belief.probability[i] * belief.mean[i, K]
     if mode == CLOCK:
         return rate
     return rate * epochs.arc[k] / dt if dt > 1e-6 else belief.clock[SPEED]
@@ -405,28 +404,35 @@ def _say(
     y0 = belief.mean[top, Y]
     h0 = belief.mean[top, H]
     for i in range(n):
-        p = weight(belief, i)
+        p = belief.probability[i]
         mx += p * (belief.mean[i, X] - x0)
         my += p * (belief.mean[i, Y] - y0)
         mh += p * wrap(belief.mean[i, H] - h0)
         if belief.edge[i] == OFF_ROAD:
             off += p
-    for v in range(V_XX, V_HH + 1):
-        out[v] = 0.0
+    xx = 0.0
+    xy = 0.0
+    xh = 0.0
+    yy = 0.0
+    yh = 0.0
+    hh = 0.0
     for i in range(n):
-        p = weight(belief, i)
-        if p < 1e-9:
-            continue
+        p = belief.probability[i]
         dx = (belief.mean[i, X] - x0 - mx) / scale
         dy = (belief.mean[i, Y] - y0 - my) / scale
         dh = wrap(belief.mean[i, H] - h0) - mh
-        cov = belief.cov[i]
-        out[V_XX] += p * (cov[X, X] + dx * dx)
-        out[V_XY] += p * (cov[X, Y] + dx * dy)
-        out[V_XH] += p * (cov[X, H] + dx * dh)
-        out[V_YY] += p * (cov[Y, Y] + dy * dy)
-        out[V_YH] += p * (cov[Y, H] + dy * dh)
-        out[V_HH] += p * (cov[H, H] + dh * dh)
+        xx += p * (belief.cov[i, X, X] + dx * dx)
+        xy += p * (belief.cov[i, X, Y] + dx * dy)
+        xh += p * (belief.cov[i, X, H] + dx * dh)
+        yy += p * (belief.cov[i, Y, Y] + dy * dy)
+        yh += p * (belief.cov[i, Y, H] + dy * dh)
+        hh += p * (belief.cov[i, H, H] + dh * dh)
+    out[V_XX] = xx
+    out[V_XY] = xy
+    out[V_XH] = xh
+    out[V_YY] = yy
+    out[V_YH] = yh
+    out[V_HH] = hh
     out[V_X] = x0 + mx
     out[V_Y] = y0 + my
     out[V_H] = wrap(h0 + mh)
@@ -446,7 +452,7 @@ def _say(
         best = -1
         for i in range(n):
             if belief.edge[i] == edge:
-                p = weight(belief, i)
+                p = belief.probability[i]
                 p_edge += p
                 sx += p * (belief.mean[i, X] + scale * belief.mean[i, MX])
                 sy += p * (belief.mean[i, Y] + scale * belief.mean[i, MY])
@@ -511,8 +517,8 @@ def _rank(belief: Belief, output: Output, k: int) -> None:
         best = i
         for j in range(i, n):
             if belief.edge[j] == edge:
-                p += weight(belief, j)
-                if belief.log_weight[j] > belief.log_weight[best]:
+                p += belief.probability[j]
+                if belief.probability[j] > belief.probability[best]:
                     best = j
         slot = ALTERNATIVES
         while slot > 0 and ps[slot - 1] < p:

@@ -18,12 +18,6 @@ _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts b
 
 
 @kernel
-def weight(belief: Belief, i: int) -> float:
-    """Probability of hypothesis i; weights are normalised at every epoch's end."""
-    return math.exp(belief.log_weight[i])
-
-
-@kernel
 def normalise(belief: Belief) -> float:
     """Make the weights sum to one; returns the log of what they summed to."""
     n = belief.size[0]
@@ -32,10 +26,12 @@ def normalise(belief: Belief) -> float:
         top = max(top, belief.log_weight[i])
     total = 0.0
     for i in range(n):
-        total += math.exp(belief.log_weight[i] - top)
+        belief.probability[i] = math.exp(belief.log_weight[i] - top)
+        total += belief.probability[i]
     log_total = top + math.log(total)
     for i in range(n):
         belief.log_weight[i] -= log_total
+        belief.probability[i] /= total
     return log_total
 
 
@@ -118,7 +114,7 @@ def observe_fix(
     extra0 = 0.0
     extra1 = 0.0
     for i in range(n):
-        if belief.log_weight[i] < -4.6:
+        if belief.probability[i] < 0.01:
             continue
         nu0 = _fix_row(belief, i, row, fix, 0, scale, lever)
         s0 = innovation_variance(belief.cov[i], row, r0)
@@ -232,7 +228,7 @@ def observe_roads(
         )  # fmt: skip
         lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)
         s = belief.abscissa[i]
-        p = weight(belief, i)
+        p = belief.probability[i]
         on += p
         if min(s, roads.length[edge] - s) < node_radius:
             relax += p
@@ -244,7 +240,7 @@ def observe_roads(
         edge = belief.edge[i]
         if edge == OFF_ROAD:
             continue
-        p = weight(belief, i)
+        p = belief.probability[i]
         mean = belief.mean[i]
         for j in range(N):
             row[j] = 0.0

@@ -22,9 +22,8 @@ from .belief import (
     Y,
 )
 from .gaussian import normal_cdf
-from .grid import near
+from .grid import near, vertex_at
 from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads
-from .observe import weight
 from .segment import chord_heading, project
 from .switching import Work, copy_hypothesis
 
@@ -132,7 +131,7 @@ def cold_start(
     n = 0
     for c in range(found):
         edge = work.near_edge[c]
-        segment, s, _, _, _ = project(roads, edge, _vertex(roads, edge, work.near_s[c]), fix[0], fix[1])
+        segment, s, _, _, _ = project(roads, edge, vertex_at(roads, edge, work.near_s[c]), fix[0], fix[1])
         length = roads.length[edge]
         mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
         if roads.rule[edge] & AGAINST_ONE_WAY:
@@ -178,20 +177,6 @@ def cold_start(
 
 
 @kernel
-def _vertex(roads: Roads, edge: int, s: float) -> int:
-    """First vertex of the segment that holds an abscissa."""
-    low = roads.first[edge]
-    high = roads.first[edge + 1] - 2
-    while low < high:
-        middle = (low + high + 1) // 2
-        if roads.s[middle] <= s:
-            low = middle
-        else:
-            high = middle - 1
-    return low
-
-
-@kernel
 def leave_and_return(
     belief: Belief, roads: Roads, work: Work, scale: float, travelled: float,
     leave: float, back: float, side: float, lane_sigma: float, map_sigma: float,
@@ -216,7 +201,7 @@ def leave_and_return(
     """
     n = belief.size[0]
     for i in range(n):
-        p = weight(belief, i)
+        p = belief.probability[i]
         if belief.edge[i] != OFF_ROAD:
             if p > 0.02:
                 child = belief.size[0]
@@ -224,6 +209,7 @@ def leave_and_return(
                 belief.edge[child] = OFF_ROAD
                 belief.fresh[child] = 1
                 belief.log_weight[child] += math.log(leave * travelled)
+                belief.probability[child] *= leave * travelled
                 if follows_road:
                     belief.cov[child, H, H] += 0.04
                 belief.size[0] = child + 1
@@ -253,7 +239,7 @@ def _return(
     for c in range(found):
         edge = work.near_edge[c]
         s = work.near_s[c]
-        along = chord_heading(roads, edge, _vertex(roads, edge, s), s, 6.0)
+        along = chord_heading(roads, edge, vertex_at(roads, edge, s), s, 6.0)
         turned = abs(wrap(along - mean[H]))
         fits = turned < min(2.5 * spread, 1.6) and (
             work.near_distance[c] <= abs(work.near_lateral[c]) + 3.0
@@ -277,10 +263,11 @@ def _return(
         child = belief.size[0]
         copy_hypothesis(belief, i, child)
         belief.edge[child] = edge
-        belief.segment[child] = _vertex(roads, edge, work.near_s[c])
+        belief.segment[child] = vertex_at(roads, edge, work.near_s[c])
         belief.stay[child] = 1.0
         belief.fresh[child] = 1
         belief.log_weight[child] += math.log(part)
+        belief.probability[child] *= part
         for j in range(N):
             belief.cov[child, D, j] = 0.0
             belief.cov[child, j, D] = 0.0

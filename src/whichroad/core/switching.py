@@ -32,10 +32,12 @@ from .belief import (
 from .gaussian import merge_moments, normal_cdf, reshape_along, truncated_moments
 from .motion import predict_along, redraw_lane
 from .network import Roads
-from .observe import normalise, track, weight
+from .observe import normalise, track
 from .segment import locate
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
+_OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged
+_OFF_MOST = 8  # off-road components kept
 _MOST = 64  # destinations of one hypothesis in one step
 
 
@@ -84,6 +86,7 @@ def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
         for j in range(N):
             belief.cov[target, i, j] = belief.cov[source, i, j]
     belief.log_weight[target] = belief.log_weight[source]
+    belief.probability[target] = belief.probability[source]
     belief.edge[target] = belief.edge[source]
     belief.segment[target] = belief.segment[source]
     belief.abscissa[target] = belief.abscissa[source]
@@ -160,12 +163,13 @@ def reachable(roads: Roads, work: Work, edge: int, s: float, sigma: float, least
 @kernel
 def _adopt(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, child: int, d: int,
-    log_share: float, side: float, lane_sigma: float,
+    share: float, side: float, lane_sigma: float,
 ) -> None:  # fmt: skip
     """Make row `child` a copy of i on destination d, with its share of the weight."""
     copy_hypothesis(belief, i, child)
     edge = work.edge[d]
-    belief.log_weight[child] += log_share
+    belief.log_weight[child] += math.log(share)
+    belief.probability[child] *= share
     belief.edge[child] = edge
     belief.segment[child] = roads.first[edge]
     belief.fresh[child] = 1
@@ -189,10 +193,11 @@ def _adopt(
 
 
 @kernel
-def _leave_map(belief: Belief, i: int, child: int, log_share: float) -> None:
+def _leave_map(belief: Belief, i: int, child: int, share: float) -> None:
     """The road ends at the map's border or in a one-way trap: what leaves is off road."""
     copy_hypothesis(belief, i, child)
-    belief.log_weight[child] += log_share
+    belief.log_weight[child] += math.log(share)
+    belief.probability[child] *= share
     belief.edge[child] = OFF_ROAD
     belief.fresh[child] = 1
 
@@ -252,7 +257,7 @@ def hand_over(
         s = belief.abscissa[i]
         sigma = belief.spread[i]
         length = roads.length[edge]
-        p = weight(belief, i)
+        p = belief.probability[i]
         if arc < 0.0 and s < _REACH * sigma and belief.size[0] < CAPACITY - 8:
             changed = (
                 _back_up(belief, roads, i, s, sigma, -arc, p, side, lane_sigma, prune) or changed
@@ -268,14 +273,14 @@ def hand_over(
         changed = True
         count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
         if total <= 0.0:
-            _leave_map(belief, i, belief.size[0], math.log(share))
+            _leave_map(belief, i, belief.size[0], share)
             belief.size[0] += 1
         for d in range(count):
             part = share * work.mass[d] / total if total > 0.0 else 0.0
             if part * p < 0.1 * prune:
                 continue
             child = belief.size[0]
-            _adopt(belief, roads, route, work, i, child, d, math.log(part), side, lane_sigma)
+            _adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
             belief.size[0] = child + 1
             f = work.edge[d]
             ahead = s - work.offset[d]
@@ -287,6 +292,7 @@ def hand_over(
             )
         belief.stay[i] = now
         belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
+        belief.probability[i] *= 1.0 - share
         if cut:
             _cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
             track(belief, roads, i, scale)
@@ -316,12 +322,14 @@ def _back_up(
         child = belief.size[0]
         copy_hypothesis(belief, i, child)
         belief.log_weight[child] += math.log(share / count)
+        belief.probability[child] *= share / count
         belief.edge[child] = q
         belief.segment[child] = roads.first[q + 1] - 2
         belief.fresh[child] = 1
         belief.stay[child] = 1.0
         belief.size[0] = child + 1
     belief.log_weight[i] += math.log(1.0 - share)
+    belief.probability[i] *= 1.0 - share
     return True
 
 
@@ -420,19 +428,19 @@ def advance_along(
         length = roads.length[edge]
         now = normal_cdf((length - s) / sigma)
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
-        p = weight(belief, i)
+        p = belief.probability[i]
         if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - _MOST:
             changed = True
             count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
             if total <= 0.0:
-                _leave_map(belief, i, belief.size[0], math.log(share))
+                _leave_map(belief, i, belief.size[0], share)
                 belief.size[0] += 1
             for d in range(count):
                 part = share * work.mass[d] / total if total > 0.0 else 0.0
                 if part * p < 0.1 * prune:
                     continue
                 child = belief.size[0]
-                _adopt(belief, roads, route, work, i, child, d, math.log(part), side, lane_sigma)
+                _adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
                 belief.size[0] = child + 1
                 f = work.edge[d]
                 _move_to(
@@ -441,6 +449,7 @@ def advance_along(
                     heading_variance,
                 )  # fmt: skip
             belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
+            belief.probability[i] *= 1.0 - share
         _move_to(
             belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
             scale, q_along, q_rate, q_cross, heading_variance,
@@ -454,10 +463,11 @@ def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
 
         B = ½ (W log v − w_i log v_i − w_j log v_j)
 
-    with v the variance of the merged abscissa; off the roads the worst of x, y, heading.
+    with v the variance of the merged abscissa.  Off the roads it is the worst of x, y
+    and heading, relative to W: that hypothesis is mostly light, and must stay sharp.
     """
-    wi = weight(belief, i)
-    wj = weight(belief, j)
+    wi = max(belief.probability[i], 1e-300)
+    wj = max(belief.probability[j], 1e-300)
     w = wi + wj
     shares = wi * wj / (w * w)
     if belief.edge[i] != OFF_ROAD:
@@ -473,21 +483,22 @@ def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
         vi = belief.cov[i, c, c]
         vj = belief.cov[j, c, c]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        worst = max(worst, 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj)))
+        worst = max(worst, 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w))
     return worst
 
 
 @kernel
 def _merge_into(belief: Belief, i: int, j: int, scale: float) -> None:
     """Merge hypothesis j into i, the heavier; j is marked dead."""
-    wi = weight(belief, i)
-    wj = weight(belief, j)
+    wi = max(belief.probability[i], 1e-300)
+    wj = max(belief.probability[j], 1e-300)
     merge_moments(
         belief.mean[i], belief.cov[i], belief.mean[j], belief.cov[j], wi / (wi + wj), scale
     )
     share = wi / (wi + wj)
     belief.stay[i] = share * belief.stay[i] + (1.0 - share) * belief.stay[j]
     belief.log_weight[i] = math.log(wi + wj)
+    belief.probability[i] = wi + wj
     belief.edge[j] = NO_EDGE
 
 
@@ -496,6 +507,9 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
     """Merge the cheapest pair on the edge of hypothesis `first`; False when all is well."""
     n = belief.size[0]
     edge = belief.edge[first]
+    if edge == OFF_ROAD:
+        limit = _OFF_LIMIT
+        most = _OFF_MOST
     count = 0
     best = math.inf
     best_i = -1
@@ -541,26 +555,34 @@ def reduce(
     """
     normalise(belief)
     n = belief.size[0]
-    floor = math.log(max(prune, 1e-12))
+    dropped = 0
     for i in range(n):
-        low = floor - 6.9 if belief.edge[i] == OFF_ROAD else floor
-        if belief.log_weight[i] < low:
+        low = 1e-3 * prune if belief.edge[i] == OFF_ROAD else prune
+        if belief.probability[i] < low:
             belief.edge[i] = NO_EDGE
+            dropped += 1
     for i in range(n):
         if belief.edge[i] == NO_EDGE:
             continue
         while belief.edge[i] != NO_EDGE and _merge_edge(belief, i, limit, most, scale):
-            pass
-    m = 0
-    for i in range(n):
-        if belief.edge[i] != NO_EDGE:
-            if m != i:
-                copy_hypothesis(belief, i, m)
-            m += 1
-    belief.size[0] = m
-    while belief.size[0] > KEPT:
-        _drop_lightest(belief)
-    normalise(belief)
+            dropped += 1
+    if dropped > 0:
+        m = 0
+        for i in range(n):
+            if belief.edge[i] != NO_EDGE:
+                if m != i:
+                    copy_hypothesis(belief, i, m)
+                m += 1
+        belief.size[0] = m
+        while belief.size[0] > KEPT:
+            _drop_lightest(belief)
+        total = 0.0
+        for i in range(belief.size[0]):
+            total += belief.probability[i]
+        log_total = math.log(total)
+        for i in range(belief.size[0]):
+            belief.probability[i] /= total
+            belief.log_weight[i] -= log_total
     for i in range(belief.size[0]):
         if belief.fresh[i] == 1:
             belief.fresh[i] = 0
@@ -574,7 +596,7 @@ def reduce(
 def _drop_lightest(belief: Belief) -> None:
     lightest = 0
     for i in range(belief.size[0]):
-        if belief.log_weight[i] < belief.log_weight[lightest]:
+        if belief.probability[i] < belief.probability[lightest]:
             lightest = i
     last = belief.size[0] - 1
     if lightest != last:
