@@ -1,0 +1,252 @@
+"""From streets to the kernels' arrays: junctions, directed edges, lengths, pieces."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import grid, topology
+from ..core.network import AGAINST_ONE_WAY, Roads
+from ..errors import MapError
+from ..frames import Plane
+from ..records import Array
+from .streets import Bytes, Ints, Streets
+from .turns import Turns, successors
+
+Ints32 = NDArray[np.int32]
+
+CELL_SIZE = 64.0  # m: about two search radii, so that a query looks into four cells
+REACH = 2.0e6  # m from the origin, up to which the plane's scale is good to 1e-4
+_CHORD = 8.0  # m over which headings at a node are taken
+
+
+class Pieces(NamedTuple):
+    """Which street lies where along each edge.  P pieces."""
+
+    first: Ints32  # (E+1,)
+    way: Ints32  # (P,) street
+    forward: Bytes  # (P,) 1 where it is driven as it was drawn
+    start: Array  # (P,) abscissa at which it begins, true m
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A compiled map, before it has a file."""
+
+    roads: Roads
+    plane: Plane
+    pieces: Pieces
+    way: Ints32  # (E,) the street of the longest piece
+    node_id: Ints  # (J,) source ids of the junctions
+    dropped: dict[str, int]
+
+
+def compile_streets(streets: Streets, where: str) -> Network:
+    """Make the network of some streets.
+
+    Args:
+        streets: What a map reader gave.
+        where: Name of the map, for errors.
+
+    Returns:
+        Arrays, plane and sources.
+
+    Raises:
+        MapError: No street has a length, or the map is too wide for one plane.
+    """
+    plane = _plane(streets, where)
+    x, y = plane.from_geodetic(streets.lat_deg, streets.lon_deg)
+    if np.hypot(x, y).max() > REACH:
+        raise MapError(
+            f"{where}: it reaches {np.hypot(x, y).max() / 1e3:,.0f} km from its middle; at most "
+            f"{REACH / 1e3:,.0f} km were expected; cut it, or remove stray points"
+        )
+    half, dropped = _halves(streets, plane, x, y)
+    if len(half.tail) == 0:
+        raise MapError(
+            f"{where}: no street has a length; lines of at least two different points were "
+            "expected; check the geometries and their coordinate system"
+        )
+    chain_first, chain_half = _chains(streets, half, len(x))
+    return _network(streets, plane, x, y, half, chain_first, chain_half, dropped)
+
+
+def _plane(streets: Streets, where: str) -> Plane:
+    """The plane about the middle of the map, on the sphere so that no meridian is special."""
+    lat, lon = np.radians(streets.lat_deg), np.radians(streets.lon_deg)
+    towards = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    if towards.shape[1] == 0:
+        raise MapError(f"{where}: it holds no point; streets were expected; check the file")
+    middle = (towards.min(axis=1) + towards.max(axis=1)) / 2.0
+    lat0 = float(np.degrees(np.arctan2(middle[2], np.hypot(middle[0], middle[1]))))
+    return Plane(round(lat0, 6), round(float(np.degrees(np.arctan2(middle[1], middle[0]))), 6))
+
+
+class _Halves(NamedTuple):
+    """Both directions of every straight segment: half 2i along its street, 2i + 1 back."""
+
+    tail: Ints32  # (2M,) node
+    head: Ints32
+    way: Ints32
+    rule: Bytes
+    length: Array  # true m
+
+
+def _halves(
+    streets: Streets, plane: Plane, x: Array, y: Array
+) -> tuple[_Halves, dict[str, int]]:
+    """The segments that have a length; nodes that coincide along a street become one."""
+    count = np.diff(streets.first)
+    way = np.repeat(np.arange(len(count)), count)
+    inside = way[1:] == way[:-1]
+    tail, head, way = streets.node[:-1][inside], streets.node[1:][inside], way[1:][inside]
+    same = (x[tail] == x[head]) & (y[tail] == y[head])
+    join = _joined(tail[same & (tail != head)], head[same & (tail != head)], len(x))
+    tail, head, way = join[tail[~same]], join[head[~same]], way[~same]
+    length = _true_length(plane, x[tail], y[tail], x[head], y[head])
+    twice = np.stack([tail, head], axis=1)
+    rule = np.stack([streets.rule_forward[way], streets.rule_backward[way]], axis=1)
+    return _Halves(
+        twice.ravel().astype(np.int32),
+        twice[:, ::-1].ravel().astype(np.int32),
+        np.repeat(way, 2).astype(np.int32),
+        rule.ravel(),
+        np.repeat(length, 2),
+    ), {"segments without length": int(same.sum())} if same.any() else {}
+
+
+def _joined(a: Ints, b: Ints, count: int) -> Ints:
+    """For each node the least of those it coincides with, given pairs that do."""
+    join = np.arange(count)
+    while (join[a] != join[b]).any():
+        low = np.minimum(join[a], join[b])
+        np.minimum.at(join, a, low)
+        np.minimum.at(join, b, low)
+    return join
+
+
+def _true_length(plane: Plane, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
+    """Lengths on the ground: the plane's over its scale, by Simpson's rule."""
+    scale = (
+        1.0 / plane.scale(ax, ay)
+        + 4.0 / plane.scale(0.5 * (ax + bx), 0.5 * (ay + by))
+        + 1.0 / plane.scale(bx, by)
+    )
+    length: Array = np.hypot(bx - ax, by - ay) * scale / 6.0
+    return length
+
+
+def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32]:
+    """Directed edges as lists of halves, from junction to junction."""
+    out = np.argsort(half.tail, kind="stable").astype(np.int32)
+    degree = np.bincount(half.tail, minlength=nodes)
+    out_first = np.concatenate([[0], np.cumsum(degree)]).astype(np.int32)
+    cut = (degree != 2).astype(np.uint8)
+    through = np.flatnonzero(degree == 2)
+    one, two = out[out_first[through]], out[out_first[through] + 1]
+    kind = streets.highway.code[half.way]
+    differs = (
+        (kind[one] != kind[two])
+        | (half.rule[one ^ 1] != half.rule[two])
+        | (half.rule[two ^ 1] != half.rule[one])
+    )
+    cut[through[differs]] = 1
+    via = np.array([r.via for r in streets.restrictions], dtype=np.int64)
+    cut[np.isin(streets.node_id, via)] = 1
+    first, chain = np.empty(len(out) + 1, np.int32), np.empty(len(out), np.int32)
+    count = topology.chains(
+        half.head, cut, out_first, out, first, chain, np.zeros(len(out), np.uint8)
+    )
+    return first[: count + 1].copy(), chain
+
+
+def _network(
+    streets: Streets, plane: Plane, x: Array, y: Array, half: _Halves,
+    chain_first: Ints32, chain: Ints32, dropped: dict[str, int],
+) -> Network:  # fmt: skip
+    """Lay the chains out as arrays."""
+    edges = len(chain_first) - 1
+    begin, end = chain[chain_first[:-1]], chain[chain_first[1:] - 1]
+    opposite = np.empty(len(chain), np.int32)
+    opposite[begin] = np.arange(edges)
+    opposite = opposite[end ^ 1]
+    places = np.unique(np.concatenate([half.tail[begin], half.head[end]]))
+    number = np.empty(len(x), np.int32)
+    number[places] = np.arange(len(places))
+    from_node, to_node = number[half.tail[begin]], number[half.head[end]]
+
+    # each edge has one vertex more than halves: the head of each, after the first's tail
+    first = (chain_first + np.arange(edges + 1)).astype(np.int32)
+    node = np.empty(first[-1], np.int32)
+    node[first[:-1]] = half.tail[begin]
+    rest = np.ones(len(node), bool)
+    rest[first[:-1]] = False
+    node[rest] = half.head[chain]
+    s = _abscissae(half.length[chain], chain_first, first, rest)
+    vx, vy = x[node], y[node]
+
+    pieces = _pieces(half.way[chain], chain, chain_first, s[~_last(first)])
+    length = s[first[1:] - 1]
+    way = _longest(pieces, length)
+    heading_out, heading_in = np.empty(edges), np.empty(edges)
+    topology.end_headings(vx, vy, s, first, _CHORD, heading_out, heading_in)
+    rule = half.rule[begin]
+    service = streets.service[way]
+    turns: Turns = successors(
+        from_node, to_node, opposite, heading_out, heading_in, service, rule,
+        streets.restrictions, streets.node_id[places], streets.columns["source_id"],
+        half.way[begin], half.way[end],
+    )  # fmt: skip
+    cells = grid.build(vx, vy, first, CELL_SIZE)
+    time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
+    lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
+    roads = Roads(
+        vx, vy, s, first, length, from_node, to_node, opposite,
+        lane.astype(np.float32), (length / time).astype(np.float32), service, rule,
+        turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
+        turns.pred_first, turns.pred, CELL_SIZE, *cells, plane.curvature,
+    )  # fmt: skip
+    return Network(
+        roads, plane, pieces, way, streets.node_id[places], {**dropped, **turns.dropped}
+    )
+
+
+def _abscissae(
+    length: Array, chain_first: Ints32, first: Ints32, rest: NDArray[np.bool_]
+) -> Array:
+    """Cumulative lengths along each edge, exact for opposite edges up to rounding."""
+    total = np.concatenate([[0.0], np.cumsum(length)])
+    before = np.repeat(total[chain_first[:-1]], np.diff(chain_first))
+    s = np.zeros(first[-1])
+    s[rest] = total[1:] - before
+    return s
+
+
+def _last(first: Ints32) -> NDArray[np.bool_]:
+    """Which vertices are the last of their edge."""
+    last = np.zeros(first[-1], bool)
+    last[first[1:] - 1] = True
+    return last
+
+
+def _pieces(way: Ints32, chain: Ints32, chain_first: Ints32, start: Array) -> Pieces:
+    """Runs of halves of one street in one direction."""
+    forward = (chain & 1) == 0
+    new = np.ones(len(way), bool)
+    new[1:] = (way[1:] != way[:-1]) | (forward[1:] != forward[:-1])
+    new[chain_first[:-1]] = True
+    before = np.concatenate([[0], np.cumsum(new)])
+    return Pieces(
+        before[chain_first].astype(np.int32), way[new], forward[new].astype(np.uint8), start[new]
+    )
+
+
+def _longest(pieces: Pieces, length: Array) -> Ints32:
+    """The street of each edge's longest piece, the earliest of equals."""
+    end = np.append(pieces.start[1:], 0.0)
+    end[pieces.first[1:] - 1] = length
+    edge = np.repeat(np.arange(len(length)), np.diff(pieces.first))
+    # rounded, so that both directions of an edge choose alike but for true ties
+    order = np.lexsort((pieces.way, -np.round(end - pieces.start, 6), edge))
+    return pieces.way[order[pieces.first[:-1]]]

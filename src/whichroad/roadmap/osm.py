@@ -1,0 +1,190 @@
+"""OpenStreetMap extracts: drivable ways, their nodes and turn restrictions."""
+
+from array import array
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..errors import MapError
+from . import tags as meaning
+from .streets import Column, Restriction, Streets, Texts
+
+SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osh.pbf", ".xml")
+_UNDEFINED = 2**31 - 1  # what osmium says of a node that the extract lacks
+_CARS = ("motorcar", "motor_vehicle")
+
+
+def read_osm(path: Path) -> Streets:
+    """Streets of an OpenStreetMap file.
+
+    Args:
+        path: .osm.pbf, .osm, .osm.gz or .osm.bz2.
+
+    Returns:
+        The drivable ways, over nodes that carry OSM ids.
+
+    Raises:
+        MapError: The file cannot be read, or holds no drivable way.
+    """
+    ways = _Ways()
+    try:
+        for item in _processor(path):
+            if item.is_way():
+                ways.add(item)
+            else:
+                ways.add_relation(item)
+    except (RuntimeError, OSError, ValueError) as error:
+        raise MapError(
+            f"{path}: {error}; an OpenStreetMap file ({', '.join(SUFFIXES[:5])}) was expected; "
+            "check that it is one and complete"
+        ) from error
+    if not ways.tags:
+        raise MapError(
+            f"{path}: no drivable way was found; ways with highway=motorway ... service were "
+            "expected; check that the extract holds roads and their nodes"
+        )
+    return ways.streets()
+
+
+def _processor(path: Path) -> Any:
+    """Iterator over drivable ways with their nodes' places, and restriction relations."""
+    import osmium
+
+    f, kinds = osmium.filter, osmium.osm
+    classes = [("highway", name) for name in meaning.CLASS_SPEED_KMH]
+    return (
+        osmium.FileProcessor(str(path))
+        .with_locations("flex_mem")
+        .with_filter(f.EntityFilter(kinds.WAY | kinds.RELATION))
+        .with_filter(f.TagFilter(*classes).enable_for(kinds.WAY))
+        .with_filter(f.TagFilter(("type", "restriction")).enable_for(kinds.RELATION))
+    )
+
+
+class _Ways:
+    """Collects what the file holds, as flat lists."""
+
+    def __init__(self) -> None:
+        self.ids: list[int] = []
+        self.tags: list[dict[str, str]] = []
+        self.count: list[int] = []
+        self.ref, self.x, self.y = array("q"), array("i"), array("i")
+        self.restrictions: list[Restriction] = []
+        self.skipped: Counter[str] = Counter()
+
+    def add(self, way: Any) -> None:
+        """Keep a way (osmium's object lives only during this call)."""
+        tags = dict(way.tags)
+        if tags.get("area") == "yes":
+            self.skipped["ways that are areas"] += 1
+            return
+        before = len(self.ref)
+        missing = 0
+        for node in way.nodes:
+            if node.x == _UNDEFINED:
+                missing += 1
+                continue
+            self.ref.append(node.ref)
+            self.x.append(node.x)
+            self.y.append(node.y)
+        if missing:
+            self.skipped["nodes of ways missing in the extract"] += missing
+        if len(self.ref) - before < 2:
+            self.skipped["ways of fewer than two nodes"] += 1
+            del self.ref[before:], self.x[before:], self.y[before:]
+            return
+        self.ids.append(way.id)
+        self.tags.append(tags)
+        self.count.append(len(self.ref) - before)
+
+    def add_relation(self, relation: Any) -> None:
+        """Keep a turn restriction that concerns cars and turns at one node."""
+        tags = dict(relation.tags)
+        kind = next((tags[k] for k in (*(f"restriction:{c}" for c in _CARS), "restriction") if k in tags), "")
+        if not kind.startswith(("no_", "only_")):
+            self.skipped["restrictions for other vehicles or at certain times"] += 1
+            return
+        if any(word.strip() in _CARS for word in tags.get("except", "").split(";")):
+            self.skipped["restrictions that except cars"] += 1
+            return
+        members: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
+        for member in relation.members:
+            members.setdefault(member.role, []).append((member.type, member.ref))
+        via = members["via"]
+        if len(via) != 1 or via[0][0] != "n":
+            self.skipped["restrictions via ways"] += 1
+            return
+        origin = tuple(ref for kind_, ref in members["from"] if kind_ == "w")
+        target = tuple(ref for kind_, ref in members["to"] if kind_ == "w")
+        if not origin or not target:
+            self.skipped["restrictions without from or to"] += 1
+            return
+        self.restrictions.append(
+            Restriction(kind.startswith("only_"), "u_turn" in kind, origin, via[0][1], target)
+        )
+
+    def streets(self) -> Streets:
+        """Everything as arrays."""
+        ref = np.array(self.ref, dtype=np.int64)
+        node_id, place, node = np.unique(ref, return_index=True, return_inverse=True)
+        lat = np.array(self.y, dtype=np.int32)[place] * 1e-7
+        lon = np.array(self.x, dtype=np.int32)[place] * 1e-7
+        rows = [_Row(tags) for tags in self.tags]
+        return Streets(
+            lat, lon, node_id, np.concatenate([[0], np.cumsum(self.count)]), node,
+            rule_forward=np.array([r.forward for r in rows], dtype=np.uint8),
+            rule_backward=np.array([r.backward for r in rows], dtype=np.uint8),
+            speed=np.array([r.speed for r in rows]),
+            lane=np.array([r.lane for r in rows]),
+            service=np.array([r.highway == "service" for r in rows], dtype=np.uint8),
+            highway=Texts.of([r.highway for r in rows]),
+            columns={"source_id": np.array(self.ids, dtype=np.int64), **_columns(self.tags, rows)},
+            restrictions=self.restrictions,
+            skipped=dict(self.skipped),
+        )  # fmt: skip
+
+
+class _Row:
+    """The meaning of one way's tags."""
+
+    __slots__ = (
+        "access", "backward", "forward", "highway", "lane", "lanes", "limit", "oneway", "ring",
+        "speed", "width",
+    )  # fmt: skip
+
+    def __init__(self, tags: dict[str, str]) -> None:
+        self.highway = tags["highway"]
+        self.oneway = meaning.oneway(tags)
+        self.access = meaning.access(tags)
+        self.ring = meaning.roundabout(tags)
+        self.limit = meaning.speed_limit_kmh(tags.get("maxspeed"))
+        self.lanes = meaning.number(tags.get("lanes"))
+        self.width = meaning.number(tags.get("width"))
+        closed = NO_ACCESS if self.access == meaning.CLOSED else 0
+        self.forward = closed | (AGAINST_ONE_WAY if self.oneway < 0 else 0)
+        self.backward = closed | (AGAINST_ONE_WAY if self.oneway > 0 else 0)
+        self.speed = max(self.limit or meaning.CLASS_SPEED_KMH[self.highway], 5.0) / 3.6
+        self.lane = meaning.lane_offset(
+            self.highway, self.oneway == 0, self.lanes, self.width, self.ring
+        )
+
+
+def _columns(tags: list[dict[str, str]], rows: list[_Row]) -> dict[str, Column]:
+    """The attributes that tables of edges show."""
+    return {
+        "name": Texts.of([t.get("name") or t.get("ref") or "" for t in tags]),
+        "speed_limit_kmh": np.array([r.limit for r in rows], dtype=np.float32),
+        "lanes": np.array([min(r.lanes, 255.0) for r in rows], dtype=np.uint8),
+        "width": np.array([r.width for r in rows], dtype=np.float32),
+        "layer": np.array(
+            [max(-128, min(127, meaning.whole(t.get("layer", 0)))) for t in tags], dtype=np.int8
+        ),
+        "bridge": np.array([meaning.truth(t.get("bridge")) for t in tags], dtype=np.uint8),
+        "tunnel": np.array([meaning.truth(t.get("tunnel")) for t in tags], dtype=np.uint8),
+        "oneway": np.array([r.oneway for r in rows], dtype=np.int8),
+        "roundabout": np.array([r.ring for r in rows], dtype=np.uint8),
+        "access": np.array([r.access for r in rows], dtype=np.uint8),
+    }

@@ -1,0 +1,340 @@
+"""`RoadMap`: a road network to drive on, and what its roads are called."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core import grid
+from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
+from ..errors import MapError
+from ..frames import Plane
+from ..records import Array
+from . import store
+from .compile import Network, Pieces, compile_streets
+from .streets import Column, Ints, Streets, Texts
+from .tags import ACCESS_WORDS
+
+if TYPE_CHECKING:
+    import geopandas
+
+_ARRAYS = [name for name in Roads._fields if name not in ("cell_size", "curvature")]
+_FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
+
+
+class Near(NamedTuple):
+    """Edges near a point, closest first: (n,) each."""
+
+    edge: Ints
+    s: Array  # abscissa of the closest point, true m
+    lateral: Array  # signed distance, positive where the point is right of the edge, true m
+    distance: Array  # true m
+
+
+class RoadMap:
+    """A compiled road network.
+
+    Edges are directed, numbered from 0, and run between junctions; where a street is legal
+    in one direction only, the other one exists too and is marked in `arrays.rule`.
+
+    Attributes:
+        arrays: The network as the kernels see it.
+        plane: Its coordinates.
+        ways: (W,) columns of the streets it was made of: `source_id`, `name`, `highway`, ...
+        pieces: Which street lies where along each edge.
+        way: (E,) street of each edge's longest piece.
+        node_id: (J,) the source's ids of the junctions.
+    """
+
+    __slots__ = ("_about", "arrays", "node_id", "pieces", "plane", "way", "ways")
+
+    def __init__(
+        self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Ints,
+        ways: Mapping[str, Column], about: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        self.arrays = arrays
+        self.plane = plane
+        self.pieces = pieces
+        self.way = way
+        self.node_id = node_id
+        self.ways = dict(ways)
+        self._about = dict(about)
+
+    @classmethod
+    def from_osm(cls, path: str | Path) -> "RoadMap":
+        """Compile an OpenStreetMap extract.
+
+        Args:
+            path: .osm.pbf, .osm, .osm.gz or .osm.bz2.
+
+        Raises:
+            MapError: The file cannot be read, or holds no drivable way.
+        """
+        from .osm import read_osm
+
+        return cls._compiled(read_osm(Path(path)), str(path))
+
+    @classmethod
+    def from_edges(
+        cls, table: Any, crs: Any = None, *, directed: bool | None = None
+    ) -> "RoadMap":
+        """Compile one's own table of roads.
+
+        Columns are found by their usual names (docs/formats.md); only `geometry` is required.
+
+        Args:
+            table: GeoDataFrame, Arrow table, or path to GeoParquet, GeoJSON, CSV with WKT, or
+                whatever geopandas reads.
+            crs: Coordinate system of the geometry where the table does not tell, as pyproj
+                takes it, e.g. "EPSG:3067".
+            directed: Whether a row is one direction of a road.  None: it is where the table
+                has no column on one-way roads and rows come in opposite pairs.
+
+        Raises:
+            MapError: No geometry was found, or its coordinate system is unknown.
+        """
+        from .table import read_edges
+
+        streets, where = read_edges(table, crs, directed)
+        return cls._compiled(streets, where)
+
+    @classmethod
+    def _compiled(cls, streets: Streets, where: str) -> "RoadMap":
+        network: Network = compile_streets(streets, where)
+        ways = {**streets.columns, "highway": streets.highway}
+        about = {"source": where, "skipped": {**streets.skipped, **network.dropped}}
+        return cls(
+            network.roads, network.plane, network.pieces, network.way, network.node_id, ways, about
+        )
+
+    @classmethod
+    def open(cls, path: str | Path) -> "RoadMap":
+        """Open a compiled map; its arrays stay in the file until they are used.
+
+        Raises:
+            MapError: It is not one, is cut short, damaged or of another version.
+        """
+        about, arrays = store.read(Path(path))
+        try:
+            return _from_arrays(about, arrays)
+        except (KeyError, TypeError, ValueError) as error:
+            raise MapError(
+                f"{path}: {error} is missing or wrong; a compiled map was expected; "
+                "make it anew by `whichroad map build`"
+            ) from error
+
+    def save(self, path: str | Path) -> None:
+        """Write the compiled map to a file, replacing one that is there.
+
+        Raises:
+            WriteError: The file cannot be written.
+        """
+        store.write(Path(path), *_to_arrays(self))
+
+    @property
+    def network(self) -> Roads:
+        """The same as `arrays`."""
+        return self.arrays
+
+    def __len__(self) -> int:
+        return len(self.arrays.length)
+
+    def __repr__(self) -> str:
+        return f"RoadMap({self._about['source']!r}, {len(self)} directed edges)"
+
+    def near(self, x: float, y: float, radius: float) -> Near:
+        """Every directed edge within `radius` true metres of a plane point, closest first."""
+        room = 64
+        while True:
+            edge = np.empty(room, np.int64)
+            s, lateral, distance = (np.empty(room) for _ in range(3))
+            n = grid.near(self.arrays, x, y, radius, edge, s, lateral, distance)
+            if n < room:
+                return Near(edge[:n], s[:n], lateral[:n], distance[:n])
+            room *= 4
+
+    def at(self, edge: int, s: float) -> tuple[float, float, float]:
+        """Plane point and heading (rad) at abscissa s (true m) of an edge.
+
+        Beyond the ends the edge is prolonged.
+        """
+        roads = self.arrays
+        v = int(grid.vertex_at(roads, edge, s))
+        dx, dy = float(roads.x[v + 1] - roads.x[v]), float(roads.y[v + 1] - roads.y[v])
+        t = (s - float(roads.s[v])) / float(roads.s[v + 1] - roads.s[v])
+        return float(roads.x[v]) + t * dx, float(roads.y[v]) + t * dy, math.atan2(dy, dx)
+
+    def edge_line(self, edge: int, start: float | None = None, end: float | None = None) -> Array:
+        """Vertices of an edge in driving direction, (n, 2) plane m.
+
+        Args:
+            edge: Directed edge.
+            start: Abscissa from which on; None: its beginning.
+            end: Abscissa up to which, not less than start; None: its end.
+        """
+        low, high = self.arrays.first[edge], self.arrays.first[edge + 1]
+        line = np.column_stack([self.arrays.x[low:high], self.arrays.y[low:high]])
+        if start is None and end is None:
+            return line
+        s = self.arrays.s[low:high]
+        start = 0.0 if start is None else min(max(start, 0.0), float(s[-1]))
+        end = float(s[-1]) if end is None else min(max(end, start), float(s[-1]))
+        inside = line[(s > start) & (s < end)]
+        return np.vstack([self.at(edge, start)[:2], inside, self.at(edge, end)[:2]])
+
+    def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
+        """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
+        e, abscissa = np.atleast_1d(np.asarray(edge)), np.atleast_1d(np.asarray(s, dtype=float))
+        found = np.array(self.pieces.first[e], dtype=np.int64)
+        last = self.pieces.first[e + 1] - 1
+        while True:
+            step = (found < last) & (
+                self.pieces.start[np.minimum(found + 1, len(self.pieces.start) - 1)] <= abscissa
+            )
+            if not step.any():
+                return found
+            found[step] += 1
+
+    def source(self, edge: int, s: float) -> tuple[int | str, bool]:
+        """The source's id of the road at abscissa s, and whether it is driven as it was drawn."""
+        ids, forward = self.sources([edge], [s])
+        return ids[0], bool(forward[0])
+
+    def sources(
+        self, edge: ArrayLike, s: ArrayLike
+    ) -> tuple[list[int | str], NDArray[np.bool_]]:
+        """`source` of (n,) edges and abscissae."""
+        piece = self.piece(edge, s)
+        way, forward = self.pieces.way[piece], self.pieces.forward[piece] > 0
+        ids = self._values("source_id", way)
+        if "back_id" in self.ways:  # rows were directed: the opposite row has its own id
+            paired = np.asarray(self.ways["paired"])[way] > 0
+            back = self._values("back_id", way)
+            swap = paired & ~forward
+            ids = [b if w else a for a, b, w in zip(ids, back, swap, strict=True)]
+            forward = forward | swap
+        return ids, forward
+
+    def edge_id(self, edge: int) -> int:
+        """The id of an edge in tables: its number, the same for every build of the same input."""
+        return int(edge)
+
+    def attributes(self, edge: int, s: float | None = None) -> dict[str, Any]:
+        """What is known of the road at abscissa s (None: of the edge's longest piece).
+
+        Absent values are None.
+        """
+        way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
+        names = [n for n in self.ways if n not in ("back_id", "paired")]
+        return {name: self._values(name, np.array([way]))[0] for name in names}
+
+    def column(self, name: str) -> list[Any]:
+        """An attribute of every edge (of its longest piece), absent values None."""
+        return self._values(name, self.way)
+
+    def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
+        """A column's values as plain Python, for some streets."""
+        column = self.ways[name]
+        if isinstance(column, Texts):
+            words = column.words()
+            return [words[c] or None for c in column.code[way]]
+        values = column[way].tolist()
+        if name in _FLAGS:
+            return [bool(v) for v in values]
+        if name == "access":
+            return [ACCESS_WORDS[v] for v in values]
+        if name in ("speed_limit_kmh", "lanes", "width"):
+            return [v or None for v in values]
+        return cast(list[Any], values)
+
+    def info(self) -> dict[str, Any]:
+        """What the map holds, where it came from, and what was skipped and why."""
+        roads = self.arrays
+        legal = roads.rule == 0
+        once = legal & ((roads.opposite > np.arange(len(self))) | ~legal[roads.opposite])
+        lat, lon = self.plane.to_geodetic(np.asarray(roads.x), np.asarray(roads.y))
+        highways, counts = np.unique(np.array(self.column("highway"), dtype=str), return_counts=True)
+        return {
+            **self._about,
+            "nodes": len(self.node_id),
+            "edges": len(self),
+            "legal_edges": int(legal.sum()),
+            "against_one_way": int((roads.rule & AGAINST_ONE_WAY > 0).sum()),
+            "no_access": int((roads.rule & NO_ACCESS > 0).sum()),
+            "turns": len(roads.succ),
+            "streets": len(self.ways["source_id"]),
+            "km": round(float(roads.length[once].sum()) / 1e3, 3),
+            "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
+            "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
+            "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
+        }
+
+    def edges_table(self) -> "geopandas.GeoDataFrame":
+        """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
+        import geopandas
+        import shapely
+
+        roads = self.arrays
+        lat, lon = self.plane.to_geodetic(np.asarray(roads.x), np.asarray(roads.y))
+        count = np.diff(roads.first)
+        lines = shapely.linestrings(
+            np.column_stack([lon, lat]), indices=np.repeat(np.arange(len(self)), count)
+        )
+        middle = np.asarray(roads.length) / 2.0
+        ids, forward = self.sources(np.arange(len(self)), middle)
+        columns = {n: self.column(n) for n in self.ways if n not in ("source_id", "back_id", "paired")}
+        data = {
+            "edge_id": np.arange(len(self)),
+            "source_id": ids,
+            "forward": forward,
+            "from_node": self.node_id[roads.from_node],
+            "to_node": self.node_id[roads.to_node],
+            "opposite": roads.opposite,
+            "length_m": roads.length,
+            "speed_mps": roads.speed,
+            "against_one_way": roads.rule & AGAINST_ONE_WAY > 0,
+            "no_access": roads.rule & NO_ACCESS > 0,
+            **columns,
+        }
+        return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")
+
+
+def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
+    """A map as JSON and named arrays."""
+    arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _ARRAYS}
+    arrays |= {f"pieces.{n}": getattr(roads.pieces, n) for n in Pieces._fields}
+    arrays |= {"way": roads.way, "node_id": roads.node_id}
+    for name, column in roads.ways.items():
+        if isinstance(column, Texts):
+            for part in ("code", "offset", "utf8"):
+                arrays[f"ways.{name}.{part}"] = getattr(column, part)
+        else:
+            arrays[f"ways.{name}"] = column
+    about = {
+        "about": roads._about,
+        "origin_deg": [roads.plane.lat0_deg, roads.plane.lon0_deg],
+        "cell_size": roads.arrays.cell_size,
+        "columns": list(roads.ways),
+    }
+    return about, arrays
+
+
+def _from_arrays(about: dict[str, Any], arrays: store.Arrays) -> RoadMap:
+    """The map of JSON and named arrays."""
+    plane = Plane(*about["origin_deg"])
+    roads = Roads(
+        **{n: arrays[f"roads.{n}"] for n in _ARRAYS},
+        cell_size=float(about["cell_size"]),
+        curvature=plane.curvature,
+    )
+    pieces = Pieces(*(arrays[f"pieces.{n}"] for n in Pieces._fields))
+    ways: dict[str, Column] = {}
+    for name in about["columns"]:
+        if f"ways.{name}" in arrays:
+            ways[name] = arrays[f"ways.{name}"]
+        else:
+            ways[name] = Texts(*(arrays[f"ways.{name}.{p}"] for p in ("code", "offset", "utf8")))
+    return RoadMap(roads, plane, pieces, arrays["way"], arrays["node_id"], ways, about["about"])

@@ -1,0 +1,159 @@
+"""A compiled map as one file: a header, then arrays that are mapped into memory.
+
+The mapping is copy-on-write: processes share its pages, the file never changes, and the
+arrays have the same type for the compiled kernels as those of a map just built (read-only
+ones would have every kernel compiled a second time).
+
+    bytes 0-31   magic, version, header's length and checksum, file's length
+    header       JSON: what the map is, and each array's type, shape, place and checksum
+    arrays       little-endian, each at a multiple of 64 bytes
+"""
+
+import json
+import mmap
+import os
+import struct
+import tempfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import MapError, WriteError
+
+MAGIC = b"WHICHROAD"
+VERSION = 1
+_FIXED = struct.Struct("<9s3xIIIQ")  # magic, version, header's length and checksum, file's length
+_ALIGN = 64
+_TYPES = {"<f8", "<f4", "<i8", "<i4", "|i1", "|u1"}
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def _aligned(place: int) -> int:
+    return -(-place // _ALIGN) * _ALIGN
+
+
+def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
+    """Write a map; the file is there as a whole or not at all.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        about: What JSON can say of the map.
+        arrays: By name.
+
+    Raises:
+        WriteError: The file cannot be written.
+    """
+    table, place = {}, 0
+    data = []
+    for name, array in arrays.items():
+        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        table[name] = [little.dtype.str, list(little.shape), place, zlib.crc32(little.data)]
+        data.append((place, little))
+        place = _aligned(place + little.nbytes)
+    header = json.dumps({"about": about, "arrays": table}).encode()
+    start = _aligned(_FIXED.size + len(header))
+    fixed = _FIXED.pack(MAGIC, VERSION, len(header), zlib.crc32(header), start + place)
+    temporary = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, delete=False) as f:
+            temporary = f.name
+            f.write(fixed + header)
+            for offset, little in data:
+                f.seek(start + offset)
+                f.write(little.data)
+            f.truncate(start + place)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+        raise WriteError(
+            f"{path}: {error.strerror}; a folder that can be written was expected; choose another"
+        ) from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def read(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """Open a map: its arrays are views of the file.
+
+    Args:
+        path: A file that `write` made.
+
+    Returns:
+        What JSON said of it, and the arrays.
+
+    Raises:
+        MapError: It cannot be read, is another kind of file, of another version, cut short
+            or damaged.
+    """
+    try:
+        with path.open("rb") as f:
+            size = os.fstat(f.fileno()).st_size
+            if size == 0:
+                raise MapError(_refusal(path, "it is empty"))
+            memory = mmap.mmap(f.fileno(), 0, access=mmap.ACCESS_COPY)
+    except OSError as error:
+        raise MapError(
+            f"{path}: {error.strerror}; a compiled map was expected; check the name"
+        ) from error
+    header, start = _header(path, memory)
+    arrays = {
+        name: _array(path, memory, start, name, entry) for name, entry in header["arrays"].items()
+    }
+    return header["about"], arrays
+
+
+def _refusal(path: Path, seen: str) -> str:
+    return f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`"
+
+
+def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:
+    """The header, and where the arrays begin."""
+    if memory[: len(MAGIC)] != MAGIC:
+        raise MapError(_refusal(path, "it does not begin as a whichroad map does"))
+    if len(memory) < _FIXED.size:
+        raise MapError(_refusal(path, f"it ends after {len(memory)} bytes"))
+    _, version, length, checksum, size = _FIXED.unpack_from(memory)
+    if version != VERSION:
+        raise MapError(
+            f"{path}: it is of version {version}; version {VERSION} was expected; "
+            "make it anew by `whichroad map build`"
+        )
+    if len(memory) != size:
+        raise MapError(
+            f"{path}: it has {len(memory)} bytes; {size} were expected; "
+            "it was cut short or changed: make it anew by `whichroad map build`"
+        )
+    text = memory[_FIXED.size : _FIXED.size + length]
+    if zlib.crc32(text) != checksum:
+        raise MapError(_refusal(path, "its header is damaged"))
+    try:
+        header: dict[str, Any] = json.loads(text)
+    except ValueError as error:
+        raise MapError(_refusal(path, "its header cannot be understood")) from error
+    return header, _aligned(_FIXED.size + length)
+
+
+def _array(
+    path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any]
+) -> NDArray[Any]:
+    """One array, checked."""
+    kind, shape, place, checksum = entry
+    if kind not in _TYPES:
+        raise MapError(_refusal(path, f"its array {name} has the type {kind}"))
+    count = int(np.prod(shape, dtype=np.int64))
+    if start + place + count * np.dtype(kind).itemsize > len(memory):
+        raise MapError(_refusal(path, f"its array {name} ends beyond the file"))
+    array = np.frombuffer(memory, dtype=kind, count=count, offset=start + place).reshape(shape)
+    if zlib.crc32(array.data) != checksum:
+        raise MapError(_refusal(path, f"its array {name} is damaged"))
+    return array

@@ -1,0 +1,81 @@
+"""What the map readers give to the compiler: streets with shared nodes, and their attributes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """A column of words, each kept once; an empty word is absence.  Shape (n,)."""
+
+    code: NDArray[np.int32]  # (n,) which word
+    offset: Ints  # (words + 1,) where each word starts in utf8
+    utf8: Bytes
+
+    @classmethod
+    def of(cls, words: list[str]) -> "Texts":
+        """The column of a list of words."""
+        places: dict[str, int] = {"": 0}
+        code = np.array([places.setdefault(w, len(places)) for w in words], dtype=np.int32)
+        raw = [w.encode() for w in places]
+        offset = np.cumsum([0, *map(len, raw)], dtype=np.int64)
+        return cls(code, offset, np.frombuffer(b"".join(raw), dtype=np.uint8))
+
+    def __len__(self) -> int:
+        return len(self.code)
+
+    def word(self, code: int) -> str:
+        """The word of a code."""
+        return bytes(self.utf8[self.offset[code] : self.offset[code + 1]]).decode(errors="replace")
+
+    def __getitem__(self, i: int) -> str:
+        return self.word(int(self.code[i]))
+
+    def words(self) -> list[str]:
+        """Every word once, by code."""
+        return [self.word(i) for i in range(len(self.offset) - 1)]
+
+    def take(self, rows: NDArray[np.int64]) -> "Texts":
+        """The column of some rows."""
+        return Texts(self.code[rows], self.offset, self.utf8)
+
+
+Column = NDArray[np.generic] | Texts
+
+
+@dataclass(frozen=True, slots=True)
+class Restriction:
+    """A turn restriction at a node, by source ids."""
+
+    only: bool  # all other turns are banned, instead of these
+    u_turn: bool  # about turning round
+    origin: tuple[int, ...]  # ways
+    via: int  # node
+    target: tuple[int, ...]  # ways
+
+
+@dataclass(frozen=True, slots=True)
+class Streets:
+    """Streets as polylines over shared nodes.  N nodes, W streets, L places in their lists."""
+
+    lat_deg: Array  # (N,)
+    lon_deg: Array  # (N,)
+    node_id: Ints  # (N,) the source's, or the node's own number
+    first: Ints  # (W+1,)
+    node: Ints  # (L,)
+    rule_forward: Bytes  # (W,) bits of core.network for driving as drawn
+    rule_backward: Bytes  # (W,)
+    speed: Array  # (W,) m/s
+    lane: Array  # (W,) m right of the centre line, in legal directions
+    service: Bytes  # (W,)
+    highway: Texts  # (W,)
+    columns: dict[str, Column]  # (W,) each: source_id, name, ...
+    restrictions: list[Restriction] = field(default_factory=list)
+    skipped: dict[str, int] = field(default_factory=dict)
