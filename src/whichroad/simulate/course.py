@@ -105,7 +105,8 @@ def _offset(
 ) -> Array:
     """Lateral offset of the car, metres right of the centre line, (n,)."""
     on = np.clip(np.searchsorted(entry, along, side="right") - 1, 0, len(edges) - 1)
-    offset = roads.lane[edges].astype(float)[on]
+    own = random.normal(0.0, settings.street_sigma, len(edges))
+    offset = (roads.lane[edges] + own)[on]
     invites = (roads.speed[edges][on] > _FAST) & (smooth(np.abs(bend), 20.0) < _VISIT_BEND)
     for begin in _poisson(settings.lane_change_rate, along[-1], random):
         visit = (along > begin) & (along < begin + random.uniform(100.0, 400.0))

@@ -26,6 +26,7 @@ class SimulationSettings:
     relative_shortest: float = _number(60, "m", "its shortest wavelength")
     relative_longest: float = _number(250, "m", "its longest wavelength")
 
+    street_sigma: float = _number(0.6, "m", "a street's own lane against the usual one")
     lane_sigma: float = _number(0.3, "m", "how far the driver strays from the lane's middle")
     lane_length: float = _number(100, "m", "over which distance")
     lane_change_rate: float = _number(2e-4, "1/m", "visits to the next lane, on fast roads only")
