@@ -86,7 +86,7 @@ def make_scene(
         p_road=_column(points, "p_road"),
         p_off_road=_column(points, "p_off_road"),
         bound=np.sqrt(CHI2_95) * _column(points, "ellipse_major_m"),
-        inside=None if there is None else _inside(points, xy - origin, there),
+        inside=None if there is None else _inside(points, roads, xy, there + origin),
         status=points["status"].to_pylist(),
         hypotheses=hypotheses,
         roads=_roads_near(roads, xy, origin),
@@ -164,9 +164,12 @@ def _truth_at(seconds: "Array", roads: "RoadMap", truth: "pa.Table") -> "Array":
     return there
 
 
-def _inside(points: "pa.Table", xy: "Array", truth: "Array") -> NDArray[np.bool_]:
+def _inside(points: "pa.Table", roads: "RoadMap", xy: "Array", truth: "Array") -> NDArray[np.bool_]:
     """Whether each 95 % ellipse holds the truth."""
-    east, north = (truth - xy).T
+    apart_x, apart_y = (truth - xy).T
+    turn = roads.plane.convergence(*np.nan_to_num(xy).T)  # rows without a position stay NaN
+    east = np.cos(turn) * apart_x + np.sin(turn) * apart_y
+    north = np.cos(turn) * apart_y - np.sin(turn) * apart_x
     ee, en, nn = (_column(points, name) for name in ("cov_ee_m2", "cov_en_m2", "cov_nn_m2"))
     with np.errstate(invalid="ignore", divide="ignore"):
         squared = (nn * east**2 - 2 * en * east * north + ee * north**2) / (ee * nn - en**2)
