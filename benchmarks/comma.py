@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import whichroad
-from whichroad.records import Drive, Fixes, WheelSpeeds
+from whichroad.records import ASSUMED, Drive, Fixes, WheelSpeeds
 
 from . import Figure, Options
 
@@ -31,18 +31,19 @@ def load(options: Options) -> Drive:
     fix = columns(options.need("comma_sf", "comma_ublox.csv"))
     n = len(fix["t"])
     unknown = np.full(n, np.inf)
+    variance = np.full(n, whichroad.Settings().default_sigma_m ** 2)  # none is reported
     fixes = Fixes(
         time=fix["t"],
         lat_deg=fix["lat"],
         lon_deg=fix["lon"],
-        cov_ee=unknown,
+        cov_ee=variance,
         cov_en=np.zeros(n),
-        cov_nn=unknown,
+        cov_nn=variance,
         speed=fix["speed"],
         sigma_speed=unknown,
         bearing_deg=fix["bearing_deg"],
         sigma_bearing_deg=unknown,
-        flags=np.zeros(n, np.uint8),
+        flags=np.full(n, ASSUMED, np.uint8),
     )
     return Drive("comma_sf", fixes, WheelSpeeds(wheels["t"], wheels["rl"], wheels["rr"]))
 
@@ -60,11 +61,13 @@ def run(options: Options) -> list[Figure]:
     roads = whichroad.RoadMap.from_edges(options.need("comma_sf", "comma_sf_osm_clip.geojson"))
     wheels = drive.odometry
     assert isinstance(wheels, WheelSpeeds)
+    assert drive.fixes is not None
     speed = 0.5 * (wheels.left + wheels.right)
     gone = np.concatenate([[0.0], np.cumsum(speed[:-1] * np.diff(wheels.time))])
     begin = float(np.interp(GNSS_M, gone, wheels.time))
-    points = whichroad.match(drive, roads, mask=[(begin, math.inf)]).points
-    time = (points["time"].astype("int64") / 1e6).to_numpy()
+    first = min(wheels.time[0], drive.fixes.time[0])
+    points = whichroad.match(drive, roads, mask=[(begin - first, math.inf)]).points
+    time = points["time"].astype("datetime64[us, UTC]").astype("int64").to_numpy() / 1e6
     end = float(min(time[-1], truth["t"][-1]))
 
     def error_at(t: float) -> np.ndarray:

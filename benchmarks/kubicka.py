@@ -90,7 +90,6 @@ def network(track: Track) -> Any:
             "id": np.arange(len(track.arcs)),
             "from": track.arcs[:, 0],
             "to": track.arcs[:, 1],
-            "oneway": True,
         },
         geometry=shapely.linestrings(track.nodes[track.arcs]),
         crs="EPSG:4326",
@@ -114,7 +113,7 @@ def score(track: Track, every: float) -> Score:
     """Match one track and compare its path with the true route."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        roads = whichroad.RoadMap.from_edges(network(track))
+        roads = whichroad.RoadMap.from_edges(network(track), directed=True)
         fixes = drive(track, every)
         start = time.perf_counter()
         path = whichroad.match(fixes, roads).path

@@ -1,0 +1,150 @@
+"""How fast: recorded drives, one call on line, opening a map.  One thread, kernels warm.
+
+A recorded drive is timed from records to filtered epochs (clocks aligned, fixes in the
+plane, the filter); reading files and building tables are not the filter's and are said
+apart.  Each figure is the median of several runs.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+import whichroad
+from whichroad.epochs import build_timeline
+from whichroad.localizer import Localizer, Recorded, localize_recorded
+from whichroad.records import Drive, GeoFix, WheelCounts, WheelTicks
+from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
+
+from . import Figure, Options, seeds_text
+
+SEEDS = range(2000, 2008)
+LENGTH_M = 15_000.0
+REPEATS = 5
+
+
+def timed(work: Callable[[], Any]) -> float:
+    """Seconds that a call takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def _drives(options: Options) -> tuple[whichroad.RoadMap, list[SimulatedDrive]]:
+    roads = whichroad.RoadMap.from_osm(options.need("maps", "heidelberg.osm.pbf"))
+    allowed = drivable(roads.arrays, np.random.default_rng(0))
+    seeds = options.seeds or SEEDS
+    length = options.more.get("metres", LENGTH_M)
+    drives = [simulate_drive(roads, seed=s, length_m=length, allowed=allowed) for s in seeds]
+    return roads, drives
+
+
+def _localize(roads: whichroad.RoadMap, drive: Drive, vehicle: whichroad.Vehicle) -> Recorded:
+    return localize_recorded(roads, build_timeline(drive, roads.plane, vehicle), vehicle=vehicle)
+
+
+def _rate(
+    roads: whichroad.RoadMap, drives: list[tuple[Drive, whichroad.Vehicle]]
+) -> tuple[float, float, int]:
+    """Epochs a second over all drives (median run), mean live hypotheses, epochs."""
+    first = [_localize(roads, d, v) for d, v in drives]  # warm
+    epochs = sum(len(r.output.live) for r in first)
+    live = sum(int(r.output.live.sum()) for r in first) / epochs
+    runs = [timed(lambda: [_localize(roads, d, v) for d, v in drives]) for _ in range(REPEATS)]
+    return epochs / median(runs), live, epochs
+
+
+def run(options: Options) -> list[Figure]:
+    """Recorded drives with and without odometry, and the tables."""
+    roads, drives = _drives(options)
+    seeds = seeds_text(options.seeds or SEEDS)
+    wheels = [(d.drive, d.vehicle) for d in drives]
+    alone = [(replace(d.drive, odometry=None), d.vehicle) for d in drives]
+    rate, live, epochs = _rate(roads, wheels)
+    gnss_rate, gnss_live, fixes = _rate(roads, alone)
+    one = drives[0]
+    whole = timed(lambda: whichroad.match(one.drive, roads, vehicle=one.vehicle))
+    rows = len(one.truth)
+    return [
+        Figure("recorded, 10 Hz wheels", rate, ">= 400000", "epochs/s", epochs, seeds=seeds),
+        Figure("live hypotheses, wheels", live, "", "", epochs, seeds=seeds),
+        Figure("recorded, GNSS alone 1 Hz", gnss_rate, ">= 120000", "fixes/s", fixes, seeds=seeds),
+        Figure("live hypotheses, GNSS alone", gnss_live, "", "", fixes, seeds=seeds),
+        Figure("match(), tables included", rows / whole, "", "epochs/s", rows),
+    ]
+
+
+def online(options: Options) -> list[Figure]:
+    """Each `Localizer.update` of a drive, as a car would call it."""
+    roads, drives = _drives(replace(options, seeds=options.seeds or range(2000, 2002)))
+    ticks: list[float] = []
+    fixes: list[float] = []
+    for warm in (True, False):
+        for simulated in drives:
+            localizer = Localizer(roads, vehicle=simulated.vehicle)
+            for observation in observations(simulated.drive):
+                seconds = timed(partial(localizer.update, observation))
+                if not warm:
+                    (fixes if isinstance(observation, GeoFix) else ticks).append(seconds)
+    seeds = seeds_text(options.seeds or range(2000, 2002))
+    micro = 1e6 * np.array(ticks + fixes)
+
+    def quantile(name: str, q: float, values: np.ndarray, goal: str = "") -> Figure:
+        return Figure(name, float(np.quantile(values, q)), goal, "µs", len(values), seeds=seeds)
+
+    return [
+        quantile("update, median", 0.5, micro),
+        quantile("update, p99", 0.99, micro, "<= 100"),
+        quantile("update, p99.9", 0.999, micro),
+        quantile("update with a fix, p99", 0.99, 1e6 * np.array(fixes)),
+        quantile("update, slowest", 1.0, micro),
+    ]
+
+
+def observations(drive: Drive) -> list[GeoFix | WheelTicks]:
+    """A recorded drive as single observations in time order."""
+    fixes, wheels = drive.fixes, drive.odometry
+    assert fixes is not None
+    assert isinstance(wheels, WheelCounts)
+    columns = (
+        fixes.time, fixes.lat_deg, fixes.lon_deg, fixes.cov_ee, fixes.cov_en, fixes.cov_nn,
+        fixes.speed, fixes.sigma_speed, fixes.bearing_deg, fixes.sigma_bearing_deg,
+    )  # fmt: skip
+    both: list[GeoFix | WheelTicks] = [
+        GeoFix(*row) for row in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+    both += [
+        WheelTicks(*row)
+        for row in zip(
+            wheels.time.tolist(), wheels.left.tolist(), wheels.right.tolist(), strict=True
+        )
+    ]
+    return sorted(both, key=lambda o: (o.time, isinstance(o, GeoFix)))
+
+
+def map_files(options: Options) -> list[Figure]:
+    """Compile an extract, write it, open it."""
+    source = options.need("maps", "heidelberg.osm.pbf")
+    whichroad.RoadMap.from_osm(source)  # warm
+    compiling = [timed(lambda: whichroad.RoadMap.from_osm(source)) for _ in range(REPEATS)]
+    roads = whichroad.RoadMap.from_osm(source)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "heidelberg.map"
+        saving = timed(lambda: roads.save(file))
+        whichroad.RoadMap.open(file)
+        opening = [timed(lambda: whichroad.RoadMap.open(file)) for _ in range(4 * REPEATS)]
+        size = file.stat().st_size / 1e6
+    edges = len(roads.arrays.length)
+    return [
+        Figure("compile heidelberg.osm.pbf", median(compiling), "<= 3", "s", REPEATS),
+        Figure("open it, compiled", 1e3 * median(opening), "<= 50", "ms", 4 * REPEATS),
+        Figure("write it", 1e3 * saving, "", "ms"),
+        Figure("compiled size", size, "", "MB"),
+        Figure("directed edges", float(edges), "", ""),
+    ]
