@@ -75,7 +75,7 @@ def fill_cells(
 
 
 @kernel
-def _find(keys: Ints, key: int) -> int:
+def find(keys: Ints, key: int) -> int:
     """First place whose key is not less."""
     low = 0
     high = len(keys)
@@ -247,7 +247,7 @@ def near(
             n = _search_cell(roads, cell, x, y, limit, n, out_edge, out_s, out_distance)
     else:
         for column in range(left, right + 1):
-            cell = _find(roads.cell_key, cell_key(column, low))
+            cell = find(roads.cell_key, cell_key(column, low))
             last = cell_key(column, high)
             while cell < len(roads.cell_key) and roads.cell_key[cell] <= last:
                 n = _search_cell(roads, cell, x, y, limit, n, out_edge, out_s, out_distance)

@@ -11,7 +11,8 @@ from ..core.network import AGAINST_ONE_WAY, Roads
 from ..errors import MapError
 from ..frames import Plane
 from ..records import Array
-from .streets import Bytes, Ints, Streets
+from .link import middle_plane
+from .streets import Bytes, Column, Ints, Streets, take
 from .turns import Turns, successors
 
 Ints32 = NDArray[np.int32]
@@ -38,7 +39,7 @@ class Network:
     plane: Plane
     pieces: Pieces
     way: Ints32  # (E,) the street of the longest piece
-    node_id: Ints  # (J,) source ids of the junctions
+    node_id: Column  # (J,) source ids of the junctions
     dropped: dict[str, int]
 
 
@@ -55,7 +56,7 @@ def compile_streets(streets: Streets, where: str) -> Network:
     Raises:
         MapError: No street has a length, or the map is too wide for one plane.
     """
-    plane = _plane(streets, where)
+    plane = middle_plane(streets.lat_deg, streets.lon_deg)
     x, y = plane.from_geodetic(streets.lat_deg, streets.lon_deg)
     if np.hypot(x, y).max() > REACH:
         raise MapError(
@@ -70,17 +71,6 @@ def compile_streets(streets: Streets, where: str) -> Network:
         )
     chain_first, chain_half = _chains(streets, half, len(x))
     return _network(streets, plane, x, y, half, chain_first, chain_half, dropped)
-
-
-def _plane(streets: Streets, where: str) -> Plane:
-    """The plane about the middle of the map, on the sphere so that no meridian is special."""
-    lat, lon = np.radians(streets.lat_deg), np.radians(streets.lon_deg)
-    towards = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    if towards.shape[1] == 0:
-        raise MapError(f"{where}: it holds no point; streets were expected; check the file")
-    middle = (towards.min(axis=1) + towards.max(axis=1)) / 2.0
-    lat0 = float(np.degrees(np.arctan2(middle[2], np.hypot(middle[0], middle[1]))))
-    return Plane(round(lat0, 6), round(float(np.degrees(np.arctan2(middle[1], middle[0]))), 6))
 
 
 class _Halves(NamedTuple):
@@ -152,8 +142,8 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
         | (half.rule[two ^ 1] != half.rule[one])
     )
     cut[through[differs]] = 1
-    via = np.array([r.via for r in streets.restrictions], dtype=np.int64)
-    cut[np.isin(streets.node_id, via)] = 1
+    if isinstance(streets.node_id, np.ndarray):
+        cut[np.isin(streets.node_id, [r.via for r in streets.restrictions])] = 1
     first, chain = np.empty(len(out) + 1, np.int32), np.empty(len(out), np.int32)
     count = topology.chains(
         half.head, cut, out_first, out, first, chain, np.zeros(len(out), np.uint8)
@@ -193,9 +183,10 @@ def _network(
     topology.end_headings(vx, vy, s, first, _CHORD, heading_out, heading_in)
     rule = half.rule[begin]
     service = streets.service[way]
+    node_id = take(streets.node_id, places)
     turns: Turns = successors(
         from_node, to_node, opposite, heading_out, heading_in, service, rule,
-        streets.restrictions, streets.node_id[places], streets.columns["source_id"],
+        streets.restrictions, node_id, streets.columns["source_id"],
         half.way[begin], half.way[end],
     )  # fmt: skip
     cells = grid.build(vx, vy, first, CELL_SIZE)
@@ -208,7 +199,7 @@ def _network(
         turns.pred_first, turns.pred, CELL_SIZE, *cells, plane.curvature,
     )  # fmt: skip
     return Network(
-        roads, plane, pieces, way, streets.node_id[places], {**dropped, **turns.dropped}
+        roads, plane, pieces, way, node_id, {**dropped, **turns.dropped}
     )
 
 

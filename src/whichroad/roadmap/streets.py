@@ -1,6 +1,7 @@
 """What the map readers give to the compiler: streets with shared nodes, and their attributes."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,16 @@ class Texts:
         """Every word once, by code."""
         return [self.word(i) for i in range(len(self.offset) - 1)]
 
-    def take(self, rows: NDArray[np.int64]) -> "Texts":
-        """The column of some rows."""
-        return Texts(self.code[rows], self.offset, self.utf8)
 
 
-Column = NDArray[np.generic] | Texts
+Column = NDArray[Any] | Texts
+
+
+def take(column: Column, rows: NDArray[Any]) -> Column:
+    """The column of some rows."""
+    if isinstance(column, Texts):
+        return Texts(column.code[rows], column.offset, column.utf8)
+    return column[rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +72,7 @@ class Streets:
 
     lat_deg: Array  # (N,)
     lon_deg: Array  # (N,)
-    node_id: Ints  # (N,) the source's, or the node's own number
+    node_id: Column  # (N,) the source's names, -1 or empty where only geometry knows the node
     first: Ints  # (W+1,)
     node: Ints  # (L,)
     rule_forward: Bytes  # (W,) bits of core.network for driving as drawn

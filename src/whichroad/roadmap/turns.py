@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from ..records import Array
-from .streets import Bytes, Column, Ints, Restriction
+from .streets import Bytes, Column, Ints, Restriction, Texts
 
 Ints32 = NDArray[np.int32]
 Floats32 = NDArray[np.float32]
@@ -45,7 +45,7 @@ class _Graph(NamedTuple):
 
 def successors(
     from_node: Ints32, to_node: Ints32, opposite: Ints32, heading_out: Array, heading_in: Array,
-    service: Bytes, rule: Bytes, restrictions: list[Restriction], node_id: Ints,
+    service: Bytes, rule: Bytes, restrictions: list[Restriction], node_id: Column,
     source_id: Column, first_way: Ints32, last_way: Ints32,
 ) -> Turns:  # fmt: skip
     """All turns from each edge into those that leave its end.
@@ -113,11 +113,11 @@ def _priors(
 
 
 def _banned(
-    restrictions: list[Restriction], graph: _Graph, node_id: Ints, source_id: Column,
+    restrictions: list[Restriction], graph: _Graph, node_id: Column, source_id: Column,
     first: Ints, edge: Ints32,
 ) -> tuple[NDArray[np.int64], dict[str, int]]:  # fmt: skip
     """Places in the list of turns that a restriction bans."""
-    if not restrictions or not isinstance(source_id, np.ndarray):
+    if not restrictions or isinstance(source_id, Texts) or isinstance(node_id, Texts):
         return np.empty(0, np.int64), {}
     arriving = np.argsort(graph.to_node, kind="stable")
     in_first = np.searchsorted(graph.to_node[arriving], np.arange(len(node_id) + 1))

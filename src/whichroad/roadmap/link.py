@@ -1,0 +1,198 @@
+"""Which lines of a table meet where, and which draw the same road twice."""
+
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import topology
+from ..errors import MapError
+from ..frames import Plane
+from ..records import Array
+from .lines import Lines
+from .streets import Bytes, Column, Ints, Texts
+
+SNAP = 0.5  # m within which ends meet, and vertices are the same
+_ASTRAY = 100.0  # m from its node: more than half of the ends so far are no accident
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """Lines over shared nodes.  n lines, N nodes."""
+
+    row: Ints  # (n,) the table's row
+    first: Ints  # (n+1,)
+    node: Ints  # (L,) nodes of each line
+    lat_deg: Array  # (N,)
+    lon_deg: Array
+    node_id: Column  # (N,)
+    leader: Ints  # (n,) the first line that draws the same road
+    back: Bytes  # (n,) 1 where it runs against its leader
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def of(self, kept: Ints) -> tuple[Ints, Ints]:
+        """`first` and `node` of some lines, in their order."""
+        count = np.diff(self.first)
+        inside = np.zeros(len(count), bool)
+        inside[kept] = True
+        return (
+            np.concatenate([[0], np.cumsum(count[kept])]),
+            self.node[np.repeat(inside, count)],
+        )
+
+
+def link(
+    lines: Lines, origin: NDArray[Any] | None, target: NDArray[Any] | None, level: Ints, where: str
+) -> Links:
+    """Find the nodes of lines.
+
+    Args:
+        lines: The lines.
+        origin: (rows,) names of the nodes at which rows begin; None: ends that lie together
+            meet, also with vertices inside of other lines.
+        target: (rows,) names of those at which rows end.
+        level: (n,) lines of different levels meet at their ends only.
+        where: Name of the table, for errors.
+
+    Returns:
+        The linked lines.
+
+    Raises:
+        MapError: The named nodes cannot be nodes: their ends lie far apart.
+    """
+    plane = middle_plane(lines.lat_deg, lines.lon_deg)
+    x, y = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
+    if origin is not None and target is not None:
+        return _named(lines, x, y, origin[lines.row], target[lines.row], where)
+    return _inferred(lines, x, y, level)
+
+
+def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
+    """The plane about the middle of some points; no meridian is special."""
+    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    towards = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    middle = (towards.min(axis=1) + towards.max(axis=1)) / 2.0
+    lat0 = float(np.degrees(np.arctan2(middle[2], np.hypot(middle[0], middle[1]))))
+    return Plane(round(lat0, 6), round(float(np.degrees(np.arctan2(middle[1], middle[0]))), 6))
+
+
+def _named(
+    lines: Lines, x: Array, y: Array, origin: NDArray[Any], target: NDArray[Any], where: str
+) -> Links:
+    """Lines whose end nodes have names.
+
+    A node lies where its first line has it.  A line that ends elsewhere keeps its own last
+    vertex and is drawn on to the node.
+    """
+    skipped = {}
+    known = ~(_absent(origin) | _absent(target))
+    if not known.all():
+        skipped["rows without from or to"] = int((~known).sum())
+        inside = np.repeat(known, np.diff(lines.first))
+        lines, x, y = lines.take(known), x[inside], y[inside]
+    code, node_id = _codes(np.concatenate([origin[known], target[known]]))
+    lines_n = len(lines.row)
+    ends = np.concatenate([lines.first[:-1], lines.first[1:] - 1])
+    _, place = np.unique(code, return_index=True)
+    home = ends[place]
+    astray = np.hypot(x[ends] - x[home[code]], y[ends] - y[home[code]])
+    if lines_n == 0 or np.mean(astray > _ASTRAY) > 0.5:
+        raise MapError(
+            f"{where}: more than half of the lines end over {_ASTRAY:g} m from the node that from "
+            "and to name; ids of nodes were expected there; rename these columns to have the "
+            "nodes found from the geometry"
+        )
+    far = astray > SNAP
+    if far.any():
+        skipped["ends drawn on to their node"] = int(far.sum())
+    own = np.ones(len(x), bool)
+    own[ends[~far]] = False
+    node = np.empty(len(x), np.int64)
+    node[own] = len(home) + np.arange(own.sum())
+    node[ends[~far]] = code[~far]
+    after = far & (np.arange(len(ends)) >= lines_n)
+    count = np.diff(lines.first) + far[:lines_n] + far[lines_n:]
+    node = np.insert(node, np.where(after, ends + 1, ends)[far], code[far])
+    at = np.concatenate([home, np.flatnonzero(own)])
+    if isinstance(node_id, Texts):
+        code_ = np.concatenate([node_id.code, np.zeros(own.sum(), np.int32)])
+        node_id = Texts(code_, node_id.offset, node_id.utf8)
+    else:
+        node_id = np.concatenate([node_id, np.full(own.sum(), -1)])
+    return _links(lines, x, y, np.concatenate([[0], np.cumsum(count)]), node, at, node_id, skipped)
+
+
+def _absent(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which cells are empty."""
+    if values.dtype.kind in "iub":
+        return np.zeros(len(values), bool)
+    return np.array([v is None or v != v for v in values.tolist()], dtype=bool)
+
+
+def _codes(names: NDArray[Any]) -> tuple[Ints, Column]:
+    """Numbers from 0 for names, and the names."""
+    if names.dtype.kind == "f" and (names == np.floor(names)).all():
+        names = names.astype(np.int64)  # whole numbers that once stood beside empty cells
+    if names.dtype.kind in "iu":
+        unique, code = np.unique(names, return_inverse=True)
+        return code, unique.astype(np.int64)
+    words, code = np.unique(names.astype(str), return_inverse=True)
+    return code, Texts.of(words.tolist())
+
+
+def _inferred(lines: Lines, x: Array, y: Array, level: Ints) -> Links:
+    """Lines that meet where they touch.
+
+    Ends within `SNAP` meet; so does an end with a vertex of another line.  Vertices inside
+    of two lines meet where they are the same point on the same level.
+    """
+    ends = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
+    end_x, end_y = x[ends], y[ends]
+    key = np.empty(len(ends), np.int64)
+    topology.point_cells(end_x, end_y, SNAP, key)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    label = np.empty(len(ends), np.int64)
+    topology.join_close(end_x, end_y, key, order, SNAP, label)
+    inside = np.ones(len(x), bool)
+    inside[ends] = False
+    inside_at = np.flatnonzero(inside)
+    nearest = np.empty(len(inside_at), np.int64)
+    topology.nearest_points(x[inside], y[inside], end_x, end_y, key, order, SNAP, nearest)
+    at = np.empty(len(x), np.int64)  # the vertex that stands for each vertex
+    at[ends] = ends[label]
+    touch = nearest >= 0
+    at[inside_at[touch]] = ends[label[nearest[touch]]]
+    rest = inside_at[~touch]
+    line = np.repeat(np.arange(len(lines.row)), np.diff(lines.first))
+    at[rest] = rest[_first_alike(lines.lon_deg[rest], lines.lat_deg[rest], level[line[rest]])]
+    places, node = np.unique(at, return_inverse=True)
+    return _links(lines, x, y, lines.first, node, places, np.arange(len(places)), {})
+
+
+def _first_alike(*columns: NDArray[Any]) -> Ints:
+    """For each row the first row with the same values in all columns."""
+    order = np.lexsort(columns)  # stable: the first of each group has the least number
+    new = np.ones(len(order), bool)
+    for column in columns:
+        new[1:] &= column[order[1:]] == column[order[:-1]]
+    new[1:] = ~new[1:]
+    first = np.empty(len(order), np.int64)
+    first[order] = order[new][np.cumsum(new) - 1]
+    return first
+
+
+def _links(
+    lines: Lines, x: Array, y: Array, first: Ints, node: Ints, at: Ints, node_id: Column,
+    skipped: dict[str, int],
+) -> Links:  # fmt: skip
+    """The links of lines whose nodes are known; rows that draw one road are found."""
+    begin, end = node[first[:-1]], node[first[1:] - 1]
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    leader, back = np.empty(len(begin), np.int64), np.zeros(len(begin), np.uint8)
+    order = cast(Ints, np.lexsort((high, low)))
+    topology.find_twins(order, low, high, begin, lines.first, x, y, SNAP, leader, back)
+    return Links(
+        lines.row, first, node, lines.lat_deg[at], lines.lon_deg[at], node_id, leader, back, skipped
+    )
