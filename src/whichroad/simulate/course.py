@@ -15,7 +15,7 @@ _LANE_BLEND = 12.0  # m, sigma over which a change of lane is spread
 _FAST = 12.0  # m/s, roads with a next lane to visit
 _INSIDE = 0.3  # of a bend's radius: how far inside the centre line a car can follow
 _TIGHTEST = 0.25  # 1/m, the tightest bend of the rear axle's middle
-_ROUNDS = 8  # of relaxing what is tighter
+_WIDTHS = (3.0,) * 8 + (6.0,) * 4  # m, rounds of relaxing what is tighter
 _VISIT_BEND = 0.01  # 1/m, roads straighter than this invite to the next lane
 
 
@@ -85,12 +85,12 @@ def _bend(x: Array, y: Array) -> Array:
 
 def _widen(x: Array, y: Array) -> tuple[Array, Array]:
     """Relax a line where it is bent more than a car can steer, until it hardly is."""
-    for _ in range(_ROUNDS):
+    for width in _WIDTHS:
         share = np.clip((np.abs(_bend(x, y)) - 0.7 * _TIGHTEST) / (0.3 * _TIGHTEST), 0.0, 1.0)
         if not share.any():
             break
-        share = smooth(share, 4.0)
-        x, y = x + share * (smooth(x, 3.0) - x), y + share * (smooth(y, 3.0) - y)
+        share = smooth(share, width + 1.0)
+        x, y = x + share * (smooth(x, width) - x), y + share * (smooth(y, width) - y)
     return x, y
 
 

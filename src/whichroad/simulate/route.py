@@ -11,14 +11,17 @@ Edges = NDArray[np.int64]
 _ATTEMPTS = 40
 _SERVICE = 0.05  # weight of turning into a service road
 _AGAIN = 0.25  # weight of an edge for each time it was driven before
+_BACK = 1e-3  # weight of turning back by two turns in a row
+_SHORT_LINK_M = 18.0  # the edge between such turns
 _SHORTEST_M = 50.0
+_SHARPEST = 2.3  # rad, turns at a junction that a car cannot take in one go are not taken
 
 
 def _legal_turns(roads: Roads) -> tuple[Edges, Edges]:
-    """Legal turns as (from, to) edges: no rule broken by the turn or by either edge."""
+    """Turns that break no rule and can be steered, as (from, to) edges."""
     origin = np.repeat(np.arange(len(roads.length)), np.diff(roads.succ_first))
     ok = (roads.succ_rule == 0) & (roads.rule[roads.succ] == 0) & (roads.rule[origin] == 0)
-    ok &= roads.succ != roads.opposite[origin]
+    ok &= (roads.succ != roads.opposite[origin]) & (np.abs(roads.succ_turn) < _SHARPEST)
     return origin[ok], roads.succ[ok].astype(np.int64)
 
 
@@ -77,15 +80,21 @@ def _walk(
     weight = roads.length[starts] * np.where(roads.service[starts] > 0, _SERVICE, 1.0)
     edge = int(random.choice(starts, p=weight / weight.sum()))
     route, driven, visits = [edge], float(roads.length[edge]), {edge: 1}
+    before = 0.0  # rad turned just now
     while driven < length_m:
         turns = np.arange(roads.succ_first[edge], roads.succ_first[edge + 1])
         follow = roads.succ[turns]
         p = roads.succ_prior[turns] * np.where(roads.service[follow] > 0, _SERVICE, 1.0)
         p *= (roads.succ_rule[turns] == 0) & allowed[follow] & (follow != roads.opposite[edge])
+        bend = roads.succ_turn[turns].astype(float)
+        p *= np.abs(bend) < _SHARPEST
+        p *= np.where(np.abs(bend + before) < _SHARPEST, 1.0, _BACK)
         p = p * np.array([_AGAIN ** visits.get(int(e), 0) for e in follow])
         if not p.sum() > 0:
             break
-        edge = int(random.choice(follow, p=p / p.sum()))
+        pick = int(random.choice(len(follow), p=p / p.sum()))
+        edge = int(follow[pick])
+        before = float(bend[pick]) if roads.length[edge] < _SHORT_LINK_M else 0.0
         visits[edge] = visits.get(edge, 0) + 1
         route.append(edge)
         driven += float(roads.length[edge])
