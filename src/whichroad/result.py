@@ -136,7 +136,8 @@ def points_table(
     en = c * s * (yy - xx) + (c * c - s * s) * xy
     major, minor, axis = ellipse(ee, en, nn)
     off = none | (output.edge < 0)
-    source, forward = roads.sources(np.where(off, 0, output.edge), v[:, V_S])
+    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[:, V_S])
+    source, forward = _sources(roads, edge, s, off)
     status = np.array(STATUS)[output.status]
     columns = {
         "drive_id": pa.array([drive_id]).take(pa.array(np.zeros(len(x), np.int32))),
@@ -153,8 +154,8 @@ def points_table(
         "ellipse_minor_m": _nullable(minor, none),
         "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
         "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
-        "source_id": _text(source, off),
-        "forward": pa.array(forward, mask=off),
+        "source_id": source,
+        "forward": forward,
         "abscissa_m": _nullable(v[:, V_S], off),
         "lateral_m": _nullable(v[:, V_LATERAL], off),
         "matched_lat": _nullable(match_lat, off),
@@ -169,16 +170,35 @@ def points_table(
     }
     table = pa.table(columns).cast(POINTS)
     if attributes:
-        for name, column in roads.attributes(np.where(off, 0, output.edge), off).items():
+        for name, column in _attributes(roads, edge, off).items():
             table = table.append_column(name, column)
     return table
 
 
-def _text(values: NDArray[Any], absent: NDArray[np.bool_]) -> pa.Array:
-    """Ids as text; few differ, so each is written once."""
-    unique, at = np.unique(values, return_inverse=True)
-    texts = pa.array([str(u) for u in unique.tolist()], pa.string())
-    return texts.take(pa.array(at, mask=absent))
+def _sources(
+    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
+) -> tuple[pa.Array, pa.Array]:
+    """Source ids as text and directions; few streets differ, so each is asked for once."""
+    if not len(edge):
+        return pa.array([], pa.string()), pa.array([], pa.bool_())
+    _, first, at = np.unique(roads.piece(edge, s), return_index=True, return_inverse=True)
+    ids, forward = roads.sources(edge[first], s[first])
+    texts = pa.array([str(i) for i in ids], pa.string())
+    return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
+
+
+_ATTRIBUTES = ("name", "highway", "speed_limit_kmh", "lanes", "layer", "bridge", "tunnel")
+
+
+def _attributes(
+    roads: RoadMap, edge: NDArray[Any], absent: NDArray[np.bool_]
+) -> dict[str, pa.Array]:
+    unique, at = np.unique(edge, return_inverse=True)
+    rows = [roads.attributes(int(e)) for e in unique]
+    return {
+        name: pa.array([row.get(name) for row in rows]).take(pa.array(at, mask=absent))
+        for name in _ATTRIBUTES
+    }
 
 
 def _alternatives(output: Output) -> pa.Array:
@@ -207,13 +227,13 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
         A table with the columns of `tables.PATH`.
     """
     rows = traversals(epochs, recorded, roads.arrays)
-    edges = np.array([r.edge for r in rows], int)
+    edges = np.array([r.edge for r in rows], np.int64)
     middle = np.array([0.5 * (r.enter_m + r.exit_m) for r in rows])
-    source, forward = roads.sources(edges, middle)
+    source, forward = _sources(roads, edges, middle, np.zeros(len(rows), bool))
     lon, lat, first = [], [], [0]
     for r in rows:
-        x, y = roads.edge_part(r.edge, r.enter_m, r.exit_m)
-        a, b = roads.plane.to_geodetic(x, y)
+        line = roads.edge_line(r.edge, r.enter_m, r.exit_m)
+        a, b = roads.plane.to_geodetic(line[:, 0], line[:, 1])
         lat.append(a)
         lon.append(b)
         first.append(first[-1] + len(a))
@@ -227,12 +247,10 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
         "drive_id": pa.array([drive_id] * len(rows), pa.string()),
         "seq": pa.array(np.arange(len(rows))),
         "edge_id": pa.array(edges, pa.int64()),
-        "source_id": _text(source, np.zeros(len(rows), bool))
-        if rows
-        else pa.array([], pa.string()),
+        "source_id": source,
         "from_node": pa.array(arrays.from_node[edges].astype(np.int64)),
         "to_node": pa.array(arrays.to_node[edges].astype(np.int64)),
-        "forward": pa.array(forward, pa.bool_()),
+        "forward": forward,
         "enter_time": times(np.array([r.enter_time for r in rows])),
         "exit_time": times(np.array([r.exit_time for r in rows])),
         "enter_m": pa.array([r.enter_m for r in rows], pa.float64()),

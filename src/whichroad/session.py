@@ -175,7 +175,9 @@ def _check_distance(drive: Drive, roads: RoadMap) -> None:
     fixes = drive.fixes
     if fixes is None or not len(fixes):
         return
-    low_x, low_y, high_x, high_y = roads.bounds
+    arrays = roads.arrays
+    low_x, high_x = float(arrays.x.min()), float(arrays.x.max())
+    low_y, high_y = float(arrays.y.min()), float(arrays.y.max())
     x, y = roads.plane.from_geodetic(fixes.lat_deg, fixes.lon_deg)
     away = np.hypot(
         np.maximum(np.maximum(low_x - x, x - high_x), 0.0),

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Ints32, Matrix, Vector, kernel
+from ._jit import Ints, Ints32, Matrix, Vector, kernel
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -51,7 +51,7 @@ class Work(NamedTuple):
     prior: Vector  # (_MOST,) product of turn priors
     mass: Vector  # (_MOST,) prior times Gaussian mass
     turn: Vector  # (_MOST,) sum of turns, rad
-    near_edge: Ints32
+    near_edge: Ints
     near_s: Vector
     near_lateral: Vector
     near_distance: Vector
@@ -68,7 +68,7 @@ def new_work() -> Work:
         np.zeros(_MOST),
         np.zeros(_MOST),
         np.zeros(_MOST),
-        np.zeros(128, np.int32),
+        np.zeros(128, np.int64),
         np.zeros(128),
         np.zeros(128),
         np.zeros(128),
