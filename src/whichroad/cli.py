@@ -6,7 +6,7 @@ Answers go to the standard output; progress, warnings and errors to the other.
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from . import __version__
-from .errors import WhichroadError
+from .errors import DriveError, WhichroadError
 
 if TYPE_CHECKING:
     from .result import Result
@@ -124,12 +124,13 @@ def map_build(
     force: Force = False,
 ) -> None:
     """Compile a map once, to open it in an instant."""
+    from .roadmap import RoadMap
     from .session import open_map
     from .writers import replacing
 
     with _progress() as progress, replacing(out, force=force) as part:
         progress(f"reading {source}", 0, 0)
-        open_map(source, crs=crs).save(part)
+        (open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)).save(part)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
@@ -204,6 +205,11 @@ def match(
         progress("writing", 0, 0)
         _write(result, out, path_out, every, force)
     _say(result)
+    if result.summary["epochs_without_answer"] == result.summary["epochs"]:
+        raise DriveError(
+            f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
+            f"on the roads of {roads} was expected; is it the right map?"
+        )
     if out is None and path_out is None:
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
@@ -229,7 +235,8 @@ def _say(result: "Result") -> None:
             typer.echo(f"skipped: {count} {reason}", err=True)
         for note in figures.pop("notes", ()):
             typer.echo(f"note: {note}", err=True)
-        _table(str(figures.pop("drive_id", "drive")), figures.items())
+        title = str(figures.pop("drive_id", "drive"))
+        _table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)
 
@@ -352,25 +359,21 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
         yield tell
 
 
-def _table(title: str, rows: Any) -> None:
+def _table(title: str, rows: Iterable[tuple[str, Any]]) -> None:
     """Names and values, one a line."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", show_header=False, box=None)
-    table.add_column(style="dim")
-    table.add_column()
-    for name, value in rows:
-        table.add_row(str(name).replace("_", " "), _text(value))
-    Console(soft_wrap=True).print(table)
+    texts = [(str(name).replace("_", " "), _text(value)) for name, value in rows]
+    width = max((len(name) for name, _ in texts), default=0)
+    typer.echo(title)
+    for name, text in texts:
+        typer.echo(f"  {name:<{width}}  {text}")
 
 
 def _text(value: Any) -> str:
-    """A value for people: four digits, shares in per cent, lists by commas."""
+    """A value for people: five digits, lists by commas."""
     if isinstance(value, dict):
         return ", ".join(f"{name} {_text(inner)}" for name, inner in value.items())
     if isinstance(value, list | tuple):
         return ", ".join(_text(inner) for inner in value)
     if isinstance(value, float):
-        return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"
+        return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.5g}"
     return f"{value:,}" if type(value) is int else str(value)
