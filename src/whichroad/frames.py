@@ -134,9 +134,7 @@ class Plane:
     def pose(self, x: float, y: float, heading: float) -> tuple[float, float, float]: ...
     @overload
     def pose(self, x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array]: ...
-    def pose(
-        self, x: ArrayLike, y: ArrayLike, heading: ArrayLike
-    ) -> tuple[object, object, object]:
+    def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]

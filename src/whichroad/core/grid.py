@@ -13,6 +13,7 @@ from ._jit import Ints, Ints32, Vector, kernel
 from .network import Roads
 
 _HALF = 2**31  # columns and rows count from -2³¹
+_SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
 
 
 @kernel
@@ -22,24 +23,10 @@ def cell_key(column: int, row: int) -> int:
 
 
 @kernel
-def _touches(
-    ax: float, ay: float, bx: float, by: float, left: float, low: float, size: float
-) -> bool:
-    """Whether a segment whose box meets the (slightly grown) square also meets it itself."""
-    half = 0.5 * size * (1.0 + 1e-9)
-    cx = left + 0.5 * size
-    cy = low + 0.5 * size
-    dx = bx - ax
-    dy = by - ay
-    across = dx * (cy - ay) - dy * (cx - ax)
-    return abs(across) <= half * (abs(dx) + abs(dy)) + 1e-6
-
-
-@kernel
 def fill_cells(
     x: Vector, y: Vector, first: Ints32, size: float, key: Ints, edge: Ints32, vertex: Ints32
 ) -> int:
-    """List the cells of every segment.
+    """List the cells of every segment, column by column.
 
     Args:
         x: (V,) m, plane.
@@ -56,16 +43,21 @@ def fill_cells(
     count = 0
     for e in range(len(first) - 1):
         for v in range(first[e], first[e + 1] - 1):
-            left = math.floor(min(x[v], x[v + 1]) / size)
-            right = math.floor(max(x[v], x[v + 1]) / size)
-            low = math.floor(min(y[v], y[v + 1]) / size)
-            high = math.floor(max(y[v], y[v + 1]) / size)
+            west = min(x[v], x[v + 1])
+            east = max(x[v], x[v + 1])
+            slope = (y[v + 1] - y[v]) / (x[v + 1] - x[v])
+            left = math.floor(west / size)
+            right = math.floor(east / size)
             for column in range(left, right + 1):
+                # the heights at which the segment enters and leaves the column
+                a = y[v]
+                b = y[v + 1]
+                if right > left:
+                    a += (min(max(column * size, west), east) - x[v]) * slope
+                    b = y[v] + (min(max((column + 1) * size, west), east) - x[v]) * slope
+                low = math.floor((min(a, b) - _SLACK) / size)
+                high = math.floor((max(a, b) + _SLACK) / size)
                 for row in range(low, high + 1):
-                    if not _touches(
-                        x[v], y[v], x[v + 1], y[v + 1], column * size, row * size, size
-                    ):
-                        continue
                     if count < len(key):
                         key[count] = cell_key(column, row)
                         edge[count] = e
@@ -91,8 +83,8 @@ def find(keys: Ints, key: int) -> int:
 @kernel
 def vertex_at(roads: Roads, edge: int, s: float) -> int:
     """First vertex of the segment of an edge that holds an abscissa (outside: an end one)."""
-    low = roads.first[edge]
-    high = roads.first[edge + 1] - 2
+    low: int = roads.first[edge]
+    high: int = roads.first[edge + 1] - 2
     while low < high:
         middle = (low + high + 1) // 2
         if roads.s[middle] <= s:
@@ -149,7 +141,8 @@ def right_of(roads: Roads, edge: int, s: float, x: float, y: float) -> bool:
         after = math.hypot(dx, dy)
         dx = ux / before + dx / after
         dy = uy / before + dy / after
-    return dx * (y - roads.y[v]) - dy * (x - roads.x[v]) <= 0.0
+    across: float = dx * (y - roads.y[v]) - dy * (x - roads.x[v])
+    return across <= 0.0
 
 
 @kernel
@@ -235,6 +228,7 @@ def near(
     scale = 1.0 + roads.curvature * (x * x + y * y)
     reach = radius * scale
     limit = reach * reach
+    reach += _SLACK
     size = roads.cell_size
     # clamped far outside of every map, so that columns stay integers
     left = math.floor(min(max((x - reach) / size, -1e9), 1e9))
@@ -274,9 +268,11 @@ def build(x: Vector, y: Vector, first: Ints32, size: float) -> tuple[Ints, Ints3
     """
     none = np.empty(0, np.int32)
     count = fill_cells(x, y, first, size, np.empty(0, np.int64), none, none)
-    key, edge, vertex = (np.empty(count, t) for t in (np.int64, np.int32, np.int32))
+    key, edge = np.empty(count, np.int64), np.empty(count, np.int32)
+    vertex = np.empty(count, np.int32)
     fill_cells(x, y, first, size, key, edge, vertex)
     order = np.argsort(key, kind="stable")
     keys, counts = np.unique(key, return_counts=True)
-    cell_first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    cell_first = np.zeros(len(keys) + 1, np.int32)
+    np.cumsum(counts, out=cell_first[1:])
     return keys, cell_first, edge[order], vertex[order]

@@ -13,7 +13,7 @@ from ..frames import Plane
 from ..records import Array
 from .link import middle_plane
 from .streets import Bytes, Column, Ints, Streets, take
-from .turns import Turns, successors
+from .turns import Graph, successors
 
 Ints32 = NDArray[np.int32]
 
@@ -83,9 +83,7 @@ class _Halves(NamedTuple):
     length: Array  # true m
 
 
-def _halves(
-    streets: Streets, plane: Plane, x: Array, y: Array
-) -> tuple[_Halves, dict[str, int]]:
+def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves, dict[str, int]]:
     """The segments that have a length; nodes that coincide along a street become one."""
     count = np.diff(streets.first)
     way = np.repeat(np.arange(len(count)), count)
@@ -143,7 +141,8 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
     )
     cut[through[differs]] = 1
     if isinstance(streets.node_id, np.ndarray):
-        cut[np.isin(streets.node_id, [r.via for r in streets.restrictions])] = 1
+        via = [r.via for r in streets.restrictions]
+        cut[np.isin(streets.node_id, np.concatenate([streets.blocked, via]))] = 1
     first, chain = np.empty(len(out) + 1, np.int32), np.empty(len(out), np.int32)
     count = topology.chains(
         half.head, cut, out_first, out, first, chain, np.zeros(len(out), np.uint8)
@@ -184,11 +183,11 @@ def _network(
     rule = half.rule[begin]
     service = streets.service[way]
     node_id = take(streets.node_id, places)
-    turns: Turns = successors(
-        from_node, to_node, opposite, heading_out, heading_in, service, rule,
-        streets.restrictions, node_id, streets.columns["source_id"],
-        half.way[begin], half.way[end],
+    graph = Graph(
+        from_node, to_node, opposite, heading_out, heading_in, service, rule, half.way[begin],
+        half.way[end],
     )  # fmt: skip
+    turns = successors(graph, streets, node_id)
     cells = grid.build(vx, vy, first, CELL_SIZE)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
     lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
@@ -198,14 +197,10 @@ def _network(
         turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
         turns.pred_first, turns.pred, CELL_SIZE, *cells, plane.curvature,
     )  # fmt: skip
-    return Network(
-        roads, plane, pieces, way, node_id, {**dropped, **turns.dropped}
-    )
+    return Network(roads, plane, pieces, way, node_id, {**dropped, **turns.dropped})
 
 
-def _abscissae(
-    length: Array, chain_first: Ints32, first: Ints32, rest: NDArray[np.bool_]
-) -> Array:
+def _abscissae(length: Array, chain_first: Ints32, first: Ints32, rest: NDArray[np.bool_]) -> Array:
     """Cumulative lengths along each edge, exact for opposite edges up to rounding."""
     total = np.concatenate([[0.0], np.cumsum(length)])
     before = np.repeat(total[chain_first[:-1]], np.diff(chain_first))

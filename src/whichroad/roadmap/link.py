@@ -1,7 +1,7 @@
 """Which lines of a table meet where, and which draw the same road twice."""
 
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,7 +191,7 @@ def _links(
     begin, end = node[first[:-1]], node[first[1:] - 1]
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     leader, back = np.empty(len(begin), np.int64), np.zeros(len(begin), np.uint8)
-    order = cast(Ints, np.lexsort((high, low)))
+    order = np.lexsort((high, low))
     topology.find_twins(order, low, high, begin, lines.first, x, y, SNAP, leader, back)
     return Links(
         lines.row, first, node, lines.lat_deg[at], lines.lon_deg[at], node_id, leader, back, skipped

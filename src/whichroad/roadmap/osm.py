@@ -15,6 +15,8 @@ from .streets import Column, Restriction, Streets, Texts
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osh.pbf", ".xml")
 _UNDEFINED = 2**31 - 1  # what osmium says of a node that the extract lacks
 _CARS = ("motorcar", "motor_vehicle")
+# what no car passes; gates and their like may stand open
+_BARRIERS = ("bollard", "block", "jersey_barrier", "log", "cycle_barrier", "debris")
 
 
 def read_osm(path: Path) -> Streets:
@@ -34,6 +36,9 @@ def read_osm(path: Path) -> Streets:
         for item in _processor(path):
             if item.is_way():
                 ways.add(item)
+            elif item.is_node():
+                if meaning.access({"access": "no", **dict(item.tags)}) != meaning.OPEN:
+                    ways.blocked.append(item.id)
             else:
                 ways.add_relation(item)
     except (RuntimeError, OSError, ValueError) as error:
@@ -54,14 +59,23 @@ def _processor(path: Path) -> Any:
     import osmium
 
     f, kinds = osmium.filter, osmium.osm
-    classes = [("highway", name) for name in meaning.CLASS_SPEED_KMH]
     return (
         osmium.FileProcessor(str(path))
         .with_locations("flex_mem")
-        .with_filter(f.EntityFilter(kinds.WAY | kinds.RELATION))
-        .with_filter(f.TagFilter(*classes).enable_for(kinds.WAY))
-        .with_filter(f.TagFilter(("type", "restriction")).enable_for(kinds.RELATION))
+        .with_filter(f.EntityFilter(kinds.NODE | kinds.WAY | kinds.RELATION))
+        .with_filter(_of(kinds.NODE, *(("barrier", b) for b in _BARRIERS)))
+        .with_filter(_of(kinds.WAY, *(("highway", c) for c in meaning.CLASS_SPEED_KMH)))
+        .with_filter(_of(kinds.RELATION, ("type", "restriction")))
     )
+
+
+def _of(kind: Any, *tags: tuple[str, str]) -> Any:
+    """A filter that lets pass things of a kind that have one of some tags."""
+    import osmium
+
+    chosen = osmium.filter.TagFilter(*tags)
+    chosen.enable_for(kind)
+    return chosen
 
 
 class _Ways:
@@ -73,6 +87,7 @@ class _Ways:
         self.count: list[int] = []
         self.ref, self.x, self.y = array("q"), array("i"), array("i")
         self.restrictions: list[Restriction] = []
+        self.blocked: list[int] = []
         self.skipped: Counter[str] = Counter()
 
     def add(self, way: Any) -> None:
@@ -81,29 +96,30 @@ class _Ways:
         if tags.get("area") == "yes":
             self.skipped["ways that are areas"] += 1
             return
-        before = len(self.ref)
-        missing = 0
+        runs: list[list[Any]] = [[]]
         for node in way.nodes:
-            if node.x == _UNDEFINED:
-                missing += 1
-                continue
-            self.ref.append(node.ref)
-            self.x.append(node.x)
-            self.y.append(node.y)
-        if missing:
-            self.skipped["nodes of ways missing in the extract"] += missing
-        if len(self.ref) - before < 2:
+            if node.x != _UNDEFINED:
+                runs[-1].append((node.ref, node.x, node.y))
+            else:  # the extract was cut here: what follows does not hang together
+                self.skipped["nodes of ways missing in the extract"] += 1
+                runs.append([])
+        long = [run for run in runs if len(run) > 1]
+        if not long:
             self.skipped["ways of fewer than two nodes"] += 1
-            del self.ref[before:], self.x[before:], self.y[before:]
-            return
-        self.ids.append(way.id)
-        self.tags.append(tags)
-        self.count.append(len(self.ref) - before)
+        for run in long:
+            ref, x, y = zip(*run, strict=True)
+            self.ref.extend(ref)
+            self.x.extend(x)
+            self.y.extend(y)
+            self.ids.append(way.id)
+            self.tags.append(tags)
+            self.count.append(len(run))
 
     def add_relation(self, relation: Any) -> None:
         """Keep a turn restriction that concerns cars and turns at one node."""
         tags = dict(relation.tags)
-        kind = next((tags[k] for k in (*(f"restriction:{c}" for c in _CARS), "restriction") if k in tags), "")
+        keys = (*(f"restriction:{car}" for car in _CARS), "restriction")
+        kind = next((tags[key] for key in keys if key in tags), "")
         if not kind.startswith(("no_", "only_")):
             self.skipped["restrictions for other vehicles or at certain times"] += 1
             return
@@ -130,8 +146,9 @@ class _Ways:
         """Everything as arrays."""
         ref = np.array(self.ref, dtype=np.int64)
         node_id, place, node = np.unique(ref, return_index=True, return_inverse=True)
-        lat = np.array(self.y, dtype=np.int32)[place] * 1e-7
-        lon = np.array(self.x, dtype=np.int32)[place] * 1e-7
+        # osmium counts in 1e-7 degrees
+        lat = np.array(self.y, dtype=np.float64)[place] / 1e7
+        lon = np.array(self.x, dtype=np.float64)[place] / 1e7
         rows = [_Row(tags) for tags in self.tags]
         return Streets(
             lat, lon, node_id, np.concatenate([[0], np.cumsum(self.count)]), node,
@@ -143,6 +160,7 @@ class _Ways:
             highway=Texts.of([r.highway for r in rows]),
             columns={"source_id": np.array(self.ids, dtype=np.int64), **_columns(self.tags, rows)},
             restrictions=self.restrictions,
+            blocked=np.array(self.blocked, dtype=np.int64),
             skipped=dict(self.skipped),
         )  # fmt: skip
 

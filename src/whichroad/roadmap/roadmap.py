@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import geopandas
 
 _ARRAYS = [name for name in Roads._fields if name not in ("cell_size", "curvature")]
+_TEXTS = ("code", "offset", "utf8")
+_IDS = ("source_id", "back_id", "paired")
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
 
@@ -46,13 +48,13 @@ class RoadMap:
         ways: (W,) columns of the streets it was made of: `source_id`, `name`, `highway`, ...
         pieces: Which street lies where along each edge.
         way: (E,) street of each edge's longest piece.
-        node_id: (J,) the source's ids of the junctions.
+        node_id: (J,) the source's ids of the junctions, see `node_ids`.
     """
 
     __slots__ = ("_about", "arrays", "node_id", "pieces", "plane", "way", "ways")
 
     def __init__(
-        self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Ints,
+        self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
         ways: Mapping[str, Column], about: Mapping[str, Any],
     ) -> None:  # fmt: skip
         self.arrays = arrays
@@ -78,9 +80,7 @@ class RoadMap:
         return cls._compiled(read_osm(Path(path)), str(path))
 
     @classmethod
-    def from_edges(
-        cls, table: Any, crs: Any = None, *, directed: bool | None = None
-    ) -> "RoadMap":
+    def from_edges(cls, table: Any, crs: Any = None, *, directed: bool | None = None) -> "RoadMap":
         """Compile one's own table of roads.
 
         Columns are found by their usual names (docs/formats.md); only `geometry` is required.
@@ -203,9 +203,7 @@ class RoadMap:
         ids, forward = self.sources([edge], [s])
         return ids[0], bool(forward[0])
 
-    def sources(
-        self, edge: ArrayLike, s: ArrayLike
-    ) -> tuple[list[int | str], NDArray[np.bool_]]:
+    def sources(self, edge: ArrayLike, s: ArrayLike) -> tuple[list[int | str], NDArray[np.bool_]]:
         """`source` of (n,) edges and abscissae."""
         piece = self.piece(edge, s)
         way, forward = self.pieces.way[piece], self.pieces.forward[piece] > 0
@@ -218,6 +216,14 @@ class RoadMap:
             forward = forward | swap
         return ids, forward
 
+    def node_ids(self, node: ArrayLike) -> list[int | str]:
+        """The source's ids of (n,) junctions, numbers of `arrays.from_node` and `.to_node`."""
+        rows = np.asarray(node)
+        if isinstance(self.node_id, Texts):
+            words = self.node_id.words()
+            return [words[c] for c in self.node_id.code[rows]]
+        return cast(list[int | str], self.node_id[rows].tolist())
+
     def edge_id(self, edge: int) -> int:
         """The id of an edge in tables: its number, the same for every build of the same input."""
         return int(edge)
@@ -228,7 +234,7 @@ class RoadMap:
         Absent values are None.
         """
         way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
-        names = [n for n in self.ways if n not in ("back_id", "paired")]
+        names = [n for n in self.ways if n not in _IDS[1:]]
         return {name: self._values(name, np.array([way]))[0] for name in names}
 
     def column(self, name: str) -> list[Any]:
@@ -256,7 +262,8 @@ class RoadMap:
         legal = roads.rule == 0
         once = legal & ((roads.opposite > np.arange(len(self))) | ~legal[roads.opposite])
         lat, lon = self.plane.to_geodetic(np.asarray(roads.x), np.asarray(roads.y))
-        highways, counts = np.unique(np.array(self.column("highway"), dtype=str), return_counts=True)
+        words = [word or "unknown" for word in self.column("highway")]
+        highways, counts = np.unique(np.array(words), return_counts=True)
         return {
             **self._about,
             "nodes": len(self.node_id),
@@ -285,19 +292,18 @@ class RoadMap:
         )
         middle = np.asarray(roads.length) / 2.0
         ids, forward = self.sources(np.arange(len(self)), middle)
-        columns = {n: self.column(n) for n in self.ways if n not in ("source_id", "back_id", "paired")}
         data = {
             "edge_id": np.arange(len(self)),
             "source_id": ids,
             "forward": forward,
-            "from_node": self.node_id[roads.from_node],
-            "to_node": self.node_id[roads.to_node],
+            "from_node": self.node_ids(roads.from_node),
+            "to_node": self.node_ids(roads.to_node),
             "opposite": roads.opposite,
             "length_m": roads.length,
             "speed_mps": roads.speed,
             "against_one_way": roads.rule & AGAINST_ONE_WAY > 0,
             "no_access": roads.rule & NO_ACCESS > 0,
-            **columns,
+            **{name: self.column(name) for name in self.ways if name not in _IDS},
         }
         return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")
 
@@ -306,13 +312,12 @@ def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
     """A map as JSON and named arrays."""
     arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _ARRAYS}
     arrays |= {f"pieces.{n}": getattr(roads.pieces, n) for n in Pieces._fields}
-    arrays |= {"way": roads.way, "node_id": roads.node_id}
-    for name, column in roads.ways.items():
+    arrays["way"] = roads.way
+    for name, column in {"node_id": roads.node_id, **roads.ways}.items():
         if isinstance(column, Texts):
-            for part in ("code", "offset", "utf8"):
-                arrays[f"ways.{name}.{part}"] = getattr(column, part)
+            arrays |= {f"{name}.{part}": getattr(column, part) for part in _TEXTS}
         else:
-            arrays[f"ways.{name}"] = column
+            arrays[name] = column
     about = {
         "about": roads._about,
         "origin_deg": [roads.plane.lat0_deg, roads.plane.lon0_deg],
@@ -331,10 +336,10 @@ def _from_arrays(about: dict[str, Any], arrays: store.Arrays) -> RoadMap:
         curvature=plane.curvature,
     )
     pieces = Pieces(*(arrays[f"pieces.{n}"] for n in Pieces._fields))
-    ways: dict[str, Column] = {}
-    for name in about["columns"]:
-        if f"ways.{name}" in arrays:
-            ways[name] = arrays[f"ways.{name}"]
-        else:
-            ways[name] = Texts(*(arrays[f"ways.{name}.{p}"] for p in ("code", "offset", "utf8")))
-    return RoadMap(roads, plane, pieces, arrays["way"], arrays["node_id"], ways, about["about"])
+    columns: dict[str, Column] = {}
+    for name in ("node_id", *about["columns"]):
+        columns[name] = (
+            arrays[name] if name in arrays else Texts(*(arrays[f"{name}.{p}"] for p in _TEXTS))
+        )
+    node_id = columns.pop("node_id")
+    return RoadMap(roads, plane, pieces, arrays["way"], node_id, columns, about["about"])

@@ -143,9 +143,7 @@ def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:
     return header, _aligned(_FIXED.size + length)
 
 
-def _array(
-    path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any]
-) -> NDArray[Any]:
+def _array(path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any]) -> NDArray[Any]:
     """One array, checked."""
     kind, shape, place, checksum = entry
     if kind not in _TYPES:

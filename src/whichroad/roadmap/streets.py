@@ -44,7 +44,6 @@ class Texts:
         return [self.word(i) for i in range(len(self.offset) - 1)]
 
 
-
 Column = NDArray[Any] | Texts
 
 
@@ -52,7 +51,8 @@ def take(column: Column, rows: NDArray[Any]) -> Column:
     """The column of some rows."""
     if isinstance(column, Texts):
         return Texts(column.code[rows], column.offset, column.utf8)
-    return column[rows]
+    chosen: NDArray[Any] = column[rows]
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,4 +83,5 @@ class Streets:
     highway: Texts  # (W,)
     columns: dict[str, Column]  # (W,) each: source_id, name, ...
     restrictions: list[Restriction] = field(default_factory=list)
+    blocked: Ints = field(default_factory=lambda: np.empty(0, np.int64))  # nodes no car passes
     skipped: dict[str, int] = field(default_factory=dict)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..errors import MapError
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link
@@ -69,7 +68,8 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
-    links = link(lines, _find(sheet, "from"), _find(sheet, "to"), _layers(sheet, lines), sheet.where)
+    origin, target = _find(sheet, "from"), _find(sheet, "to")
+    links = link(lines, origin, target, _layers(sheet, lines), sheet.where)
     skipped.update(links.skipped)
     rows = links.row
     along = _one_way(sheet, rows, skipped)
@@ -162,9 +162,7 @@ def _one_way(
     return np.where(closed_back, 1, np.where(closed, -1, 0)).astype(np.int8)
 
 
-def _streets(
-    sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Counter[str]
-) -> Streets:
+def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Counter[str]) -> Streets:
     """One street for each road; rows that draw it again only add a direction or an id."""
     number = np.arange(len(links.row))
     kept = np.flatnonzero(links.leader == number)

@@ -30,7 +30,7 @@ NARROW = frozenset({"residential", "living_street", "service"})
 OPEN, LIMITED, CLOSED = 0, 1, 2
 ACCESS_WORDS = ("yes", "limited", "no")
 _CLOSED = frozenset(
-    {"no", "private", "agricultural", "forestry", "emergency", "psv", "bus", "military", "use_sidepath"}
+    {"no", "private", "agricultural", "forestry", "emergency", "psv", "bus", "military"}
 )
 _LIMITED = frozenset({"delivery", "customers", "destination", "permit", "residents"})
 
@@ -42,7 +42,7 @@ _ZONES_KMH = {
     "bicycle_road": 30.0,
     "school": 30.0,
 }
-_COUNTRY_ZONES_KMH = {"de:rural": 100.0, "at:rural": 100.0, "de:living_street": 7.0, "gb:rural": 96.56}
+_COUNTRY_ZONES_KMH = {"de:rural": 100.0, "at:rural": 100.0, "de:living_street": 7.0}
 _NUMBER = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(km/h|kmh|kph|mph|knots|m|ft|'|lanes)?", re.IGNORECASE)
 _FACTORS = {"mph": 1.609344, "knots": 1.852, "ft": 0.3048, "'": 0.3048}
 _YES = frozenset({"yes", "true", "1", "t", "y", "1.0", "f", "forward", "ft"})
