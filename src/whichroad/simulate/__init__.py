@@ -4,9 +4,13 @@ The simulator knows nothing of the filter: its map error is a sum of Fourier mod
 car follows lanes and cuts corners, its wheels are never what the user believes.
 """
 
+from .demo import Scenes, demo_drive, demo_route, demo_scenes, write_demo
 from .drive import START, SimulatedDrive, Truth, simulate_drive
-from .route import drivable, random_route
+from .files import truth_table, write_drive
+from .route import drivable, random_route, shortest_route
+from .sensors import Pull
 from .settings import GOOD, OUTAGE, PRESETS, URBAN, SimulationSettings
+from .town import draw_town
 
 __all__ = [
     "GOOD",
@@ -14,10 +18,20 @@ __all__ = [
     "PRESETS",
     "START",
     "URBAN",
+    "Pull",
+    "Scenes",
     "SimulatedDrive",
     "SimulationSettings",
     "Truth",
+    "demo_drive",
+    "demo_route",
+    "demo_scenes",
+    "draw_town",
     "drivable",
     "random_route",
+    "shortest_route",
     "simulate_drive",
+    "truth_table",
+    "write_demo",
+    "write_drive",
 ]

@@ -17,12 +17,14 @@ from .pace import Pace, motion_at, set_pace
 from .route import Edges, drivable, random_route
 from .sensors import (
     GnssErrors,
+    Pull,
     States,
     Wheels,
     antenna,
     draw_wheels,
     fixes_from,
     gnss_errors,
+    pulled,
     wheel_counts,
 )
 from .settings import PRESETS, SimulationSettings
@@ -166,6 +168,7 @@ def _fixes(
     states: States,
     settings: SimulationSettings,
     random: np.random.Generator,
+    pulls: Sequence[Pull],
 ) -> tuple[Fixes, GnssErrors]:
     """Every fix of the drive as if there were no outage, and its errors."""
     plane = roads.plane
@@ -175,6 +178,8 @@ def _fixes(
     errors = gnss_errors(states.time, states.travelled, settings, random, moving)
     ahead_x, ahead_y, speed, heading = antenna(states, settings)
     convergence = plane.convergence(states.x, states.y)
+    for pull in pulls:
+        errors = pulled(states, convergence, errors, pull)
     c, s = np.cos(convergence), np.sin(convergence)
     scale = plane.scale(states.x, states.y)
     position = plane.to_geodetic(
@@ -224,6 +229,7 @@ def simulate_drive(
     scenario: str | SimulationSettings = "good",
     route: Sequence[int] | None = None,
     outages_m: Sequence[tuple[float, float]] = (),
+    pulls: Sequence[Pull] = (),
     allowed: NDArray[np.bool_] | None = None,
     warp: Warp | None = None,
     drive_id: str | None = None,
@@ -238,6 +244,7 @@ def simulate_drive(
         route: Edges to drive along instead of a random route; driven from 20 % of the
             first to 80 % of the last, whatever `length_m` is.
         outages_m: Windows without fixes, (from, to) in m driven, besides the scenario's.
+        pulls: False positions that wear off, besides the scenario's errors.
         allowed: What `drivable` found, to save finding it for each of many drives.
         warp: World minus map, to share one between drives; None: drawn.
         drive_id: Name of the drive; None: from the seed.
@@ -264,7 +271,7 @@ def simulate_drive(
     states = _states(course, pace, ticks(settings.odometry_rate))
     fix_states = _states(course, pace, ticks(settings.gnss_rate))
     wheels = draw_wheels(settings, for_wheels)
-    fixes, errors = _fixes(roads, fix_states, settings, for_fixes)
+    fixes, errors = _fixes(roads, fix_states, settings, for_fixes, pulls)
     outages = _outages(pace, settings, outages_m)
     seen = np.ones(len(fixes), dtype=bool)
     for begin, end in outages:

@@ -1,5 +1,9 @@
 """Where to drive: legal random routes along the road graph."""
 
+import heapq
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -139,3 +143,63 @@ def random_route(
             "roads that may be driven were expected; simulate on another map"
         )
     return np.array(best, dtype=np.int64)
+
+
+def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
+    """The shortest legal drive through junctions, without turning round.
+
+    Args:
+        roads: The network.
+        nodes: Junctions in the order in which they are passed, as in `roads.from_node`.
+
+    Returns:
+        (n,) edges in driving order.
+
+    Raises:
+        MapError: One cannot legally be reached from the one before.
+    """
+    route: list[int] = []
+    for begin, end in itertools.pairwise(nodes):
+        if route:
+            starts = _turns(roads, route[-1])
+        else:
+            starts = np.flatnonzero((roads.from_node == begin) & (roads.rule == 0)).tolist()
+        leg = _shortest_leg(roads, starts, end)
+        if not leg:
+            raise MapError(
+                f"map of {len(roads.length)} directed edges: no legal way from junction {begin} "
+                f"to {end}; a connected pair was expected; choose other places"
+            )
+        route += leg
+    return np.array(route, dtype=np.int64)
+
+
+def _turns(roads: Roads, edge: int) -> list[int]:
+    """Edges that may legally follow, the way back not among them."""
+    turns = slice(int(roads.succ_first[edge]), int(roads.succ_first[edge + 1]))
+    follow = roads.succ[turns]
+    ok = (roads.succ_rule[turns] == 0) & (roads.rule[follow] == 0)
+    found: list[int] = follow[ok & (follow != roads.opposite[edge])].tolist()
+    return found
+
+
+def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
+    """Shortest run of edges from one of `starts` to one that ends at junction `end`."""
+    queue = [(float(roads.length[e]), e, -1) for e in starts]
+    heapq.heapify(queue)
+    came_from: dict[int, int] = {}
+    while queue:
+        length, edge, before = heapq.heappop(queue)
+        if edge in came_from:
+            continue
+        came_from[edge] = before
+        if roads.to_node[edge] == end:
+            leg = []
+            while edge >= 0:
+                leg.append(edge)
+                edge = came_from[edge]
+            return leg[::-1]
+        for follow in _turns(roads, edge):
+            if follow not in came_from:
+                heapq.heappush(queue, (length + float(roads.length[follow]), follow, edge))
+    return []

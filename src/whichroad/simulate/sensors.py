@@ -90,6 +90,15 @@ def wheel_counts(
     return WheelCounts(start + states.time, count[:, 0], count[:, 1])
 
 
+class Pull(NamedTuple):
+    """A false position after an outage, wearing off: what reflections do to a receiver."""
+
+    begin: float  # m driven where it begins
+    right: float  # m, to the right of the direction of travel
+    time: float  # s over which it wears off
+    reported: float  # m, sigma per axis that the receiver reports meanwhile
+
+
 class GnssErrors(NamedTuple):
     """Errors of a drive's fixes, east and north in m, and what the receiver says of them."""
 
@@ -145,6 +154,34 @@ def gnss_errors(
         says**2 * shape[0, 1],
         says**2 * shape[1, 1],
         false,
+    )
+
+
+def pulled(states: States, convergence: Array, errors: GnssErrors, pull: Pull) -> GnssErrors:
+    """Fixes' errors with one more: a pull to the right that wears off.
+
+    Args:
+        states: True motion at the fixes.
+        convergence: (n,) rad, of the plane there.
+        errors: What the fixes have already.
+        pull: Where, how far, how long.
+
+    Returns:
+        The errors, at least `pull.reported` being reported as long as the pull lasts.
+    """
+    since = states.time - np.interp(pull.begin, states.travelled - states.travelled[0], states.time)
+    during = (since >= 0.0) & (since < 3.0 * pull.time)
+    size = np.where(during, pull.right * np.exp(-np.maximum(since, 0.0) / pull.time), 0.0)
+    bearing = np.pi - states.heading + convergence  # of what lies to the right
+    report = (errors.cov_ee + errors.cov_nn) / 2.0
+    more = np.where(during, np.maximum(pull.reported**2 / report, 1.0), 1.0)
+    return GnssErrors(
+        errors.east + size * np.sin(bearing),
+        errors.north + size * np.cos(bearing),
+        errors.cov_ee * more,
+        errors.cov_en * more,
+        errors.cov_nn * more,
+        errors.false | during,
     )
 
 
