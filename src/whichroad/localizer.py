@@ -11,7 +11,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.belief import OFF_ROAD, Belief, H, Route, X, Y, new_belief, new_route
+from .core.belief import (
+    GNSS_XX,
+    GNSS_YY,
+    LAST_FIX,
+    NOW,
+    OFF_ROAD,
+    SPEED,
+    STARTED,
+    Belief,
+    D,
+    H,
+    Route,
+    X,
+    Y,
+    new_belief,
+    new_route,
+)
 from .core.drive import (
     CLOCK,
     DISTANCE,
@@ -104,9 +120,10 @@ def _start_at(
         belief.cov[:n, state, state] = 1.0
     normalise(belief)
     reduce(belief, roads.arrays, route, scale, par.prune, par.merge, int(par.components))
-    belief.clock[0] = time
-    belief.clock[3] = -math.inf
-    belief.clock[5] = 1.0
+    belief.clock[NOW] = time
+    belief.clock[LAST_FIX] = -math.inf
+    belief.clock[STARTED] = 1.0
+    belief.clock[GNSS_XX] = belief.clock[GNSS_YY] = settings.default_sigma_m**2
 
 
 def localize_recorded(
@@ -254,10 +271,10 @@ class Localizer:
         Returns:
             The estimate at the observation's time.
         """
-        late = float(self._belief.clock[0]) - observation.time
-        if self._belief.clock[5] and late > (_LATE if isinstance(observation, GeoFix) else 0.0):
+        late = float(self._belief.clock[NOW]) - observation.time
+        if self._belief.clock[STARTED] and late > (_LATE if isinstance(observation, GeoFix) else 0.0):
             self.skipped["late"] = self.skipped.get("late", 0) + 1
-            return self.predict(float(self._belief.clock[0]))
+            return self.predict(float(self._belief.clock[NOW]))
         if isinstance(observation, GeoFix):
             self._take_fix(observation, max(late, 0.0))
         else:
@@ -276,7 +293,7 @@ class Localizer:
         belief = Belief(*(a.copy() for a in self._belief))
         real, self._belief = self._belief, belief
         try:
-            ahead = max(time - float(real.clock[0]), 0.0)
+            ahead = max(time - float(real.clock[NOW]), 0.0)
             self._fill(time, self._rate[0] * ahead, self._rate[1] * ahead, False)
             self._run()
             return self._estimate()
@@ -321,9 +338,9 @@ class Localizer:
         return arc - taken[1], turn - taken[2]
 
     def _take_fix(self, fix: GeoFix, late: float) -> None:
-        time = max(fix.time, float(self._belief.clock[0])) if late else fix.time
+        time = max(fix.time, float(self._belief.clock[NOW])) if late else fix.time
         self._begin_at_start(time)
-        ahead = time - float(self._belief.clock[0]) if self._belief.clock[5] else 0.0
+        ahead = time - float(self._belief.clock[NOW]) if self._belief.clock[STARTED] else 0.0
         arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
         if self._odometer is not None:
             _, a, t = self._odometer
@@ -335,7 +352,7 @@ class Localizer:
         e.fix[0] = row[0]
         if late and self._belief.size[0]:
             heading_now = float(self._belief.mean[0, H])
-            speed = float(self._belief.clock[7])
+            speed = float(self._belief.clock[SPEED])
             e.fix[0, 0] += speed * late * math.cos(heading_now)
             e.fix[0, 1] += speed * late * math.sin(heading_now)
         e.speed[0], e.speed_sigma[0] = fix.speed, fix.sigma_speed
@@ -358,7 +375,7 @@ class Localizer:
         )  # fmt: skip
 
     def _begin_at_start(self, time: float) -> None:
-        if self._start is not None and not self._belief.clock[5]:
+        if self._start is not None and not self._belief.clock[STARTED]:
             _start_at(
                 self._belief, self.roads, self._route, self._start, time, self._mode,
                 self.settings, self.vehicle,
@@ -384,7 +401,6 @@ class Localizer:
         status = STATUS[int(self._output.status[0])]
         b = self._belief
         n = int(b.size[0])
-        k = 1.0 + self.roads.arrays.curvature * (value[V_X] ** 2 + value[V_Y] ** 2)
         weights = np.exp(b.log_weight[:n]).tolist()
         edges = b.edge[:n].tolist()
         means = b.mean[:n].tolist()
@@ -397,19 +413,16 @@ class Localizer:
                 Hypothesis(
                     weights[i], road, self._pose(m[X], m[Y], m[H]), b.cov[i, :3, :3].copy(),
                     abscissae[i] if road is not None else 0.0,
-                    self._lateral(m, road, abscissae[i], k) if road is not None else 0.0,
+                    m[D] if road is not None else 0.0,
                 )
             )  # fmt: skip
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(b.clock[0]), self._pose(value[V_X], value[V_Y], value[V_H]),
+            float(b.clock[NOW]), self._pose(value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
             edge if edge >= 0 else None, value[V_P], value[V_OFF], status, reason(status),
             value[V_S], value[V_LATERAL], tuple(hypotheses),
         )  # fmt: skip
-
-    def _lateral(self, mean: list[float], edge: int, s: float, scale: float) -> float:
-        return mean[5]
 
     def _pose(self, x: float, y: float, heading: float) -> Pose:
         lat, lon, bearing = self.roads.plane.pose(x, y, heading)

@@ -28,7 +28,8 @@ OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
 # clock
-NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD, GATED = range(10)
+NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD = range(9)
+GNSS_XX, GNSS_XY, GNSS_YY = 9, 10, 11  # smoothed covariance that receivers report, m²
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch
@@ -53,7 +54,7 @@ class Belief(NamedTuple):
     fresh: Bytes  # (C,) 1: the edge was entered in this epoch, the route node is not made yet
     size: Ints  # (1,)
     clock: Vector  # see the names above
-    scratch: Matrix  # (4, C)
+    scratch: Matrix  # (6, C)
 
 
 class Route(NamedTuple):
@@ -83,7 +84,7 @@ def new_belief() -> Belief:
         np.zeros(c, np.uint8),
         np.zeros(1, np.int64),
         np.zeros(16),
-        np.zeros((4, c)),
+        np.zeros((6, c)),
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from ._jit import Bytes, Floats32, Ints32, Matrix, Vector, kernel
 from .angles import wrap
 from .belief import (
-    GATED,
     LAST_FIX,
     MISFITS,
     MOVING,
@@ -34,6 +33,7 @@ from .motion import age_gnss, predict_free
 from .network import Roads
 from .parameters import Parameters
 from .observe import (
+    gnss_root,
     normalise,
     observe_fix,
     observe_roads,
@@ -51,6 +51,7 @@ ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 ALTERNATIVES = 6
 
 _STEP = 6.0  # m, longest piece in which wheels are followed
+_SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
 _MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
 
 
@@ -216,6 +217,7 @@ def _begin(
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
+    gnss_root(belief, epochs.fix[k], -1.0, _SMOOTHING, work.root)
     normalise(belief)
     _see_roads(belief, roads, work, scale, side, mode != CLOCK and heading_sigma < 10.0, par)
     reduce(belief, roads, route, scale, par.prune, par.merge, int(par.components))
@@ -246,13 +248,14 @@ def _take_fix(
         interval *= min(1.0, max(clock[SPEED], 0.25))
     for i in range(belief.size[0]):
         age_gnss(belief.mean[i], belief.cov[i], clock[MOVING], par.gnss_time)
+    gnss_root(belief, epochs.fix[k], max(interval, 0.0), _SMOOTHING, work.root)
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     thin = max(1.0, 1.0 / max(interval, 0.01))
     chi2 = observe_fix(
-        belief, epochs.fix[k], interval, scale, lever, par.gnss_white_ratio, par.gnss_gate,
-        work.row,
+        belief, epochs.fix[k], work.root, interval, scale, lever, par.gnss_white_ratio,
+        par.gnss_gate, work.row,
     )  # fmt: skip
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving:

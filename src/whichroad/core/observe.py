@@ -8,9 +8,26 @@ import math
 
 from ._jit import Vector, kernel
 from .angles import wrap
-from .belief import GX, GY, MX, MY, OFF_ROAD, TRAVELLED, Belief, D, H, K, N, X, Y
+from .belief import (
+    GNSS_XX,
+    GNSS_XY,
+    GNSS_YY,
+    GX,
+    GY,
+    MX,
+    MY,
+    OFF_ROAD,
+    TRAVELLED,
+    Belief,
+    D,
+    H,
+    K,
+    N,
+    X,
+    Y,
+)
 from .gaussian import condition, innovation_variance
-from .motion import age_map
+from .motion import age_gnss, age_map
 from .network import Roads
 from .segment import chord_heading, project
 
@@ -37,12 +54,12 @@ def normalise(belief: Belief) -> float:
 
 @kernel
 def _fix_row(
-    belief: Belief, i: int, row: Vector, fix: Vector, axis: int, scale: float, lever: Vector
-) -> float:
+    belief: Belief, i: int, row: Vector, fix: Vector, root: Vector, axis: int, scale: float,
+    lever: Vector,
+) -> float:  # fmt: skip
     """Fill the row of one axis of the fix's ellipse; returns the innovation, m.
 
-    z = p + R(θ) a + S γ + white, along the unit vector e of the axis, where S has the
-    axis as eigenvector: eᵀ S = σ eᵀ.
+    z = p + R(θ) a + S γ + white, along the unit vector e of the axis; `root` is S.
     """
     mean = belief.mean[i]
     c = math.cos(mean[H])
@@ -50,7 +67,6 @@ def _fix_row(
     ax = c * lever[0] - s * lever[1]
     ay = s * lever[0] + c * lever[1]
     angle = fix[4]
-    sigma = fix[2 + axis]
     ex = math.cos(angle) if axis == 0 else -math.sin(angle)
     ey = math.sin(angle) if axis == 0 else math.cos(angle)
     for j in range(N):
@@ -58,27 +74,62 @@ def _fix_row(
     row[X] = ex
     row[Y] = ey
     row[H] = -ex * ay + ey * ax
-    row[GX] = sigma * ex
-    row[GY] = sigma * ey
-    dx = (fix[0] - mean[X]) / scale - ax - sigma_dot(mean, fix, 0)
-    dy = (fix[1] - mean[Y]) / scale - ay - sigma_dot(mean, fix, 1)
+    row[GX] = ex * root[0] + ey * root[1]
+    row[GY] = ex * root[1] + ey * root[2]
+    dx = (fix[0] - mean[X]) / scale - ax - root[0] * mean[GX] - root[1] * mean[GY]
+    dy = (fix[1] - mean[Y]) / scale - ay - root[1] * mean[GX] - root[2] * mean[GY]
     return ex * dx + ey * dy
 
 
 @kernel
-def sigma_dot(mean: Vector, fix: Vector, component: int) -> float:
-    """Component (0 x, 1 y) of S γ, m, with S the symmetric root of the fix's covariance."""
+def gnss_root(belief: Belief, fix: Vector, interval: float, smoothing: float, root: Vector) -> None:
+    """Scale of the slow GNSS error: what receivers report, smoothed over time.
+
+    Scaling it by each fix's own ellipse would let the ellipse's jitter measure the
+    error: a sigma that scatters by 5 % took the filter's ANEES from 0.9 to 1.4.  Where
+    the smoothed scale does change, the error is drawn anew in that proportion.
+
+    Args:
+        belief: Its clock keeps the smoothed covariance; γ is aged.
+        fix: x, y, sigma_major, sigma_minor (m), heading of the major axis.
+        interval: Since the last fix, s; negative: begin with this one.
+        smoothing: Time constant, s.
+        root: Filled with the symmetric root: xx, xy, yy, m.
+    """
     c = math.cos(fix[4])
     s = math.sin(fix[4])
-    along = fix[2] * (c * mean[GX] + s * mean[GY])
-    across = fix[3] * (-s * mean[GX] + c * mean[GY])
-    return c * along - s * across if component == 0 else s * along + c * across
+    a = fix[2] ** 2
+    b = fix[3] ** 2
+    clock = belief.clock
+    xx = a * c * c + b * s * s
+    xy = (a - b) * c * s
+    yy = a * s * s + b * c * c
+    if interval >= 0.0:
+        new = 1.0 - math.exp(-interval / smoothing)
+        before = clock[GNSS_XX] * clock[GNSS_YY] - clock[GNSS_XY] ** 2
+        xx = clock[GNSS_XX] + new * (xx - clock[GNSS_XX])
+        xy = clock[GNSS_XY] + new * (xy - clock[GNSS_XY])
+        yy = clock[GNSS_YY] + new * (yy - clock[GNSS_YY])
+        ratio = math.sqrt(math.sqrt((xx * yy - xy * xy) / before))
+        keep = min(ratio, 1.0 / ratio)
+        if keep < 0.995:
+            for i in range(belief.size[0]):
+                age_gnss(belief.mean[i], belief.cov[i], -math.log(keep), 1.0)
+    clock[GNSS_XX] = xx
+    clock[GNSS_XY] = xy
+    clock[GNSS_YY] = yy
+    det = math.sqrt(max(xx * yy - xy * xy, 0.0))
+    trace = math.sqrt(xx + yy + 2.0 * det)
+    root[0] = (xx + det) / trace
+    root[1] = xy / trace
+    root[2] = (yy + det) / trace
 
 
 @kernel
 def observe_fix(
     belief: Belief,
     fix: Vector,
+    root: Vector,
     interval: float,
     scale: float,
     lever: Vector,
@@ -96,6 +147,7 @@ def observe_fix(
     Args:
         belief: In place.
         fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        root: S, the symmetric root of the covariance that scales the slow error, xx, xy, yy (m).
         interval: Since the last fix, s.
         scale: Local scale of the plane.
         lever: Antenna ahead and left of M, m.
@@ -116,9 +168,9 @@ def observe_fix(
     for i in range(n):
         if belief.probability[i] < 0.01:
             continue
-        nu0 = _fix_row(belief, i, row, fix, 0, scale, lever)
+        nu0 = _fix_row(belief, i, row, fix, root, 0, scale, lever)
         s0 = innovation_variance(belief.cov[i], row, r0)
-        nu1 = _fix_row(belief, i, row, fix, 1, scale, lever)
+        nu1 = _fix_row(belief, i, row, fix, root, 1, scale, lever)
         s1 = innovation_variance(belief.cov[i], row, r1)
         chi2 = nu0 * nu0 / s0 + nu1 * nu1 / s1
         if chi2 < best:
@@ -128,7 +180,7 @@ def observe_fix(
             extra1 = s1 * over
     for i in range(n):
         for axis in range(2):
-            nu = _fix_row(belief, i, row, fix, axis, scale, lever)
+            nu = _fix_row(belief, i, row, fix, root, axis, scale, lever)
             if axis == 1:
                 r = r1 + extra1
             else:
@@ -212,33 +264,41 @@ def observe_roads(
     lateral = belief.scratch[0]
     tangent_x = belief.scratch[1]
     tangent_y = belief.scratch[2]
-    relax = 0.0
+    heading = belief.scratch[3]
+    slope = belief.scratch[4]
     on = 0.0
+    more_lateral = 0.0
+    more_heading = 0.0
     for i in range(n):
         edge = belief.edge[i]
-        if edge == OFF_ROAD:
-            age_map(
-                belief.mean[i], belief.cov[i], travelled, 0.0,
-                lane_length, lane_sigma, map_length, map_sigma,
-            )  # fmt: skip
-            continue
+        lane = 0.0 if edge == OFF_ROAD else side * roads.lane[edge]
         age_map(
-            belief.mean[i], belief.cov[i], travelled, side * roads.lane[edge],
-            lane_length, lane_sigma, map_length, map_sigma,
+            belief.mean[i], belief.cov[i], travelled, lane, lane_length, lane_sigma, map_length,
+            map_sigma,
         )  # fmt: skip
+        if edge == OFF_ROAD:
+            continue
         lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)
         s = belief.abscissa[i]
         p = belief.probability[i]
         on += p
+        heading[i], slope[i], bow = bend(roads, edge, belief.segment[i], s, belief.spread[i])
+        spread2 = belief.spread[i] ** 2
+        cutting = min(abs(slope[i]) * _HALF_CHORD, 1.0) * node_sigma
+        sagitta = min(0.5 * abs(slope[i]) * spread2, 4.0)
+        more_lateral += p * (cutting * cutting + sagitta * sagitta)
+        more_heading += p * (bow * bow + 0.1 * slope[i] ** 2 * (spread2 + 9.0))
         if min(s, roads.length[edge] - s) < node_radius:
-            relax += p
-    share = relax / on if on > 0.0 else 0.0
-    r_lateral = relative_sigma**2 + share * node_sigma**2
-    r_heading = heading_sigma**2 + share * node_heading_sigma**2
+            more_lateral += p * node_sigma**2
+            more_heading += p * node_heading_sigma**2
+    if on > 0.0:
+        more_lateral /= on
+        more_heading /= on
+    r_lateral = relative_sigma**2 + more_lateral
+    r_heading = heading_sigma**2 + more_heading
     log_s = 0.0
     for i in range(n):
-        edge = belief.edge[i]
-        if edge == OFF_ROAD:
+        if belief.edge[i] == OFF_ROAD:
             continue
         p = belief.probability[i]
         mean = belief.mean[i]
@@ -252,20 +312,19 @@ def observe_roads(
         row[MY] = ny
         row[D] = -1.0
         nu = mean[D] - lateral[i]
-        s_lateral = innovation_variance(belief.cov[i], row, r_lateral)
+        log_s += p * math.log(innovation_variance(belief.cov[i], row, r_lateral))
         gain = condition(mean, belief.cov[i], row, nu, r_lateral, scale)
-        log_s += p * math.log(s_lateral)
         if with_heading:
-            chord = chord_heading(
-                roads, edge, belief.segment[i], belief.abscissa[i], _HALF_CHORD
-            )
             for j in range(N):
                 row[j] = 0.0
             row[H] = 1.0
-            log_s += p * math.log(belief.cov[i, H, H] + r_heading)
-            gain += condition(
-                mean, belief.cov[i], row, wrap(chord - mean[H]), r_heading, scale
-            )
+            row[X] = -slope[i] * tangent_x[i]
+            row[Y] = -slope[i] * tangent_y[i]
+            row[MX] = row[X]
+            row[MY] = row[Y]
+            nu = wrap(heading[i] - mean[H])
+            log_s += p * math.log(innovation_variance(belief.cov[i], row, r_heading))
+            gain += condition(mean, belief.cov[i], row, nu, r_heading, scale)
         belief.log_weight[i] += gain
     rows = 2.0 if with_heading else 1.0
     if on > 0.0:
@@ -273,6 +332,40 @@ def observe_roads(
         for i in range(n):
             if belief.edge[i] == OFF_ROAD:
                 belief.log_weight[i] += fit - off_road_cost * travelled
+
+
+@kernel
+def bend(
+    roads: Roads, edge: int, segment: int, s: float, sigma: float
+) -> tuple[float, float, float]:
+    """The road's heading about an abscissa that is only known to sigma.
+
+    The chord's heading χ is taken at s − δ, s, s + δ with δ = max(σ, 3 m):
+
+        slope = (χ₊ − χ₋) / 2δ,     bow = (χ₊ + χ₋) / 2 − χ
+
+    so that in a bend the heading tells the abscissa, over as much road as is in doubt.
+
+    Args:
+        roads: The network.
+        edge: Directed edge.
+        segment: Vertex index near the abscissa.
+        s: Abscissa, m.
+        sigma: Its standard deviation, m.
+
+    Returns:
+        χ (rad), slope (rad/m), bow (rad).
+    """
+    length = roads.length[edge]
+    step = min(max(sigma, 3.0), 25.0)
+    low = max(s - step, 0.0)
+    high = min(s + step, length)
+    middle = chord_heading(roads, edge, segment, min(max(s, 0.0), length), _HALF_CHORD)
+    if high - low < 1.0 or roads.first[edge + 1] - roads.first[edge] == 2:
+        return middle, 0.0, 0.0
+    before = wrap(chord_heading(roads, edge, segment, low, _HALF_CHORD) - middle)
+    after = wrap(chord_heading(roads, edge, segment, high, _HALF_CHORD) - middle)
+    return middle, (after - before) / (high - low), 0.5 * (after + before)
 
 
 @kernel

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Ints, Ints32, Matrix, Vector, kernel
+from ._jit import Ints, Ints32, Vector, kernel
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -55,7 +55,7 @@ class Work(NamedTuple):
     near_s: Vector
     near_lateral: Vector
     near_distance: Vector
-    spare: Matrix
+    root: Vector  # (3,) scale of the slow GNSS error, see `observe.gnss_root`
 
 
 def new_work() -> Work:
@@ -72,7 +72,7 @@ def new_work() -> Work:
         np.zeros(128),
         np.zeros(128),
         np.zeros(128),
-        np.zeros((2, N)),
+        np.zeros(3),
     )
 
 
