@@ -15,7 +15,18 @@ from typing import Any
 import numpy as np
 
 import whichroad
-from whichroad.core.drive import V_H, V_HH, V_P, V_X, V_XH, V_XX, V_XY, V_Y, V_YH, V_YY
+from whichroad.core.output import (
+    V_H,
+    V_HH,
+    V_P,
+    V_X,
+    V_XH,
+    V_XX,
+    V_XY,
+    V_Y,
+    V_YH,
+    V_YY,
+)
 from whichroad.epochs import build_timeline
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive

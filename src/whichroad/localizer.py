@@ -28,9 +28,10 @@ from .core.belief import (
     new_belief,
     new_route,
 )
-from .core.drive import (
-    CLOCK,
-    DISTANCE,
+from .core.drive import CLOCK, DISTANCE, WHEELS, Epochs, run
+from .core.motion import arc_chord
+from .core.observe import normalise
+from .core.output import (
     V_H,
     V_HH,
     V_LATERAL,
@@ -40,16 +41,12 @@ from .core.drive import (
     V_X,
     V_XX,
     V_Y,
-    WHEELS,
-    Epochs,
     Output,
     new_output,
-    run,
 )
-from .core.motion import arc_chord
-from .core.observe import normalise
+from .core.reduction import reduce
 from .core.start import cold_start
-from .core.switching import new_work, reduce
+from .core.switching import new_work
 from .epochs import Timeline
 from .errors import DriveError
 from .records import (
@@ -119,7 +116,7 @@ def _start_at(
         belief.cov[:n, :, state] = 0.0
         belief.cov[:n, state, state] = 1.0
     normalise(belief)
-    reduce(belief, roads.arrays, route, scale, par.prune, par.merge, int(par.components))
+    reduce(belief, route, scale, par.prune, par.merge, int(par.components))
     belief.clock[NOW] = time
     belief.clock[LAST_FIX] = -math.inf
     belief.clock[STARTED] = 1.0
@@ -272,7 +269,9 @@ class Localizer:
             The estimate at the observation's time.
         """
         late = float(self._belief.clock[NOW]) - observation.time
-        if self._belief.clock[STARTED] and late > (_LATE if isinstance(observation, GeoFix) else 0.0):
+        if self._belief.clock[STARTED] and late > (
+            _LATE if isinstance(observation, GeoFix) else 0.0
+        ):
             self.skipped["late"] = self.skipped.get("late", 0) + 1
             return self.predict(float(self._belief.clock[NOW]))
         if isinstance(observation, GeoFix):
@@ -442,5 +441,3 @@ _REASONS = {
 def reason(status: str) -> str:
     """Why an estimate has its status, for people."""
     return _REASONS[status]
-
-

@@ -9,7 +9,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .core.belief import OFF_ROAD
-from .core.drive import (
+from .core.drive import Epochs
+from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from .core.output import (
     V_H,
     V_HH,
     V_LATERAL,
@@ -26,10 +28,8 @@ from .core.drive import (
     V_XY,
     V_Y,
     V_YY,
-    Epochs,
     Output,
 )
-from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from .localizer import STATUS, Recorded, reason
 from .records import Array
 from .roadmap import RoadMap
@@ -256,7 +256,9 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
         "enter_m": pa.array([r.enter_m for r in rows], pa.float64()),
         "exit_m": pa.array([r.exit_m for r in rows], pa.float64()),
         "p": pa.array([r.p for r in rows], pa.float64()),
-        "broken_rule": pa.array([_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()),
+        "broken_rule": pa.array(
+            [_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()
+        ),
         "geometry": wkb,
     }
     return pa.table(columns).cast(PATH)
@@ -280,9 +282,7 @@ def summary_of(epochs: Epochs, output: Output, path: pa.Table, masked: int) -> d
     """The drive in numbers, for people and for JSON."""
     n = len(epochs.time)
     known = output.live > 0
-    shares = {
-        s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n
-    }
+    shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
     length = float(np.sum(np.abs(np.subtract(path["exit_m"], path["enter_m"]))))
     return {
         "epochs": n,

@@ -5,8 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .core.belief import OFF_ROAD
-from .core.drive import V_S, Epochs
+from .core.drive import Epochs
 from .core.network import Roads
+from .core.output import (
+    V_S,
+)
 from .localizer import Recorded
 from .records import Array
 

@@ -10,8 +10,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from .core.belief import OFF_ROAD
-from .core.drive import ALTERNATIVES, NO_EDGE, Epochs, Output
+from .core.belief import NO_EDGE, OFF_ROAD
+from .core.drive import Epochs
+from .core.output import (
+    ALTERNATIVES,
+    Output,
+)
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .localizer import localize_recorded

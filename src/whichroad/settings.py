@@ -14,9 +14,7 @@ from .errors import SettingError
 
 
 def _number(default: float, low: float, high: float, unit: str, why: str) -> Any:
-    return field(
-        default=default, metadata={"low": low, "high": high, "unit": unit, "why": why}
-    )
+    return field(default=default, metadata={"low": low, "high": high, "unit": unit, "why": why})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,17 +33,23 @@ class Settings:
     drift_sigma: float = _number(3e-4, 0, 0.1, "rad/m", "heading drift per metre, before learnt")
     lane_sigma: float = _number(1.8, 0.01, 50, "m", "offset from the usual lane")
     lane_length: float = _number(150, 1, 1e5, "m", "distance over which that offset persists")
-    map_sigma: float = _number(4.1, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %)")
+    map_sigma: float = _number(
+        4.1, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %)"
+    )
     map_length: float = _number(1000, 10, 1e6, "m", "distance over which the map error persists")
     relative_sigma: float = _number(0.7, 0.01, 20, "m", "relative map error (paper: 1 m, 95 %)")
-    edge_heading_sigma: float = _number(0.08, 0.001, 1, "rad", "chord heading against the vehicle's")
-    node_radius: float = _number(12, 0, 100, "m", "about a junction the centre line is not driven")
+    edge_heading_sigma: float = _number(
+        0.08, 0.001, 1, "rad", "chord heading against the vehicle's"
+    )
+    node_radius: float = _number(12, 0, 100, "m", "about a junction the line is not driven")
     node_sigma: float = _number(1.5, 0, 20, "m", "extra lateral error there")
     node_heading_sigma: float = _number(0.5, 0, 3, "rad", "extra heading error there")
     map_spacing: float = _number(5, 0.5, 50, "m", "distance between map observations")
-    gnss_bias_ratio: float = _number(1.0, 0, 10, "", "correlated GNSS error over the reported sigma")
-    gnss_white_ratio: float = _number(0.5, 0.01, 10, "", "white GNSS error over it, one fix a second")
-    gnss_time: float = _number(60, 0.1, 1e5, "s", "correlation time of the GNSS error while moving")
+    gnss_bias_ratio: float = _number(1.0, 0, 10, "", "correlated GNSS error over reported sigma")
+    gnss_white_ratio: float = _number(
+        0.5, 0.01, 10, "", "white GNSS error over it, at one fix a second"
+    )
+    gnss_time: float = _number(60, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
     off_road_leave: float = _number(2e-5, 0, 0.1, "1/m", "rate of leaving the mapped roads")
     off_road_return: float = _number(0.01, 0, 1, "1/m", "rate of coming back to one")
@@ -61,7 +65,7 @@ class Settings:
     components: float = _number(2, 1, 8, "", "Gaussians kept per directed edge")
     lost_after: float = _number(8, 1, 1e4, "", "fixes in a row that fit nothing: start again")
 
-    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "per-axis sigma of fixes that report none")
+    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
     user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
     outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
     ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")

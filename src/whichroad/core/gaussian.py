@@ -84,7 +84,7 @@ def condition(
 
 @kernel
 def innovation_variance(cov: Matrix, row: Vector, variance: float) -> float:
-    """h P hᵀ + r."""
+    """H P hᵀ + r."""
     s = variance
     for i in range(N):
         if row[i] != 0.0:

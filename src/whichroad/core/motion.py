@@ -4,7 +4,7 @@ import math
 
 from ._jit import Matrix, Vector, kernel
 from .angles import wrap
-from .belief import B, D, GX, GY, MX, MY, H, K, N, X, Y
+from .belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
 
 
 @kernel

@@ -201,9 +201,7 @@ def observe_state(
         nu = value - belief.mean[i, state]
         if state == H:
             nu = wrap(nu)
-        belief.log_weight[i] += condition(
-            belief.mean[i], belief.cov[i], row, nu, variance, scale
-        )
+        belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, variance, scale)
 
 
 @kernel

@@ -131,7 +131,9 @@ def cold_start(
     n = 0
     for c in range(found):
         edge = work.near_edge[c]
-        segment, s, _, _, _ = project(roads, edge, vertex_at(roads, edge, work.near_s[c]), fix[0], fix[1])
+        segment, s, _, _, _ = project(
+            roads, edge, vertex_at(roads, edge, work.near_s[c]), fix[0], fix[1]
+        )
         length = roads.length[edge]
         mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
         if roads.rule[edge] & AGAINST_ONE_WAY:

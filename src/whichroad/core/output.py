@@ -1,0 +1,216 @@
+"""What the filter says of an epoch: moments of the mixture, roads, status."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import Bytes, Floats32, Ints32, Matrix, kernel
+from .angles import wrap
+from .belief import (
+    LAST_FIX,
+    MISFITS,
+    MX,
+    MY,
+    NO_EDGE,
+    NOW,
+    OFF_ROAD,
+    SPEED,
+    STOOD,
+    Belief,
+    H,
+    X,
+    Y,
+)
+from .network import Roads
+from .observe import track
+
+ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
+
+ALTERNATIVES = 6
+
+
+class Output(NamedTuple):
+    """What the filter says, one row an epoch."""
+
+    value: Matrix  # (n, 20) see the V_ names
+    edge: Ints32  # (n,)
+    status: Bytes  # (n,)
+    live: Ints32  # (n,) hypotheses
+    alt_edge: Ints32  # (n, ALTERNATIVES)
+    alt_p: Floats32  # (n, ALTERNATIVES)
+    alt_pose: Matrix  # (n or 0, ALTERNATIVES * 6) x, y, heading, cov xx, xy, yy
+
+
+V_X, V_Y, V_H, V_XX, V_XY, V_XH, V_YY, V_YH, V_HH = range(9)
+V_P, V_OFF, V_S, V_LATERAL, V_MAP_X, V_MAP_Y, V_MATCH_X, V_MATCH_Y, V_SPEED, V_CHI2 = range(9, 19)
+
+
+def new_output(n: int, poses: bool) -> Output:
+    """Empty output for n epochs."""
+    return Output(
+        np.zeros((n, 20)),
+        np.full(n, NO_EDGE, np.int32),
+        np.full(n, LOST, np.uint8),
+        np.zeros(n, np.int32),
+        np.full((n, ALTERNATIVES), NO_EDGE, np.int32),
+        np.zeros((n, ALTERNATIVES), np.float32),
+        np.zeros((n if poses else 0, ALTERNATIVES * 6)),
+    )
+
+
+@kernel
+def say(
+    belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
+    ambiguous_below: float, chi2: float,
+) -> None:  # fmt: skip
+    """Write epoch k: moments of the mixture, the most probable edge, the alternatives."""
+    n = belief.size[0]
+    out = output.value[k]
+    top = 0
+    off = 0.0
+    mx = 0.0
+    my = 0.0
+    mh = 0.0
+    for i in range(n):
+        if belief.log_weight[i] > belief.log_weight[top]:
+            top = i
+    x0 = belief.mean[top, X]
+    y0 = belief.mean[top, Y]
+    h0 = belief.mean[top, H]
+    for i in range(n):
+        p = belief.probability[i]
+        mx += p * (belief.mean[i, X] - x0)
+        my += p * (belief.mean[i, Y] - y0)
+        mh += p * wrap(belief.mean[i, H] - h0)
+        if belief.edge[i] == OFF_ROAD:
+            off += p
+    xx = 0.0
+    xy = 0.0
+    xh = 0.0
+    yy = 0.0
+    yh = 0.0
+    hh = 0.0
+    for i in range(n):
+        p = belief.probability[i]
+        dx = (belief.mean[i, X] - x0 - mx) / scale
+        dy = (belief.mean[i, Y] - y0 - my) / scale
+        dh = wrap(belief.mean[i, H] - h0) - mh
+        xx += p * (belief.cov[i, X, X] + dx * dx)
+        xy += p * (belief.cov[i, X, Y] + dx * dy)
+        xh += p * (belief.cov[i, X, H] + dx * dh)
+        yy += p * (belief.cov[i, Y, Y] + dy * dy)
+        yh += p * (belief.cov[i, Y, H] + dy * dh)
+        hh += p * (belief.cov[i, H, H] + dh * dh)
+    out[V_XX] = xx
+    out[V_XY] = xy
+    out[V_XH] = xh
+    out[V_YY] = yy
+    out[V_YH] = yh
+    out[V_HH] = hh
+    out[V_X] = x0 + mx
+    out[V_Y] = y0 + my
+    out[V_H] = wrap(h0 + mh)
+    out[V_OFF] = off
+    out[V_SPEED] = belief.clock[SPEED]
+    out[V_CHI2] = chi2
+    output.live[k] = n
+    _rank(belief, output, k)
+    edge = output.alt_edge[k, 0]
+    if edge == OFF_ROAD and output.alt_edge[k, 1] >= 0 and off <= 0.5:
+        edge = output.alt_edge[k, 1]
+    output.edge[k] = edge
+    p_edge = 0.0
+    sx = 0.0
+    sy = 0.0
+    if edge >= 0:
+        best = -1
+        for i in range(n):
+            if belief.edge[i] == edge:
+                p = belief.probability[i]
+                p_edge += p
+                sx += p * (belief.mean[i, X] + scale * belief.mean[i, MX])
+                sy += p * (belief.mean[i, Y] + scale * belief.mean[i, MY])
+                if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
+                    best = i
+        out[V_MAP_X] = sx / p_edge
+        out[V_MAP_Y] = sy / p_edge
+        lateral, tx, ty = track(belief, roads, best, scale)
+        s = belief.abscissa[best]
+        inside = min(max(s, 0.0), roads.length[edge])
+        out[V_S] = inside
+        out[V_LATERAL] = lateral
+        across = lateral * scale
+        qx = belief.mean[best, X] + scale * belief.mean[best, MX]
+        qy = belief.mean[best, Y] + scale * belief.mean[best, MY]
+        out[V_MATCH_X] = qx - across * ty + (inside - s) * scale * tx
+        out[V_MATCH_Y] = qy + across * tx + (inside - s) * scale * ty
+    else:
+        out[V_MAP_X] = out[V_X]
+        out[V_MAP_Y] = out[V_Y]
+        out[V_MATCH_X] = out[V_X]
+        out[V_MATCH_Y] = out[V_Y]
+        out[V_S] = 0.0
+        out[V_LATERAL] = 0.0
+    out[V_P] = p_edge
+    clock = belief.clock
+    if clock[MISFITS] >= 3.0:
+        status = LOST
+    elif off > 0.5:
+        status = OFF
+    elif p_edge < ambiguous_below:
+        status = AMBIGUOUS
+    elif clock[NOW] - clock[LAST_FIX] > outage_after:
+        status = OUTAGE
+    elif clock[STOOD] > 1.0:
+        status = STOPPED
+    else:
+        status = ON_ROAD
+    output.status[k] = status
+
+
+@kernel
+def _rank(belief: Belief, output: Output, k: int) -> None:
+    """The most probable edges of epoch k, components of one edge added up."""
+    n = belief.size[0]
+    edges = output.alt_edge[k]
+    ps = output.alt_p[k]
+    poses = len(output.alt_pose) > 0
+    for a in range(ALTERNATIVES):
+        edges[a] = NO_EDGE
+        ps[a] = 0.0
+    for i in range(n):
+        edge = belief.edge[i]
+        seen = False
+        for j in range(i):
+            if belief.edge[j] == edge:
+                seen = True
+                break
+        if seen:
+            continue
+        p = 0.0
+        best = i
+        for j in range(i, n):
+            if belief.edge[j] == edge:
+                p += belief.probability[j]
+                if belief.probability[j] > belief.probability[best]:
+                    best = j
+        slot = ALTERNATIVES
+        while slot > 0 and ps[slot - 1] < p:
+            slot -= 1
+        if slot == ALTERNATIVES:
+            continue
+        for a in range(ALTERNATIVES - 1, slot, -1):
+            edges[a] = edges[a - 1]
+            ps[a] = ps[a - 1]
+            if poses:
+                for v in range(6):
+                    output.alt_pose[k, 6 * a + v] = output.alt_pose[k, 6 * (a - 1) + v]
+        edges[slot] = edge
+        ps[slot] = p
+        if poses:
+            output.alt_pose[k, 6 * slot] = belief.mean[best, X]
+            output.alt_pose[k, 6 * slot + 1] = belief.mean[best, Y]
+            output.alt_pose[k, 6 * slot + 2] = belief.mean[best, H]
+            output.alt_pose[k, 6 * slot + 3] = belief.cov[best, X, X]
+            output.alt_pose[k, 6 * slot + 4] = belief.cov[best, X, Y]
+            output.alt_pose[k, 6 * slot + 5] = belief.cov[best, Y, Y]
