@@ -117,15 +117,17 @@ def exported(tree: ast.Module) -> list[ast.AST]:
     """The module, its public functions and classes, and their public methods."""
     found: list[ast.AST] = [tree]
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+        if _is_public(node):
             found.append(node)
             if isinstance(node, ast.ClassDef):
-                found += [
-                    n
-                    for n in node.body
-                    if isinstance(n, ast.FunctionDef) and not n.name.startswith("_")
-                ]
+                found += [n for n in node.body if _is_public(n)]
     return found
+
+
+def _is_public(node: ast.stmt) -> bool:
+    if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
+        return False
+    return "overload" not in [ast.unparse(d) for d in node.decorator_list]
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=title)
