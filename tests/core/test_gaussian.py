@@ -1,0 +1,150 @@
+"""Conditioning, cutting and merging Gaussians, against matrices and SciPy."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import textbook
+from scipy import stats
+from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
+
+from whichroad.core.belief import H, N, X, Y
+from whichroad.core.gaussian import condition, merge_moments, reshape_along, truncated_moments
+
+
+def random_rows(rng: np.random.Generator, k: int) -> np.ndarray:
+    return rng.normal(size=(k, N)) / UNITS * (rng.random((k, N)) < 0.5)
+
+
+def apply(g: Gaussian, rows: np.ndarray, z: np.ndarray, noise: np.ndarray) -> float:
+    """Condition on the rows one by one; z is what they observe of the state itself."""
+    return sum(
+        condition(g.mean, g.cov, row, value - row @ g.mean, variance, 1.0)
+        for row, value, variance in zip(rows, z, noise, strict=True)
+    )
+
+
+def assert_same(a: Gaussian, b: Gaussian) -> None:
+    """Equal up to rounding, in units of each state."""
+    np.testing.assert_allclose(a.mean / UNITS, b.mean / UNITS, atol=1e-9)
+    square = np.outer(UNITS, UNITS)
+    np.testing.assert_allclose(a.cov / square, b.cov / square, atol=1e-9)
+
+
+@given(seeds)
+def test_rows_one_by_one_are_the_joint_update_of_the_textbook(seed: int):
+    rng = np.random.default_rng(seed)
+    g = random_gaussian(rng)
+    rows, noise = random_rows(rng, 4), rng.uniform(0.01, 4.0, 4)
+    innovation = rng.normal(size=4) * 2.0
+    mean, cov, log_density = textbook.condition(*g, rows, innovation, np.diag(noise))
+    ours = apply(g, rows, innovation + rows @ g.mean, noise)
+    assert_same(g, Gaussian(mean, cov))
+    assert ours == pytest.approx(log_density, abs=1e-8)
+
+
+@given(seeds, st.permutations(range(4)))
+def test_the_order_of_independent_rows_does_not_matter(seed: int, order: list[int]):
+    rng = np.random.default_rng(seed)
+    a = random_gaussian(rng)
+    b = a.copy()
+    rows, z, noise = random_rows(rng, 4), rng.normal(size=4), rng.uniform(0.01, 4.0, 4)
+    first = apply(a, rows, z, noise)
+    second = apply(b, rows[order], z[order], noise[order])
+    assert_same(a, b)
+    assert first == pytest.approx(second, abs=1e-8)
+
+
+def test_after_ten_thousand_rows_the_covariance_is_symmetric_and_positive():
+    rng = np.random.default_rng(1)
+    g = random_gaussian(rng)
+    for _ in range(10_000):
+        g.cov[np.diag_indices(N)] += 1e-6 * UNITS**2
+        row = random_rows(rng, 1)[0]
+        condition(g.mean, g.cov, row, rng.normal(), 10.0 ** rng.uniform(-6, 2), 1.0)
+    assert (g.cov == g.cov.T).all()
+    assert np.linalg.eigvalsh(g.cov / np.outer(UNITS, UNITS)).min() > 0
+
+
+@given(gaussians, st.floats(0.9, 1.1))
+def test_the_plane_s_scale_stretches_only_the_steps_of_x_and_y(g: Gaussian, scale: float):
+    row = 1.0 / UNITS
+    flat = g.copy()
+    scaled = g.copy()
+    same = condition(flat.mean, flat.cov, row, 1.3, 0.7, 1.0)
+    assert condition(scaled.mean, scaled.cov, row, 1.3, 0.7, scale) == same
+    step, longer = flat.mean - g.mean, scaled.mean - g.mean
+    np.testing.assert_allclose(longer[[X, Y]], scale * step[[X, Y]], atol=1e-12)
+    np.testing.assert_array_equal(longer[2:], step[2:])
+    np.testing.assert_array_equal(scaled.cov, flat.cov)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(0.1, 50.0), st.floats(-4.9, 4.0), st.floats(0.5, 9.0))
+def test_a_cut_gaussian_has_the_moments_that_scipy_gives(mean, sigma, low, width):
+    high = low + width
+    ours = truncated_moments(mean, sigma, mean + low * sigma, mean + high * sigma)
+    cut = stats.truncnorm(low, high, loc=mean, scale=sigma)
+    assert ours[0] == pytest.approx(cut.mean(), abs=1e-6 * sigma)
+    assert ours[1] == pytest.approx(cut.var(), abs=1e-6 * sigma**2)
+
+
+@given(st.floats(-40.0, 40.0), st.floats(0.01, 80.0))
+def test_a_cut_gaussian_lies_where_it_was_cut_to(low: float, width: float):
+    mean, variance = truncated_moments(0.0, 1.0, low, low + width)
+    assert low <= mean <= low + width
+    assert 0.0 < variance <= 1.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_tail_beyond_five_sigma_joins_on_without_a_jump(side: float):
+    ends = [sorted((side * a, side * (a + 10.0))) for a in (4.999, 5.001)]
+    (mean, variance), (tail_mean, tail_variance) = (truncated_moments(0.0, 1.0, *e) for e in ends)
+    assert tail_mean == pytest.approx(mean, abs=0.03)
+    assert math.sqrt(tail_variance) == pytest.approx(math.sqrt(variance), rel=0.15)
+
+
+@given(gaussians, seeds, st.floats(-3.0, 3.0), st.floats(0.05, 1.0))
+def test_reshaping_gives_one_direction_new_moments_and_the_rest_follows(
+    g: Gaussian, seed: int, shift: float, shrink: float
+):
+    row = np.random.default_rng(seed).normal(size=N) / UNITS
+    old = g.copy()
+    reshape_along(g.mean, g.cov, row, shift, shrink, 1.0)
+    variance = row @ old.cov @ row
+    assert row @ g.mean == pytest.approx(row @ old.mean + shift, abs=1e-9)
+    assert row @ g.cov @ row == pytest.approx(shrink * variance, rel=1e-8)
+
+    def given_row(a: Gaussian) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Regression of the state on h·x, what it predicts at h·x = 0, and what is left."""
+        slope = a.cov @ row / (row @ a.cov @ row)
+        rest = a.cov - np.outer(slope, slope) * (row @ a.cov @ row)
+        return (
+            slope / UNITS,
+            (a.mean - slope * (row @ a.mean)) / UNITS,
+            rest / np.outer(UNITS, UNITS),
+        )
+
+    for before, after in zip(given_row(old), given_row(g), strict=True):
+        np.testing.assert_allclose(after, before, atol=1e-8)
+
+
+@given(seeds, st.floats(0.001, 0.999), st.floats(0.95, 1.05))
+def test_merging_conserves_mean_and_covariance(seed: int, share: float, scale: float):
+    rng = np.random.default_rng(seed)
+    a, b = random_gaussian(rng), random_gaussian(rng)
+    b.mean[H] = a.mean[H] + rng.uniform(-3.0, 3.0)  # across the wrap, too
+    plane = np.ones(N)
+    plane[[X, Y]] = scale
+    mean, cov = textbook.mixture_moments(
+        np.array([share, 1.0 - share]),
+        np.array([a.mean, b.mean]) / plane,
+        np.array([a.cov, b.cov]),
+    )
+    b.mean[H] = math.remainder(b.mean[H], 2.0 * math.pi)
+    merge_moments(a.mean, a.cov, b.mean, b.cov, share, scale)
+    assert -math.pi < a.mean[H] <= math.pi
+    mean[H] += 2.0 * math.pi * round((a.mean[H] - mean[H]) / (2.0 * math.pi))
+    assert_same(Gaussian(a.mean / plane, a.cov), Gaussian(mean, cov))
+    assert (a.cov == a.cov.T).all()

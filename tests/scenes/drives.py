@@ -1,0 +1,120 @@
+"""Drives whose truth is exact: straight pieces and circular arcs, wheels without an error."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from whichroad.core.drive import Epochs
+
+Array = NDArray[np.float64]
+
+
+class Truth(NamedTuple):
+    """Where M was, (n,) each."""
+
+    time: Array  # s
+    x: Array  # m, plane
+    y: Array
+    heading: Array  # rad, not wrapped
+    s: Array  # m driven
+
+
+def _pieces(corners: Array, radius: float) -> list[tuple[float, float]]:
+    """Length and curvature of what lies between the first and the last corner."""
+    legs = np.diff(corners, axis=0)
+    length = np.hypot(*legs.T)
+    heading = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
+    pieces, cut = [], 0.0
+    for i, turn in enumerate(np.diff(heading)):
+        tangent = radius * math.tan(abs(turn) / 2.0)
+        pieces.append((length[i] - cut - tangent, 0.0))
+        pieces.append((radius * abs(turn), math.copysign(1.0 / radius, turn)))
+        cut = tangent
+    return [*pieces, (length[-1] - cut, 0.0)]
+
+
+def drive_along(
+    corners: ArrayLike, *, radius: float = 9.0, speed: float = 10.0, interval: float = 0.1,
+    margin: float = 5.0,
+) -> Truth:  # fmt: skip
+    """Follow a line at constant speed, its corners rounded.
+
+    Args:
+        corners: (n, 2) m.
+        radius: Of the circles that round the corners, m.
+        speed: m/s.
+        interval: Between epochs, s.
+        margin: Left out at both ends, m.
+    """
+    corners = np.asarray(corners, float)
+    pieces = np.array(_pieces(corners, radius))
+    ends = np.concatenate([[0.0], np.cumsum(pieces[:, 0])])
+    s = np.arange(margin, ends[-1] - margin, speed * interval)
+    at = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(pieces) - 1)
+    x0, y0 = corners[0]
+    h0 = math.atan2(*(corners[1] - corners[0])[::-1])
+    starts = [(x0, y0, h0)]
+    for size, bend in pieces:
+        starts.append(_advance(*starts[-1], size, bend))
+    pose = np.array(
+        [_advance(*starts[a], v - ends[a], pieces[a, 1]) for a, v in zip(at, s, strict=True)]
+    )
+    return Truth(np.arange(len(s)) * interval, *pose.T, s - s[0])
+
+
+def _advance(x: float, y: float, h: float, size: float, bend: float) -> tuple[float, float, float]:
+    half = 0.5 * size * bend
+    chord = size * float(np.sinc(half / math.pi))
+    return x + chord * math.cos(h + half), y + chord * math.sin(h + half), h + 2.0 * half
+
+
+def gnss(truth: Truth, *, sigma: float = 3.0, seed: int = 0, constant: float = 60.0) -> Array:
+    """Fixes (n, 5) at every epoch: a slowly wandering error and a little white noise."""
+    rng = np.random.default_rng(seed)
+    n = len(truth.time)
+    keep = math.exp(-(truth.time[1] - truth.time[0]) / constant)
+    bias = np.empty((n, 2))
+    bias[0] = rng.normal(0.0, 1.0, 2)
+    for k in range(1, n):
+        bias[k] = keep * bias[k - 1] + math.sqrt(1.0 - keep * keep) * rng.normal(0.0, 1.0, 2)
+    error = sigma * (bias + 0.5 * rng.normal(0.0, 1.0, (n, 2)))
+    return np.column_stack(
+        [truth.x + error[:, 0], truth.y + error[:, 1], np.full((n, 2), sigma), np.zeros(n)]
+    )
+
+
+def epochs_of(
+    truth: Truth, fix: Array, at: Sequence[int] | NDArray[np.int64], *, course: float = math.inf
+) -> Epochs:
+    """Perfect wheels at every epoch, fixes at some.
+
+    Args:
+        truth: The drive.
+        fix: (n, 5) fixes, of which those `at` are used.
+        at: Epochs with a fix.
+        course: Sigma of the true heading that the first fix reports, rad.
+    """
+    n = len(truth.time)
+    dx, dy = np.diff(truth.x, prepend=truth.x[0]), np.diff(truth.y, prepend=truth.y[0])
+    before = np.concatenate([truth.heading[:1], truth.heading[:-1]])
+    has_fix = np.zeros(n, np.uint8)
+    has_fix[at] = 1
+    course_sigma = np.full(n, np.inf)
+    course_sigma[at[0]] = course
+    return Epochs(
+        time=truth.time.copy(),
+        arc=np.diff(truth.s, prepend=truth.s[0]),
+        turn=np.diff(truth.heading, prepend=truth.heading[0]),
+        forward=np.cos(before) * dx + np.sin(before) * dy,
+        left=-np.sin(before) * dx + np.cos(before) * dy,
+        moved=np.ones(n, np.uint8),
+        has_fix=has_fix,
+        fix=fix * has_fix[:, None],
+        speed=np.zeros(n),
+        speed_sigma=np.full(n, np.inf),
+        course=truth.heading.copy(),
+        course_sigma=course_sigma,
+    )
