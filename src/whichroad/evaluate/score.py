@@ -1,0 +1,189 @@
+"""Figures of a comparison: errors, honesty, right roads."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DriveError
+from ..records import Array
+from .compare import Comparison, compare
+from .tables import Bools, read_table
+
+COVERAGE = (0.5, 0.9, 0.95, 0.99)
+SURE = 0.999
+"""A road declared with this probability should be wrong once in a thousand cases."""
+
+_BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Figures of one or many drives; shares are between 0 and 1."""
+
+    epochs: int
+    rmse_m: float
+    median_m: float
+    p95_m: float
+    along_rmse_m: float
+    cross_rmse_m: float
+    heading_rmse_deg: float
+    anees: float  # position; 1 is honest, more is over-confident
+    anees_pose: float
+    coverage: tuple[float, ...]  # share inside the `COVERAGE` ellipses
+    map_rmse_m: float  # in the map's frame; infinite where the tables do not have it
+    right_edge: float
+    right_edge_strict: float
+    abscissa_rmse_m: float
+    brier: float
+    calibration_error: float  # mean gap between P(road) and how often it is right
+    sure: float  # share declared at `SURE` or more
+    sure_wrong: float  # share of those that are wrong
+    p_off_on_road: float  # mean P(off-road) while on mapped roads
+    p_off_off_road: float  # and while off them; 0 where the truth never is
+    outage: "Evaluation | None" = None  # the same inside outages
+
+    def figures(self) -> dict[str, float | int]:
+        """Names and numbers, those of outages behind `outage_`."""
+        out: dict[str, float | int] = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name == "coverage":
+                out |= {f"inside_{100 * c:g}": v for c, v in zip(COVERAGE, value, strict=True)}
+            elif f.name != "outage":
+                out[f.name] = value
+            elif value is not None:
+                out |= {f"outage_{name}": v for name, v in value.figures().items()}
+        return out
+
+
+def evaluate(
+    points: Any,
+    truth: Any,
+    *,
+    mask: Sequence[tuple[float, float]] = (),
+    skip_s: float = 0.0,
+    moving: bool = False,
+) -> Evaluation:
+    """Compare one drive's points with its truth.
+
+    Args:
+        points: The points table (docs/formats.md) as pandas, GeoPandas, Arrow or a dict.
+        truth: time, lat, lon, bearing_deg, and if known edge_id, abscissa_m, speed_mps,
+            on_road, map_lat, map_lon, travelled_m, outage.
+        mask: Outages as (from, to), s since 1970, besides the truth's own.
+        skip_s: Leave out so much of the drive's beginning.
+        moving: Leave out standstill.
+
+    Returns:
+        Figures over all epochs with a position, and inside outages.
+
+    Raises:
+        DriveError: No epoch has both a position and a truth.
+        ReadError: A column is missing or not of its kind.
+    """
+    c = compare(points, truth, mask=mask)
+    keep = c.since >= skip_s
+    if moving:
+        keep &= ~c.stopped
+    return score(c, keep)
+
+
+def evaluate_files(
+    result: str | PathLike[str], truth: str | PathLike[str]
+) -> Mapping[str, float | int]:
+    """`evaluate` for tables in files (.parquet, .arrow, .csv, .geojson): names and figures.
+
+    Raises:
+        ReadError: A file is not such a table, or lacks a column.
+        DriveError: The tables have no epoch in common.
+    """
+    return evaluate(read_table(Path(result)), read_table(Path(truth))).figures()
+
+
+def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
+    """Figures of a comparison, or of those of its rows that are to be kept (n,).
+
+    Raises:
+        DriveError: No row is kept.
+    """
+    if keep is not None:
+        c = c.rows(keep)
+    if not len(c.since):
+        raise DriveError("comparison: no epoch is left; at least one was expected; keep more")
+    inside = _figures(c.rows(c.outage)) if c.outage.any() else None
+    return _figures(c, inside)
+
+
+def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
+    error = np.hypot(c.along, c.cross)
+    named = c.p_road > 0.0
+    sure = named & (c.p_road >= SURE)
+    exact = c.strict & c.on_road
+    return Evaluation(
+        epochs=len(error),
+        rmse_m=_rms(error),
+        median_m=float(np.median(error)),
+        p95_m=float(np.quantile(error, 0.95)),
+        along_rmse_m=_rms(c.along),
+        cross_rmse_m=_rms(c.cross),
+        heading_rmse_deg=float(np.degrees(_rms(c.heading))),
+        anees=float(np.mean(c.nees) / 2.0),
+        anees_pose=float(np.mean(c.nees_pose) / 3.0),
+        # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)
+        coverage=tuple(float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
+        map_rmse_m=_rms(c.map_error),
+        right_edge=float(np.mean(c.right)),
+        right_edge_strict=float(np.mean(c.strict)),
+        abscissa_rmse_m=_rms(c.abscissa[exact]),
+        brier=_mean((c.p_road - c.right)[named] ** 2),
+        calibration_error=calibration_error(c.p_road[named], c.right[named]),
+        sure=float(np.mean(sure)),
+        sure_wrong=_mean(~c.right[sure]),
+        p_off_on_road=_mean(c.p_off[c.on_road]),
+        p_off_off_road=_mean(c.p_off[~c.on_road]),
+        outage=outage,
+    )
+
+
+def calibration_error(p: Array, right: Bools) -> float:
+    """Expected calibration error: mean |said - happened| over bins of what was said.
+
+    The bins are finer towards 1, where honesty matters most.
+
+    Args:
+        p: (n,) probabilities.
+        right: (n,) what happened.
+    """
+    if len(p) == 0:
+        return 0.0
+    k = np.searchsorted(_BINS, p, side="right")
+    gap = np.bincount(k, p) - np.bincount(k, right)
+    return float(np.abs(gap).sum() / len(p))
+
+
+def anees_band(epochs: int, freedom: int = 2, z: float = 1.96) -> tuple[float, float]:
+    """Where the ANEES of an honest filter lies, for independent epochs.
+
+    The sum of n chi-squares of d degrees has mean n d and variance 2 n d, and is nearly
+    normal from a few dozen on.
+
+    Args:
+        epochs: How many independent ones; those of one drive are not.
+        freedom: 2 for a position, 3 for a pose.
+        z: Quantile of the normal distribution, 1.96 for 95 %.
+    """
+    half = z * np.sqrt(2.0 / (epochs * freedom))
+    return float(1.0 - half), float(1.0 + half)
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(np.mean(values)) if len(values) else 0.0
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
