@@ -58,7 +58,7 @@ class Settings:
     )
     off_road_start: float = _number(0.05, 0, 1, "", "probability of starting off the roads")
     wrong_way: float = _number(2e-4, 0, 1, "", "weight of driving against a one-way or a ban")
-    u_turn_rate: float = _number(2e-6, 0, 0.1, "1/m", "rate of turning round between junctions")
+    u_turn_rate: float = _number(1e-3, 0, 0.1, "1/s", "of turning round, for a slow vehicle")
     search_radius: float = _number(30, 1, 5000, "m", "smallest candidate radius (paper: 30 m)")
     prune: float = _number(1e-4, 0, 0.1, "", "hypotheses below this probability are dropped")
     merge: float = _number(0.05, 0, 100, "nats", "Runnalls cost below which two are merged")

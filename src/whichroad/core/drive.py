@@ -25,17 +25,17 @@ from .belief import (
 from .motion import age_gnss, predict_free
 from .network import Roads
 from .observe import (
+    forward_only,
     gnss_root,
     normalise,
     observe_fix,
     observe_roads,
     observe_state,
-    positive_speed,
 )
 from .output import Output, say
 from .parameters import Parameters
 from .reduction import reduce
-from .start import cold_start, leave_and_return
+from .start import cold_start, leave_and_return, turn_round, turn_with_heading
 from .switching import Work, advance_along, hand_over
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
@@ -74,7 +74,7 @@ def _move_wheels(
     arc = epochs.arc[k]
     turn = epochs.turn[k]
     length = abs(arc)
-    pieces = max(1, int(math.ceil(length / _STEP)))
+    pieces = max(1, math.ceil(length / _STEP))
     part = 1.0 / pieces
     known = epochs.moved[k] == 1
     changed = False
@@ -132,6 +132,10 @@ def _move_along(
         q_along = (3.0 * par.along_noise) ** 2 * metres
         q_cross = 0.0
         q_free = 0.0025 * metres
+    turns = turn_round(
+        belief, roads, par.u_turn_rate * dt, 3.0 + par.acceleration_noise * dt, mode == CLOCK,
+        side, par.lane_sigma,
+    )  # fmt: skip
     changed = advance_along(
         belief, roads, route, work, scale, odometer, q_along, q_rate, q_cross,
         par.edge_heading_sigma**2, side, par.lane_sigma, par.prune,
@@ -143,8 +147,8 @@ def _move_along(
                 q_along, 0.25 * q_along, q_free, q_rate, 0.0,
             )  # fmt: skip
     if mode == CLOCK:
-        positive_speed(belief)
-    return changed
+        forward_only(belief, work.row, scale)
+    return changed or turns
 
 
 @kernel
@@ -329,6 +333,8 @@ def run(
                 side, par.lane_sigma, par.map_sigma, par.search_radius, par.wrong_way,
                 mode != WHEELS,
             )  # fmt: skip
+            if mode == WHEELS:
+                turn_with_heading(belief, roads, side, par.lane_sigma)
             _see_roads(belief, roads, work, scale, side, mode == WHEELS, par)
             changed = True
         if changed:

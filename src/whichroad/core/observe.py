@@ -26,7 +26,13 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import condition, innovation_variance
+from .gaussian import (
+    condition,
+    innovation_variance,
+    normal_cdf,
+    reshape_along,
+    truncated_moments,
+)
 from .motion import age_gnss, age_map
 from .network import Roads
 from .segment import chord_heading, project
@@ -181,10 +187,7 @@ def observe_fix(
     for i in range(n):
         for axis in range(2):
             nu = _fix_row(belief, i, row, fix, root, axis, scale, lever)
-            if axis == 1:
-                r = r1 + extra1
-            else:
-                r = r0 + extra0
+            r = r1 + extra1 if axis == 1 else r0 + extra0
             belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, r, scale)
     return best
 
@@ -367,9 +370,32 @@ def bend(
 
 
 @kernel
-def positive_speed(belief: Belief) -> None:
-    """Without odometry a vehicle drives forwards: weigh by P(speed > −0.5 m/s)."""
+def forward_only(belief: Belief, row: Vector, scale: float) -> None:
+    """Without odometry a vehicle drives forwards.
+
+    On a road the speed is cut to what is above −0.5 m/s, and the hypothesis weighed
+    by how much that was.  Off the roads a negative speed is the other heading.
+    """
     for i in range(belief.size[0]):
-        z = (belief.mean[i, K] + 0.5) / math.sqrt(belief.cov[i, K, K] + 0.25)
-        if z < 3.0:
-            belief.log_weight[i] += math.log(max(0.5 * math.erfc(-z * 0.7071067811865476), 1e-9))
+        mean = belief.mean[i]
+        cov = belief.cov[i]
+        if belief.edge[i] == OFF_ROAD:
+            if mean[K] < -0.5:
+                mean[K] = -mean[K]
+                mean[H] = wrap(mean[H] + math.pi)
+                for j in range(N):
+                    cov[K, j] = -cov[K, j]
+                for j in range(N):
+                    cov[j, K] = -cov[j, K]
+            continue
+        sigma = math.sqrt(cov[K, K])
+        z = (mean[K] + 0.5) / sigma
+        if z < 2.5:
+            belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
+            cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
+            for j in range(N):
+                row[j] = 0.0
+            row[K] = 1.0
+            reshape_along(
+                mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale
+            )

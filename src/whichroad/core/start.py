@@ -276,3 +276,88 @@ def _return(
         belief.cov[child, D, D] = lane_sigma**2
         belief.mean[child, D] = side * roads.lane[edge]
         belief.size[0] = child + 1
+
+
+@kernel
+def _turned(
+    belief: Belief, roads: Roads, i: int, share: float, speed: bool, side: float,
+    lane_sigma: float,
+) -> None:  # fmt: skip
+    """Append a child of hypothesis i on the opposite edge."""
+    other = roads.opposite[belief.edge[i]]
+    child = belief.size[0]
+    copy_hypothesis(belief, i, child)
+    belief.log_weight[child] += math.log(share)
+    belief.probability[child] *= share
+    belief.edge[child] = other
+    belief.segment[child] = vertex_at(
+        roads, other, roads.length[other] - belief.abscissa[i]
+    )
+    belief.stay[child] = 1.0
+    belief.fresh[child] = 1
+    mean = belief.mean[child]
+    cov = belief.cov[child]
+    for j in range(N):
+        cov[D, j] = 0.0
+        cov[j, D] = 0.0
+    cov[D, D] = lane_sigma**2
+    mean[D] = side * roads.lane[other]
+    cov[X, X] += 4.0
+    cov[Y, Y] += 4.0
+    if speed:
+        for j in range(N):
+            cov[K, j] = 0.0
+            cov[j, K] = 0.0
+        cov[K, K] = 16.0
+        mean[K] = 3.0
+        mean[H] = wrap(mean[H] + math.pi)
+    belief.size[0] = child + 1
+
+
+@kernel
+def turn_round(
+    belief: Belief, roads: Roads, share: float, slow: float, clock: bool, side: float,
+    lane_sigma: float,
+) -> bool:  # fmt: skip
+    """Without a heading sensor: turning round between junctions, mostly when slow.
+
+    Args:
+        belief: In place; children are appended.
+        roads: The network.
+        share: Probability of turning round now, standing.
+        slow: Speed at which it is less by exp(−½), m/s.
+        clock: Whether κ is a speed.
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Spread of the lane offset, m.
+
+    Returns:
+        Whether any turned.
+    """
+    changed = False
+    for i in range(belief.size[0]):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD or belief.probability[i] < 0.01 or roads.opposite[edge] < 0:
+            continue
+        part = share
+        if clock:
+            part *= math.exp(-0.5 * (belief.mean[i, K] / slow) ** 2)
+        if roads.rule[roads.opposite[edge]] & AGAINST_ONE_WAY:
+            part *= 0.01
+        part = min(part, 0.2)
+        if part * belief.probability[i] > 1e-4 and belief.size[0] < CAPACITY - 64:
+            _turned(belief, roads, i, part, clock, side, lane_sigma)
+            changed = True
+    return changed
+
+
+@kernel
+def turn_with_heading(belief: Belief, roads: Roads, side: float, lane_sigma: float) -> None:
+    """With a heading sensor: a vehicle athwart its road may be turning round."""
+    for i in range(belief.size[0]):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD or belief.probability[i] < 0.01 or roads.opposite[edge] < 0:
+            continue
+        s = min(max(belief.abscissa[i], 0.0), roads.length[edge])
+        along = chord_heading(roads, edge, belief.segment[i], s, 6.0)
+        if abs(wrap(along - belief.mean[i, H])) > 1.3 and belief.size[0] < CAPACITY - 64:
+            _turned(belief, roads, i, 0.1, False, side, lane_sigma)
