@@ -36,7 +36,10 @@ def roads():
         first=np.array([0, 2, 4, 6]),
         opposite=np.array([-1, -1, -1]),
     )
-    return SimpleNamespace(plane=PLANE, arrays=arrays)
+    names = {0: "Main Street", 1: "Side Lane", 2: None}
+    return SimpleNamespace(
+        plane=PLANE, arrays=arrays, attributes=lambda edge: {"name": names[edge]}
+    )
 
 
 @pytest.fixture

@@ -281,7 +281,7 @@ def evaluate(
 @app.command()
 def warmup() -> None:
     """Compile the kernels now rather than at the first drive."""
-    from .session import warm_up
+    from .demo import warm_up
 
     with _progress() as progress:
         warm_up(progress)

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -67,8 +68,8 @@ def _overview(scene: Scene, windows: list[Window], title: str) -> Figure:
 
 def _hypotheses(scene: Scene, windows: list[Window], title: str) -> Figure:
     """The paper's Figures 10 and 11: above where, below how probable."""
-    figure = Figure(figsize=(5.6 * len(windows), 8.2))
-    axes = figure.subplots(2, len(windows), squeeze=False, height_ratios=[2.2, 1])
+    figure = Figure(figsize=(6 * len(windows), 7.4))
+    axes = figure.subplots(2, len(windows), squeeze=False, height_ratios=[1.5, 1])
     for letter, window, above, below in zip("ABCDEF", windows, axes[0], axes[1], strict=False):
         draw_zoom(above, scene, window)
         above.set_title(f"{letter}  {window.title}")
@@ -95,26 +96,30 @@ def _probability(scene: Scene, windows: list[Window], title: str) -> Figure:
 
 
 def _drive(scene: Scene, windows: list[Window], title: str) -> Figure:
-    """Everything on one page."""
-    figure = Figure(figsize=(14, 11.5))
-    grid = figure.add_gridspec(4, 2, width_ratios=[1.5, 1], height_ratios=[2.6, 2.6, 1.5, 0.16])
-    if scene.truth is not None:
-        grid = figure.add_gridspec(
-            5, 2, width_ratios=[1.5, 1], height_ratios=[2.6, 2.6, 1.5, 0.16, 1.5]
-        )
-    whole = figure.add_subplot(grid[:2, 0])
+    """Everything on one page; a drive wider than high lies above its zooms."""
+    known = scene.truth is not None
+    across, up = np.nanmax(scene.xy, axis=0) - np.nanmin(scene.xy, axis=0)
+    figure = Figure(figsize=(14, 13 if known else 10.5))
+    heights = [2.6, 2.6, 1.5, 0.16, 1.5][: 5 if known else 4]
+    if across > 1.8 * up:
+        grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
+        places = [grid[0, :], grid[1, 0], grid[1, 1]]
+    else:
+        grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=[1.5, 1])
+        places = [grid[:2, 0], grid[0, 1], grid[1, 1]]
+    whole = figure.add_subplot(places[0])
     draw_map(whole, scene, windows)
+    probability_bar(figure, whole)
     whole.set_title("The drive")
-    for row, window in enumerate(windows[:2]):
-        zoom = figure.add_subplot(grid[row, 1])
+    for letter, place, window in zip("AB", places[1:], windows, strict=False):
+        zoom = figure.add_subplot(place)
         draw_zoom(zoom, scene, window)
-        zoom.set_title(f"{'AB'[row]}  {window.title}")
-        probability_bar(figure, zoom)
+        zoom.set_title(f"{letter}  {window.title}")
     chance = figure.add_subplot(grid[2, :])
     draw_probability(chance, scene, windows)
     chance.set_title("How probable the road was", pad=16)
     draw_status(figure.add_subplot(grid[3, :], sharex=chance), scene)
-    if scene.truth is not None:
+    if known:
         error = figure.add_subplot(grid[4, :], sharex=chance)
         draw_error(error, scene)
         error.set_title("How far from the truth")

@@ -122,7 +122,17 @@ def draw_zoom(axes: "Axes", scene: Scene, window: Window) -> None:
     )  # fmt: skip
     if len(order):
         _metres(axes, *_box(np.column_stack([shown["x"], shown["y"]]), 25))
-    axes.set_title(window.title)
+    axes.legend(handles=_zoom_legend(scene), loc="upper left")
+
+
+def _zoom_legend(scene: Scene) -> list[Any]:
+    sure = PROBABLE(0.97)
+    handles = [Line2D([], [], color=sure, marker="o", ls="", label="hypothesis, 95 % ellipse")]
+    if len(scene.fixes):
+        handles.append(Line2D([], [], color=FIX, marker="+", mew=1.5, ls="", label="GNSS fix"))
+    if scene.truth is not None:
+        handles.append(Line2D([], [], color=TRUTH, lw=0.9, label="truth"))
+    return handles
 
 
 def _spaced(scene: Scene, window: Window) -> Any:
@@ -159,14 +169,15 @@ def draw_choice(axes: "Axes", scene: Scene, window: Window) -> None:
     time, edge = scene.time[epochs], scene.hypotheses["edge"][epochs]
     p = np.where(edge == -2, 0.0, scene.hypotheses["p"][epochs])
     mass = {int(e): np.where(edge == e, p, 0).sum(axis=1) for e in np.unique(edge) if e >= 0}
-    leading = sorted(mass, key=lambda e: -float(mass[e].sum()))[: len(RANKS)]
+    likely = [e for e in mass if mass[e].max() > LIVE]
+    leading = sorted(likely, key=lambda e: -float(mass[e].sum()))[: len(RANKS)]
     for colour, e in zip(RANKS, leading, strict=False):
-        axes.plot(time, mass[e], color=colour, lw=1.8, label=f"edge {e}")
+        axes.plot(time, mass[e], color=colour, lw=1.8, label=scene.names[e])
     axes.plot(time, scene.p_off_road[epochs], color=OFF, lw=1.4, ls=":", label="off road")
     _shade_masked(axes, scene)
     axes.set(xlim=(window.begin, window.end), ylim=(-0.02, 1.05), ylabel="probability")
     axes.set_xlabel("time since the start (s)")
-    axes.legend(loc="lower right", ncols=6, bbox_to_anchor=(1, 1.0), borderpad=0, handlelength=1.4)
+    axes.legend(loc="center right", handlelength=1.4)
 
 
 def draw_probability(axes: "Axes", scene: Scene, windows: list[Window]) -> None:

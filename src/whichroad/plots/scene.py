@@ -44,6 +44,7 @@ class Scene:
     status: list[str]
     hypotheses: dict[str, NDArray[Any]]  # (n, 6) each, x and y about the origin
     roads: list["Array"]  # polylines near the drive
+    names: dict[int, str]  # of the edges among the hypotheses
     fixes: "Array"  # (m, 2)
     truth: "Array | None"  # (n, 2) at the answer's times
     reckoning: "Array | None"  # (k, 2)
@@ -90,6 +91,7 @@ def make_scene(
         status=points["status"].to_pylist(),
         hypotheses=hypotheses,
         roads=_roads_near(roads, xy, origin),
+        names={e: _name(roads, e) for e in np.unique(hypotheses["edge"]).tolist() if e >= 0},
         fixes=seen,
         truth=there,
         reckoning=None if reckoning is None else _plane(roads, reckoning) - origin,
@@ -175,6 +177,11 @@ def _inside(points: "pa.Table", roads: "RoadMap", xy: "Array", truth: "Array") -
         squared = (nn * east**2 - 2 * en * east * north + ee * north**2) / (ee * nn - en**2)
         held: NDArray[np.bool_] = squared <= CHI2_95
     return held
+
+
+def _name(roads: "RoadMap", edge: int) -> str:
+    name = roads.attributes(edge)["name"]
+    return f"{name} ({edge})" if name else f"edge {edge}"
 
 
 def _roads_near(roads: "RoadMap", xy: "Array", origin: "Array") -> list["Array"]:

@@ -1,0 +1,220 @@
+"""The paper's drive from simulated files to a picture and a summary.
+
+Rear-wheel counts on CAN, NMEA with GST, an OpenStreetMap file; 1.5 km without GPS, a
+road beside the road, a fork.  Once the files are written, they are all that is known.
+"""
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import WriteError
+from .evaluate import evaluate
+from .plots import Window, plot_drive
+from .readers import read_drive, read_vehicle
+from .records import Odometer
+from .roadmap import RoadMap
+from .sensors.odometry import motion_of
+from .session import match
+from .settings import Vehicle
+from .simulate import demo_scenes, draw_town, simulate_drive, write_demo
+from .tables import times
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from .records import Array, Drive
+
+Tell = Callable[[str, int, int], None]
+
+SUMMARY = "summary.json"
+_MADE_BY = "whichroad demo"
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    pass
+
+
+def run_demo(
+    out: str | os.PathLike[str], *, force: bool = False, tell: Tell = _silent
+) -> dict[str, Any]:
+    """Simulate the paper's drive into files, answer it from them, and draw the answer.
+
+    Args:
+        out: folder for everything; an earlier demo's is used again.
+        force: use a folder that holds something else.
+        tell: told (what, done, of how many).
+
+    Returns:
+        The summary that `summary.json` holds: `figures` against the truth, `seconds` of
+        each step, `files`, and the `picture` to look at.
+
+    Raises:
+        WriteError: the folder holds something else, or cannot be written to.
+    """
+    out = Path(out)
+    _check(out, force)
+    watch = _Watch(tell)
+    watch("simulating a drive")
+    written, _ = write_demo(out, force=True)
+
+    watch("reading its files")
+    roads = RoadMap.from_osm(out / "map.osm")
+    car = read_vehicle(out / "vehicle.toml")
+    (drive,) = read_drive(
+        out / "drive.nmea", vehicle=car, can=out / "can.log", dbc=out / "vehicle.dbc"
+    )
+
+    watch("answering it")
+    result = match(drive, roads, vehicle=car, hypotheses=True, progress=tell)
+    result.write(out / "points.parquet", force=True)
+    result.write_path(out / "path.parquet", force=True)
+
+    watch("comparing with the truth")
+    truth = _read(out / "truth.parquet")
+    figures = evaluate(result.to_arrow(), truth).figures()
+
+    watch("drawing")
+    masked = _outages(truth)
+    pictures = plot_drive(
+        result, roads, truth, drive.fixes, out=out, windows=_windows(truth, roads), masked=masked,
+        reckoning=_wheels_alone(drive, car, roads, truth, masked), title=_title(truth, figures),
+    )  # fmt: skip
+    watch("")
+    summary = {
+        "made_by": _MADE_BY,
+        "figures": figures,
+        "match": result.summary,
+        "seconds": watch.seconds,
+        "files": [path.name for path in written] + ["points.parquet", "path.parquet"],
+        "pictures": [path.name for path in pictures],
+        "picture": str(pictures[-1]),
+    }
+    (out / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return summary
+
+
+def warm_up(tell: Tell = _silent) -> None:
+    """Compile every kernel: answer a short drive with wheels, with an odometer, with GNSS alone."""
+    tell("compiling the map's kernels", 0, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map.osm"
+        path.write_text(draw_town(), encoding="utf-8")
+        roads = RoadMap.from_osm(path)
+    tell("compiling the simulator's kernels", 0, 0)
+    drive = simulate_drive(roads, seed=1, length_m=200.0).drive
+    assert drive.odometry is not None
+    motion = motion_of(drive.odometry, Vehicle())
+    tell("compiling the filter's kernels", 0, 0)
+    for odometry in (drive.odometry, Odometer(motion.time, motion.distance), None):
+        match(replace(drive, odometry=odometry), roads)
+
+
+class _Watch:
+    """Says what begins, and how long what ends took."""
+
+    def __init__(self, tell: Tell) -> None:
+        self.seconds: dict[str, float] = {}
+        self._tell, self._what, self._since = tell, "", time.perf_counter()
+
+    def __call__(self, what: str) -> None:
+        now = time.perf_counter()
+        if self._what:
+            self.seconds[self._what] = round(now - self._since, 2)
+        self._what, self._since = what, now
+        if what:
+            self._tell(what, 0, 0)
+
+
+def _check(out: Path, force: bool) -> None:
+    """Only an empty folder, or one that an earlier demo filled, is written to."""
+    if force or not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    try:
+        if json.loads((out / SUMMARY).read_text("utf-8"))["made_by"] == _MADE_BY:
+            return
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    raise WriteError(
+        f"{out}: exists and holds something else; an empty folder or an earlier demo's was "
+        "expected; choose another with --out or give --force"
+    )
+
+
+def _read(path: Path) -> "pa.Table":
+    import pyarrow.parquet as pq
+
+    return pq.read_table(path)
+
+
+def _seconds(table: "pa.Table") -> "Array":
+    seconds: Array = table["time"].cast("int64").to_numpy() * 1e-6
+    return seconds
+
+
+def _outages(truth: "pa.Table") -> list[tuple[float, float]]:
+    """Stretches without GNSS, s from the start."""
+    since = _seconds(truth) - _seconds(truth)[0]
+    dark = np.concatenate([[False], truth["outage"].to_numpy(zero_copy_only=False), [False]])
+    changes = np.flatnonzero(dark[1:] != dark[:-1])
+    return [
+        (float(since[a]), float(since[min(b, len(since) - 1)]))
+        for a, b in changes.reshape(-1, 2).tolist()
+    ]
+
+
+def _windows(truth: "pa.Table", roads: RoadMap) -> list[Window]:
+    """The stretches of the paper's Figures 10 and 11."""
+    scenes = demo_scenes(roads)
+    since = _seconds(truth) - _seconds(truth)[0]
+    fork = scenes.junction[0] + 60.0
+    places = np.interp([scenes.parallel[0], fork], truth["travelled_m"].to_numpy(), since)
+    beside, split = places.tolist()
+    return [
+        Window("A side lane begins; then GPS is back, and nearer to it", beside - 8, beside + 7),
+        Window("A fork of 10 degrees without GPS", split - 2, split + 5),
+    ]
+
+
+def _wheels_alone(
+    drive: "Drive", car: Vehicle, roads: RoadMap, truth: "pa.Table",
+    masked: list[tuple[float, float]],
+) -> "pa.Table":  # fmt: skip
+    """Equation (1) through the first outage from its true pose on, without map and GNSS."""
+    import pyarrow as pa
+
+    assert drive.odometry is not None
+    begin, end = masked[0]
+    motion = motion_of(drive.odometry, car)
+    assert motion.turn is not None
+    start = _seconds(truth)[0]
+    row = int(np.searchsorted(_seconds(truth), start + begin))
+    lat, lon, bearing = (truth[name][row].as_py() for name in ("lat", "lon", "bearing_deg"))
+    x, y = roads.plane.from_geodetic(lat, lon)
+    inside = (motion.time >= start + begin) & (motion.time <= start + end)
+    turn = motion.turn[inside] - motion.turn[inside][0]
+    heading = roads.plane.heading(bearing, x, y) + 0.5 * (turn[1:] + turn[:-1])
+    step = np.diff(motion.distance[inside])
+    lat_deg, lon_deg = roads.plane.to_geodetic(
+        x + np.cumsum(step * np.cos(heading)), y + np.cumsum(step * np.sin(heading))
+    )
+    when = times(motion.time[inside][1:])
+    return pa.table({"time": when, "lat": lat_deg, "lon": lon_deg})
+
+
+def _title(truth: "pa.Table", figures: dict[str, Any]) -> str:
+    travelled = truth["travelled_m"].to_numpy()
+    dark = truth["outage"].to_numpy(zero_copy_only=False)
+    hidden = float(np.diff(travelled)[dark[1:]].sum())
+    return (
+        f"{travelled[-1] / 1000:.1f} km, {hidden / 1000:.1f} km of it without GPS: on the right "
+        f"road {100 * figures['right_edge']:.1f} % of the time, "
+        f"{figures['rmse_m']:.1f} m from the truth (RMS)"
+    )
