@@ -239,3 +239,26 @@ def find_twins(
                     leader[row] = other
                     back[row] = turned
                     break
+
+
+@kernel
+def find_pieces(first: Ints32, start: Vector, edge: Ints, s: Vector, found: Ints) -> None:
+    """Which piece of its edge holds each abscissa; before the first it is the first.
+
+    Args:
+        first: (E+1,) first piece of each edge.
+        start: (P,) abscissa at which each piece begins, m.
+        edge: (n,) edges.
+        s: (n,) abscissae, m.
+        found: (n,) out, pieces.
+    """
+    for i in range(len(edge)):
+        low = first[edge[i]]
+        high = first[edge[i] + 1] - 1
+        while low < high:
+            middle = (low + high + 1) // 2
+            if start[middle] <= s[i]:
+                low = middle
+            else:
+                high = middle - 1
+        found[i] = low

@@ -52,7 +52,10 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
     _count(skipped, "rows whose geometry could not be understood", sheet.bad)
     _count(skipped, "rows without geometry", int(absent.sum()) - sheet.bad)
     rows = np.flatnonzero(~absent)
-    parts, index = shapely.get_parts(shapely.line_merge(sheet.geometry[rows]), return_index=True)
+    geometry = sheet.geometry[rows]
+    multiple = shapely.get_type_id(geometry) == 5  # MultiLineString
+    geometry[multiple] = shapely.line_merge(geometry[multiple])
+    parts, index = shapely.get_parts(geometry, return_index=True)
     is_line = np.isin(shapely.get_type_id(parts), (1, 2))  # LineString, LinearRing
     _count(skipped, "geometries that are not lines", int((~is_line).sum()))
     rows, parts = rows[index[is_line]], parts[is_line]

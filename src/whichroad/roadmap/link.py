@@ -85,19 +85,27 @@ def _named(
     A node lies where its first line has it.  A line that ends elsewhere keeps its own last
     vertex and is drawn on to the node.
     """
-    skipped = {}
-    known = ~(_absent(origin) | _absent(target))
+    skipped: dict[str, int] = {}
+    nameless = _absent(origin) | _absent(target)
+    several = np.bincount(lines.row)[lines.row] > 1
+    known = ~(nameless | several)
     if not known.all():
-        skipped["rows without from or to"] = int((~known).sum())
+        skipped = {
+            "rows without from or to": len(np.unique(lines.row[nameless])),
+            "rows of several separate lines, with from and to": len(
+                np.unique(lines.row[several & ~nameless])
+            ),
+        }
+        skipped = {why: count for why, count in skipped.items() if count}
         inside = np.repeat(known, np.diff(lines.first))
         lines, x, y = lines.take(known), x[inside], y[inside]
-    code, node_id = _codes(np.concatenate([origin[known], target[known]]))
-    lines_n = len(lines.row)
-    ends = np.concatenate([lines.first[:-1], lines.first[1:] - 1])
+    # row by row: its beginning, its end
+    code, node_id = _codes(np.stack([origin[known], target[known]], axis=1).ravel())
+    ends = np.stack([lines.first[:-1], lines.first[1:] - 1], axis=1).ravel()
     _, place = np.unique(code, return_index=True)
     home = ends[place]
     astray = np.hypot(x[ends] - x[home[code]], y[ends] - y[home[code]])
-    if lines_n == 0 or np.mean(astray > _ASTRAY) > 0.5:
+    if len(ends) == 0 or np.mean(astray > _ASTRAY) > 0.5:
         raise MapError(
             f"{where}: more than half of the lines end over {_ASTRAY:g} m from the node that from "
             "and to name; ids of nodes were expected there; rename these columns to have the "
@@ -111,8 +119,8 @@ def _named(
     node = np.empty(len(x), np.int64)
     node[own] = len(home) + np.arange(own.sum())
     node[ends[~far]] = code[~far]
-    after = far & (np.arange(len(ends)) >= lines_n)
-    count = np.diff(lines.first) + far[:lines_n] + far[lines_n:]
+    after = np.arange(len(ends)) % 2 == 1
+    count = np.diff(lines.first) + far[0::2] + far[1::2]
     node = np.insert(node, np.where(after, ends + 1, ends)[far], code[far])
     at = np.concatenate([home, np.flatnonzero(own)])
     if isinstance(node_id, Texts):

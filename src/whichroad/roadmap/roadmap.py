@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import grid
+from ..core import grid, topology
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
 from ..frames import Plane
@@ -117,9 +117,8 @@ class RoadMap:
         Raises:
             MapError: It is not one, is cut short, damaged or of another version.
         """
-        about, arrays = store.read(Path(path))
         try:
-            return _from_arrays(about, arrays)
+            return _from_arrays(*store.read(Path(path)))
         except (KeyError, TypeError, ValueError) as error:
             raise MapError(
                 f"{path}: {error} is missing or wrong; a compiled map was expected; "
@@ -133,11 +132,6 @@ class RoadMap:
             WriteError: The file cannot be written.
         """
         store.write(Path(path), *_to_arrays(self))
-
-    @property
-    def network(self) -> Roads:
-        """The same as `arrays`."""
-        return self.arrays
 
     def __len__(self) -> int:
         return len(self.arrays.length)
@@ -187,16 +181,13 @@ class RoadMap:
 
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
-        e, abscissa = np.atleast_1d(np.asarray(edge)), np.atleast_1d(np.asarray(s, dtype=float))
-        found = np.array(self.pieces.first[e], dtype=np.int64)
-        last = self.pieces.first[e + 1] - 1
-        while True:
-            step = (found < last) & (
-                self.pieces.start[np.minimum(found + 1, len(self.pieces.start) - 1)] <= abscissa
-            )
-            if not step.any():
-                return found
-            found[step] += 1
+        edges = np.atleast_1d(np.asarray(edge, dtype=np.int64))
+        abscissae = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
+        found = np.empty(len(edges), np.int64)
+        topology.find_pieces(
+            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(abscissae), found
+        )
+        return found
 
     def source(self, edge: int, s: float) -> tuple[int | str, bool]:
         """The source's id of the road at abscissa s, and whether it is driven as it was drawn."""
@@ -220,8 +211,7 @@ class RoadMap:
         """The source's ids of (n,) junctions, numbers of `arrays.from_node` and `.to_node`."""
         rows = np.asarray(node)
         if isinstance(self.node_id, Texts):
-            words = self.node_id.words()
-            return [words[c] for c in self.node_id.code[rows]]
+            return list(self.node_id.words(rows))
         return cast(list[int | str], self.node_id[rows].tolist())
 
     def edge_id(self, edge: int) -> int:
@@ -245,8 +235,7 @@ class RoadMap:
         """A column's values as plain Python, for some streets."""
         column = self.ways[name]
         if isinstance(column, Texts):
-            words = column.words()
-            return [words[c] or None for c in column.code[way]]
+            return [word or None for word in column.words(way)]
         values = column[way].tolist()
         if name in _FLAGS:
             return [bool(v) for v in values]

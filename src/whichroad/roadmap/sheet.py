@@ -138,13 +138,14 @@ def _sheet(where: str, columns: dict[str, NDArray[Any]], name: str | None, crs: 
     absent = np.array([c is None or c != c for c in cells.tolist()], dtype=bool)
     there = cells[~absent]
     geometry = np.full(len(cells), None, dtype=object)
-    if len(there) and isinstance(there[0], str):
-        found = shapely.from_wkt(there, on_invalid="ignore")
-    elif len(there) and isinstance(there[0], bytes):
-        found = shapely.from_wkb(there, on_invalid="ignore")
-    else:
-        is_geometry = shapely.is_geometry(there) if len(there) else np.empty(0, bool)
-        found = np.where(is_geometry, there, None)
+    with np.errstate(invalid="ignore"):  # a NaN in a geometry is for `lines` to count
+        if len(there) and isinstance(there[0], str):
+            found = shapely.from_wkt(there, on_invalid="ignore")
+        elif len(there) and isinstance(there[0], bytes):
+            found = shapely.from_wkb(there, on_invalid="ignore")
+        else:
+            is_geometry = shapely.is_geometry(there) if len(there) else np.empty(0, bool)
+            found = np.where(is_geometry, there, None)
     geometry[~absent] = found
     bad = int(sum(g is None for g in found))
     return Sheet(where, columns, geometry, crs, bad)

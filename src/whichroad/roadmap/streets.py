@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..records import Array
 
@@ -39,9 +39,11 @@ class Texts:
     def __getitem__(self, i: int) -> str:
         return self.word(int(self.code[i]))
 
-    def words(self) -> list[str]:
-        """Every word once, by code."""
-        return [self.word(i) for i in range(len(self.offset) - 1)]
+    def words(self, rows: ArrayLike) -> list[str]:
+        """The words of some rows."""
+        codes = self.code[np.asarray(rows)].tolist()
+        words = {code: self.word(code) for code in set(codes)}
+        return [words[code] for code in codes]
 
 
 Column = NDArray[Any] | Texts

@@ -1,0 +1,433 @@
+"""Maps from anyone's table of roads."""
+
+import json
+
+import geopandas
+import numpy as np
+import pandas
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+import shapely
+
+from whichroad.core.network import AGAINST_ONE_WAY
+from whichroad.errors import MapError
+from whichroad.roadmap import RoadMap
+
+
+@pytest.fixture(scope="session")
+def line(degrees):
+    """The function from points in metres to a line in degrees."""
+    return lambda *points: shapely.LineString([degrees(*p) for p in points])
+
+
+@pytest.fixture
+def town(line):
+    """Four streets about a crossing, one of them one-way, one of two pieces."""
+    return geopandas.GeoDataFrame(
+        {
+            "id": [7, 8, 9, 10, 11],
+            "from": [1, 1, 4, 1, 6],
+            "to": [2, 3, 1, 5, 5],
+            "oneway": ["no", "yes", "no", "no", "no"],
+            "name": ["East", "North", None, "South", "South"],
+            "maxspeed": [50, 30, 30, 30, 30],
+        },
+        geometry=[
+            line((0, 0), (50, 5), (100, 0)),
+            line((0, 0), (0, 100)),
+            line((-100, 0), (0, 0)),
+            line((0, 0), (0, -100)),
+            line((0, -180), (0, -100)),
+        ],
+        crs="EPSG:4326",
+    )
+
+
+def same(one, two, tolerance=1e-9):
+    """Assert that two maps are the same roads."""
+    for name in ("from_node", "to_node", "opposite", "rule", "succ", "succ_rule", "pred"):
+        np.testing.assert_array_equal(getattr(one.arrays, name), getattr(two.arrays, name))
+    np.testing.assert_allclose(one.arrays.length, two.arrays.length, atol=tolerance)
+    assert one.sources(np.arange(len(one)), 1.0)[0] == two.sources(np.arange(len(two)), 1.0)[0]
+    assert one.column("name") == two.column("name")
+
+
+def rule(roads, source, forward):
+    """Rule of the edges on which a source row is driven in a direction."""
+    [found] = {
+        int(roads.arrays.rule[e])
+        for e in range(len(roads))
+        if roads.source(e, 1.0) == (source, forward)
+    }
+    return found
+
+
+def test_a_table_of_edges_becomes_a_network(town, check):
+    roads = RoadMap.from_edges(town)
+    check(roads)
+    assert len(roads) == 8
+    assert roads.info()["nodes"] == 5
+    assert rule(roads, 8, True) == 0
+    assert rule(roads, 8, False) == AGAINST_ONE_WAY
+    south = next(e for e in range(8) if roads.source(e, 1.0) == (10, True))
+    assert roads.source(south, 99.0) == (10, True)
+    assert roads.source(south, 101.0) == (11, False)
+    assert sorted(set(roads.node_ids(roads.arrays.from_node))) == [1, 2, 3, 4, 6]
+    assert roads.attributes(south)["name"] == "South"
+
+
+def test_every_form_of_the_table_gives_the_same_map(town, tmp_path):
+    roads = RoadMap.from_edges(town)
+    town.to_parquet(tmp_path / "a.parquet")
+    town.to_file(tmp_path / "a.geojson", driver="GeoJSON")
+    town.to_file(tmp_path / "a.gpkg")
+    town.to_wkt(rounding_precision=15).rename(columns={"geometry": "geom_wkt"}).to_csv(
+        tmp_path / "a.csv", index=False
+    )
+    arrow = pa.table(
+        {**{c: town[c] for c in town if c != "geometry"}, "wkb": town.to_wkb().geometry}
+    )
+    plain = pandas.DataFrame(town.to_wkt(rounding_precision=15))
+    forms = [*(tmp_path / f"a.{s}" for s in ("parquet", "geojson", "gpkg", "csv")), arrow, plain]
+    for form in [*forms, str(tmp_path / "a.csv"), pyarrow.parquet.read_table(forms[0])]:
+        same(roads, RoadMap.from_edges(form), 0.02)  # GeoJSON has seven decimals
+
+
+def test_a_projected_table_gives_the_same_map(town, tmp_path):
+    roads = RoadMap.from_edges(town)
+    metres = town.to_crs("EPSG:32632")
+    same(roads, RoadMap.from_edges(metres), 1e-5)
+    metres.to_parquet(tmp_path / "a.parquet")
+    same(roads, RoadMap.from_edges(tmp_path / "a.parquet"), 1e-5)
+    wkt = pandas.DataFrame(metres.to_wkt(rounding_precision=15))
+    same(roads, RoadMap.from_edges(wkt, "EPSG:32632"), 1e-5)
+    same(roads, RoadMap.from_edges(wkt, 32632), 1e-5)
+
+
+def test_metres_without_a_coordinate_system_are_refused_with_what_to_pass(town):
+    wkt = pandas.DataFrame(town.to_crs("EPSG:32632").to_wkt())
+    with pytest.raises(MapError, match='crs="EPSG'):
+        RoadMap.from_edges(wkt)
+    with pytest.raises(MapError, match="EPSG:99999999"):
+        RoadMap.from_edges(wkt, "EPSG:99999999")
+
+
+def test_nodes_found_from_the_geometry_are_those_that_were_named(town):
+    named = RoadMap.from_edges(town)
+    found = RoadMap.from_edges(town.drop(columns=["from", "to"]))
+    assert len(found) == len(named)
+    np.testing.assert_allclose(np.sort(found.arrays.length), np.sort(named.arrays.length))
+    assert sorted(np.diff(found.arrays.succ_first)) == sorted(np.diff(named.arrays.succ_first))
+
+
+def test_rows_of_both_directions_make_one_street_with_two_ids(line, check):
+    east, north = line((0, 0), (50, 5), (100, 0)), line((100, 0), (100, 100))
+    table = geopandas.GeoDataFrame(
+        {"id": ["a", "b", "c"], "u": [1, 2, 2], "v": [2, 1, 3]},
+        geometry=[east, east.reverse(), north],
+        crs=4326,
+    )
+    for rows in (table, table.drop(columns=["u", "v"])):
+        roads = RoadMap.from_edges(rows)
+        check(roads)
+        assert len(roads) == 4
+        assert rule(roads, "a", True) == rule(roads, "b", True) == 0
+        assert rule(roads, "c", True) == 0
+        assert rule(roads, "c", False) == AGAINST_ONE_WAY
+
+
+def test_one_may_say_whether_rows_are_directions(line):
+    table = geopandas.GeoDataFrame({"id": [1]}, geometry=[line((0, 0), (100, 0))], crs=4326)
+    assert np.all(RoadMap.from_edges(table).arrays.rule == 0)
+    assert sorted(RoadMap.from_edges(table, directed=True).arrays.rule) == [0, AGAINST_ONE_WAY]
+    both = pandas.concat([table, table.assign(id=2, geometry=table.geometry.reverse())])
+    assert rule(RoadMap.from_edges(both), 2, True) == 0
+    assert np.all(RoadMap.from_edges(both, directed=False).arrays.rule == 0)
+
+
+def test_the_tables_of_osmnx_are_understood(line):
+    east, north = line((0, 0), (50, 5), (100, 0)), line((100, 0), (100, 100))
+    table = geopandas.GeoDataFrame(
+        {
+            "u": [1, 2, 2],
+            "v": [2, 1, 3],
+            "key": [0, 0, 0],
+            "osmid": [5, 5, [6, 7]],
+            "oneway": [False, False, True],
+            "highway": ["residential", "residential", ["primary", "secondary"]],
+        },
+        geometry=[east, east.reverse(), north],
+        crs=4326,
+    ).set_index(["u", "v", "key"])
+    roads = RoadMap.from_edges(table)
+    assert len(roads) == 4
+    assert rule(roads, "6", False) == AGAINST_ONE_WAY
+    assert rule(roads, "5", True) == 0
+    assert sorted(set(roads.column("highway"))) == ["primary", "residential"]
+
+
+@pytest.mark.parametrize(
+    ("word", "legal"),
+    [(True, (True, False)), ("B", (True, True)), ("F", (True, False)), ("T", (False, True)),
+     (-1, (False, True)), ("1", (True, False)), (0, (True, True))],
+)  # fmt: skip
+def test_one_way_columns_speak_many_languages(line, word, legal):
+    table = geopandas.GeoDataFrame(
+        {"id": [1], "oneway": [word]}, geometry=[line((0, 0), (100, 0))], crs=4326
+    )
+    roads = RoadMap.from_edges(table)
+    assert (rule(roads, 1, True) == 0, rule(roads, 1, False) == 0) == legal
+
+
+def test_a_one_way_word_that_nobody_knows_is_counted(line):
+    table = geopandas.GeoDataFrame(
+        {"oneway": ["maybe"]}, geometry=[line((0, 0), (100, 0))], crs=4326
+    )
+    skipped = RoadMap.from_edges(table).info()["skipped"]
+    assert skipped == {"one-way words that were not understood (taken as two-way)": 1}
+
+
+def test_an_absurd_cost_closes_a_direction(line):
+    lines = [line((0, 0), (100, 0)), line((100, 0), (200, 90)), line((200, 90), (300, 0))]
+    table = geopandas.GeoDataFrame(
+        {"id": [1, 2, 3], "cost": [0.1, 0.1, -1], "reverse_cost": [1e6, 0.1, 0.1]},
+        geometry=lines,
+        crs=4326,
+    )
+    roads = RoadMap.from_edges(table)
+    legal = [(rule(roads, i, True) == 0, rule(roads, i, False) == 0) for i in (1, 2, 3)]
+    assert legal == [(True, False), (True, True), (False, True)]
+
+
+@pytest.mark.parametrize(("gap", "edges"), [(0.0, 2), (0.4, 2), (0.6, 4)])
+def test_ends_within_half_a_metre_meet(line, gap, edges):
+    lines = [line((0, 0), (100, 0)), line((100 + gap, 0), (200, 80))]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
+    assert len(roads) == edges
+
+
+def test_an_end_on_a_vertex_of_another_line_is_a_junction(line, check):
+    lines = [line((0, 0), (100, 0), (200, 0)), line((100, 0.2), (100, 100))]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame({"id": [1, 2]}, geometry=lines, crs=4326))
+    check(roads)
+    assert len(roads) == 6
+    # but not where there is no vertex
+    lines[1] = line((150, 0), (150, 100))
+    assert len(RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))) == 4
+
+
+def test_a_vertex_in_two_lines_is_a_junction_unless_they_are_on_different_levels(line):
+    lines = [line((-90, 0), (0, 0), (100, 0)), line((0, -90), (0, 0), (0, 100))]
+    assert len(RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))) == 8
+    bridge = geopandas.GeoDataFrame({"bridge": ["no", "yes"]}, geometry=lines, crs=4326)
+    assert len(RoadMap.from_edges(bridge)) == 4
+    layer = geopandas.GeoDataFrame({"layer": [0, 1]}, geometry=lines, crs=4326)
+    assert len(RoadMap.from_edges(layer)) == 4
+
+
+def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
+    lines = [line((0, 0), (100, 0)), line((104, 0), (200, 0)), line((100, 0), (100, 50))]
+    table = geopandas.GeoDataFrame(
+        {"id": [1, 2, 3], "from": [1, 2, 2], "to": [2, 3, 4]}, geometry=lines, crs=4326
+    )
+    roads = RoadMap.from_edges(table)
+    check(roads)
+    assert len(roads) == 6
+    assert roads.info()["skipped"] == {"ends drawn on to their node": 1}
+    assert max(roads.arrays.length) == pytest.approx(100, abs=0.01)
+
+
+def test_from_and_to_that_are_no_nodes_are_refused(line):
+    lines = [line((1000 * i, 0), (1000 * i + 300, 0)) for i in range(9)]
+    table = geopandas.GeoDataFrame(
+        {"from": ["Alley"] * 9, "to": ["Lane"] * 9}, geometry=lines, crs=4326
+    )
+    with pytest.raises(MapError, match="rename"):
+        RoadMap.from_edges(table)
+
+
+def test_nodes_may_be_words(line):
+    lines = [line((0, 0), (100, 0)), line((100, 0), (100, 50))]
+    table = geopandas.GeoDataFrame(
+        {"from_node": ["A", "B"], "to_node": ["B", "Ç"]}, geometry=lines, crs=4326
+    )
+    roads = RoadMap.from_edges(table)
+    assert sorted(roads.node_ids(roads.arrays.from_node)) == ["A", "Ç"]
+    assert roads.source(0, 50.0) == (0, True)  # without ids a row is its number
+
+
+def test_what_cannot_be_used_is_counted_by_reason(line):
+    good = line((0, 0), (100, 0))
+    with np.errstate(invalid="ignore"):
+        with_nan = shapely.from_wkt("LINESTRING (8.7 nan, 8.7 49.4)")
+    broken = [None, shapely.LineString(), shapely.Point(8.7, 49.4), good, good]
+    broken += [with_nan]
+    broken += [shapely.LineString([(8.7, 49.4), (8.7, 99.0)])]
+    broken += [shapely.LineString([(8.7, 49.4), (8.7, 49.4)])]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=broken, crs=4326))
+    assert len(roads) == 2
+    assert roads.info()["skipped"] == {
+        "rows without geometry": 2,
+        "geometries that are not lines": 1,
+        "lines with points that are not on Earth": 2,
+        "rows that repeat another": 1,
+        "segments without length": 1,
+    }
+
+
+def test_broken_wkt_and_rows_without_nodes_are_counted(line):
+    table = pa.table(
+        {
+            "geometry": [
+                line((0, 0), (100, 0)).wkt,
+                "LINESTRING (8 4",
+                None,
+                line((0, 0), (0, 9)).wkt,
+            ],
+            "from": [1, 1, 1, None],
+            "to": [2, 2, 2, 2],
+        }
+    )
+    roads = RoadMap.from_edges(table)
+    assert len(roads) == 2
+    assert roads.node_ids([0, 1]) == [1, 2]
+    assert roads.info()["skipped"] == {
+        "rows whose geometry could not be understood": 1,
+        "rows without geometry": 1,
+        "rows without from or to": 1,
+    }
+
+
+def test_parts_of_a_multi_line_are_joined_where_they_touch(line):
+    whole = shapely.MultiLineString([line((0, 0), (50, 0)), line((50, 0), (100, 0))])
+    apart = shapely.MultiLineString([line((0, 50), (50, 50)), line((60, 50), (100, 50))])
+    table = geopandas.GeoDataFrame({"id": [1, 2]}, geometry=[whole, apart], crs=4326)
+    assert len(RoadMap.from_edges(table)) == 6
+    named = table.assign(**{"from": [1, 3], "to": [2, 4]})
+    roads = RoadMap.from_edges(named)
+    assert len(roads) == 2
+    assert roads.info()["skipped"] == {"rows of several separate lines, with from and to": 1}
+
+
+def test_footways_are_not_for_cars(line):
+    lines = [line((0, 0), (100, 0)), line((0, 0), (0, 100))]
+    table = geopandas.GeoDataFrame({"fclass": ["tertiary", "footway"]}, geometry=lines, crs=4326)
+    roads = RoadMap.from_edges(table)
+    assert roads.column("highway") == ["tertiary", "tertiary"]
+    assert roads.info()["skipped"] == {"rows of classes not for cars": 1}
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("x.csv", b"id,from,to\n1,2,3\n"),
+        ("x.csv", b""),
+        ("x.csv", b"geometry\n\n"),
+        ("x.csv", b"geometry\nPOINT (1 2)\n"),
+        ("x.parquet", b"PAR1"),
+        ("x.geojson", b'{"type": "FeatureCollection", "features": []}'),
+        ("x.geojson", b"{"),
+        ("x.gpkg", b"\0\1"),
+    ],
+)
+def test_a_table_without_roads_is_refused_by_name(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=r"x\."):
+        RoadMap.from_edges(path)
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    with pytest.raises(MapError, match="int"):
+        RoadMap.from_edges(5)
+    with pytest.raises(MapError, match="no such file"):
+        RoadMap.from_edges(tmp_path / "nowhere.csv")
+
+
+def test_a_map_wider_than_the_plane_is_refused(line):
+    lines = [shapely.LineString([(0, 0), (1, 1)]), shapely.LineString([(90, 0), (91, 1)])]
+    with pytest.raises(MapError, match="2,000 km"):
+        RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
+
+
+def test_a_map_across_the_antimeridian_is_one_map(check):
+    lines = [
+        shapely.LineString([(179.99, -17), (180, -17)]),
+        shapely.LineString([(-180, -17), (-179.99, -17)]),
+    ]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
+    check(roads)
+    assert len(roads) == 2
+    assert roads.arrays.length[0] == pytest.approx(2 * 1064.9, abs=1)
+
+
+def test_more_vertices_on_the_same_line_change_nothing(town):
+    dense = town.assign(geometry=town.geometry.segmentize(3e-5))
+    one, two = RoadMap.from_edges(town), RoadMap.from_edges(dense)
+    assert len(two.arrays.x) > 3 * len(one.arrays.x)
+    same(one, two, 1e-4)
+    np.testing.assert_allclose(one.arrays.succ_prior, two.arrays.succ_prior)
+    np.testing.assert_allclose(one.arrays.succ_turn, two.arrays.succ_turn, atol=1e-4)
+
+
+def test_the_table_of_edges_makes_the_same_map_again(town):
+    roads = RoadMap.from_edges(town)
+    table = roads.edges_table()
+    assert table.crs == "EPSG:4326"
+    assert table.geometry.iloc[0].coords[0] == pytest.approx((8.7, 49.4), abs=1e-9)
+    assert len(table) == len(roads)
+    legal = table[~table.against_one_way].rename(columns={"from_node": "u", "to_node": "v"})
+    again = RoadMap.from_edges(
+        legal[["edge_id", "u", "v", "geometry"]].rename(columns={"edge_id": "id"})
+    )
+    assert len(again) == len(roads)
+    assert (again.arrays.rule == 0).sum() == len(legal)
+    np.testing.assert_allclose(
+        np.sort(again.arrays.length), np.sort(roads.arrays.length), atol=1e-6
+    )
+
+
+def test_a_point_on_an_edge_is_found_again(town):
+    roads = RoadMap.from_edges(town)
+    for edge in range(len(roads)):
+        length = float(roads.arrays.length[edge])
+        for s in (0.2 * length, 0.7 * length):
+            x, y, heading = roads.at(edge, s)
+            found = roads.near(x + 2 * np.sin(heading), y - 2 * np.cos(heading), 10.0)
+            row = found.edge.tolist().index(edge)
+            assert found.s[row] == pytest.approx(s, abs=0.3)
+            assert found.lateral[row] == pytest.approx(2, abs=0.1)
+
+
+def test_parts_of_an_edge_run_from_abscissa_to_abscissa(town):
+    roads = RoadMap.from_edges(town)
+    edge = next(e for e in range(len(roads)) if roads.source(e, 1.0) == (7, True))
+    part = roads.edge_line(edge, 30.0, 80.0)
+    assert len(part) == 3
+    np.testing.assert_allclose(part[0], roads.at(edge, 30.0)[:2])
+    np.testing.assert_allclose(part[-1], roads.at(edge, 80.0)[:2])
+    np.testing.assert_array_equal(part[1], roads.edge_line(edge)[1])
+    assert len(roads.edge_line(edge, 20.0, 20.0)) == 2
+
+
+def test_crs_in_geojson_is_degrees(tmp_path, line):
+    feature = {
+        "type": "Feature",
+        "properties": {"ID": 3},
+        "geometry": line((0, 0), (90, 0)).__geo_interface__,
+    }
+    path = tmp_path / "x.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    assert RoadMap.from_edges(path).source(0, 5.0) == (3, True)
+
+
+@pytest.mark.data
+def test_the_real_networks_keep_the_laws(data_folder, check):
+    comma = RoadMap.from_edges(data_folder / "comma_sf" / "comma_sf_osm_clip.geojson")
+    check(comma)
+    assert comma.info()["nodes"] > 1000
+    helsinki = RoadMap.from_edges(data_folder / "hsl" / "link.csv", crs="EPSG:3067")
+    check(helsinki)
+    assert helsinki.info()["lat"][0] == pytest.approx(60.18, abs=0.01)
