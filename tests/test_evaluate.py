@@ -71,6 +71,7 @@ def test_a_perfect_answer_has_no_error():
     assert (e.right_edge, e.right_edge_strict, e.coverage) == (1.0, 1.0, (1.0,) * 4)
     assert e.brier == pytest.approx(0.01)
     assert e.calibration_error == pytest.approx(0.1)
+    assert "map_rmse_m" not in e.figures()  # the tables do not have it
     assert (e.p_off_on_road, e.p_off_off_road, e.outage) == (pytest.approx(0.02), 0.0, None)
 
 

@@ -87,3 +87,9 @@ def grid_roads(rows: int = 6, columns: int = 6, spacing: float = 180.0) -> Roads
 @pytest.fixture(scope="session")
 def hand_made() -> HandMade:
     return HandMade(grid_roads(), Plane(49.41, 2.82))
+
+
+@pytest.fixture(scope="session")
+def one_street() -> HandMade:
+    street = roads_from_streets(np.array([[0.0, 0.0], [800.0, 0.0]]), [(0, 1)])
+    return HandMade(street, Plane(49.41, 2.82))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from whichroad.errors import MapError, SettingError
-from whichroad.simulate import GOOD, PRESETS, SimulationSettings, drivable, simulate_drive
+from whichroad.simulate import GOOD, PRESETS, START, SimulationSettings, drivable, simulate_drive
 
 PERFECT = replace(
     GOOD,
@@ -301,3 +301,12 @@ def test_drivable_edges_lead_on_for_ever(hand_made):
     for e in np.flatnonzero(ok):
         follow = roads.succ[roads.succ_first[e] : roads.succ_first[e + 1]]
         assert ok[follow[follow != roads.opposite[e]]].any()
+
+
+def test_a_single_street_is_driven_and_outages_may_be_given_in_seconds(one_street):
+    drive = simulate_drive(one_street, seed=1, outages_s=[(10.0, 20.0)])
+    assert len(drive.route) == 1
+    assert 100 < drive.truth.travelled[-1] < 800
+    since = drive.drive.fixes.time - START
+    assert not ((since >= 10.0) & (since <= 20.0)).any()
+    assert drive.outages == ((START + 10.0, START + 20.0),)

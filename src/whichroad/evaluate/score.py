@@ -48,14 +48,14 @@ class Evaluation:
     outage: "Evaluation | None" = None  # the same inside outages
 
     def figures(self) -> dict[str, float | int]:
-        """Names and numbers, those of outages behind `outage_`."""
+        """Names and numbers that are known, those of outages behind `outage_`."""
         out: dict[str, float | int] = {}
         for f in fields(self):
             value = getattr(self, f.name)
             if f.name == "coverage":
                 out |= {f"inside_{100 * c:g}": v for c, v in zip(COVERAGE, value, strict=True)}
             elif f.name != "outage":
-                out[f.name] = value
+                out |= {f.name: value} if np.isfinite(value) else {}
             elif value is not None:
                 out |= {f"outage_{name}": v for name, v in value.figures().items()}
         return out

@@ -229,6 +229,7 @@ def simulate_drive(
     scenario: str | SimulationSettings = "good",
     route: Sequence[int] | None = None,
     outages_m: Sequence[tuple[float, float]] = (),
+    outages_s: Sequence[tuple[float, float]] = (),
     pulls: Sequence[Pull] = (),
     allowed: NDArray[np.bool_] | None = None,
     warp: Warp | None = None,
@@ -244,6 +245,7 @@ def simulate_drive(
         route: Edges to drive along instead of a random route; driven from 20 % of the
             first to 80 % of the last, whatever `length_m` is.
         outages_m: Windows without fixes, (from, to) in m driven, besides the scenario's.
+        outages_s: The same in s since the drive's start.
         pulls: False positions that wear off, besides the scenario's errors.
         allowed: What `drivable` found, to save finding it for each of many drives.
         warp: World minus map, to share one between drives; None: drawn.
@@ -272,7 +274,7 @@ def simulate_drive(
     fix_states = _states(course, pace, ticks(settings.gnss_rate))
     wheels = draw_wheels(settings, for_wheels)
     fixes, errors = _fixes(roads, fix_states, settings, for_fixes, pulls)
-    outages = _outages(pace, settings, outages_m)
+    outages = [*_outages(pace, settings, outages_m), *outages_s]
     seen = np.ones(len(fixes), dtype=bool)
     for begin, end in outages:
         seen &= (fix_states.time < begin) | (fix_states.time > end)
