@@ -83,6 +83,11 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> list[Travers
         leave = float(epochs.time[min(hi, n - 1)])
         enter_m = first_s if i == 0 or gap else 0.0
         exit_m = max(last_s, enter_m) if last or gap_after else length
+        if i > 0 and roads.opposite[edge] == chain[i - 1][0]:  # turned round on the way
+            enter_m = length - rows[-1].exit_m
+            exit_m = max(exit_m, enter_m)
+        if not last and roads.opposite[edge] == chain[i + 1][0]:
+            exit_m = max(min(float(s.max()), length) if len(on) else enter_m, enter_m)
         rows.append(Traversal(edge, float(entered[i]), leave, enter_m, exit_m, p, gap))
     return _timed(rows, epochs, recorded, roads, starts)
 
