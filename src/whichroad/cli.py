@@ -110,8 +110,9 @@ def demo(
 
     with _progress() as progress:
         summary = run_demo(out, force=force, tell=progress)
-    _table("The paper's drive, answered from its files alone", summary["figures"].items())
-    typer.echo(f"picture: {summary['picture']}")
+    seconds = {"seconds": summary["seconds"]}
+    _table("The paper's drive, answered from its files alone", (summary["said"] | seconds).items())
+    typer.echo(f"look at {summary['picture']}")
 
 
 @map_app.command("build")
@@ -236,6 +237,8 @@ def _say(result: "Result") -> None:
         for note in figures.pop("notes", ()):
             typer.echo(f"note: {note}", err=True)
         title = str(figures.pop("drive_id", "drive"))
+        shares = figures.get("status", {})
+        figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
         _table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)

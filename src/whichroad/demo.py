@@ -53,8 +53,8 @@ def run_demo(
         tell: told (what, done, of how many).
 
     Returns:
-        The summary that `summary.json` holds: `figures` against the truth, `seconds` of
-        each step, `files`, and the `picture` to look at.
+        The summary that `summary.json` holds: what is `said` of it in a few lines, all
+        `figures` against the truth, `seconds` of each step, `files`, and the `picture`.
 
     Raises:
         WriteError: the folder holds something else, or cannot be written to.
@@ -83,13 +83,15 @@ def run_demo(
 
     watch("drawing")
     masked = _outages(truth)
+    alone = _wheels_alone(drive, car, roads, truth, masked)
     pictures = plot_drive(
         result, roads, truth, drive.fixes, out=out, windows=_windows(truth, roads), masked=masked,
-        reckoning=_wheels_alone(drive, car, roads, truth, masked), title=_title(truth, figures),
+        reckoning=alone, title=_title(truth, figures),
     )  # fmt: skip
     watch("")
     summary = {
         "made_by": _MADE_BY,
+        "said": _said(truth, figures, _drift(alone, truth, roads)),
         "figures": figures,
         "match": result.summary,
         "seconds": watch.seconds,
@@ -209,12 +211,46 @@ def _wheels_alone(
     return pa.table({"time": when, "lat": lat_deg, "lon": lon_deg})
 
 
-def _title(truth: "pa.Table", figures: dict[str, Any]) -> str:
+def _lengths(truth: "pa.Table") -> tuple[float, float]:
+    """How far the drive went, and how far of it without GNSS, km."""
     travelled = truth["travelled_m"].to_numpy()
     dark = truth["outage"].to_numpy(zero_copy_only=False)
-    hidden = float(np.diff(travelled)[dark[1:]].sum())
+    return travelled[-1] / 1000.0, float(np.diff(travelled)[dark[1:]].sum()) / 1000.0
+
+
+def _title(truth: "pa.Table", figures: dict[str, Any]) -> str:
+    length, hidden = _lengths(truth)
     return (
-        f"{travelled[-1] / 1000:.1f} km, {hidden / 1000:.1f} km of it without GPS: on the right "
-        f"road {100 * figures['right_edge']:.1f} % of the time, "
+        f"{length:.1f} km, {hidden:.1f} km of it without GPS: on the right road "
+        f"{100 * figures['right_edge']:.1f} % of the time, "
         f"{figures['rmse_m']:.1f} m from the truth (RMS)"
     )
+
+
+def _said(truth: "pa.Table", figures: dict[str, Any], drift: float) -> dict[str, str]:
+    """The figures that matter, in words."""
+    length, hidden = _lengths(truth)
+
+    def both(name: str, scale: float, unit: str, digits: int) -> str:
+        whole, dark = scale * figures[name], scale * figures[f"outage_{name}"]
+        return f"{whole:.{digits}f}{unit}, without GPS {dark:.{digits}f}{unit}"
+
+    return {
+        "driven": f"{length:.1f} km, {hidden:.1f} km of it without GPS",
+        "on the right road": both("right_edge", 100, " %", 1),
+        "position error (RMS)": both("rmse_m", 1, " m", 1),
+        "wheels alone": f"{drift:.0f} m off at the end of the long outage",
+        "95 % ellipse holds truth": both("inside_95", 100, " %", 1),
+        "ANEES (1 is honest)": both("anees", 1, "", 2),
+    }
+
+
+def _drift(alone: "pa.Table", truth: "pa.Table", roads: RoadMap) -> float:
+    """How far wheels alone are from the truth where they end, m."""
+    row = int(np.searchsorted(_seconds(truth), _seconds(alone)[-1]))
+    ends = ((alone, -1), (truth, row))
+    lat, lon = (
+        np.array([table[name][at].as_py() for table, at in ends]) for name in ("lat", "lon")
+    )
+    x, y = roads.plane.from_geodetic(lat, lon)
+    return float(np.hypot(x[1] - x[0], y[1] - y[0]))
