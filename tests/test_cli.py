@@ -1,7 +1,9 @@
+import json
 import subprocess
 import sys
 from datetime import UTC, datetime
 
+import geopandas
 import pytest
 import typer
 
@@ -149,3 +151,80 @@ def test_what_is_no_mask_is_refused(text):
 def test_a_start_south_of_the_equator_is_no_option(run, tmp_path):
     outcome = run("match", "none.nmea", "--map", "none", "--start", "-33.8,151.2,90")
     assert "--start" not in one_error(outcome)
+
+
+# From end to end
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    """A compiled map of the town that the simulator draws."""
+    from whichroad import RoadMap
+    from whichroad.simulate import draw_town
+
+    folder = tmp_path_factory.mktemp("town")
+    (folder / "town.osm").write_text(draw_town(), encoding="utf-8")
+    RoadMap.from_osm(folder / "town.osm").save(folder / "town.map")
+    return folder
+
+
+def test_a_map_is_built_and_told(run, town, tmp_path):
+    code, out, _ = run("map", "build", town / "town.osm", "-o", tmp_path / "m.map")
+    assert (code, "MB" in out) == (0, True)
+    code, out, err = run("map", "info", tmp_path / "m.map")
+    assert (code, err) == (0, "")
+    assert "edges" in out
+    assert "--force" in one_error(run("map", "build", town / "town.osm", "-o", tmp_path / "m.map"))
+
+
+def test_a_broken_source_leaves_no_map(run, tmp_path):
+    (tmp_path / "bad.osm").write_text("<osm>")
+    one_error(run("map", "build", tmp_path / "bad.osm", "-o", tmp_path / "m.map"))
+    assert [file.name for file in tmp_path.iterdir()] == ["bad.osm"]
+
+
+@pytest.mark.slow
+def test_a_drive_is_simulated_answered_and_evaluated(run, town, tmp_path):
+    roads = ("--map", town / "town.map")
+    code, out, _ = run("simulate", *roads, "-o", tmp_path, "--length", 1, "--seed", 3)
+    assert (code, "drive.nmea" in out) == (0, True)
+    one_error(run("simulate", *roads, "-o", tmp_path))
+
+    points, path = tmp_path / "points.parquet", tmp_path / "path.geojson"
+    drive = (tmp_path / "drive.nmea", "--vehicle", tmp_path / "vehicle.toml")
+    wheels = ("--can", tmp_path / "can.log", "--dbc", tmp_path / "vehicle.dbc")
+    code, out, _ = run("match", *drive, *wheels, *roads, "-o", points, "--path-out", path)
+    assert (code, "epochs" in out) == (0, True)
+    assert geopandas.read_file(path).geometry.geom_type.eq("LineString").all()
+
+    code, out, _ = run("evaluate", points, "--truth", tmp_path / "truth.parquet")
+    assert (code, "right edge" in out) == (0, True)
+
+    thin = ("-o", tmp_path / "thin.csv", "--every", 5, "--attributes", "--mask", "20:40")
+    code, out, _ = run("match", *drive, *roads, *thin)
+    assert (code, "fixes masked" in out) == (0, True)
+    assert "highway" in (tmp_path / "thin.csv").read_text().partition("\n")[0]
+    seconds = len(geopandas.read_parquet(points)) / 10
+    assert abs(len((tmp_path / "thin.csv").read_text().splitlines()) - seconds / 5) <= 3
+
+    code, out, _ = run("match", *drive, *roads)
+    assert (code, "nothing was written" in out) == (0, True)
+
+
+@pytest.mark.slow
+def test_the_demo_answers_from_its_files_alone(run, tmp_path):
+    folder = tmp_path / "demo"
+    code, out, _ = run("demo", "--out", folder)
+    assert (code, str(folder / "drive.png") in out) == (0, True)
+    summary = json.loads((folder / "summary.json").read_text())
+    for name in [*summary["files"], *summary["pictures"]]:
+        assert (folder / name).stat().st_size > 0
+    assert summary["figures"]["right_edge"] > 0.95
+    assert summary["figures"]["outage_right_edge"] > 0.95
+    assert run("demo", "--out", folder)[0] == 0  # an earlier demo's folder is used again
+
+
+def test_the_demo_refuses_a_folder_with_something_else(run, tmp_path):
+    (tmp_path / "points.parquet").write_text("mine")
+    assert "--force" in one_error(run("demo", "--out", tmp_path))
+    assert (tmp_path / "points.parquet").read_text() == "mine"
