@@ -136,6 +136,11 @@ class Plane:
     def pose(self, x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array]: ...
     def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
+        if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
+            lat_rad, lon_rad = geodesy.to_geodetic(self.sphere, x, y)
+            turn = geodesy.convergence(self.sphere, x, y)
+            bearing = math.degrees(0.5 * math.pi + turn - heading) % 360.0
+            return math.degrees(lat_rad), math.degrees(lon_rad), bearing % 360.0
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
 

@@ -431,3 +431,13 @@ def test_the_real_networks_keep_the_laws(data_folder, check):
     helsinki = RoadMap.from_edges(data_folder / "hsl" / "link.csv", crs="EPSG:3067")
     check(helsinki)
     assert helsinki.info()["lat"][0] == pytest.approx(60.18, abs=0.01)
+
+
+def test_vertices_too_close_to_tell_apart_are_one(line, check):
+    points = [(0, 0), (0.0002, 0), (0.0009, 0), (0.0016, 0.0001), (50, 0), (50, 0.0004), (90, 9)]
+    table = geopandas.GeoDataFrame(geometry=[line(*points)], crs=4326)
+    roads = RoadMap.from_edges(table)
+    check(roads)
+    assert len(roads) == 2
+    assert np.diff(roads.edge_line(0), axis=0).shape[0] < 6
+    assert roads.arrays.length[0] == pytest.approx(50 + np.hypot(40, 9), abs=0.01)

@@ -19,6 +19,7 @@ Ints32 = NDArray[np.int32]
 
 CELL_SIZE = 64.0  # m: about two search radii, so that a query looks into four cells
 REACH = 2.0e6  # m from the origin, up to which the plane's scale is good to 1e-4
+_LEAST = 1e-3  # m; a shorter segment has no direction worth the name
 _CHORD = 8.0  # m over which headings at a node are taken
 
 
@@ -89,9 +90,10 @@ def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves
     way = np.repeat(np.arange(len(count)), count)
     inside = way[1:] == way[:-1]
     tail, head, way = streets.node[:-1][inside], streets.node[1:][inside], way[1:][inside]
-    same = (x[tail] == x[head]) & (y[tail] == y[head])
-    join = _joined(tail[same & (tail != head)], head[same & (tail != head)], len(x))
-    tail, head, way = join[tail[~same]], join[head[~same]], way[~same]
+    join = _joined(tail, head, x, y)
+    tail, head = join[tail], join[head]
+    long = tail != head
+    tail, head, way = tail[long], head[long], way[long]
     length = _true_length(plane, x[tail], y[tail], x[head], y[head])
     twice = np.stack([tail, head], axis=1)
     rule = np.stack([streets.rule_forward[way], streets.rule_backward[way]], axis=1)
@@ -101,17 +103,20 @@ def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves
         np.repeat(way, 2).astype(np.int32),
         rule.ravel(),
         np.repeat(length, 2),
-    ), {"segments without length": int(same.sum())} if same.any() else {}
+    ), {} if long.all() else {"segments without length": int((~long).sum())}
 
 
-def _joined(a: Ints, b: Ints, count: int) -> Ints:
-    """For each node the least of those it coincides with, given pairs that do."""
-    join = np.arange(count)
-    while (join[a] != join[b]).any():
-        low = np.minimum(join[a], join[b])
-        np.minimum.at(join, a, low)
-        np.minimum.at(join, b, low)
-    return join
+def _joined(tail: Ints, head: Ints, x: Array, y: Array) -> Ints:
+    """For each node the one that stands for it: that of the nodes with which it coincides."""
+    join = np.arange(len(x))
+    while True:
+        a, b = join[tail], join[head]
+        short = (a != b) & (np.hypot(x[a] - x[b], y[a] - y[b]) < _LEAST)
+        if not short.any():
+            return join
+        low = np.arange(len(x))
+        np.minimum.at(low, np.maximum(a, b)[short], np.minimum(a, b)[short])
+        join = low[join]
 
 
 def _true_length(plane: Plane, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
@@ -157,24 +162,16 @@ def _network(
     """Lay the chains out as arrays."""
     edges = len(chain_first) - 1
     begin, end = chain[chain_first[:-1]], chain[chain_first[1:] - 1]
-    opposite = np.empty(len(chain), np.int32)
-    opposite[begin] = np.arange(edges)
-    opposite = opposite[end ^ 1]
+    starting = np.empty(len(chain), np.int32)
+    starting[begin] = np.arange(edges)
+    opposite = starting[end ^ 1]  # it begins with the last half, driven back
     places = np.unique(np.concatenate([half.tail[begin], half.head[end]]))
     number = np.empty(len(x), np.int32)
     number[places] = np.arange(len(places))
     from_node, to_node = number[half.tail[begin]], number[half.head[end]]
 
-    # each edge has one vertex more than halves: the head of each, after the first's tail
-    first = (chain_first + np.arange(edges + 1)).astype(np.int32)
-    node = np.empty(first[-1], np.int32)
-    node[first[:-1]] = half.tail[begin]
-    rest = np.ones(len(node), bool)
-    rest[first[:-1]] = False
-    node[rest] = half.head[chain]
-    s = _abscissae(half.length[chain], chain_first, first, rest)
+    first, node, s = _shape(half, chain_first, chain)
     vx, vy = x[node], y[node]
-
     pieces = _pieces(half.way[chain], chain, chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
@@ -200,13 +197,20 @@ def _network(
     return Network(roads, plane, pieces, way, node_id, {**dropped, **turns.dropped})
 
 
-def _abscissae(length: Array, chain_first: Ints32, first: Ints32, rest: NDArray[np.bool_]) -> Array:
-    """Cumulative lengths along each edge, exact for opposite edges up to rounding."""
-    total = np.concatenate([[0.0], np.cumsum(length)])
-    before = np.repeat(total[chain_first[:-1]], np.diff(chain_first))
+def _shape(half: _Halves, chain_first: Ints32, chain: Ints32) -> tuple[Ints32, Ints32, Array]:
+    """First vertices of the edges, the nodes that are their vertices, and the abscissae.
+
+    Each edge has one vertex more than halves: their heads, after the tail of the first.
+    """
+    first = (chain_first + np.arange(len(chain_first))).astype(np.int32)
+    rest = np.ones(first[-1], bool)
+    rest[first[:-1]] = False
+    node = np.empty(first[-1], np.int32)
+    node[~rest], node[rest] = half.tail[chain[chain_first[:-1]]], half.head[chain]
+    total = np.concatenate([[0.0], np.cumsum(half.length[chain])])
     s = np.zeros(first[-1])
-    s[rest] = total[1:] - before
-    return s
+    s[rest] = total[1:] - np.repeat(total[chain_first[:-1]], np.diff(chain_first))
+    return first, node, s
 
 
 def _last(first: Ints32) -> NDArray[np.bool_]:

@@ -85,20 +85,9 @@ def _named(
     A node lies where its first line has it.  A line that ends elsewhere keeps its own last
     vertex and is drawn on to the node.
     """
-    skipped: dict[str, int] = {}
-    nameless = _absent(origin) | _absent(target)
-    several = np.bincount(lines.row)[lines.row] > 1
-    known = ~(nameless | several)
-    if not known.all():
-        skipped = {
-            "rows without from or to": len(np.unique(lines.row[nameless])),
-            "rows of several separate lines, with from and to": len(
-                np.unique(lines.row[several & ~nameless])
-            ),
-        }
-        skipped = {why: count for why, count in skipped.items() if count}
-        inside = np.repeat(known, np.diff(lines.first))
-        lines, x, y = lines.take(known), x[inside], y[inside]
+    known, skipped = _with_nodes(lines, origin, target)
+    inside = np.repeat(known, np.diff(lines.first))
+    lines, x, y = lines.take(known), x[inside], y[inside]
     # row by row: its beginning, its end
     code, node_id = _codes(np.stack([origin[known], target[known]], axis=1).ravel())
     ends = np.stack([lines.first[:-1], lines.first[1:] - 1], axis=1).ravel()
@@ -129,6 +118,20 @@ def _named(
     else:
         node_id = np.concatenate([node_id, np.full(own.sum(), -1)])
     return _links(lines, x, y, np.concatenate([[0], np.cumsum(count)]), node, at, node_id, skipped)
+
+
+def _with_nodes(
+    lines: Lines, origin: NDArray[Any], target: NDArray[Any]
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Which lines have an origin and a target of their own, and why the others have not."""
+    nameless = _absent(origin) | _absent(target)
+    several = ~nameless & (np.bincount(lines.row)[lines.row] > 1)
+    reasons = {
+        "rows without from or to": nameless,
+        "rows of several separate lines, with from and to": several,
+    }
+    skipped = {why: len(np.unique(lines.row[which])) for why, which in reasons.items()}
+    return ~(nameless | several), {why: count for why, count in skipped.items() if count}
 
 
 def _absent(values: NDArray[Any]) -> NDArray[np.bool_]:
