@@ -136,9 +136,16 @@ def test_what_is_public_has_a_docstring(path: Path):
     assert [getattr(n, "name", title(path)) for n in nodes if not ast.get_docstring(n)] == []
 
 
+LINES = 400
+DISCUSSED = {  # one story each: cutting it would only hide the length
+    "src/whichroad/core/switching.py": 450,
+    "src/whichroad/localizer.py": 450,
+}
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=title)
 def test_a_room_is_small(path: Path):
-    assert len(path.read_text("utf-8").splitlines()) <= 400
+    assert len(path.read_text("utf-8").splitlines()) <= DISCUSSED.get(title(path), LINES)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=title)
