@@ -39,8 +39,9 @@ def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tupl
 
 
 def _union(times: list[Array]) -> Array:
-    together = np.sort(np.concatenate(times))
-    return together[np.concatenate([[True], np.diff(together) > _SAME])]
+    together: Array = np.sort(np.concatenate(times))
+    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(together) > _SAME])
+    return np.asarray(together[apart])
 
 
 def build_timeline(

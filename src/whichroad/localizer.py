@@ -28,7 +28,7 @@ from .core.belief import (
     new_belief,
     new_route,
 )
-from .core.drive import CLOCK, DISTANCE, WHEELS, Epochs, run
+from .core.drive import CLOCK, DISTANCE, WHEELS, new_epochs, run
 from .core.motion import arc_chord
 from .core.observe import normalise
 from .core.output import (
@@ -53,7 +53,6 @@ from .records import (
     Array,
     Distance,
     Estimate,
-    Fixes,
     GeoFix,
     Hypothesis,
     Observation,
@@ -64,7 +63,7 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
-from .sensors.gnss import fix_rows
+from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
 
 STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
@@ -243,13 +242,10 @@ class Localizer:
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
-        self._epoch = Epochs(
-            *(np.zeros(1) for _ in range(5)), np.zeros(1, np.uint8), np.zeros(1, np.uint8),
-            np.zeros((1, 5)), *(np.zeros(1) for _ in range(4)),
-        )  # fmt: skip
+        self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
-        self._lever = _lever(self.vehicle)
+        self._lever, self._side = _lever(self.vehicle), _side(self.vehicle)
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
@@ -289,7 +285,7 @@ class Localizer:
         Returns:
             The estimate expected there.
         """
-        belief = Belief(*(a.copy() for a in self._belief))
+        belief = Belief._make(a.copy() for a in self._belief)
         real, self._belief = self._belief, belief
         try:
             ahead = max(time - float(real.clock[NOW]), 0.0)
@@ -345,33 +341,18 @@ class Localizer:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
         self._fill(time, arc, turn, self._mode != CLOCK)
-        row, heading, sigma = fix_rows(self._one(fix), self.roads.plane)
+        row, course, sigma = fix_row(fix, self.roads.plane, self.settings.default_sigma_m)
         e = self._epoch
         e.has_fix[0] = 1
-        e.fix[0] = row[0]
+        e.fix[0] = row
         if late and self._belief.size[0]:
             heading_now = float(self._belief.mean[0, H])
             speed = float(self._belief.clock[SPEED])
             e.fix[0, 0] += speed * late * math.cos(heading_now)
             e.fix[0, 1] += speed * late * math.sin(heading_now)
         e.speed[0], e.speed_sigma[0] = fix.speed, fix.sigma_speed
-        e.course[0], e.course_sigma[0] = heading[0], sigma[0]
+        e.course[0], e.course_sigma[0] = course, sigma
         self._run()
-
-    def _one(self, fix: GeoFix) -> Fixes:
-        default = self.settings.default_sigma_m**2
-        known = math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn)
-        cov = (fix.cov_ee, fix.cov_en, fix.cov_nn) if known else (default, 0.0, default)
-        return Fixes(
-            *(
-                np.array([v])
-                for v in (
-                    fix.time, fix.lat_deg, fix.lon_deg, *cov, fix.speed, fix.sigma_speed,
-                    fix.bearing_deg, fix.sigma_bearing_deg,
-                )
-            ),
-            np.zeros(1, np.uint8),
-        )  # fmt: skip
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._belief.clock[STARTED]:
@@ -390,7 +371,7 @@ class Localizer:
     def _run(self) -> None:
         run(
             self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
-            0, 1, self._mode, _side(self.vehicle), self._lever, self._par,
+            0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
         )  # fmt: skip
 
@@ -398,30 +379,33 @@ class Localizer:
         value = self._output.value[0].tolist()
         edge = int(self._output.edge[0])
         status = STATUS[int(self._output.status[0])]
-        b = self._belief
-        n = int(b.size[0])
-        weights = np.exp(b.log_weight[:n]).tolist()
-        edges = b.edge[:n].tolist()
-        means = b.mean[:n].tolist()
-        abscissae = b.abscissa[:n].tolist()
-        hypotheses = []
-        for i in sorted(range(n), key=weights.__getitem__, reverse=True):
-            m = means[i]
-            road = edges[i] if edges[i] != OFF_ROAD else None
-            hypotheses.append(
-                Hypothesis(
-                    weights[i], road, self._pose(m[X], m[Y], m[H]), b.cov[i, :3, :3].copy(),
-                    abscissae[i] if road is not None else 0.0,
-                    m[D] if road is not None else 0.0,
-                )
-            )  # fmt: skip
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(b.clock[NOW]), self._pose(value[V_X], value[V_Y], value[V_H]),
+            float(self._belief.clock[NOW]), self._pose(value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
             edge if edge >= 0 else None, value[V_P], value[V_OFF], status, reason(status),
-            value[V_S], value[V_LATERAL], tuple(hypotheses),
+            value[V_S], value[V_LATERAL], self._snapshot(),
         )  # fmt: skip
+
+    def _snapshot(self) -> Callable[[], tuple[Hypothesis, ...]]:
+        """Keep what the hypotheses are now; they are put into words when asked for."""
+        b = self._belief
+        n = int(b.size[0])
+        p, edge, s = b.probability[:n].copy(), b.edge[:n].copy(), b.abscissa[:n].copy()
+        mean, cov = b.mean[:n].copy(), b.cov[:n, :3, :3].copy()
+
+        def tell() -> tuple[Hypothesis, ...]:
+            return tuple(
+                Hypothesis(
+                    float(p[i]), int(edge[i]) if edge[i] != OFF_ROAD else None,
+                    self._pose(float(mean[i, X]), float(mean[i, Y]), float(mean[i, H])), cov[i],
+                    float(s[i]) if edge[i] != OFF_ROAD else 0.0,
+                    float(mean[i, D]) if edge[i] != OFF_ROAD else 0.0,
+                )
+                for i in np.argsort(-p)
+            )  # fmt: skip
+
+        return tell
 
     def _pose(self, x: float, y: float, heading: float) -> Pose:
         lat, lon, bearing = self.roads.plane.pose(x, y, heading)

@@ -5,6 +5,7 @@ outside the filter.  A quantity that a sensor did not report has an infinite sig
 never a NaN.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -190,4 +191,9 @@ class Estimate:
     reason: str
     abscissa: float
     lateral: float
-    hypotheses: tuple[Hypothesis, ...]
+    snapshot: Callable[[], tuple[Hypothesis, ...]] = field(repr=False, compare=False)
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All living hypotheses, most probable first; made when asked for."""
+        return self.snapshot()

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .core.belief import OFF_ROAD
 from .core.drive import Epochs
@@ -92,14 +93,18 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> list[Travers
     return _timed(rows, epochs, recorded, roads, starts)
 
 
-def _probability(recorded: Recorded, on: np.ndarray, edge: int) -> Array:  # type: ignore[type-arg]
+def _probability(recorded: Recorded, on: NDArray[np.int64], edge: int) -> Array:
     at = recorded.output.alt_edge[on] == edge
     return np.asarray((recorded.output.alt_p[on] * at).sum(axis=1), float)
 
 
 def _timed(
-    rows: list[Traversal], epochs: Epochs, recorded: Recorded, roads: Roads, starts: np.ndarray
-) -> list[Traversal]:  # type: ignore[type-arg]
+    rows: list[Traversal],
+    epochs: Epochs,
+    recorded: Recorded,
+    roads: Roads,
+    starts: NDArray[np.int64],
+) -> list[Traversal]:
     """Interpolate the times at which the nodes were passed from distances along the route."""
     base = np.concatenate([[0.0], np.cumsum([r.exit_m - r.enter_m for r in rows])])
     at, when = [], []

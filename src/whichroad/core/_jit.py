@@ -18,6 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba import config as _config
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
@@ -28,6 +29,9 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+config: Any = _config  # its settings are attributes made at run time
+_njit: Any = numba.njit  # `_nrt` is not in its public signature
 
 _KEEP_DAYS = 30
 
@@ -50,7 +54,7 @@ def _writable(base: Path) -> bool:
 @functools.cache
 def cache_folder() -> Path | None:
     """First writable place for compiled kernels, or None: compile anew each time."""
-    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), numba.config.CACHE_DIR]
+    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), config.CACHE_DIR]
     xdg = os.environ.get("XDG_CACHE_HOME")
     bases.append(f"{xdg}/whichroad" if xdg else None)
     with contextlib.suppress(RuntimeError):
@@ -76,17 +80,17 @@ def _delete_stale(root: Path) -> None:
 
 def _compile(function: F, counted: bool) -> F:
     folder = cache_folder()
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder) if folder else before
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder) if folder else before
     try:
         return cast(
             F,
-            numba.njit(
+            _njit(
                 cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted
             )(function),
         )  # fmt: skip
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 def kernel(function: F) -> F:

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ._jit import Bytes, Matrix, Vector, kernel
 from .belief import (
     LAST_FIX,
@@ -63,6 +65,13 @@ class Epochs(NamedTuple):
     speed_sigma: Vector  # (n,) inf: not reported
     course: Vector  # (n,) heading over ground, rad
     course_sigma: Vector  # (n,) inf: not reported
+
+
+def new_epochs(n: int) -> Epochs:
+    """Empty epochs."""
+    numbers = [np.zeros(n) for _ in range(9)]
+    flags = [np.zeros(n, np.uint8) for _ in range(2)]
+    return Epochs(*numbers[:5], *flags, np.zeros((n, 5)), *numbers[5:])
 
 
 @kernel
@@ -244,7 +253,7 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
         rate += belief.probability[i] * belief.mean[i, K]
     if mode == CLOCK:
         return rate
-    return rate * epochs.arc[k] / dt if dt > 1e-6 else belief.clock[SPEED]
+    return float(rate * epochs.arc[k] / dt if dt > 1e-6 else belief.clock[SPEED])
 
 
 @kernel

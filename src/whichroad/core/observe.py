@@ -84,7 +84,7 @@ def _fix_row(
     row[GY] = ex * root[1] + ey * root[2]
     dx = (fix[0] - mean[X]) / scale - ax - root[0] * mean[GX] - root[1] * mean[GY]
     dy = (fix[1] - mean[Y]) / scale - ay - root[1] * mean[GX] - root[2] * mean[GY]
-    return ex * dx + ey * dy
+    return float(ex * dx + ey * dy)
 
 
 @kernel
@@ -396,6 +396,4 @@ def forward_only(belief: Belief, row: Vector, scale: float) -> None:
             for j in range(N):
                 row[j] = 0.0
             row[K] = 1.0
-            reshape_along(
-                mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale
-            )
+            reshape_along(mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale)

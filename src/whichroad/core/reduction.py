@@ -36,7 +36,7 @@ def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
         vj = belief.spread[j] ** 2
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        return 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        return float(0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj)))
     worst = 0.0
     for c in range(3):
         gap = belief.mean[i, c] - belief.mean[j, c]

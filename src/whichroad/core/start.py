@@ -290,9 +290,7 @@ def _turned(
     belief.log_weight[child] += math.log(share)
     belief.probability[child] *= share
     belief.edge[child] = other
-    belief.segment[child] = vertex_at(
-        roads, other, roads.length[other] - belief.abscissa[i]
-    )
+    belief.segment[child] = vertex_at(roads, other, roads.length[other] - belief.abscissa[i])
     belief.stay[child] = 1.0
     belief.fresh[child] = 1
     mean = belief.mean[child]

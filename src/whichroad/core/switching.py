@@ -92,7 +92,7 @@ def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
 @kernel
 def enter(route: Route, edge: int, parent: int, time: float, abscissa: float) -> int:
     """Add a node to the route tree; returns its number, the parent when it is full."""
-    node = route.size[0]
+    node = int(route.size[0])
     if node >= len(route.edge):
         return parent
     route.edge[node] = edge

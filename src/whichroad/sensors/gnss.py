@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..frames import Plane
-from ..records import Array, Fixes
+from ..records import Array, Fixes, GeoFix
 
 
 def ellipse(cov_xx: Array, cov_xy: Array, cov_yy: Array) -> tuple[Array, Array, Array]:
@@ -28,6 +28,33 @@ def ellipse(cov_xx: Array, cov_xy: Array, cov_yy: Array) -> tuple[Array, Array, 
 
 
 LEAST_SIGMA = 0.01  # m; a receiver that claims less claims too much
+
+
+def fix_row(
+    fix: GeoFix, plane: Plane, default_sigma: float
+) -> tuple[tuple[float, float, float, float, float], float, float]:
+    """One fix in the plane, as `fix_rows` says it, without the price of arrays.
+
+    Args:
+        fix: Geodetic; an infinite covariance stands for one that was not reported.
+        plane: The map's plane.
+        default_sigma: Taken then, m.
+
+    Returns:
+        (x, y, sigma_major, sigma_minor, heading of the major axis), course, its sigma.
+    """
+    x, y = plane.from_geodetic(float(fix.lat_deg), float(fix.lon_deg))
+    turn = plane.convergence(x, y)
+    if math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn):
+        mean = 0.5 * (fix.cov_ee + fix.cov_nn)
+        half = math.hypot(0.5 * (fix.cov_ee - fix.cov_nn), fix.cov_en)
+        major, minor = math.sqrt(max(mean + half, 0.0)), math.sqrt(max(mean - half, 0.0))
+        angle = 0.5 * math.atan2(2.0 * fix.cov_en, fix.cov_ee - fix.cov_nn)
+    else:
+        major, minor, angle = default_sigma, default_sigma, 0.0
+    row = (x, y, max(major, LEAST_SIGMA), max(minor, LEAST_SIGMA), angle + turn)
+    course = math.pi / 2 - math.radians(fix.bearing_deg) + turn
+    return row, course, math.radians(fix.sigma_bearing_deg)
 
 
 def fix_rows(fixes: Fixes, plane: Plane) -> tuple[Array, Array, Array]:
