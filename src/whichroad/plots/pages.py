@@ -58,7 +58,8 @@ def draw_pages(scene: Scene, windows: list[Window], title: str, out: Path) -> li
 
 def _overview(scene: Scene, windows: list[Window], title: str) -> Figure:
     """The paper's Figure 9."""
-    figure = Figure(figsize=(10, 7.5))
+    across, up = np.nanmax(scene.xy, axis=0) - np.nanmin(scene.xy, axis=0)
+    figure = Figure(figsize=(10, float(np.clip(2.5 + 8 * up / max(across, 1.0), 4.5, 9.5))))
     axes = figure.subplots()
     draw_map(axes, scene, windows)
     probability_bar(figure, axes)

@@ -38,17 +38,17 @@ def draw_map(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
     """The whole drive: roads, fixes, truth, and the answer coloured by P(road)."""
     axes.add_collection(LineCollection(scene.roads, colors=ROAD, linewidths=0.9, zorder=1))
     hidden = np.where(scene.is_masked()[:, None], scene.xy, np.nan)
-    axes.plot(*hidden.T, color=HIDDEN, alpha=0.35, lw=11, solid_capstyle="round", zorder=2)
+    axes.plot(*hidden.T, color=HIDDEN, alpha=0.35, lw=13, solid_capstyle="round", zorder=2)
     if scene.reckoning is not None:
         axes.plot(*scene.reckoning.T, color=RECKONING, lw=1.2, ls=(0, (4, 3)), zorder=3)
-    axes.plot(*scene.fixes.T, ".", color=FIX, ms=2.6, mew=0, zorder=4)
     pieces = np.stack([scene.xy[:-1], scene.xy[1:]], axis=1)
-    line = LineCollection(list(pieces), cmap=PROBABLE, norm=UNIT, linewidths=2.4, zorder=5)
+    line = LineCollection(list(pieces), cmap=PROBABLE, norm=UNIT, linewidths=4, zorder=5)
     line.set_array(scene.p_road[1:])
     line.set_capstyle("round")
     axes.add_collection(line)
     if scene.truth is not None:
         axes.plot(*scene.truth.T, color=TRUTH, lw=0.6, zorder=6)
+    axes.plot(*scene.fixes.T, ".", color=FIX, ms=2.6, mew=0, zorder=6)
     for letter, window in zip("ABCDEF", windows, strict=False):
         _mark_window(axes, scene, window, letter)
     _ends(axes, scene)
@@ -86,7 +86,7 @@ def _mark_window(axes: "Axes", scene: Scene, window: Window, letter: str) -> Non
 
 def _map_legend(scene: Scene) -> list[Any]:
     handles: list[Any] = [
-        Line2D([], [], color=PROBABLE(0.97), lw=2.4, label="estimate, coloured by P(road)"),
+        Line2D([], [], color=PROBABLE(0.97), lw=4, label="estimate, coloured by P(road)"),
         Line2D([], [], color=ROAD, lw=1.2, label="road map"),
     ]
     if len(scene.fixes):
