@@ -17,6 +17,7 @@ from .belief import (
     STARTED,
     STOOD,
     TRAVELLED,
+    TURN_RATE,
     Belief,
     H,
     K,
@@ -69,9 +70,12 @@ class Epochs(NamedTuple):
 
 def new_epochs(n: int) -> Epochs:
     """Empty epochs."""
-    numbers = [np.zeros(n) for _ in range(9)]
-    flags = [np.zeros(n, np.uint8) for _ in range(2)]
-    return Epochs(*numbers[:5], *flags, np.zeros((n, 5)), *numbers[5:])
+    arc, turn, forward, left, speed, speed_sigma, course, course_sigma = np.zeros((8, n))
+    moved, has_fix = np.zeros((2, n), np.uint8)
+    return Epochs(
+        np.zeros(n), arc, turn, forward, left, moved, has_fix, np.zeros((n, 5)), speed,
+        speed_sigma, course, course_sigma,
+    )  # fmt: skip
 
 
 @kernel
@@ -147,7 +151,8 @@ def _move_along(
     )  # fmt: skip
     changed = advance_along(
         belief, roads, route, work, scale, odometer, q_along, q_rate, q_cross,
-        par.edge_heading_sigma**2, side, par.lane_sigma, par.prune,
+        par.edge_heading_sigma**2, par.node_radius, par.node_heading_sigma**2, side,
+        par.lane_sigma, par.prune,
     )  # fmt: skip
     for i in range(belief.size[0]):
         if belief.edge[i] == OFF_ROAD:
@@ -229,8 +234,9 @@ def _take_fix(
     )  # fmt: skip
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving:
+        swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
         observe_state(
-            belief, H, epochs.course[k], (epochs.course_sigma[k] ** 2 + 0.0025) * thin, scale,
+            belief, H, epochs.course[k] - swing, (epochs.course_sigma[k] ** 2 + 0.0025) * thin, scale,
             work.row,
         )  # fmt: skip
     if mode == CLOCK and epochs.speed_sigma[k] < 20.0:
@@ -311,6 +317,8 @@ def run(
         if mode == WHEELS:
             changed = _move_wheels(belief, roads, route, work, scale, epochs, k, side, par, cut)
             moved = abs(epochs.arc[k])
+            if dt > 1e-6:
+                clock[TURN_RATE] = epochs.turn[k] / dt
         else:
             changed = _move_along(belief, roads, route, work, scale, epochs, k, dt, mode, side, par)
             moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])

@@ -29,7 +29,7 @@ from .belief import (
 from .gaussian import normal_cdf, reshape_along, truncated_moments
 from .motion import predict_along, redraw_lane
 from .network import Roads
-from .observe import track
+from .observe import bend, track
 from .segment import locate
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
@@ -348,14 +348,22 @@ def _move_to(
     belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
     lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
     scale: float, q_along: float, q_rate: float, q_cross: float, heading_variance: float,
+    node_radius: float, node_variance: float,
 ) -> None:  # fmt: skip
-    """Put hypothesis i at abscissa s of an edge, cut to [low, high], by its road's shape."""
+    """Put hypothesis i at abscissa s of an edge, cut to [low, high], by its road's shape.
+
+    In bends and about junctions the vehicle's heading is on its way from one to the other.
+    """
     mean = belief.mean[i]
     cov = belief.cov[i]
     cut, variance = truncated_moments(s, sigma, low, high)
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
     turn = wrap(heading - math.atan2(ty, tx))
+    _, slope, _ = bend(roads, edge, segment, cut, 3.0)
+    heading_variance += (3.0 * slope) ** 2
+    if min(cut, roads.length[edge] - cut) < node_radius:
+        heading_variance += node_variance
     predict_along(
         mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
     )
@@ -379,7 +387,7 @@ def _move_to(
 def advance_along(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
     q_along: float, q_rate: float, q_cross: float, heading_variance: float,
-    side: float, lane_sigma: float, prune: float,
+    node_radius: float, node_variance: float, side: float, lane_sigma: float, prune: float,
 ) -> bool:  # fmt: skip
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
@@ -397,6 +405,8 @@ def advance_along(
         q_rate: Variance added to κ.
         q_cross: Covariance added between them.
         heading_variance: Of the vehicle's heading about the road's.
+        node_radius: Within this of a junction, m, it is more by
+        node_variance: this, rad².
         side: 1 where one drives on the right, −1 on the left.
         lane_sigma: Spread of the lane offset, m.
         prune: Probability below which a hypothesis is not worth its while.
@@ -437,12 +447,12 @@ def advance_along(
                 _move_to(
                     belief, roads, work, child, f, s - work.offset[d], sigma, lateral, tx, ty,
                     0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
-                    heading_variance,
+                    heading_variance, node_radius, node_variance,
                 )  # fmt: skip
             belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
             belief.probability[i] *= 1.0 - share
         _move_to(
             belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
-            scale, q_along, q_rate, q_cross, heading_variance,
+            scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
         )  # fmt: skip
     return changed
