@@ -25,6 +25,7 @@ class Gaussian(NamedTuple):
     cov: Array  # (N, N)
 
     def copy(self) -> "Gaussian":
+        """One that can be changed by itself."""
         return Gaussian(self.mean.copy(), self.cov.copy())
 
 

@@ -4,8 +4,8 @@ import math
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-from strategies import angles
 
+from strategies import angles
 from whichroad.core.angles import wrap
 
 just_beyond = math.nextafter(math.pi, 4.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from oracles import textbook
 from scipy import stats
-from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 
+from oracles import textbook
+from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 from whichroad.core.belief import H, N, X, Y
 from whichroad.core.gaussian import condition, merge_moments, reshape_along, truncated_moments
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from oracles.textbook import jacobian
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
-
 from whichroad.core.angles import wrap
 from whichroad.core.belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
 from whichroad.core.motion import (
@@ -127,7 +127,7 @@ def on_circle(s: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 @given(seeds, st.floats(20.0, 300.0), st.floats(-20.0, 20.0), st.sampled_from([-1.0, 1.0]))
 def test_moving_along_a_bend_carries_the_covariance_by_the_jacobian(seed, radius, odometer, side):
-    """p = c(s) + n d − m on a circle; the linearisation is about its centre line, d = 0."""
+    """On a circle, p = c(s) + n d − m; the linearisation is about its centre line, d = 0."""
     radius *= side
     g = random_gaussian(np.random.default_rng(seed))
     g.mean[D] = 0.0
@@ -199,4 +199,4 @@ def test_the_lane_is_carried_on_straight_ahead_and_drawn_anew_round_a_corner(g: 
 
 
 def test_the_states_stand_in_their_documented_order():
-    assert [X, Y, H, K, B, D, MX, MY, GX, GY] == list(range(N))
+    assert list(range(N)) == [X, Y, H, K, B, D, MX, MY, GX, GY]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from scenes import network
 from strategies import bent_lines, seeds
-
 from whichroad.core.grid import near, vertex_at
 from whichroad.core.network import Roads
 from whichroad.core.segment import chord_heading, heading_difference, locate, project
@@ -63,7 +63,7 @@ def test_beyond_its_ends_an_edge_goes_on_straight(line, before, at_end):
     a, b = (line[-2], line[-1]) if at_end else (line[1], line[0])
     out = (b - a) / math.hypot(*(b - a))
     np.testing.assert_allclose([x, y], b - before * out, atol=1e-9)
-    segment, back, across, _, _ = project(roads, 0, len(line) if at_end else 0, x, y)
+    _, back, across, _, _ = project(roads, 0, len(line) if at_end else 0, x, y)
     assert back == pytest.approx(s, abs=1e-7)
     assert across == pytest.approx(0.0, abs=1e-7)
     assert math.hypot(tx, ty) == pytest.approx(1.0)
@@ -78,7 +78,7 @@ def test_abscissa_and_offset_of_a_point_near_its_road_come_back(line, part, righ
     if steps[k] < 12.0:
         return
     p = beside(roads, s, right)
-    segment, back, across, tx, ty = project(roads, 0, k, *p)
+    segment, back, across, _, _ = project(roads, 0, k, *p)
     assert segment == k
     assert back == pytest.approx(s, abs=1e-7)
     assert across == pytest.approx(right, abs=1e-7)
@@ -88,7 +88,7 @@ def test_abscissa_and_offset_of_a_point_near_its_road_come_back(line, part, righ
 def test_the_two_directions_of_a_street_are_one_line(line, part):
     roads = network([line])
     length = roads.length[0]
-    _, x, y, tx, ty = locate(roads, 0, 0, part * length)
+    _, x, y, _, _ = locate(roads, 0, 0, part * length)
     _, u, v, _, _ = locate(roads, 1, len(line), length - part * length)
     assert math.hypot(x - u, y - v) < 1e-7
     forward = chord_heading(roads, 0, 0, part * length, 6.0)

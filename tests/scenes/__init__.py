@@ -1,13 +1,18 @@
 """The situations that the tests drive through: small hand-made maps and exact drives."""
 
+from .beliefs import On, belief_on, doubt_map, edge_weights, weights
 from .drives import Truth, drive_along, epochs_of, gnss
 from .filter import Town, localize, steps
 from .networks import grid_town, network, parallel_roads, straight_road
 
 __all__ = [
+    "On",
     "Town",
     "Truth",
+    "belief_on",
+    "doubt_map",
     "drive_along",
+    "edge_weights",
     "epochs_of",
     "gnss",
     "grid_town",
@@ -16,4 +21,5 @@ __all__ = [
     "parallel_roads",
     "steps",
     "straight_road",
+    "weights",
 ]

@@ -7,11 +7,11 @@ import numpy as np
 
 from whichroad.core.belief import Belief, new_belief, new_route
 from whichroad.core.drive import WHEELS, Epochs, run
+from whichroad.core.network import Roads
 from whichroad.core.output import (
     Output,
     new_output,
 )
-from whichroad.core.network import Roads
 from whichroad.core.switching import new_work
 from whichroad.epochs import Timeline
 from whichroad.frames import Plane

@@ -77,6 +77,8 @@ def network(
     ]
     flat = np.array([f for row in succ for f in row], np.int32)
     origin = np.repeat(np.arange(count), [len(row) for row in succ])
+    cells = grid.build(x, y, first, CELL)
+    prior = np.concatenate([w / w.sum() if len(w) else w for w in weight])
     return Roads(
         x=x,
         y=y,
@@ -92,15 +94,18 @@ def network(
         rule=rule,
         succ_first=np.cumsum([0] + [len(row) for row in succ]).astype(np.int32),
         succ=flat,
-        succ_prior=np.concatenate([w / w.sum() if len(w) else w for w in weight]).astype(np.float32),
+        succ_prior=prior.astype(np.float32),
         succ_turn=np.array([t for row in turn for t in row], np.float32),
         succ_rule=(rule[flat] | np.where(flat == origin ^ 1, U_TURN, 0)).astype(np.uint8),
         pred_first=np.cumsum([0] + [len(row) for row in pred]).astype(np.int32),
         pred=np.array([e for row in pred for e in row], np.int32),
         cell_size=CELL,
-        **dict(zip(("cell_key", "cell_first", "cell_edge", "cell_vertex"), grid.build(x, y, first, CELL), strict=True)),
+        cell_key=cells[0],
+        cell_first=cells[1],
+        cell_edge=cells[2],
+        cell_vertex=cells[3],
         curvature=curvature,
-    )  # fmt: skip
+    )
 
 
 def straight_road(length: float = 4000.0, pieces: int = 1) -> list[Line]:

@@ -1,0 +1,303 @@
+"""The whole filter: what must not change its answer, and one drive solved at once."""
+
+import math
+
+import numpy as np
+import pytest
+
+from oracles.one_road import OneRoad
+from scenes import (
+    Truth,
+    drive_along,
+    epochs_of,
+    gnss,
+    grid_town,
+    localize,
+    network,
+    parallel_roads,
+    steps,
+    straight_road,
+)
+from strategies import UNITS
+from whichroad.core.belief import OFF_ROAD
+from whichroad.core.drive import DISTANCE, WHEELS, Epochs
+from whichroad.core.output import V_OFF, V_P, V_XX, V_XY, V_YY, Output
+from whichroad.settings import Settings
+
+TOWN = grid_town()
+ROUTE = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]
+CORNERS = np.array([(i * 120 + 10 * np.sin(j), j * 120 + 8 * np.cos(i)) for i, j in ROUTE])
+SAID = [V_P, V_OFF]
+ELLIPSE = (4.0, 2.0, 0.3)
+ONCE_A_SECOND = 10  # epochs
+
+
+def town_drive(seed: int = 0) -> tuple[Truth, np.ndarray]:
+    """950 m through the town and fixes with a slanting ellipse."""
+    truth = drive_along(CORNERS)
+    fix = gnss(truth, seed=seed)
+    fix[:, 2:] = ELLIPSE
+    return truth, fix
+
+
+def second(truth: Truth, every: int = ONCE_A_SECOND) -> np.ndarray:
+    return np.arange(0, len(truth.time), every)
+
+
+def town_epochs(truth: Truth, fix: np.ndarray, every: int = ONCE_A_SECOND) -> Epochs:
+    return epochs_of(truth, fix, second(truth, every), course=0.1)
+
+
+def p_of(output: Output, *edges: int) -> np.ndarray:
+    """Probability of some edges together at every epoch."""
+    return np.where(np.isin(output.alt_edge, edges), output.alt_p, 0.0).sum(axis=1)
+
+
+def sigma(output: Output) -> np.ndarray:
+    """Root of the sum of both position variances, m."""
+    return np.sqrt(output.value[:, V_XX] + output.value[:, V_YY])
+
+
+def cov2(output: Output) -> np.ndarray:
+    return output.value[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2)
+
+
+def assert_same_world(
+    output: Output, base: Output, turn: np.ndarray, shift=(0.0, 0.0), within: float = 1e-6
+) -> None:
+    """The output is the base one, seen after turning and shifting the world."""
+    same = {"atol": within, "rtol": within}
+    np.testing.assert_allclose(output.value[:, :2], base.value[:, :2] @ turn.T + shift, **same)
+    np.testing.assert_allclose(cov2(output), turn @ cov2(base) @ turn.T, **same)
+    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], **same)
+    np.testing.assert_array_equal(output.edge, base.edge)
+    np.testing.assert_array_equal(output.status, base.status)
+
+
+@pytest.mark.parametrize(("mode", "within"), [(WHEELS, 1e-6), (DISTANCE, 1e-3)])
+@pytest.mark.parametrize("angle", [0.7, -2.0, math.pi])
+def test_turning_and_shifting_the_world_turns_and_shifts_the_estimate(angle, mode, within):
+    """Where two opposite headings merge, rounding chooses between two means.
+
+    Without a heading sensor that happens to off-road hypotheses, of weight below 1e-3.
+    """
+    truth, fix = town_drive()
+    base = localize(network(TOWN), town_epochs(truth, fix), mode=mode).output
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    shift = np.array([3000.0, -2000.0])
+    x, y = (np.column_stack([truth.x, truth.y]) @ turn.T + shift).T
+    turned = fix.copy()
+    turned[:, :2] = fix[:, :2] @ turn.T + shift
+    turned[:, 4] += angle
+    epochs = town_epochs(truth._replace(x=x, y=y, heading=truth.heading + angle), turned)
+    output = localize(network([line @ turn.T + shift for line in TOWN]), epochs, mode=mode).output
+    assert_same_world(output, base, turn, shift, within)
+
+
+def test_a_mirrored_world_driven_on_the_left_gives_the_mirrored_estimate():
+    truth, fix = town_drive()
+    base = localize(network(TOWN), town_epochs(truth, fix)).output
+    mirror = np.diag([1.0, -1.0])
+    mirrored = fix * [1.0, -1.0, 1.0, 1.0, -1.0]
+    epochs = town_epochs(truth._replace(y=-truth.y, heading=-truth.heading), mirrored)
+    output = localize(network([line @ mirror for line in TOWN]), epochs, side="left").output
+    assert_same_world(output, base, mirror)
+
+
+def test_vertices_that_do_not_bend_a_road_change_nothing():
+    truth, fix = town_drive()
+    base = localize(network(TOWN), town_epochs(truth, fix)).output
+    for count in (3, 8, 21):
+        fine = network([np.linspace(line[0], line[1], count) for line in TOWN])
+        assert_same_world(localize(fine, town_epochs(truth, fix)).output, base, np.eye(2))
+
+
+def test_streets_drawn_backwards_and_in_another_order_change_nothing():
+    truth, fix = town_drive()
+    base = localize(network(TOWN), town_epochs(truth, fix)).output
+    order = np.random.default_rng(0).permutation(len(TOWN))
+    output = localize(network([TOWN[i][::-1] for i in order]), town_epochs(truth, fix)).output
+    on = base.edge >= 0
+    place = np.argsort(order)
+    assert (output.edge[on] == 2 * place[base.edge[on] // 2] + 1 - base.edge[on] % 2).all()
+    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], atol=1e-6)
+    np.testing.assert_allclose(output.value[:, :2], base.value[:, :2], atol=1e-6)
+
+
+def test_the_plane_s_scale_changes_nothing_that_is_true_on_the_ground():
+    """The same town drawn a thousand kilometres off, where the plane stretches it by 0.1 %.
+
+    The stretch itself grows by 1e-6 over the town's 500 m, a few millimetres.
+    """
+    truth, fix = town_drive()
+    epochs = town_epochs(truth, fix)
+    base = localize(network(TOWN), epochs).output
+    k, origin = 1.001, np.array([1e6, 0.0])
+    there = fix * [k, k, 1.0, 1.0, 1.0] + [*origin, 0.0, 0.0, 0.0]
+    roads = network([k * line + origin for line in TOWN], curvature=(k - 1.0) / 1e12)
+    output = localize(roads, epochs._replace(fix=there * epochs.has_fix[:, None])).output
+    np.testing.assert_allclose((output.value[:, :2] - origin) / k, base.value[:, :2], atol=0.02)
+    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], atol=0.01)
+    np.testing.assert_array_equal(output.status, base.status)
+
+
+def slow_error_only(truth: Truth, seed: int) -> np.ndarray:
+    """Fixes whose error only wanders: the same process, however often it is looked at."""
+    rng = np.random.default_rng(seed)
+    keep = math.exp(-(truth.time[1] - truth.time[0]) / 60.0)
+    error = np.empty((len(truth.time), 2))
+    error[0] = rng.normal(0.0, 4.0, 2)
+    for k in range(1, len(error)):
+        error[k] = keep * error[k - 1] + math.sqrt(1.0 - keep**2) * rng.normal(0.0, 4.0, 2)
+    fix = np.column_stack([truth.x, truth.y, np.full((len(error), 2), 4.0), np.zeros(len(error))])
+    fix[:, :2] += error
+    return fix
+
+
+PARALLEL = network(parallel_roads(12.0))
+BESIDE = drive_along([[200.0, -1.75], [1400.0, -1.75]])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_receiver_asked_ten_times_as_often_teaches_nearly_nothing_more(seed: int):
+    fix = slow_error_only(BESIDE, seed)
+    slow, fast = (
+        localize(PARALLEL, epochs_of(BESIDE, fix, second(BESIDE, every), course=0.1)).output
+        for every in (10, 1)
+    )
+    at = second(BESIDE)[1:]
+    np.testing.assert_allclose(p_of(fast, 0)[at], p_of(slow, 0)[at], atol=0.02)
+    np.testing.assert_allclose(sigma(fast)[at], sigma(slow)[at], rtol=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_map_looked_at_half_as_often_says_the_same(seed: int):
+    """Compared where both have just looked, once the start is 50 m behind."""
+    epochs = epochs_of(BESIDE, gnss(BESIDE, sigma=4.0, seed=seed), second(BESIDE), course=0.1)
+    often, seldom = (
+        localize(PARALLEL, epochs, settings=Settings(map_spacing=spacing)).output
+        for spacing in (4.0, 8.0)
+    )
+    at = slice(48, None, 8)
+    np.testing.assert_allclose(p_of(often, 0)[at], p_of(seldom, 0)[at], atol=0.01)
+    np.testing.assert_allclose(often.value[at, V_OFF], seldom.value[at, V_OFF], atol=0.01)
+
+
+@pytest.mark.parametrize("pieces", [2, 9])
+def test_nodes_on_one_of_two_parallel_roads_change_its_probability_by_a_hundredth(pieces: int):
+    first, other = parallel_roads(12.0)
+    cuts = np.linspace(first[0], first[1], pieces + 1)
+    roads = network([*(cuts[k : k + 2] for k in range(pieces)), other])
+    epochs = epochs_of(BESIDE, gnss(BESIDE, sigma=4.0, seed=1), second(BESIDE), course=0.1)
+    whole, cut = localize(PARALLEL, epochs).output, localize(roads, epochs).output
+    there = p_of(cut, *range(0, 2 * pieces, 2))
+    np.testing.assert_allclose(there, p_of(whole, 0), atol=0.01)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_ten_minutes_of_standing_teach_nothing(seed: int):
+    n, at, rng = len(BESIDE.time), 600, np.random.default_rng(seed)
+    rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
+    stood = Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in BESIDE[1:]))
+    fix = gnss(BESIDE, sigma=4.0, seed=seed)[rows]
+    fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
+    output = localize(PARALLEL, epochs_of(stood, fix, second(stood), course=0.1)).output
+    before, after = at + 1, at + 5999
+    assert abs(p_of(output, 0)[after] - p_of(output, 0)[before]) <= 0.01
+    assert abs(sigma(output)[after] / sigma(output)[before] - 1.0) <= 0.05
+
+
+def test_one_fix_two_hundred_metres_away_moves_the_estimate_by_less_than_a_sigma():
+    truth, fix = town_drive()
+    off = fix.copy()
+    off[300, :2] += [120.0, 160.0]
+    base, output = (localize(network(TOWN), town_epochs(truth, f)).output for f in (fix, off))
+    apart = np.hypot(*(output.value[:, :2] - base.value[:, :2]).T)
+    assert (apart <= sigma(base)).all()
+    later = slice(400, None)
+    assert (output.edge[later] == base.edge[later]).mean() > 0.98
+
+
+def test_at_every_epoch_the_probabilities_sum_to_one_and_the_covariances_are_positive():
+    truth, fix = town_drive()
+    for _, belief, output in steps(network(TOWN), town_epochs(truth, fix)):
+        n = belief.size[0]
+        p = belief.probability[:n]
+        assert p.sum() == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(np.exp(belief.log_weight[:n]), p, atol=1e-12)
+        assert n == output.live.max() or n <= 48
+        for i in range(n):
+            assert np.linalg.eigvalsh(belief.cov[i] / np.outer(UNITS, UNITS)).min() > -1e-9
+
+
+def test_what_is_said_is_the_moments_of_the_mixture():
+    truth, fix = town_drive()
+    for k, belief, output in steps(network(TOWN), town_epochs(truth, fix)):
+        if k % 50:
+            continue
+        n = belief.size[0]
+        p, mean = belief.probability[:n], belief.mean[:n, :2]
+        middle = p @ mean
+        apart = mean - middle
+        cov = np.einsum("k,kij->ij", p, belief.cov[:n, :2, :2] + apart[:, :, None] * apart[:, None])
+        np.testing.assert_allclose(output.value[k, :2], middle, atol=1e-9)
+        np.testing.assert_allclose(cov2(output)[k], cov, atol=1e-9)
+        assert output.value[k, V_OFF] == pytest.approx(p[belief.edge[:n] == OFF_ROAD].sum())
+        assert output.value[k, V_P] == pytest.approx(p[belief.edge[:n] == output.edge[k]].sum())
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+def test_a_drive_in_one_call_is_the_drive_epoch_by_epoch(mode: int):
+    truth, fix = town_drive()
+    epochs = town_epochs(truth, fix)
+    whole = localize(network(TOWN), epochs, mode=mode).output
+    *_, (_, _, output) = steps(network(TOWN), epochs, mode=mode)
+    for a, b in zip(output, whole, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+ALONE = {"off_road_start": 0.0, "off_road_leave": 0.0, "off_road_return": 0.0, "prune": 1e-6}
+
+
+def test_without_fixes_the_way_along_a_straight_road_only_becomes_more_doubtful():
+    truth = drive_along([[100.0, -1.75], [3000.0, -1.75]])
+    fix = gnss(truth)
+    epochs = epochs_of(truth, fix, np.arange(0, 300, 10), course=0.1)
+    settings = Settings(**ALONE)
+    output = localize(network(straight_road()), epochs, settings=settings).output
+    along = output.value[291:, V_XX]
+    assert (np.diff(along) >= -1e-9 * along[1:]).all()
+    assert along[-1] > 2.0 * along[0]
+
+
+def test_a_drive_between_two_roads_is_the_joint_gaussian_solved_at_once():
+    """Means, covariances and the odds of two roads 12 m apart, after 300 m of everything."""
+    truth = drive_along([[700.0, 2.0], [1010.0, 2.0]])
+    fix = gnss(truth, sigma=4.0, seed=3)
+    epochs = epochs_of(truth, fix, second(truth), course=0.1)
+    par = Settings(**ALONE, gnss_gate=1e6)
+    oracles = {
+        e: OneRoad(fix[0], truth.heading[0], 0.13, e, y, par) for e, y in ((0, 0.0), (2, 12.0))
+    }
+    before: dict[int, np.ndarray] = {}
+    for k, belief, _ in steps(PARALLEL, epochs, settings=par):
+        for oracle in oracles.values():
+            if k > 0:
+                oracle.move(before[oracle.edge], epochs.arc[k], epochs.time[k] - epochs.time[k - 1])
+                if epochs.has_fix[k]:
+                    oracle.see_fix(fix[k])
+            if k == 0 or oracle.travelled >= par.map_spacing:
+                oracle.see_road()
+        before = {
+            int(e): belief.mean[i].copy() for i, e in enumerate(belief.edge[: belief.size[0]])
+        }
+        assert set(before) == {0, 2}
+    answers = {e: oracle.joint.solve() for e, oracle in oracles.items()}
+    for i in range(2):
+        mean, cov, _ = answers[int(belief.edge[i])]
+        np.testing.assert_allclose(belief.mean[i] / UNITS, mean / UNITS, atol=1e-6)
+        square = np.outer(UNITS, UNITS)
+        np.testing.assert_allclose(belief.cov[i] / square, cov / square, atol=1e-6)
+    odds = {int(e): belief.log_weight[i] for i, e in enumerate(belief.edge[:2])}
+    assert 0.01 < math.exp(odds[2]) < 0.99
+    assert odds[0] - odds[2] == pytest.approx(answers[0][2] - answers[2][2], abs=1e-6)

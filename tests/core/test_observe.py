@@ -1,0 +1,206 @@
+"""What fixes and roads say: equal rows for all, in any order, and never along the road."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oracles import textbook
+from scenes import On, belief_on, doubt_map, network, parallel_roads, straight_road, weights
+from strategies import UNITS, random_gaussian, seeds
+from whichroad.core.belief import (
+    GX,
+    GY,
+    MY,
+    OFF_ROAD,
+    TRAVELLED,
+    Belief,
+    D,
+    H,
+    N,
+    X,
+    Y,
+    new_belief,
+)
+from whichroad.core.motion import age_map
+from whichroad.core.network import Roads
+from whichroad.core.observe import normalise, observe_fix, observe_roads
+from whichroad.settings import Settings
+
+SET = Settings()
+
+
+def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0, gate=9.0) -> float:
+    """One fix, a second after the last, its slow error scaled by its own ellipse."""
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    root = turn @ np.diag([major, minor]) @ turn.T
+    normalise(belief)
+    return observe_fix(
+        belief, np.array([x, y, major, minor, angle]), root[[0, 0, 1], [0, 1, 1]], 1.0, 1.0,
+        np.zeros(2), 0.5, gate, np.zeros(N),
+    )  # fmt: skip
+
+
+def see_roads(belief: Belief, roads: Roads, travelled: float = 5.0, heading: bool = True) -> None:
+    belief.clock[TRAVELLED] = travelled
+    observe_roads(
+        belief, roads, 1.0, 1.0, heading, SET.relative_sigma, SET.edge_heading_sigma,
+        SET.node_radius, SET.node_sigma, SET.node_heading_sigma, SET.lane_sigma, SET.lane_length,
+        SET.map_sigma, SET.map_length, SET.off_road_cost, np.zeros(N),
+    )  # fmt: skip
+
+
+def random_belief(seed: int, n: int = 4) -> Belief:
+    rng = np.random.default_rng(seed)
+    belief = new_belief()
+    for i in range(n):
+        g = random_gaussian(rng)
+        belief.mean[i], belief.cov[i] = g
+    belief.log_weight[:n] = np.log(rng.dirichlet(np.full(n, 2.0)))
+    belief.edge[:n] = OFF_ROAD
+    belief.size[0] = n
+    normalise(belief)
+    return belief
+
+
+fixes = st.tuples(
+    st.floats(-15.0, 15.0), st.floats(-15.0, 15.0), st.floats(0.5, 9.0), st.floats(0.5, 9.0),
+    st.floats(-4.0, 4.0),
+)  # fmt: skip
+
+
+@given(seeds, fixes)
+def test_a_fix_within_the_gate_is_the_textbook_s_update_on_position_and_error(seed, fix):
+    belief = random_belief(seed, 1)
+    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
+    x, y, major, minor, angle = fix
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    s = turn @ np.diag([major, minor]) @ turn.T
+    rows = np.zeros((2, N))
+    rows[0, X] = rows[1, Y] = 1.0
+    rows[:, [GX, GY]] = s
+    expected = textbook.condition(mean, cov, rows, np.array([x, y]) - rows @ mean, 0.25 * s @ s)
+    see_fix(belief, *fix, gate=1e6)
+    np.testing.assert_allclose(belief.mean[0] / UNITS, expected[0] / UNITS, atol=1e-8)
+    square = np.outer(UNITS, UNITS)
+    np.testing.assert_allclose(belief.cov[0] / square, expected[1] / square, atol=1e-8)
+    assert belief.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
+
+
+@given(seeds, fixes, st.sampled_from([-0.5, 0.5, 1.0]))
+def test_an_ellipse_may_name_its_axes_in_either_order_and_direction(seed, fix, quarter):
+    a, b = random_belief(seed), random_belief(seed)
+    x, y, major, minor, angle = fix
+    chi2 = see_fix(a, *fix)
+    if quarter != 1.0:
+        major, minor = minor, major
+    assert see_fix(b, x, y, major, minor, angle + quarter * math.pi) == pytest.approx(chi2)
+    if chi2 <= 9.0:  # beyond the gate each axis is weighed down by itself
+        np.testing.assert_allclose(b.log_weight[:4], a.log_weight[:4], atol=1e-8)
+        np.testing.assert_allclose(b.mean[:4] / UNITS, a.mean[:4] / UNITS, atol=1e-8)
+
+
+@given(seeds, fixes, st.permutations(range(4)))
+def test_hypotheses_may_stand_in_any_order(seed, fix, order):
+    a, b = random_belief(seed), random_belief(seed)
+    for field in (b.mean, b.cov, b.log_weight):
+        field[:4] = field[order]
+    see_fix(a, *fix)
+    see_fix(b, *fix)
+    np.testing.assert_allclose(b.log_weight[:4], a.log_weight[order], atol=1e-9)
+    np.testing.assert_allclose(b.mean[:4], a.mean[order], atol=1e-9)
+
+
+def test_a_fix_two_hundred_metres_away_is_weighed_down_alike_for_all():
+    """The better of two fits at the gate, so the odds move by less than the gate's own half."""
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(0, 500.0, 0.5), On(2, 500.0, 0.5)])
+    before = belief.mean[:2].copy()
+    odds = belief.log_weight[0] - belief.log_weight[1]
+    chi2 = see_fix(belief, 500.0, 200.0)
+    assert chi2 > 9.0
+    moved = np.hypot(*(belief.mean[:2, :2] - before[:, :2]).T)
+    assert (moved < 3.0).all()  # less than one sigma of position
+    shift = belief.log_weight[0] - belief.log_weight[1] - odds
+    assert shift == pytest.approx(-4.5 * ((200.0 / 188.0) ** 2 - 1.0), rel=1e-6)
+
+
+def test_after_a_fix_two_hundred_metres_away_good_fixes_are_taken_at_their_word():
+    roads = network(straight_road())
+    belief = belief_on(roads, [On(0, 500.0)])
+    see_fix(belief, 500.0, 200.0)
+    assert see_fix(belief, 500.0, 0.0) < 9.0
+    assert math.hypot(belief.mean[0, X] - 500.0, belief.mean[0, Y]) < 3.0
+
+
+@given(st.floats(-6.0, 6.0), st.floats(-0.2, 0.2), seeds)
+def test_a_straight_road_is_a_lateral_and_a_heading_row_of_the_textbook(right, turned, seed):
+    roads = network(straight_road())
+    belief = belief_on(roads, [On(0, 2000.0, right=right)])
+    doubt_map(belief, 4.1)
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(N, N)) * UNITS[:, None]
+    belief.cov[0] += root @ root.T / N
+    belief.mean[0, H] = turned
+    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
+    age_map(mean, cov, 5.0, 1.75, SET.lane_length, SET.lane_sigma, SET.map_length, SET.map_sigma)
+    rows = np.zeros((2, N))
+    rows[0, [Y, MY, D]] = -1.0  # right is south: n = −y
+    rows[1, H] = 1.0
+    noise = np.diag([SET.relative_sigma, SET.edge_heading_sigma]) ** 2
+    expected = textbook.condition(mean, cov, rows, -rows @ mean, noise)
+    see_roads(belief, roads)
+    np.testing.assert_allclose(belief.mean[0] / UNITS, expected[0] / UNITS, atol=1e-8)
+    square = np.outer(UNITS, UNITS)
+    np.testing.assert_allclose(belief.cov[0] / square, expected[1] / square, atol=1e-8)
+    assert belief.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
+
+
+def test_a_straight_road_says_nothing_of_the_way_along_it():
+    roads = network(straight_road())
+    belief = belief_on(roads, [On(0, 500.0, right=3.0)])
+    doubt_map(belief, 4.1)
+    for k in range(200):
+        variance = belief.cov[0, X, X]
+        see_roads(belief, roads)
+        assert belief.cov[0, X, X] >= variance * (1.0 - 1e-12), k
+        assert belief.mean[0, X] == 500.0
+
+
+@pytest.mark.parametrize("cut", [995.0, 1000.0, 1100.0])
+def test_a_node_on_one_of_two_parallel_roads_does_not_move_their_odds(cut: float):
+    """A vehicle is told the same by both roads; one of them is drawn in two streets."""
+    first, second = parallel_roads(10.0)
+    halves = [np.array([[0.0, 0.0], [cut, 0.0]]), np.array([[cut, 0.0], [2000.0, 0.0]])]
+    roads = network([*halves, second])
+    edge, s = (0, 1000.0) if cut >= 1000.0 else (2, 1000.0 - cut)
+    belief = belief_on(roads, [On(edge, s, 0.5, right=-2.0), On(4, 1000.0, 0.5, right=-2.0)])
+    assert len(first) == 2
+    see_roads(belief, roads)
+    a, b = weights(belief)
+    assert a == pytest.approx(b, rel=1e-9)
+
+
+def test_all_roads_are_told_with_the_same_noise_whatever_their_shape():
+    """A bend relaxes the rows of its straight neighbour as well."""
+    bend = [[0.0, 50.0], [460.0, 50.0], [490.0, 55.0], [515.0, 70.0], [530.0, 90.0]]
+    alone = network(straight_road())
+    both = network([*straight_road(), np.array(bend)])
+    kept = []
+    for roads, places in ((alone, [On(0, 490.0)]), (both, [On(0, 490.0, 0.5), On(2, 490.0, 0.5)])):
+        belief = belief_on(roads, places)
+        see_roads(belief, roads)
+        kept.append(belief.cov[0, Y, Y])
+    assert kept[1] > kept[0]
+
+
+def test_weights_are_normalised_however_small_they_are():
+    belief = random_belief(3)
+    belief.log_weight[:4] = [-2000.0, -2001.0, -math.inf, -2002.0]
+    total = normalise(belief)
+    assert belief.probability[:4].sum() == pytest.approx(1.0, abs=1e-15)
+    assert belief.probability[2] == 0.0
+    assert total == pytest.approx(-2000.0 + math.log(1.0 + math.exp(-1.0) + math.exp(-2.0)))

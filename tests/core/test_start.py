@@ -1,0 +1,146 @@
+"""Cold starts, leaving the roads and coming back: probability goes by length, not by pieces."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oracles import textbook
+from scenes import On, belief_on, edge_weights, network, parallel_roads, weights
+from strategies import UNITS
+from whichroad.core.belief import GX, GY, OFF_ROAD, Belief, D, H, K, N, X, Y, new_belief, new_route
+from whichroad.core.network import Roads
+from whichroad.core.observe import normalise
+from whichroad.core.start import cold_start, leave_and_return
+from whichroad.core.switching import new_work
+from whichroad.settings import Settings
+
+SET = Settings()
+
+
+def begin(
+    roads: Roads, x: float, y: float, *, ellipse=(3.0, 3.0, 0.0), heading=0.0, sigma=math.inf,
+    off_road=0.05, lever=(0.0, 0.0), wrong_way=2e-4,
+) -> Belief:  # fmt: skip
+    """Start from a fix, its weights normalised."""
+    belief = new_belief()
+    cold_start(
+        belief, roads, new_route(1 << 12), new_work(), np.array([x, y, *ellipse]), 0.5, 1.0,
+        np.array(lever), heading, sigma, 1.0, 0.012, 3e-4, 1.0, SET.lane_sigma, SET.map_sigma,
+        SET.search_radius, off_road, wrong_way,
+    )  # fmt: skip
+    normalise(belief)
+    return belief
+
+
+def stray(belief: Belief, roads: Roads, travelled: float) -> None:
+    leave_and_return(
+        belief, roads, new_work(), 1.0, travelled, SET.off_road_leave, SET.off_road_return, 1.0,
+        SET.lane_sigma, SET.map_sigma, SET.search_radius, SET.wrong_way, False,
+    )  # fmt: skip
+
+
+def pieces(line: np.ndarray, count: int) -> list[np.ndarray]:
+    """A street cut into streets of equal length."""
+    cuts = np.linspace(line[0], line[1], count + 1)
+    return [cuts[k : k + 2] for k in range(count)]
+
+
+def road_shares(belief: Belief, of_first: int) -> tuple[float, float, float]:
+    """P of the streets before number `of_first`, of the others, and of none."""
+    shares = edge_weights(belief)
+    first = sum(p for e, p in shares.items() if 0 <= e < 2 * of_first)
+    return first, sum(p for e, p in shares.items() if e >= 2 * of_first), shares[OFF_ROAD]
+
+
+@pytest.mark.parametrize("sigma", [3.0, 10.0, 25.0])
+@pytest.mark.parametrize("count", [2, 10, 67])
+def test_cutting_a_road_into_pieces_does_not_change_its_probability(sigma: float, count: int):
+    """The radius looks five sigma far; what lies beyond is less than 1e-6."""
+    first, second = parallel_roads(12.0)
+    whole = begin(network([first, second]), 1003.0, 5.0, ellipse=(sigma, sigma, 0.0))
+    cut = begin(network([*pieces(first, count), second]), 1003.0, 5.0, ellipse=(sigma, sigma, 0.0))
+    assert road_shares(cut, count) == pytest.approx(road_shares(whole, 1), abs=1e-6)
+
+
+def test_a_road_that_ends_beside_the_fix_has_half_the_chance_of_one_that_goes_on():
+    streets = [np.array([[0.0, 0.0], [500.0, 0.0]]), np.array([[0.0, 9.0], [1000.0, 9.0]])]
+    first, second, _ = road_shares(begin(network(streets), 500.0, 4.5), 1)
+    assert first / second == pytest.approx(0.5, rel=1e-9)
+
+
+def test_both_directions_are_equal_and_none_has_its_own_share():
+    shares = edge_weights(begin(network(parallel_roads(12.0)), 1000.0, 5.0, off_road=0.2))
+    assert shares[0] == pytest.approx(shares[1])
+    assert shares[OFF_ROAD] == pytest.approx(0.2)
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_one_way_street_is_hardly_driven_backwards():
+    shares = edge_weights(begin(network(parallel_roads(12.0), one_way=[0]), 1000.0, 5.0))
+    assert shares[1] / shares[0] == pytest.approx(2e-4)
+
+
+def test_a_known_course_leaves_out_roads_that_run_against_it():
+    belief = begin(network(parallel_roads(12.0)), 1000.0, 5.0, heading=0.1, sigma=0.1)
+    assert set(edge_weights(belief)) == {0, 2, OFF_ROAD}
+    assert belief.mean[: belief.size[0], H] == pytest.approx(0.1)
+
+
+def test_far_from_every_road_a_vehicle_is_on_none():
+    belief = begin(network(parallel_roads(12.0)), 1000.0, 900.0)
+    assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0})
+
+
+@given(st.floats(1.0, 12.0), st.floats(1.0, 12.0), st.floats(-4.0, 4.0), st.floats(-3.0, 3.0))
+def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(major, minor, angle, heading):
+    """Position and GNSS error, conditioned on z = p + R a + S γ + white."""
+    lever = np.array([1.2, -0.4])
+    belief = begin(
+        network(parallel_roads(12.0)), 1000.0, 500.0, ellipse=(major, minor, angle),
+        heading=heading, sigma=0.05, lever=tuple(lever),
+    )  # fmt: skip
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    s = turn @ np.diag([major, minor]) @ turn.T
+    c, q = math.cos(heading), math.sin(heading)
+    arm = np.array([[c, -q], [q, c]]) @ lever
+    prior = np.diag([1e12, 1e12, 1.0, 1.0])
+    rows = np.hstack([np.eye(2), s])
+    mean, cov, _ = textbook.condition(
+        np.zeros(4), prior, rows, np.array([1000.0, 500.0]) - arm, 0.25 * s @ s
+    )
+    kept = [X, Y, GX, GY]
+    np.testing.assert_allclose(belief.mean[0, kept], mean, atol=1e-3)
+    np.testing.assert_allclose(belief.cov[0][np.ix_(kept, kept)], cov, atol=1e-2)
+    np.testing.assert_allclose(belief.cov[0], belief.cov[0].T)
+    assert np.linalg.eigvalsh(belief.cov[0] / np.outer(UNITS, UNITS)).min() > -1e-12
+    assert belief.mean[0, [H, K]] == pytest.approx([heading, 1.0])
+    assert len(belief.mean[0]) == N
+
+
+@pytest.mark.parametrize("travelled", [4.0, 8.0, 40.0])
+def test_leaving_the_roads_and_coming_back_conserves_probability(travelled: float):
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(0, 1000.0, 0.5), On(2, 1000.0, 0.1), On(OFF_ROAD, 990.0, 0.4)])
+    stray(belief, roads, travelled)
+    assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_vehicle_off_the_roads_comes_back_to_those_that_run_its_way():
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(OFF_ROAD, 1000.0, 1.0, right=-6.0)])
+    stray(belief, roads, 10.0)
+    shares = edge_weights(belief)
+    assert set(shares) == {OFF_ROAD, 0, 2}
+    assert shares[0] == pytest.approx(shares[2])
+    back = np.flatnonzero(belief.edge[: belief.size[0]] >= 0)
+    assert belief.mean[back, D] == pytest.approx(1.75)
+
+
+def test_far_from_every_road_a_vehicle_stays_off_the_roads():
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(OFF_ROAD, 1000.0, 1.0, right=-900.0)])
+    stray(belief, roads, 10.0)
+    assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0}, abs=1e-12)

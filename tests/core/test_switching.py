@@ -1,0 +1,234 @@
+"""Branching along the roads conserves probability, and goes where the roads go."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oracles import textbook
+from scenes import On, belief_on, doubt_map, edge_weights, grid_town, network, weights
+from strategies import seeds
+from whichroad.core import reduction
+from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y, new_route
+from whichroad.core.network import Roads
+from whichroad.core.switching import advance_along, hand_over, new_work, reachable
+
+# eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back
+CROSS = network(
+    [
+        [[0.0, 0.0], [300.0, 0.0]],
+        [[300.0, 0.0], [600.0, 0.0]],
+        [[300.0, 0.0], [300.0, 300.0]],
+        [[300.0, 0.0], [300.0, -300.0]],
+    ]
+)
+TOWN = network(grid_town(4, 4, 90.0))
+
+PRIORS = {2: 1.0, 4: 0.5, 6: 0.5, 1: 0.01}
+
+
+def pass_on(belief: Belief, roads: Roads, arc: float = 1.0, *, prune=0.0, cut=False) -> bool:
+    return hand_over(belief, roads, new_route(1 << 12), new_work(), 1.0, arc, 1.0, 1.8, prune, cut)
+
+
+def go_along(belief: Belief, roads: Roads, metres: float, *, prune=0.0) -> bool:
+    return advance_along(
+        belief, roads, new_route(1 << 12), new_work(), 1.0, metres, 0.01 * abs(metres), 0.0, 0.0,
+        0.0064, 1.0, 1.8, prune,
+    )  # fmt: skip
+
+
+def merge(belief: Belief, *, prune=1e-4, limit=0.05, most=2) -> None:
+    reduction.reduce(belief, new_route(1 << 12), 1.0, prune, limit, most)
+
+
+def random_places(seed: int) -> list[On]:
+    rng = np.random.default_rng(seed)
+    p = rng.dirichlet(np.ones(4))
+    edges = rng.choice(len(TOWN.length), 4, replace=False)
+    return [
+        On(int(e), TOWN.length[e] * rng.uniform(0.5, 1.1), float(w), sigma=rng.uniform(0.5, 40.0))
+        for e, w in zip(edges, p, strict=True)
+    ]
+
+
+@given(seeds, st.booleans(), st.sampled_from([-3.0, 0.0, 3.0]))
+def test_handing_over_conserves_probability(seed: int, cut: bool, arc: float):
+    belief = belief_on(TOWN, random_places(seed))
+    pass_on(belief, TOWN, arc, cut=cut)
+    assert belief.size[0] >= 4
+    assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(belief.probability[: belief.size[0]], weights(belief), atol=1e-12)
+
+
+@given(seeds, st.floats(0.0, 60.0))
+def test_driving_along_roads_conserves_probability(seed: int, metres: float):
+    belief = belief_on(TOWN, random_places(seed))
+    go_along(belief, TOWN, metres)
+    assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@given(seeds)
+def test_pruned_branches_lose_less_than_the_floor_they_were_below(seed: int):
+    belief = belief_on(TOWN, random_places(seed))
+    pass_on(belief, TOWN, prune=1e-4)
+    assert 1.0 - 4 * 64 * 1e-5 <= weights(belief).sum() <= 1.0 + 1e-12
+
+
+@given(seeds, st.booleans())
+def test_a_standing_vehicle_leaks_nothing(seed: int, cut: bool):
+    """What lies beyond the end is handed over once, however often one looks again."""
+    rng = np.random.default_rng(seed)
+    belief = belief_on(CROSS, [On(0, rng.uniform(270, 300), sigma=rng.uniform(0.5, 30.0))])
+    pass_on(belief, CROSS, 0.0, cut=cut)
+    once = edge_weights(belief)
+    for _ in range(20):
+        pass_on(belief, CROSS, 0.0, cut=cut, prune=1e-4)
+    assert edge_weights(belief) == pytest.approx(once, abs=1e-4)
+
+
+def test_past_a_crossing_the_turn_priors_share_a_sharp_hypothesis():
+    belief = belief_on(CROSS, [On(0, 310.0, sigma=0.5)])
+    assert pass_on(belief, CROSS)
+    shares = edge_weights(belief)
+    total = sum(PRIORS.values())
+    for edge, prior in PRIORS.items():
+        assert shares[edge] == pytest.approx(prior / total, rel=1e-6)
+    assert shares.get(0, 0.0) < 1e-10
+
+
+def test_half_way_over_the_end_half_of_the_weight_stays():
+    belief = belief_on(CROSS, [On(0, 300.0, sigma=4.0)])
+    pass_on(belief, CROSS)
+    assert edge_weights(belief)[0] == pytest.approx(0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [2.0, 8.0, 20.0])
+def test_in_many_small_steps_as_much_passes_the_end_as_in_one(sigma: float):
+    """What has passed is Φ((s − L)/σ), however finely the way was cut."""
+    belief = belief_on(CROSS, [On(0, 250.0, sigma=sigma)])
+    for _ in range(50):
+        belief.mean[0, X] += 1.2
+        pass_on(belief, CROSS, prune=1e-6)
+        merge(belief, prune=0.0, limit=1e9)
+        assert belief.edge[0] == 0
+    stayed = edge_weights(belief)[0]
+    assert stayed == pytest.approx(0.5 * math.erfc(10.0 / sigma / math.sqrt(2.0)), abs=1e-3)
+
+
+def test_without_a_road_ahead_what_passes_the_end_is_off_the_roads():
+    roads = network([[[0.0, 0.0], [300.0, 0.0]]])
+    empty = np.zeros(3, np.int32)
+    roads = roads._replace(succ_first=empty, pred_first=empty)
+    belief = belief_on(roads, [On(0, 300.0, sigma=4.0)])
+    pass_on(belief, roads)
+    assert edge_weights(belief) == pytest.approx({0: 0.5, OFF_ROAD: 0.5})
+
+
+def test_a_vehicle_in_reverse_backs_into_the_edges_before_but_not_into_its_own_way_back():
+    belief = belief_on(CROSS, [On(2, 1.0, sigma=1.0)])
+    for _ in range(12):
+        belief.mean[: belief.size[0], X] -= 0.5
+        pass_on(belief, CROSS, -0.5)
+        merge(belief)
+    shares = edge_weights(belief)
+    assert set(shares) == {2, 0, 5, 7}  # from the west, from the north, from the south
+    assert shares[2] < 0.1
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [3.0, 30.0, 120.0])
+def test_the_mass_on_what_is_reachable_is_the_gaussian_s_beyond_the_end(sigma: float):
+    """Two streets in a row: their masses are those of the abscissa on each."""
+    roads = network(
+        [[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [140.0, 0.0]], [[140.0, 0.0], [400.0, 0.0]]]
+    )
+    ahead = roads._replace(  # 0 → 2 → 4 and nothing else
+        succ_first=np.array([0, 1, 1, 2, 2, 2, 2], np.int32),
+        succ=np.array([2, 4], np.int32),
+        succ_prior=np.ones(2, np.float32),
+    )
+    work = new_work()
+    count = reachable(ahead, work, 0, 90.0, sigma, 0.0)
+    cdf = lambda s: 0.5 * math.erfc(-(s - 90.0) / sigma / math.sqrt(2.0))  # noqa: E731
+    expected = {2: cdf(140.0) - cdf(100.0)}
+    if 90.0 + 3.5 * sigma > 140.0:
+        expected[4] = cdf(400.0) - cdf(140.0)
+    assert dict(zip(work.edge[:count].tolist(), work.mass[:count], strict=True)) == pytest.approx(
+        expected
+    )
+
+
+def test_the_lane_is_drawn_anew_round_the_corner_and_kept_ahead():
+    belief = belief_on(CROSS, [On(0, 310.0, sigma=0.5)])
+    belief.mean[0, D], belief.cov[0, D, D] = 4.0, 0.04
+    pass_on(belief, CROSS)
+    lane = {
+        int(e): (m[D], c[D, D])
+        for e, m, c in zip(belief.edge[:5], belief.mean, belief.cov, strict=False)
+    }
+    assert lane[2] == pytest.approx((4.0, 0.04))
+    assert lane[4] == pytest.approx((1.75, 1.8**2))
+
+
+def test_driving_along_roads_turns_with_them_and_keeps_the_lane():
+    belief = belief_on(CROSS, [On(0, 280.0, right=1.75, sigma=0.5)])
+    go_along(belief, CROSS, 60.0)
+    place = {int(e): (m[X], m[Y], m[H]) for e, m in zip(belief.edge[:5], belief.mean, strict=False)}
+    assert place[2] == pytest.approx((340.0, -1.75, 0.0), abs=0.05)
+    assert place[4] == pytest.approx((301.75, 40.0, math.pi / 2), abs=0.05)
+    assert place[6] == pytest.approx((298.25, -40.0, -math.pi / 2), abs=0.05)
+
+
+def moments_by_edge(belief: Belief) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    n, found = belief.size[0], {}
+    for edge in set(belief.edge[:n].tolist()):
+        on = np.flatnonzero(belief.edge[:n] == edge)
+        w = weights(belief)[on]
+        found[edge] = textbook.mixture_moments(w / w.sum(), belief.mean[on], belief.cov[on])
+    return found
+
+
+@given(seeds, st.integers(1, 4))
+def test_reducing_conserves_the_weight_and_the_moments_of_every_road(seed: int, most: int):
+    rng = np.random.default_rng(seed)
+    edges = rng.integers(0, 3, 12) * 2
+    places = [
+        On(int(e), rng.uniform(50, 250), float(p), rng.normal(), rng.uniform(2.0, 30.0))
+        for e, p in zip(edges, rng.dirichlet(np.ones(12)), strict=True)
+    ]
+    belief = belief_on(CROSS, places)
+    shares, moments = edge_weights(belief), moments_by_edge(belief)
+    merge(belief, prune=0.0, most=most)
+    assert edge_weights(belief) == pytest.approx(shares, abs=1e-12)
+    assert np.unique(belief.edge[: belief.size[0]], return_counts=True)[1].max() <= most
+    for edge, (mean, cov) in moments_by_edge(belief).items():
+        np.testing.assert_allclose(mean, moments[edge][0], atol=1e-9)
+        np.testing.assert_allclose(cov, moments[edge][1], atol=1e-8)
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.0, 1e3), st.floats(0.5, 50.0), st.floats(0.5, 50.0))
+def test_merging_costs_nothing_for_twins_and_never_less(share, gap, sigma, other):
+    places = [On(0, 100.0, share, sigma=sigma), On(0, 100.0 + gap, 1.0, sigma=other)]
+    belief = belief_on(CROSS, places)
+    assert reduction._merge_cost(belief, 0, 1, 1.0) >= -1e-12
+    twins = belief_on(CROSS, [places[0], places[0]])
+    assert reduction._merge_cost(twins, 0, 1, 1.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_two_arrivals_far_apart_on_one_road_stay_apart():
+    belief = belief_on(CROSS, [On(0, 20.0, 0.6), On(0, 280.0, 0.4), On(2, 50.0, 1e-6)])
+    merge(belief)
+    assert belief.edge[: belief.size[0]].tolist() == [0, 0]
+    assert weights(belief) == pytest.approx([0.6, 0.4], abs=1e-5)
+    assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_map_offset_is_part_of_where_on_the_road_a_vehicle_is():
+    """The spread of the abscissa is that of p + m."""
+    belief = belief_on(CROSS, [On(0, 300.0, sigma=3.0)])
+    doubt_map(belief, 4.0)
+    pass_on(belief, CROSS)
+    assert belief.spread[0] == pytest.approx(5.0)
