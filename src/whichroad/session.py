@@ -18,6 +18,7 @@ from .core.output import (
 )
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
+from .literal import localize_literal
 from .localizer import localize_recorded
 from .readers import drive_from_table, read_drive
 from .records import Drive, StartPose
@@ -144,7 +145,7 @@ def match(
     return _together(parts, failed)
 
 
-MODELS = ("default",)
+MODELS = ("default", "paper")
 
 
 def _match_one(
@@ -155,7 +156,8 @@ def _match_one(
     _check_distance(drive, roads)
     timeline = build_timeline(drive, roads.plane, vehicle, mask)
     n = len(timeline.epochs.time)
-    recorded = localize_recorded(
+    localize = localize_literal if model == "paper" else localize_recorded
+    recorded = localize(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
     )  # fmt: skip

@@ -70,6 +70,13 @@ class Settings:
     outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
     ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")
 
+    # model="paper" only; the paper gives the radius and leaves the rest open
+    paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) from step to step")
+    paper_radius: float = _number(30, 1, 1000, "m", "candidate radius (paper: 30 m)")
+    paper_width: float = _number(3.5, 0.1, 100, "m", "the road's width, sigma across it")
+    paper_heading_sigma: float = _number(0.1, 0.001, 3, "rad", "segment's heading")
+    paper_step: float = _number(1, 0, 1e4, "s", "between map observations; 0: every epoch")
+
     def __post_init__(self) -> None:
         for f in fields(self):
             value, meta = getattr(self, f.name), f.metadata
