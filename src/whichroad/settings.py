@@ -71,7 +71,7 @@ class Settings:
     ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")
 
     # model="paper" only; the paper gives the radius and leaves the rest open
-    paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) from step to step")
+    paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) at the next step")
     paper_radius: float = _number(30, 1, 1000, "m", "candidate radius (paper: 30 m)")
     paper_width: float = _number(3.5, 0.1, 100, "m", "the road's width, sigma across it")
     paper_heading_sigma: float = _number(0.1, 0.001, 3, "rad", "segment's heading")
