@@ -31,6 +31,7 @@ NO_EDGE = -2
 NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD = range(9)
 GNSS_XX, GNSS_XY, GNSS_YY = 9, 10, 11  # smoothed covariance that receivers report, m²
 TURN_RATE = 12  # rad/s
+SINCE_LEFT = 13  # m travelled since off-road hypotheses were last born
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch

@@ -13,6 +13,7 @@ from .belief import (
     NOW,
     OFF_ROAD,
     SINCE_FIX,
+    SINCE_LEFT,
     SPEED,
     STARTED,
     STOOD,
@@ -44,6 +45,7 @@ from .switching import Work, advance_along, hand_over
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
 _STEP = 6.0  # m, longest piece in which wheels are followed
+_LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
 _MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
 
@@ -233,12 +235,10 @@ def _take_fix(
         par.gnss_gate, work.row,
     )  # fmt: skip
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
-    if epochs.course_sigma[k] < 1.0 and moving:
+    if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
-        observe_state(
-            belief, H, epochs.course[k] - swing, (epochs.course_sigma[k] ** 2 + 0.0025) * thin, scale,
-            work.row,
-        )  # fmt: skip
+        variance = (epochs.course_sigma[k] ** 2 + 0.0025) * thin
+        observe_state(belief, H, epochs.course[k] - swing, variance, scale, work.row)
     if mode == CLOCK and epochs.speed_sigma[k] < 20.0:
         observe_state(
             belief, K, epochs.speed[k], (epochs.speed_sigma[k] ** 2 + 0.04) * thin, scale,
@@ -249,6 +249,14 @@ def _take_fix(
     else:
         clock[MISFITS] = 0.0
     return chi2
+
+
+@kernel
+def _off_road_matters(belief: Belief) -> bool:
+    for i in range(belief.size[0]):
+        if belief.edge[i] == OFF_ROAD and belief.probability[i] > 1e-3:
+            return True
+    return False
 
 
 @kernel
@@ -342,14 +350,16 @@ def run(
             else:
                 clock[LAST_FIX] = epochs.time[k]
         if clock[TRAVELLED] >= par.map_spacing:
-            travelled = clock[TRAVELLED]
             if changed:
                 normalise(belief)
-            leave_and_return(
-                belief, roads, work, scale, travelled, par.off_road_leave, par.off_road_return,
-                side, par.lane_sigma, par.map_sigma, par.search_radius, par.wrong_way,
-                mode != WHEELS,
-            )  # fmt: skip
+            clock[SINCE_LEFT] += clock[TRAVELLED]
+            if clock[SINCE_LEFT] >= _LEAVING or _off_road_matters(belief):
+                leave_and_return(
+                    belief, roads, work, scale, clock[SINCE_LEFT], par.off_road_leave,
+                    par.off_road_return, side, par.lane_sigma, par.map_sigma,
+                    par.search_radius, par.wrong_way, mode != WHEELS,
+                )  # fmt: skip
+                clock[SINCE_LEFT] = 0.0
             if mode == WHEELS:
                 turn_with_heading(belief, roads, side, par.lane_sigma)
             _see_roads(belief, roads, work, scale, side, mode == WHEELS, par)

@@ -109,6 +109,8 @@ def truncated_moments(mean: float, sigma: float, low: float, high: float) -> tup
     """
     a = (low - mean) / sigma
     b = (high - mean) / sigma
+    if a < -6.0 and b > 6.0:
+        return mean, sigma * sigma
     if a > 5.0:
         return min(low + 0.2 * sigma, 0.5 * (low + high)), 0.04 * sigma * sigma
     if b < -5.0:

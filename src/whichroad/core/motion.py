@@ -185,20 +185,13 @@ def decay(
 
 @kernel
 def age_map(
-    mean: Vector,
-    cov: Matrix,
-    distance: float,
-    lane: float,
-    lane_keep_length: float,
-    lane_sigma: float,
-    map_length: float,
-    map_sigma: float,
-) -> None:
-    """Let the lane offset and the map's error wander over a distance (m) travelled."""
-    decay(mean, cov, D, lane, math.exp(-distance / lane_keep_length), lane_sigma * lane_sigma)
-    keep = math.exp(-distance / map_length)
-    decay(mean, cov, MX, 0.0, keep, map_sigma * map_sigma)
-    decay(mean, cov, MY, 0.0, keep, map_sigma * map_sigma)
+    mean: Vector, cov: Matrix, lane: float, lane_keep: float, lane_sigma: float,
+    map_keep: float, map_sigma: float,
+) -> None:  # fmt: skip
+    """Let the lane offset and the map's error wander: exp(−distance / length) is kept."""
+    decay(mean, cov, D, lane, lane_keep, lane_sigma * lane_sigma)
+    decay(mean, cov, MX, 0.0, map_keep, map_sigma * map_sigma)
+    decay(mean, cov, MY, 0.0, map_keep, map_sigma * map_sigma)
 
 
 @kernel

@@ -35,7 +35,7 @@ from .gaussian import (
 )
 from .motion import age_gnss, age_map
 from .network import Roads
-from .segment import chord_heading, project
+from .segment import chord_heading, locate, project
 
 _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 
@@ -60,23 +60,20 @@ def normalise(belief: Belief) -> float:
 
 @kernel
 def _fix_row(
-    belief: Belief, i: int, row: Vector, fix: Vector, root: Vector, axis: int, scale: float,
+    mean: Vector, row: Vector, fix: Vector, root: Vector, ex: float, ey: float, scale: float,
     lever: Vector,
 ) -> float:  # fmt: skip
-    """Fill the row of one axis of the fix's ellipse; returns the innovation, m.
+    """Fill the row of one axis (ex, ey) of the fix's ellipse; returns the innovation, m.
 
     z = p + R(θ) a + S γ + white, along the unit vector e of the axis; `root` is S.
     """
-    mean = belief.mean[i]
-    c = math.cos(mean[H])
-    s = math.sin(mean[H])
-    ax = c * lever[0] - s * lever[1]
-    ay = s * lever[0] + c * lever[1]
-    angle = fix[4]
-    ex = math.cos(angle) if axis == 0 else -math.sin(angle)
-    ey = math.sin(angle) if axis == 0 else math.cos(angle)
-    for j in range(N):
-        row[j] = 0.0
+    ax = 0.0
+    ay = 0.0
+    if lever[0] != 0.0 or lever[1] != 0.0:
+        c = math.cos(mean[H])
+        s = math.sin(mean[H])
+        ax = c * lever[0] - s * lever[1]
+        ay = s * lever[0] + c * lever[1]
     row[X] = ex
     row[Y] = ey
     row[H] = -ex * ay + ey * ax
@@ -168,15 +165,19 @@ def observe_fix(
     thin = max(1.0, 1.0 / max(interval, 0.01))
     r0 = (white_ratio * fix[2]) ** 2 * thin
     r1 = (white_ratio * fix[3]) ** 2 * thin
+    c = math.cos(fix[4])
+    s = math.sin(fix[4])
+    for j in range(N):
+        row[j] = 0.0
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
     for i in range(n):
         if belief.probability[i] < 0.01:
             continue
-        nu0 = _fix_row(belief, i, row, fix, root, 0, scale, lever)
+        nu0 = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
         s0 = innovation_variance(belief.cov[i], row, r0)
-        nu1 = _fix_row(belief, i, row, fix, root, 1, scale, lever)
+        nu1 = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
         s1 = innovation_variance(belief.cov[i], row, r1)
         chi2 = nu0 * nu0 / s0 + nu1 * nu1 / s1
         if chi2 < best:
@@ -185,10 +186,11 @@ def observe_fix(
             extra0 = s0 * over
             extra1 = s1 * over
     for i in range(n):
-        for axis in range(2):
-            nu = _fix_row(belief, i, row, fix, root, axis, scale, lever)
-            r = r1 + extra1 if axis == 1 else r0 + extra0
-            belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, r, scale)
+        nu = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
+        gain = condition(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
+        nu = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
+        gain += condition(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
+        belief.log_weight[i] += gain
     return best
 
 
@@ -267,16 +269,15 @@ def observe_roads(
     tangent_y = belief.scratch[2]
     heading = belief.scratch[3]
     slope = belief.scratch[4]
+    lane_keep = math.exp(-travelled / lane_length)
+    map_keep = math.exp(-travelled / map_length)
     on = 0.0
     more_lateral = 0.0
     more_heading = 0.0
     for i in range(n):
         edge = belief.edge[i]
         lane = 0.0 if edge == OFF_ROAD else side * roads.lane[edge]
-        age_map(
-            belief.mean[i], belief.cov[i], travelled, lane, lane_length, lane_sigma, map_length,
-            map_sigma,
-        )  # fmt: skip
+        age_map(belief.mean[i], belief.cov[i], lane, lane_keep, lane_sigma, map_keep, map_sigma)
         if edge == OFF_ROAD:
             continue
         lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)
@@ -358,11 +359,14 @@ def bend(
         χ (rad), slope (rad/m), bow (rad).
     """
     length = roads.length[edge]
+    if roads.first[edge + 1] - roads.first[edge] == 2:
+        _, _, _, tx, ty = locate(roads, edge, segment, s)
+        return math.atan2(ty, tx), 0.0, 0.0
     step = min(max(sigma, 3.0), 25.0)
     low = max(s - step, 0.0)
     high = min(s + step, length)
     middle = chord_heading(roads, edge, segment, min(max(s, 0.0), length), _HALF_CHORD)
-    if high - low < 1.0 or roads.first[edge + 1] - roads.first[edge] == 2:
+    if high - low < 1.0:
         return middle, 0.0, 0.0
     before = wrap(chord_heading(roads, edge, segment, low, _HALF_CHORD) - middle)
     after = wrap(chord_heading(roads, edge, segment, high, _HALF_CHORD) - middle)

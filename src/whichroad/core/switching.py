@@ -29,7 +29,7 @@ from .belief import (
 from .gaussian import normal_cdf, reshape_along, truncated_moments
 from .motion import predict_along, redraw_lane
 from .network import Roads
-from .observe import bend, track
+from .observe import track
 from .segment import locate
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
@@ -360,27 +360,32 @@ def _move_to(
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
     turn = wrap(heading - math.atan2(ty, tx))
-    _, slope, _ = bend(roads, edge, segment, cut, 3.0)
-    heading_variance += (3.0 * slope) ** 2
+    if roads.first[edge + 1] - roads.first[edge] > 2:
+        _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
+        _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
+        heading_variance += (0.5 * (ax * by - ay * bx)) ** 2
     if min(cut, roads.length[edge] - cut) < node_radius:
         heading_variance += node_variance
     predict_along(
         mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
     )
-    row = work.row
-    for j in range(N):
-        row[j] = 0.0
-    row[X] = nx
-    row[Y] = ny
-    row[MX] = nx
-    row[MY] = ny
-    reshape_along(mean, cov, row, cut - s, variance / (sigma * sigma), scale)
+    shrink = variance / (sigma * sigma)
+    if shrink < 0.9999:
+        row = work.row
+        for j in range(N):
+            row[j] = 0.0
+        row[X] = nx
+        row[Y] = ny
+        row[MX] = nx
+        row[MY] = ny
+        reshape_along(mean, cov, row, cut - s, shrink, scale)
     mean[X] = cx + scale * (lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-lateral * nx - mean[MY])
     belief.segment[i] = segment
     belief.abscissa[i] = cut
     belief.spread[i] = math.sqrt(variance)
-    belief.stay[i] = max(normal_cdf((roads.length[edge] - cut) / belief.spread[i]), 1e-6)
+    room = (roads.length[edge] - cut) / belief.spread[i]
+    belief.stay[i] = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
 
 
 @kernel
@@ -427,7 +432,7 @@ def advance_along(
         variance = belief.spread[i] ** 2 + odometer * (2.0 * cross + odometer * cov[K, K])
         sigma = math.sqrt(max(variance + q_along, 1e-4))
         length = roads.length[edge]
-        now = normal_cdf((length - s) / sigma)
+        now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
         p = belief.probability[i]
         if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - _MOST:
