@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import grid, topology
-from ..core.network import AGAINST_ONE_WAY, Roads
+from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
 from ..frames import Plane
 from ..records import Array
 from .link import middle_plane
-from .streets import Bytes, Column, Ints, Streets, take
+from .streets import Bytes, Column, Ints, Streets, Texts, take
+from .tags import CLASS_SPEED_KMH
 from .turns import Graph, successors
 
 Ints32 = NDArray[np.int32]
@@ -65,6 +66,9 @@ def compile_streets(streets: Streets, where: str) -> Network:
             f"{REACH / 1e3:,.0f} km were expected; cut it, or remove stray points"
         )
     half, dropped = _halves(streets, plane, x, y)
+    half, twice = _drawn_once(half, _class_order(streets.highway), len(x))
+    if twice:
+        dropped["segments drawn twice"] = twice
     if len(half.tail) == 0:
         raise MapError(
             f"{where}: no street has a length; lines of at least two different points were "
@@ -75,11 +79,12 @@ def compile_streets(streets: Streets, where: str) -> Network:
 
 
 class _Halves(NamedTuple):
-    """Both directions of every straight segment: half 2i along its street, 2i + 1 back."""
+    """Both directions of every straight segment: half 2i along its first street, 2i + 1 back."""
 
     tail: Ints32  # (2M,) node
     head: Ints32
-    way: Ints32
+    way: Ints32  # street; of both directions the same, but where streets share the segment
+    forward: Bytes  # 1 where it runs as its street was drawn
     rule: Bytes
     length: Array  # true m
 
@@ -101,6 +106,7 @@ def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves
         twice.ravel().astype(np.int32),
         twice[:, ::-1].ravel().astype(np.int32),
         np.repeat(way, 2).astype(np.int32),
+        np.tile(np.array([1, 0], np.uint8), len(way)),
         rule.ravel(),
         np.repeat(length, 2),
     ), {} if long.all() else {"segments without length": int((~long).sum())}
@@ -117,6 +123,47 @@ def _joined(tail: Ints, head: Ints, x: Array, y: Array) -> Ints:
         low = np.arange(len(x))
         np.minimum.at(low, np.maximum(a, b)[short], np.minimum(a, b)[short])
         join = low[join]
+
+
+def _class_order(highway: Texts) -> Ints:
+    """Place of each street's class among the classes, from the highest down; unknown last."""
+    place = {word: i for i, word in enumerate(CLASS_SPEED_KMH)}
+    words = range(len(highway.offset) - 1)
+    return np.array([place.get(highway.word(c), len(place)) for c in words])[highway.code]
+
+
+def _drawn_once(half: _Halves, order: Ints, nodes: int) -> tuple[_Halves, int]:
+    """One segment where several join the same two nodes.
+
+    Each of its directions is that of the best street: one that is legal there, else open,
+    then of the highest class, then the earliest.  Two one-way streets drawn on each other in
+    opposite directions so become one that is driven both ways, by two names.
+
+    Args:
+        half: All segments.
+        order: (W,) place of each street's class, 0 the highest.
+        nodes: Number of nodes.
+
+    Returns:
+        The segments, and how many were left out in a direction in which they can be driven.
+    """
+    key = half.tail.astype(np.int64) * nodes + half.head
+    against = half.rule & AGAINST_ONE_WAY > 0
+    worse = (2 * against + (half.rule & NO_ACCESS > 0)) * (order.max(initial=0) + 1)
+    ranked = np.lexsort((worse + order[half.way], key))
+    new = np.ones(len(key), bool)
+    new[1:] = np.diff(key[ranked]) != 0
+    if new.all():
+        return half, 0
+    best = np.empty(len(key), np.int64)
+    best[ranked] = ranked[new][np.cumsum(new) - 1]
+    repeats = ((best != np.arange(len(key))) & ~against).reshape(-1, 2).any(axis=1)
+    _, first = np.unique(np.minimum(key[0::2], key[1::2]), return_index=True)
+    kept = (2 * np.sort(first)[:, None] + [0, 1]).ravel()
+    way, forward, rule = (column[best[kept]] for column in (half.way, half.forward, half.rule))
+    return _Halves(half.tail[kept], half.head[kept], way, forward, rule, half.length[kept]), int(
+        repeats.sum()
+    )
 
 
 def _true_length(plane: Plane, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
@@ -140,7 +187,8 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
     one, two = out[out_first[through]], out[out_first[through] + 1]
     kind = streets.highway.code[half.way]
     differs = (
-        (kind[one] != kind[two])
+        (kind[one ^ 1] != kind[two])
+        | (kind[two ^ 1] != kind[one])
         | (half.rule[one ^ 1] != half.rule[two])
         | (half.rule[two ^ 1] != half.rule[one])
     )
@@ -172,7 +220,7 @@ def _network(
 
     first, node, s = _shape(half, chain_first, chain)
     vx, vy = x[node], y[node]
-    pieces = _pieces(half.way[chain], chain, chain_first, s[~_last(first)])
+    pieces = _pieces(half.way[chain], half.forward[chain], chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
     heading_out, heading_in = np.empty(edges), np.empty(edges)
@@ -220,16 +268,13 @@ def _last(first: Ints32) -> NDArray[np.bool_]:
     return last
 
 
-def _pieces(way: Ints32, chain: Ints32, chain_first: Ints32, start: Array) -> Pieces:
+def _pieces(way: Ints32, forward: Bytes, chain_first: Ints32, start: Array) -> Pieces:
     """Runs of halves of one street in one direction."""
-    forward = (chain & 1) == 0
     new = np.ones(len(way), bool)
     new[1:] = (way[1:] != way[:-1]) | (forward[1:] != forward[:-1])
     new[chain_first[:-1]] = True
     before = np.concatenate([[0], np.cumsum(new)])
-    return Pieces(
-        before[chain_first].astype(np.int32), way[new], forward[new].astype(np.uint8), start[new]
-    )
+    return Pieces(before[chain_first].astype(np.int32), way[new], forward[new], start[new])
 
 
 def _longest(pieces: Pieces, length: Array) -> Ints32:
