@@ -1,0 +1,8 @@
+"""Logs and tables in, records out: one file per format, none knows another."""
+
+from .drives import read_drive
+from .nmea import NmeaParser
+from .table import drive_from_table
+from .vehicle import read_vehicle
+
+__all__ = ["NmeaParser", "drive_from_table", "read_drive", "read_vehicle"]

@@ -1,0 +1,69 @@
+"""Numbers in a buffer of text, a whole column at once.
+
+Python takes a microsecond for each field of a log; here one pass over the columns of
+digits reads all fields together.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .door import Bools, Ints
+
+Bytes = NDArray[np.uint8]
+
+LONGEST = 24  # characters; 19 digits fit 64 bits
+_DIGITS = 19
+
+HEX = np.full(256, -1, np.int16)  # value of a hexadecimal digit, -1: it is none
+for _value, _digit in enumerate("0123456789abcdef"):
+    HEX[ord(_digit)] = HEX[ord(_digit.upper())] = _value
+
+
+def decimal(text: Bytes, start: Ints, stop: Ints) -> tuple[NDArray[np.float64], Bools]:
+    """Read decimal numbers (`-12.5`, no exponent) from `text[start:stop]`.
+
+    Args:
+        text: The buffer.
+        start: First character of each field, shape (n,).
+        stop: One past its last, shape (n,).
+
+    Returns:
+        The numbers, NaN where the field is empty or bad, and whether a field is bad.
+    """
+    width = stop - start
+    mantissa = np.zeros(len(start), np.int64)
+    digits = np.zeros(len(start), np.int64)
+    decimals = np.zeros(len(start), np.int64)
+    point = np.zeros(len(start), np.bool_)
+    negative = np.zeros(len(start), np.bool_)
+    bad = (width > LONGEST) | (width < 0)
+    for k in range(min(int(width.max(initial=0)), LONGEST)):
+        inside = k < width
+        char = text[np.minimum(start + k, len(text) - 1)]
+        digit = char - np.uint8(48)  # wraps: anything but a digit is beyond 9
+        is_digit = inside & (digit <= 9)
+        mantissa = np.where(is_digit, mantissa * 10 + digit, mantissa)
+        digits += is_digit
+        decimals += is_digit & point
+        is_point = inside & (char == ord(".")) & ~point
+        point |= is_point
+        is_sign = inside & ((char == ord("-")) | (char == ord("+"))) if k == 0 else False
+        if k == 0:
+            negative = inside & (char == ord("-"))
+        bad |= inside & ~(is_digit | is_point | is_sign)
+    bad |= (width > 0) & ((digits == 0) | (digits > _DIGITS) | (mantissa < 0))
+    value = mantissa / 10.0 ** np.minimum(decimals, _DIGITS)
+    value = np.where(negative, -value, value)
+    return np.where(bad | (width <= 0), np.nan, value), bad
+
+
+def hexadecimal(text: Bytes, start: Ints, width: int) -> tuple[Ints, Bools]:
+    """Read hexadecimal numbers of `width` digits at `start`; also whether one is bad."""
+    value = np.zeros(len(start), np.int64)
+    bad = np.zeros(len(start), np.bool_)
+    for k in range(width):
+        at = start + k
+        digit = HEX[text[np.minimum(at, len(text) - 1)]]
+        bad |= (digit < 0) | (at >= len(text))
+        value = value * 16 + np.maximum(digit, 0)
+    return value, bad

@@ -1,0 +1,328 @@
+"""Drive tables: CSV, Parquet and Arrow files, and tables in memory, by the names of their columns.
+
+One table may hold fixes, odometry or both, of one drive or of many.  Empty cells say
+nothing; what cannot be understood is skipped and counted.
+"""
+
+import csv
+import io
+from collections import Counter
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import ReadError
+from ..records import Array, Drive
+from ..settings import Settings, Vehicle
+from .columns import numbers, texts, times
+from .door import NO_TIME, Skipped, keep, read_bytes
+from .names import NAMES, Column, find
+from .rows import Columns, drive_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Path_ = str | PathLike[str]
+
+_WIDTH = "row with a wrong number of cells"
+_MAX_DRIVES = 1_000_000
+
+
+def read_table(
+    path: Path_,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    crs: Any = None,
+) -> list[Drive]:
+    """Read a drive table: .csv, .tsv, .txt, .parquet, .geoparquet, .arrow or .feather.
+
+    Args:
+        path: The file.
+        vehicle: Gives the scale and width of wheel counters.
+        settings: Gives the sigma of fixes that report none.
+        crs: Reference system of `x, y` columns, anything that pyproj takes.
+
+    Returns:
+        One drive, or one for each value of a `drive_id` column, in the order of the file.
+
+    Raises:
+        ReadError: The file is no table, or holds no time or nothing that locates a drive.
+    """
+    skipped: Skipped = Counter()
+    data = read_bytes(path)
+    suffix = Path(path).suffix.lower()
+    where = Path(path).name
+    if suffix in (".parquet", ".geoparquet", ".pq"):
+        table = _parquet(data, where)
+    elif suffix in (".arrow", ".feather", ".ipc"):
+        table = _arrow(data, where)
+    else:
+        table = _csv(data, where, skipped)
+    return _drives(
+        table, where, Path(path).stem, (str(path),), skipped, vehicle, settings, crs
+    )
+
+
+def drive_from_table(
+    table: Any,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    crs: Any = None,
+) -> list[Drive]:
+    """The drives of a table in memory.
+
+    Args:
+        table: A pandas DataFrame, a GeoDataFrame of points, a pyarrow Table or RecordBatch,
+            or a dict of columns.
+        vehicle: Gives the scale and width of wheel counters.
+        settings: Gives the sigma of fixes that report none.
+        crs: Reference system of `x, y` columns, anything that pyproj takes.
+
+    Returns:
+        One drive, or one for each value of a `drive_id` column.
+
+    Raises:
+        ReadError: It is no table, or holds no time or nothing that locates a drive.
+    """
+    return _drives(_in_memory(table), "table", "drive", (), Counter(), vehicle, settings, crs)
+
+
+def _in_memory(table: Any) -> "pa.Table":
+    import pyarrow as pa
+
+    try:
+        if isinstance(table, pa.Table):
+            return table
+        if isinstance(table, pa.RecordBatch):
+            return pa.Table.from_batches([table])
+        if isinstance(table, dict):
+            return pa.table(table)
+        if hasattr(table, "geometry") and hasattr(table, "to_crs"):
+            table = _points(table)
+        if hasattr(table, "reset_index"):
+            if find([str(table.index.name or "")]):
+                table = table.reset_index()
+            table = table.rename(columns=str)
+            used = {c.name for c in find(list(table.columns)).values()}
+            return pa.Table.from_pandas(
+                table[[c for c in table.columns if c in used]], preserve_index=False
+            )
+        return pa.table(table)
+    except (pa.ArrowException, TypeError, ValueError, KeyError) as error:
+        raise ReadError(
+            f"table: {type(table).__name__} cannot be read as a table ({_first_line(error)}); a "
+            "DataFrame, GeoDataFrame or pyarrow Table was expected"
+        ) from None
+
+
+def _points(frame: Any) -> Any:
+    """A GeoDataFrame as a DataFrame with lon and lat."""
+    points = frame.geometry
+    if points.crs is not None:
+        points = points.to_crs(4326)
+    plain = frame.drop(columns=frame.geometry.name)
+    if not {"lat", "lon"} & find([str(c) for c in plain.columns]).keys():
+        plain = plain.assign(lon=points.x.to_numpy(), lat=points.y.to_numpy())
+    return plain
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def _parquet(data: bytes, where: str) -> "pa.Table":
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(io.BytesIO(data))
+        names = file.schema_arrow.names
+        return file.read(columns=[column.name for column in find(names).values()] or names[:1])
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        raise ReadError(
+            f"{where}: no readable Parquet ({_first_line(error)}); was the file cut short?"
+        ) from None
+
+
+def _arrow(data: bytes, where: str) -> "pa.Table":
+    import pyarrow as pa
+    import pyarrow.feather
+    import pyarrow.ipc
+
+    try:
+        if data[:6] in (b"ARROW1", b"FEA1\0\0") or data[:4] == b"FEA1":
+            return pyarrow.feather.read_table(io.BytesIO(data))
+        return pyarrow.ipc.open_stream(io.BytesIO(data)).read_all()
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        raise ReadError(
+            f"{where}: no readable Arrow file ({_first_line(error)}); was the file cut short?"
+        ) from None
+
+
+def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    first = data.lstrip(b"\r\n").split(b"\n", 1)[0]
+    try:
+        head = first.decode().strip("\r")
+    except UnicodeDecodeError:
+        raise ReadError(f"{where}: no text in UTF-8; a table was expected") from None
+    delimiter = max(",;\t", key=head.count)
+    names = next(csv.reader([head], delimiter=delimiter), [])
+    wanted = [column.name for column in find(names).values()]
+    if not wanted:
+        raise ReadError(_no_column(where, "no known column", names, ("time", "lat", "lon")))
+
+    def widths(row: Any) -> str:
+        skipped[_WIDTH] += 1
+        return "skip"
+
+    def read(types: dict[str, Any] | None) -> "pa.Table":
+        skipped.pop(_WIDTH, None)
+        return pc.read_csv(
+            io.BytesIO(data),
+            read_options=pc.ReadOptions(use_threads=False, block_size=1 << 22),
+            parse_options=pc.ParseOptions(delimiter=delimiter, invalid_row_handler=widths),
+            convert_options=pc.ConvertOptions(include_columns=wanted, column_types=types),
+        )
+
+    try:
+        try:
+            return read(None)
+        except pa.ArrowInvalid:  # a cell unlike those before it: take them one by one
+            return read(dict.fromkeys(wanted, pa.string()))
+    except (pa.ArrowException, KeyError, ValueError) as error:
+        raise ReadError(
+            f"{where}: no readable table ({_first_line(error)}); comma-separated columns under "
+            "one line of names were expected"
+        ) from None
+
+
+def _no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
+    """The message about a table that lacks something, with what it has and what would do."""
+    have = ", ".join(seen[:20]) + (", ..." if len(seen) > 20 else "") if seen else "none"
+    accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
+    return f"{where}: {what} among the columns ({have}); accepted names are {accepted}"
+
+
+def _drives(
+    table: "pa.Table",
+    where: str,
+    stem: str,
+    sources: tuple[str, ...],
+    skipped: Skipped,
+    vehicle: Vehicle | None,
+    settings: Settings | None,
+    crs: Any,
+) -> list[Drive]:
+    """Each drive of a table; what is skipped before they part is told with the first."""
+    names = [str(name) for name in table.column_names]
+    found = find(names)
+    if "time" not in found:
+        raise ReadError(_no_column(where, "no time", names, ("time",)))
+    if table.num_rows == 0:
+        raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
+    time = times(table.column(found["time"].index), found["time"], where, skipped)
+    columns: Columns = {"time": time}
+    for quantity, column in found.items():
+        if quantity not in ("time", "drive_id", "geometry"):
+            values = numbers(table.column(column.index), column.name, skipped)
+            columns[quantity] = values * column.factor
+    _locate(table, found, columns, crs, where)
+    _usable(columns, names, where, crs)
+    good = np.flatnonzero(keep(np.isfinite(time), NO_TIME, skipped))
+    if len(good) == 0:
+        raise ReadError(
+            f"{where}: column {found['time'].name!r} holds no time that can be understood; "
+            "ISO 8601 or seconds since 1970 were expected"
+        )
+    notes = (f"times from {found['time'].name!r}",) if found["time"].factor != 0 else ()
+    drives = []
+    for name, rows in _trips(table, found, good, stem):
+        part = {quantity: values[rows] for quantity, values in columns.items()}
+        here: Skipped = skipped if not drives else Counter()
+        drive = drive_of(part, vehicle or Vehicle(), settings or Settings(), here)
+        drives.append(
+            Drive(name, drive.fixes, drive.odometry, sources, dict(here), notes + drive.notes)
+        )
+    return drives
+
+
+def _trips(
+    table: "pa.Table", found: dict[str, Column], good: Any, stem: str
+) -> list[tuple[str, Any]]:
+    """The rows of each drive, in the order in which drives first appear."""
+    if "drive_id" not in found:
+        return [(stem, good)]
+    labels, codes = texts(table.column(found["drive_id"].index))
+    codes = codes[good]
+    order = np.argsort(codes, kind="stable")
+    bounds = np.flatnonzero(np.diff(codes[order], prepend=-1))
+    pieces = np.split(order, bounds[1:])
+    pieces.sort(key=lambda piece: int(piece[0]))
+    return [(labels[codes[piece[0]]], good[piece]) for piece in pieces]
+
+
+def _locate(
+    table: "pa.Table", found: dict[str, Column], columns: Columns, crs: Any, where: str
+) -> None:
+    """Fill `lat` and `lon` from a geometry column or from x and y in `crs`."""
+    if {"lat", "lon"} <= columns.keys():
+        return
+    if "geometry" in found:
+        geometry = table.column(found["geometry"].index)
+        columns["lon"], columns["lat"] = _geometry(geometry, where)
+    elif crs is not None and {"x", "y"} <= columns.keys():
+        columns["lon"], columns["lat"] = _unproject(columns["x"], columns["y"], crs, where)
+
+
+def _geometry(column: Any, where: str) -> tuple[Array, Array]:
+    import shapely
+
+    values = column.to_pylist()
+    try:
+        if any(isinstance(v, str) for v in values):
+            points = shapely.from_wkt(values)
+        else:
+            points = shapely.from_wkb(values)
+        return shapely.get_x(points), shapely.get_y(points)
+    except (shapely.errors.ShapelyError, TypeError, ValueError) as error:
+        raise ReadError(
+            f"{where}: the geometry cannot be read ({_first_line(error)}); points as WKB or WKT "
+            "in EPSG:4326 were expected"
+        ) from None
+
+
+def _unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
+    import pyproj
+
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
+        lon, lat = transformer.transform(x, y)
+    except pyproj.exceptions.ProjError as error:
+        raise ReadError(f"{where}: crs {crs!r} cannot be used ({_first_line(error)})") from None
+    known = np.isfinite(x) & np.isfinite(y)
+    # pyproj says infinity for what lies outside its grid, and for NaN
+    return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
+
+
+def _usable(columns: Columns, names: list[str], where: str, crs: Any) -> None:
+    """Raise where a table neither locates nor moves a vehicle."""
+    has = columns.keys()
+    fixes = {"lat", "lon"} <= has
+    wheels = {"wheel_rl", "wheel_rr"} <= has or {"wheel_rl_ticks", "wheel_rr_ticks"} <= has
+    if fixes or wheels or "odometer" in has or "speed" in has:
+        return
+    if {"x", "y"} <= has and crs is None:
+        raise ReadError(
+            f"{where}: columns x and y without a reference system; latitude and longitude, or "
+            "crs= for x and y were expected"
+        )
+    wanted = ("lat", "lon", "wheel_rl", "wheel_rl_ticks", "odometer", "speed", "yaw_rate")
+    raise ReadError(_no_column(where, "neither position nor odometry", names, wanted))
