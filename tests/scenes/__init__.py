@@ -3,6 +3,7 @@
 from .beliefs import On, belief_on, doubt_map, edge_weights, weights
 from .drives import Truth, drive_along, epochs_of, gnss
 from .filter import Town, localize, steps
+from .kernels import call
 from .networks import grid_town, network, parallel_roads, straight_road
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "Town",
     "Truth",
     "belief_on",
+    "call",
     "doubt_map",
     "drive_along",
     "edge_weights",

@@ -1,0 +1,221 @@
+"""The on-line filter: what it says is what the recorded drive gives, and it refuses openly."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from scenes import Town, Truth, drive_along, gnss, network
+from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
+from whichroad.epochs import build_timeline
+from whichroad.errors import DriveError
+from whichroad.frames import Plane
+from whichroad.localizer import STATUS, Localizer, localize_recorded
+from whichroad.records import (
+    Drive,
+    Estimate,
+    Fixes,
+    GeoFix,
+    Observation,
+    StartPose,
+    WheelCounts,
+    WheelTicks,
+)
+from whichroad.settings import Vehicle
+
+FIELDS = Fixes.__slots__
+PLANE = Plane(49.4, 8.7)
+CAR = Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)
+
+
+def avenue() -> list[np.ndarray]:
+    """A street of 100 m blocks along x, crossed at each corner by a street of 200 m."""
+    ahead = [np.array([[x, 0.0], [x + 100.0, 0.0]]) for x in np.arange(0.0, 1500.0, 100.0)]
+    across = [
+        np.array([[x, 0.0], [x, side * 100.0]])
+        for x in np.arange(100.0, 1500.0, 100.0)
+        for side in (1.0, -1.0)
+    ]
+    return [*ahead, *across]
+
+
+TOWN = Town(network(avenue(), curvature=PLANE.curvature), PLANE)
+STRAIGHT = drive_along([[20.0, -1.75], [1400.0, -1.75]])
+
+
+def wheels(truth: Truth) -> WheelCounts:
+    half = 0.75 * (truth.heading - truth.heading[0])
+    return WheelCounts(truth.time, 100.0 * (truth.s - half), 100.0 * (truth.s + half))
+
+
+def fixes(truth: Truth, at: np.ndarray, delay: float = 0.0, sigma: float = 3.0) -> Fixes:
+    """Fixes at epochs `at`, made and stamped `delay` seconds later, at constant speed."""
+    rows = gnss(truth, sigma=sigma)[at]
+    heading = truth.heading[at]
+    x = rows[:, 0] + 10.0 * delay * np.cos(heading)
+    y = rows[:, 1] + 10.0 * delay * np.sin(heading)
+    n = len(at)
+    course_sigma = np.full(n, np.inf)
+    course_sigma[0] = 6.0
+    return Fixes(
+        truth.time[at] + delay, *PLANE.to_geodetic(x, y), np.full(n, 9.0), np.full(n, 2.0),
+        np.full(n, 6.0), np.full(n, 10.0), np.full(n, np.inf), np.degrees(np.pi / 2 - heading),
+        course_sigma, np.zeros(n, np.uint8),
+    )  # fmt: skip
+
+
+def ticks(log: WheelCounts) -> list[WheelTicks]:
+    columns = (log.time.tolist(), log.left.tolist(), log.right.tolist())
+    return [WheelTicks(*row) for row in zip(*columns, strict=True)]
+
+
+def records(log: WheelCounts, gnss_log: Fixes) -> Iterator[Observation]:
+    """All readings in time order, wheels first."""
+    columns = [getattr(gnss_log, name).tolist() for name in FIELDS if name != "flags"]
+    fixed = [GeoFix(*row) for row in zip(*columns, strict=True)]
+    yield from sorted([*ticks(log), *fixed], key=lambda r: r.time)
+
+
+def said(estimates: dict[float, Estimate]) -> np.ndarray:
+    return np.array(
+        [
+            (e.pose.x, e.pose.y, e.pose.heading, e.cov[0, 0], e.cov[1, 1], e.p_road, e.p_off_road,
+             e.abscissa)
+            for e in estimates.values()
+        ]
+    )  # fmt: skip
+
+
+def both_ways(log: WheelCounts, gnss_log: Fixes) -> tuple[dict[float, Estimate], np.ndarray, list]:
+    """On-line estimates by time, the recorded drive's values and its edges and status."""
+    online = Localizer(TOWN, vehicle=CAR)
+    estimates = {r.time: online.update(r) for r in records(log, gnss_log)}
+    assert online.skipped == {}
+    timeline = build_timeline(Drive("d", gnss_log, log), PLANE, CAR)
+    output = localize_recorded(TOWN, timeline, vehicle=CAR).output
+    assert len(timeline.epochs.time) == len(estimates)
+    columns = [V_X, V_Y, V_H, V_XX, V_YY, V_P, V_OFF, V_S]
+    edges = [
+        (int(e) if e >= 0 else None, STATUS[s])
+        for e, s in zip(output.edge, output.status, strict=True)
+    ]
+    return estimates, output.value[:, columns], edges
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.03])
+def test_on_line_says_what_the_recorded_drive_gives(delay: float):
+    """Fixes between wheel readings: every epoch is one record, the speed is constant."""
+    at = np.arange(10, len(STRAIGHT.time), 10)
+    first = fixes(STRAIGHT, np.array([0]))
+    rest = fixes(STRAIGHT, at, delay)
+    together = Fixes(*(np.concatenate([getattr(f, n) for f in (first, rest)]) for n in FIELDS))
+    estimates, values, edges = both_ways(wheels(STRAIGHT), together)
+    np.testing.assert_allclose(said(estimates), values, atol=1e-9)
+    assert [(e.edge, e.status) for e in estimates.values()] == edges
+
+
+def test_on_line_a_first_fix_between_two_wheel_readings_starts_there():
+    """Half of the arc between the readings lies before the start."""
+    at = np.arange(10, len(STRAIGHT.time), 10)
+    estimates, values, _ = both_ways(wheels(STRAIGHT), fixes(STRAIGHT, at, 0.05))
+    started = values[:, 3] > 0
+    np.testing.assert_allclose(said(estimates)[started], values[started], atol=1e-9)
+
+
+def town_fix(x: float, y: float, time: float, **more: float) -> GeoFix:
+    lat, lon = PLANE.to_geodetic(x, y)
+    return GeoFix(time, lat, lon, 9.0, 0.0, 9.0, **more)
+
+
+def driven_to(k: int) -> Localizer:
+    """A localizer that has seen the straight drive up to epoch k, a fix each second."""
+    localizer = Localizer(TOWN, vehicle=CAR)
+    log = wheels(STRAIGHT)
+    for i in range(k + 1):
+        localizer.update(WheelTicks(float(log.time[i]), float(log.left[i]), float(log.right[i])))
+        if i % 10 == 0:
+            localizer.update(
+                town_fix(
+                    STRAIGHT.x[i],
+                    STRAIGHT.y[i],
+                    STRAIGHT.time[i],
+                    bearing_deg=90.0,
+                    sigma_bearing_deg=6.0,
+                )
+            )
+    return localizer
+
+
+def test_predicting_changes_nothing():
+    localizer = driven_to(205)
+    before = localizer.predict(float(STRAIGHT.time[205]))
+    ahead = localizer.predict(float(STRAIGHT.time[205]) + 4.0)
+    again = localizer.predict(float(STRAIGHT.time[205]))
+    np.testing.assert_array_equal(said({0.0: again}), said({0.0: before}))
+    assert ahead.pose.x - before.pose.x == pytest.approx(40.0, rel=0.05)
+    assert ahead.cov[0, 0] > before.cov[0, 0]
+
+
+def test_the_hypotheses_are_a_distribution_and_the_road_s_share_is_theirs():
+    estimate = driven_to(300).predict(30.0)
+    assert sum(h.p for h in estimate.hypotheses) == pytest.approx(1.0, abs=1e-12)
+    on = sum(h.p for h in estimate.hypotheses if h.edge == estimate.edge)
+    assert estimate.p_road == pytest.approx(on, abs=1e-12)
+    off = sum(h.p for h in estimate.hypotheses if h.edge is None)
+    assert estimate.p_off_road == pytest.approx(off, abs=1e-12)
+    assert sorted((h.p for h in estimate.hypotheses), reverse=True) == [
+        h.p for h in estimate.hypotheses
+    ]
+    np.testing.assert_allclose(estimate.cov, estimate.cov.T)
+
+
+def test_a_fix_more_than_a_second_late_is_refused_and_counted():
+    localizer = driven_to(100)
+    before = localizer.predict(10.0)
+    after = localizer.update(town_fix(50.0, -1.75, 8.5))
+    np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
+    assert localizer.skipped == {"late": 1}
+
+
+def test_a_fix_half_a_second_late_says_what_it_would_have_said_in_time():
+    late, in_time = driven_to(105), driven_to(105)
+    now = float(STRAIGHT.time[105])
+    a = late.update(town_fix(STRAIGHT.x[100], STRAIGHT.y[100] + 2.0, STRAIGHT.time[100] + 1e-3))
+    b = in_time.update(town_fix(STRAIGHT.x[105], STRAIGHT.y[105] + 2.0, now))
+    assert a.time == now
+    assert a.pose.x == pytest.approx(b.pose.x, abs=0.1)
+    assert a.pose.y == pytest.approx(b.pose.y, abs=0.1)
+
+
+def test_before_the_first_fix_the_localizer_is_lost():
+    estimate = Localizer(TOWN, vehicle=CAR).update(WheelTicks(0.0, 0.0, 0.0))
+    assert estimate.status == "lost"
+    assert estimate.edge is None
+    assert estimate.hypotheses == ()
+
+
+def test_a_start_pose_stands_in_for_the_first_fix():
+    lat, lon = PLANE.to_geodetic(150.0, -1.75)
+    localizer = Localizer(TOWN, vehicle=CAR, start=StartPose(lat, lon, 90.0, 2.0, 5.0))
+    log = wheels(STRAIGHT)
+    for i in range(60):
+        estimate = localizer.update(
+            WheelTicks(float(log.time[i]), float(log.left[i]), float(log.right[i]))
+        )
+    assert estimate.pose.x == pytest.approx(150.0 + 59.0, abs=2.0)
+    assert estimate.edge == 4  # the third block, eastwards
+    assert estimate.p_road > 0.9
+    assert estimate.pose.bearing_deg == pytest.approx(90.0, abs=3.0)
+
+
+def test_a_recorded_drive_that_nothing_can_start_is_refused():
+    timeline = build_timeline(Drive("d", None, wheels(STRAIGHT)), PLANE, CAR)
+    with pytest.raises(DriveError, match="no usable GNSS fix"):
+        localize_recorded(TOWN, timeline, vehicle=CAR)
+
+
+def test_speed_is_what_the_wheels_say():
+    localizer = driven_to(100)
+    assert localizer._output.value[0, V_SPEED] == pytest.approx(10.0, rel=0.03)
+    assert math.isfinite(localizer.predict(11.0).pose.x)
