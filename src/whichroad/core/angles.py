@@ -9,4 +9,6 @@ from ._jit import kernel
 def wrap(angle: float) -> float:
     """Bring an angle into (-π, π]."""
     wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-    return wrapped if wrapped != -math.pi else math.pi
+    if wrapped <= -math.pi:  # the quotient was rounded up, or the angle is -π itself
+        return min(wrapped + 2.0 * math.pi, math.pi)
+    return min(wrapped, math.pi)

@@ -15,11 +15,12 @@ X and Y are in plane units and everything else, covariance included, in true met
 a displacement of v metres moves X, Y by k v, with k the plane's local scale.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Ints, Ints32, Matrix, Vector
+from ._jit import Bytes, Ints, Ints32, Matrix, Vector, kernel
 
 N = 10
 X, Y, H, K, B, D, MX, MY, GX, GY = range(N)
@@ -99,3 +100,21 @@ def new_route(capacity: int) -> Route:
         np.zeros(capacity),
         np.zeros(1, np.int64),
     )
+
+
+@kernel
+def normalise(belief: Belief) -> float:
+    """Make the weights sum to one; returns the log of what they summed to."""
+    n = belief.size[0]
+    top = -math.inf
+    for i in range(n):
+        top = max(top, belief.log_weight[i])
+    total = 0.0
+    for i in range(n):
+        belief.probability[i] = math.exp(belief.log_weight[i] - top)
+        total += belief.probability[i]
+    log_total = top + math.log(total)
+    for i in range(n):
+        belief.log_weight[i] -= log_total
+        belief.probability[i] /= total
+    return log_total

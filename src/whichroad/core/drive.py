@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Bytes, Matrix, Vector, kernel
+from .along import advance_along
 from .belief import (
     LAST_FIX,
     MISFITS,
@@ -25,22 +26,17 @@ from .belief import (
     Route,
     X,
     Y,
+    normalise,
 )
+from .gnss import forward_only, gnss_root, observe_fix, observe_state
 from .motion import age_gnss, predict_free
 from .network import Roads
-from .observe import (
-    forward_only,
-    gnss_root,
-    normalise,
-    observe_fix,
-    observe_roads,
-    observe_state,
-)
 from .output import Output, say
 from .parameters import Parameters
 from .reduction import reduce
+from .road import observe_roads
 from .start import cold_start, leave_and_return, turn_round, turn_with_heading
-from .switching import Work, advance_along, hand_over
+from .switching import Work, hand_over
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 

@@ -22,7 +22,7 @@ from .belief import (
     Y,
 )
 from .network import Roads
-from .observe import track
+from .road import track
 
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 

@@ -22,11 +22,10 @@ import numpy as np
 
 from ._jit import Ints, Vector, kernel
 from .angles import wrap
-from .belief import GNSS_YY, NO_EDGE, NOW, Belief, H, N, X, Y, new_belief
+from .belief import GNSS_YY, NO_EDGE, NOW, Belief, H, N, X, Y, new_belief, normalise
 from .gaussian import condition, merge_moments
 from .grid import near, vertex_at
 from .network import Roads
-from .observe import normalise
 from .segment import project
 
 CANDIDATES = 48  # the closest segments, where more are within the radius
@@ -114,6 +113,7 @@ def observe_segment(
     )
     foot_x = roads.x[v] + inside * tx
     foot_y = roads.y[v] + inside * ty
+    cap = mean[H] + wrap(math.atan2(ty, tx) - mean[H])
     gain = 0.0
     for axis in range(2):
         for j in range(N):
@@ -126,8 +126,8 @@ def observe_segment(
     row[X] = 0.0
     row[Y] = 0.0
     row[H] = 1.0
-    nu = wrap(math.atan2(ty, tx) - mean[H])
-    gain += condition(mean, cov, row, nu, literal.paper_heading_sigma**2, scale)
+    gain += condition(mean, cov, row, cap - mean[H], literal.paper_heading_sigma**2, scale)
+    mean[H] = wrap(mean[H])
     belief.segment[i] = v
     return gain
 

@@ -28,12 +28,13 @@ from .belief import (
     N,
     X,
     Y,
+    normalise,
 )
 from .drive import CLOCK, DISTANCE, WHEELS, Epochs
+from .gnss import forward_only, observe_fix, observe_state
 from .grid import near, vertex_at
 from .motion import predict_free
 from .network import Roads
-from .observe import forward_only, normalise, observe_fix, observe_state
 from .output import LOST, OUTAGE, V_H, V_X, V_XX, V_Y, Output, say
 from .paper import STEPPED, Bench, Literal, most_probable, switch
 from .parameters import Parameters

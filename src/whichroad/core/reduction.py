@@ -9,9 +9,8 @@ import math
 
 from ._jit import kernel
 from .angles import wrap
-from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, Belief, H, Route
+from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, Belief, H, Route, normalise
 from .gaussian import merge_moments
-from .observe import normalise
 from .switching import copy_hypothesis, enter
 
 _OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged

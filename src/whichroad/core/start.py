@@ -25,7 +25,7 @@ from .gaussian import normal_cdf
 from .grid import near, vertex_at
 from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from .segment import chord_heading, project
-from .switching import Work, copy_hypothesis
+from .switching import Work, copy_hypothesis, rescale
 
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
 
@@ -154,6 +154,7 @@ def cold_start(
         )  # fmt: skip
         belief.edge[n] = edge
         belief.segment[n] = segment
+        belief.stay[n] = max(normal_cdf((length - s) / sigma), 1e-6)
         belief.log_weight[n] = math.log(mass * (1.0 - off_road))
         n += 1
     free = 1 if known else _HEADINGS
@@ -171,7 +172,6 @@ def cold_start(
         belief.log_weight[n] = math.log(max(share, 1e-300) / free)
         n += 1
     for i in range(n):
-        belief.stay[i] = 1.0
         belief.fresh[i] = 1
         belief.node[i] = parent
     belief.size[0] = n
@@ -210,8 +210,9 @@ def leave_and_return(
                 copy_hypothesis(belief, i, child)
                 belief.edge[child] = OFF_ROAD
                 belief.fresh[child] = 1
-                belief.log_weight[child] += math.log(leave * travelled)
-                belief.probability[child] *= leave * travelled
+                share = min(leave * travelled, 0.5)
+                rescale(belief, child, share)
+                rescale(belief, i, 1.0 - share)
                 if follows_road:
                     belief.cov[child, H, H] += 0.04
                 belief.size[0] = child + 1
@@ -251,31 +252,32 @@ def _return(
             work.near_s[count] = s
             count += 1
     count = min(count, 12)
-    if count == 0:
-        return
+    given = 0.0
     for c in range(count):
         if belief.size[0] >= CAPACITY - 64:
-            return
+            break
         edge = work.near_edge[c]
         part = share / count
         if roads.rule[edge] & AGAINST_ONE_WAY:
             part *= max(wrong_way, 1e-6)
         if part * p < 1e-6:
             continue
+        given += part
         child = belief.size[0]
         copy_hypothesis(belief, i, child)
         belief.edge[child] = edge
         belief.segment[child] = vertex_at(roads, edge, work.near_s[c])
         belief.stay[child] = 1.0
         belief.fresh[child] = 1
-        belief.log_weight[child] += math.log(part)
-        belief.probability[child] *= part
+        rescale(belief, child, part)
         for j in range(N):
             belief.cov[child, D, j] = 0.0
             belief.cov[child, j, D] = 0.0
         belief.cov[child, D, D] = lane_sigma**2
         belief.mean[child, D] = side * roads.lane[edge]
         belief.size[0] = child + 1
+    if given > 0.0:
+        rescale(belief, i, 1.0 - given)
 
 
 @kernel
@@ -287,8 +289,8 @@ def _turned(
     other = roads.opposite[belief.edge[i]]
     child = belief.size[0]
     copy_hypothesis(belief, i, child)
-    belief.log_weight[child] += math.log(share)
-    belief.probability[child] *= share
+    rescale(belief, child, share)
+    rescale(belief, i, 1.0 - share)
     belief.edge[child] = other
     belief.segment[child] = vertex_at(roads, other, roads.length[other] - belief.abscissa[i])
     belief.stay[child] = 1.0

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Ints, Ints32, Vector, kernel
-from .angles import wrap
 from .belief import (
     CAPACITY,
     MX,
@@ -20,32 +19,30 @@ from .belief import (
     NOW,
     OFF_ROAD,
     Belief,
-    K,
     N,
     Route,
     X,
     Y,
 )
 from .gaussian import normal_cdf, reshape_along, truncated_moments
-from .motion import predict_along, redraw_lane
+from .motion import redraw_lane
 from .network import Roads
-from .observe import track
-from .segment import locate
+from .road import track
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
-_MOST = 64  # destinations of one hypothesis in one step
+MOST = 64  # destinations of one hypothesis in one step
 
 
 class Work(NamedTuple):
     """Scratch space of the kernels, allocated once."""
 
     row: Vector  # (N,)
-    edge: Ints32  # (_MOST,) destinations
-    parent: Ints32  # (_MOST,) destination it was reached from, -1: the origin itself
-    offset: Vector  # (_MOST,) abscissa of its start, from the origin's start
-    prior: Vector  # (_MOST,) product of turn priors
-    mass: Vector  # (_MOST,) prior times Gaussian mass
-    turn: Vector  # (_MOST,) sum of turns, rad
+    edge: Ints32  # (MOST,) destinations
+    parent: Ints32  # (MOST,) destination it was reached from, -1: the origin itself
+    offset: Vector  # (MOST,) abscissa of its start, from the origin's start
+    prior: Vector  # (MOST,) product of turn priors
+    mass: Vector  # (MOST,) prior times Gaussian mass
+    turn: Vector  # (MOST,) sum of turns, rad
     near_edge: Ints
     near_s: Vector
     near_lateral: Vector
@@ -57,12 +54,12 @@ def new_work() -> Work:
     """Scratch space for one thread."""
     return Work(
         np.zeros(N),
-        np.zeros(_MOST, np.int32),
-        np.zeros(_MOST, np.int32),
-        np.zeros(_MOST),
-        np.zeros(_MOST),
-        np.zeros(_MOST),
-        np.zeros(_MOST),
+        np.zeros(MOST, np.int32),
+        np.zeros(MOST, np.int32),
+        np.zeros(MOST),
+        np.zeros(MOST),
+        np.zeros(MOST),
+        np.zeros(MOST),
         np.zeros(128, np.int64),
         np.zeros(128),
         np.zeros(128),
@@ -87,6 +84,13 @@ def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
     belief.stay[target] = belief.stay[source]
     belief.node[target] = belief.node[source]
     belief.fresh[target] = belief.fresh[source]
+
+
+@kernel
+def rescale(belief: Belief, i: int, factor: float) -> None:
+    """Multiply a hypothesis' weight."""
+    belief.log_weight[i] += math.log(max(factor, 1e-300))
+    belief.probability[i] *= factor
 
 
 @kernel
@@ -130,7 +134,7 @@ def reachable(roads: Roads, work: Work, edge: int, s: float, sigma: float, least
     while True:
         for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
             p = prior * roads.succ_prior[t]
-            if p < least or count >= _MOST:
+            if p < least or count >= MOST:
                 continue
             f = roads.succ[t]
             high = normal_cdf((end + roads.length[f] - s) / sigma)
@@ -154,15 +158,14 @@ def reachable(roads: Roads, work: Work, edge: int, s: float, sigma: float, least
 
 
 @kernel
-def _adopt(
+def adopt(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, child: int, d: int,
     share: float, side: float, lane_sigma: float,
 ) -> None:  # fmt: skip
     """Make row `child` a copy of i on destination d, with its share of the weight."""
     copy_hypothesis(belief, i, child)
     edge = work.edge[d]
-    belief.log_weight[child] += math.log(share)
-    belief.probability[child] *= share
+    rescale(belief, child, share)
     belief.edge[child] = edge
     belief.segment[child] = roads.first[edge]
     belief.fresh[child] = 1
@@ -186,17 +189,16 @@ def _adopt(
 
 
 @kernel
-def _leave_map(belief: Belief, i: int, child: int, share: float) -> None:
+def leave_map(belief: Belief, i: int, child: int, share: float) -> None:
     """The road ends at the map's border or in a one-way trap: what leaves is off road."""
     copy_hypothesis(belief, i, child)
-    belief.log_weight[child] += math.log(share)
-    belief.probability[child] *= share
+    rescale(belief, child, share)
     belief.edge[child] = OFF_ROAD
     belief.fresh[child] = 1
 
 
 @kernel
-def _destinations(
+def destinations(
     roads: Roads, work: Work, edge: int, s: float, sigma: float, share: float, prune: float
 ) -> tuple[int, float]:
     """Reachable edges, and the mass on them altogether."""
@@ -260,20 +262,20 @@ def hand_over(
             continue
         now = normal_cdf((length - s) / sigma)
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
-        if share * p < 0.3 * prune or belief.size[0] > CAPACITY - _MOST:
+        if share * p < 0.3 * prune or belief.size[0] > CAPACITY - MOST:
             belief.stay[i] = max(belief.stay[i], now)
             continue
         changed = True
-        count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
+        count, total = destinations(roads, work, edge, s, sigma, share * p, prune)
         if total <= 0.0:
-            _leave_map(belief, i, belief.size[0], share)
+            leave_map(belief, i, belief.size[0], share)
             belief.size[0] += 1
         for d in range(count):
             part = share * work.mass[d] / total if total > 0.0 else 0.0
             if part * p < 0.1 * prune:
                 continue
             child = belief.size[0]
-            _adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
+            adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
             belief.size[0] = child + 1
             f = work.edge[d]
             ahead = s - work.offset[d]
@@ -284,8 +286,7 @@ def hand_over(
                 normal_cdf((roads.length[f] - ahead) / belief.spread[child]), 1e-6
             )
         belief.stay[i] = now
-        belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
-        belief.probability[i] *= 1.0 - share
+        rescale(belief, i, 1.0 - share)
         if cut:
             _cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
             track(belief, roads, i, scale)
@@ -314,15 +315,13 @@ def _back_up(
             continue
         child = belief.size[0]
         copy_hypothesis(belief, i, child)
-        belief.log_weight[child] += math.log(share / count)
-        belief.probability[child] *= share / count
+        rescale(belief, child, share / count)
         belief.edge[child] = q
         belief.segment[child] = roads.first[q + 1] - 2
         belief.fresh[child] = 1
         belief.stay[child] = 1.0
         belief.size[0] = child + 1
-    belief.log_weight[i] += math.log(1.0 - share)
-    belief.probability[i] *= 1.0 - share
+    rescale(belief, i, 1.0 - share)
     return True
 
 
@@ -341,123 +340,3 @@ def _cut_along(
     row[MX] = tx
     row[MY] = ty
     reshape_along(belief.mean[i], belief.cov[i], row, mean - s, variance / (sigma * sigma), scale)
-
-
-@kernel
-def _move_to(
-    belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
-    lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
-    scale: float, q_along: float, q_rate: float, q_cross: float, heading_variance: float,
-    node_radius: float, node_variance: float,
-) -> None:  # fmt: skip
-    """Put hypothesis i at abscissa s of an edge, cut to [low, high], by its road's shape.
-
-    In bends and about junctions the vehicle's heading is on its way from one to the other.
-    """
-    mean = belief.mean[i]
-    cov = belief.cov[i]
-    cut, variance = truncated_moments(s, sigma, low, high)
-    segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
-    heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
-    if roads.first[edge + 1] - roads.first[edge] > 2:
-        _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
-        _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
-        heading_variance += (0.5 * (ax * by - ay * bx)) ** 2
-    if min(cut, roads.length[edge] - cut) < node_radius:
-        heading_variance += node_variance
-    predict_along(
-        mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
-    )
-    shrink = variance / (sigma * sigma)
-    if shrink < 0.9999:
-        row = work.row
-        for j in range(N):
-            row[j] = 0.0
-        row[X] = nx
-        row[Y] = ny
-        row[MX] = nx
-        row[MY] = ny
-        reshape_along(mean, cov, row, cut - s, shrink, scale)
-    mean[X] = cx + scale * (lateral * ny - mean[MX])
-    mean[Y] = cy + scale * (-lateral * nx - mean[MY])
-    belief.segment[i] = segment
-    belief.abscissa[i] = cut
-    belief.spread[i] = math.sqrt(variance)
-    room = (roads.length[edge] - cut) / belief.spread[i]
-    belief.stay[i] = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
-
-
-@kernel
-def advance_along(
-    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
-    q_along: float, q_rate: float, q_cross: float, heading_variance: float,
-    node_radius: float, node_variance: float, side: float, lane_sigma: float, prune: float,
-) -> bool:  # fmt: skip
-    """Move the hypotheses on roads by κ δ along them, branching where roads branch.
-
-    For vehicles without a heading sensor: the road tells the turn.  Off-road
-    hypotheses are left alone.
-
-    Args:
-        belief: In place; children are appended.
-        roads: The network.
-        route: The tree of edges entered.
-        work: Scratch.
-        scale: Local scale of the plane.
-        odometer: δ, odometer metres, or seconds where κ is a speed.
-        q_along: Variance added along the road, m².
-        q_rate: Variance added to κ.
-        q_cross: Covariance added between them.
-        heading_variance: Of the vehicle's heading about the road's.
-        node_radius: Within this of a junction, m, it is more by
-        node_variance: this, rad².
-        side: 1 where one drives on the right, −1 on the left.
-        lane_sigma: Spread of the lane offset, m.
-        prune: Probability below which a hypothesis is not worth its while.
-
-    Returns:
-        Whether anything branched.
-    """
-    n = belief.size[0]
-    changed = False
-    for i in range(n):
-        edge = belief.edge[i]
-        if edge == OFF_ROAD:
-            continue
-        lateral, tx, ty = track(belief, roads, i, scale)
-        cov = belief.cov[i]
-        s = belief.abscissa[i] + odometer * belief.mean[i, K]
-        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
-        variance = belief.spread[i] ** 2 + odometer * (2.0 * cross + odometer * cov[K, K])
-        sigma = math.sqrt(max(variance + q_along, 1e-4))
-        length = roads.length[edge]
-        now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
-        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
-        p = belief.probability[i]
-        if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - _MOST:
-            changed = True
-            count, total = _destinations(roads, work, edge, s, sigma, share * p, prune)
-            if total <= 0.0:
-                _leave_map(belief, i, belief.size[0], share)
-                belief.size[0] += 1
-            for d in range(count):
-                part = share * work.mass[d] / total if total > 0.0 else 0.0
-                if part * p < 0.1 * prune:
-                    continue
-                child = belief.size[0]
-                _adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
-                belief.size[0] = child + 1
-                f = work.edge[d]
-                _move_to(
-                    belief, roads, work, child, f, s - work.offset[d], sigma, lateral, tx, ty,
-                    0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
-                    heading_variance, node_radius, node_variance,
-                )  # fmt: skip
-            belief.log_weight[i] += math.log(max(1.0 - share, 1e-12))
-            belief.probability[i] *= 1.0 - share
-        _move_to(
-            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
-            scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
-        )  # fmt: skip
-    return changed

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oracles import textbook
-from scenes import On, belief_on, doubt_map, network, parallel_roads, straight_road, weights
+from scenes import On, belief_on, call, doubt_map, network, parallel_roads, straight_road, weights
 from strategies import UNITS, random_gaussian, seeds
 from whichroad.core.belief import (
     GX,
@@ -26,7 +26,9 @@ from whichroad.core.belief import (
 )
 from whichroad.core.motion import age_map
 from whichroad.core.network import Roads
-from whichroad.core.observe import normalise, observe_fix, observe_roads
+from whichroad.core.belief import normalise
+from whichroad.core.gnss import observe_fix
+from whichroad.core.road import observe_roads
 from whichroad.settings import Settings
 
 SET = Settings()
@@ -38,19 +40,15 @@ def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0,
     turn = np.array([[c, -s], [s, c]])
     root = turn @ np.diag([major, minor]) @ turn.T
     normalise(belief)
-    return observe_fix(
-        belief, np.array([x, y, major, minor, angle]), root[[0, 0, 1], [0, 1, 1]], 1.0, 1.0,
-        np.zeros(2), 0.5, gate, np.zeros(N),
+    return call(
+        observe_fix, belief=belief, fix=np.array([x, y, major, minor, angle]),
+        root=root[[0, 0, 1], [0, 1, 1]], interval=1.0, gate=gate,
     )  # fmt: skip
 
 
-def see_roads(belief: Belief, roads: Roads, travelled: float = 5.0, heading: bool = True) -> None:
-    belief.clock[TRAVELLED] = travelled
-    observe_roads(
-        belief, roads, 1.0, 1.0, heading, SET.relative_sigma, SET.edge_heading_sigma,
-        SET.node_radius, SET.node_sigma, SET.node_heading_sigma, SET.lane_sigma, SET.lane_length,
-        SET.map_sigma, SET.map_length, SET.off_road_cost, np.zeros(N),
-    )  # fmt: skip
+def see_roads(belief: Belief, roads: Roads) -> None:
+    belief.clock[TRAVELLED] = 5.0
+    call(observe_roads, belief=belief, roads=roads, with_heading=True)
 
 
 def random_belief(seed: int, n: int = 4) -> Belief:

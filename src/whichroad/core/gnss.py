@@ -1,4 +1,4 @@
-"""What the GNSS and the map say to every hypothesis.
+"""What the GNSS says to every hypothesis, its error correlated in time.
 
 All hypotheses, off-road included, see the same rows with the same noise, so that
 their likelihoods are densities of the same quantity and may be compared.
@@ -14,12 +14,8 @@ from .belief import (
     GNSS_YY,
     GX,
     GY,
-    MX,
-    MY,
     OFF_ROAD,
-    TRAVELLED,
     Belief,
-    D,
     H,
     K,
     N,
@@ -33,29 +29,7 @@ from .gaussian import (
     reshape_along,
     truncated_moments,
 )
-from .motion import age_gnss, age_map
-from .network import Roads
-from .segment import chord_heading, locate, project
-
-_HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
-
-
-@kernel
-def normalise(belief: Belief) -> float:
-    """Make the weights sum to one; returns the log of what they summed to."""
-    n = belief.size[0]
-    top = -math.inf
-    for i in range(n):
-        top = max(top, belief.log_weight[i])
-    total = 0.0
-    for i in range(n):
-        belief.probability[i] = math.exp(belief.log_weight[i] - top)
-        total += belief.probability[i]
-    log_total = top + math.log(total)
-    for i in range(n):
-        belief.log_weight[i] -= log_total
-        belief.probability[i] /= total
-    return log_total
+from .motion import age_gnss
 
 
 @kernel
@@ -207,170 +181,6 @@ def observe_state(
         if state == H:
             nu = wrap(nu)
         belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, variance, scale)
-
-
-@kernel
-def track(belief: Belief, roads: Roads, i: int, scale: float) -> tuple[float, float, float]:
-    """Project hypothesis i, shifted into the map's frame, on its edge.
-
-    Sets its segment, abscissa and spread.
-
-    Returns:
-        Lateral offset (m, right positive) and the unit tangent.
-    """
-    mean = belief.mean[i]
-    cov = belief.cov[i]
-    qx = mean[X] + scale * mean[MX]
-    qy = mean[Y] + scale * mean[MY]
-    segment, s, across, tx, ty = project(roads, belief.edge[i], belief.segment[i], qx, qy)
-    belief.segment[i] = segment
-    belief.abscissa[i] = s
-    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
-    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
-    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
-    belief.spread[i] = math.sqrt(max(tx * tx * vxx + 2.0 * tx * ty * vxy + ty * ty * vyy, 1e-4))
-    return across / scale, tx, ty
-
-
-@kernel
-def observe_roads(
-    belief: Belief,
-    roads: Roads,
-    scale: float,
-    side: float,
-    with_heading: bool,
-    relative_sigma: float,
-    heading_sigma: float,
-    node_radius: float,
-    node_sigma: float,
-    node_heading_sigma: float,
-    lane_sigma: float,
-    lane_length: float,
-    map_sigma: float,
-    map_length: float,
-    off_road_cost: float,
-    row: Vector,
-) -> None:
-    """Condition every hypothesis on its road (the paper's Y_carto), without an along row.
-
-        n·(p + m − c(s)) − d = e,      e ~ relative map error
-        θ − chord heading    = e_θ
-
-    The paper's row along the road is left out: its innovation is zero by construction
-    and would only make the filter falsely sure.  Near junctions, where the centre line
-    is not what is driven, both errors are relaxed for all hypotheses alike, by the
-    weighted share that is near one.  An off-road vehicle sees the rows through its own
-    free offset, which fits as a road does on average, and pays for fitting by distance.
-    """
-    n = belief.size[0]
-    travelled = belief.clock[TRAVELLED]
-    lateral = belief.scratch[0]
-    tangent_x = belief.scratch[1]
-    tangent_y = belief.scratch[2]
-    heading = belief.scratch[3]
-    slope = belief.scratch[4]
-    lane_keep = math.exp(-travelled / lane_length)
-    map_keep = math.exp(-travelled / map_length)
-    on = 0.0
-    more_lateral = 0.0
-    more_heading = 0.0
-    for i in range(n):
-        edge = belief.edge[i]
-        lane = 0.0 if edge == OFF_ROAD else side * roads.lane[edge]
-        age_map(belief.mean[i], belief.cov[i], lane, lane_keep, lane_sigma, map_keep, map_sigma)
-        if edge == OFF_ROAD:
-            continue
-        lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)
-        s = belief.abscissa[i]
-        p = belief.probability[i]
-        on += p
-        heading[i], slope[i], bow = bend(roads, edge, belief.segment[i], s, belief.spread[i])
-        spread2 = belief.spread[i] ** 2
-        cutting = min(abs(slope[i]) * _HALF_CHORD, 1.0) * node_sigma
-        sagitta = min(0.5 * abs(slope[i]) * spread2, 4.0)
-        more_lateral += p * (cutting * cutting + sagitta * sagitta)
-        more_heading += p * (bow * bow + 0.1 * slope[i] ** 2 * (spread2 + 9.0))
-        if min(s, roads.length[edge] - s) < node_radius:
-            more_lateral += p * node_sigma**2
-            more_heading += p * node_heading_sigma**2
-    if on > 0.0:
-        more_lateral /= on
-        more_heading /= on
-    r_lateral = relative_sigma**2 + more_lateral
-    r_heading = heading_sigma**2 + more_heading
-    log_s = 0.0
-    for i in range(n):
-        if belief.edge[i] == OFF_ROAD:
-            continue
-        p = belief.probability[i]
-        mean = belief.mean[i]
-        for j in range(N):
-            row[j] = 0.0
-        nx = tangent_y[i]
-        ny = -tangent_x[i]
-        row[X] = nx
-        row[Y] = ny
-        row[MX] = nx
-        row[MY] = ny
-        row[D] = -1.0
-        nu = mean[D] - lateral[i]
-        log_s += p * math.log(innovation_variance(belief.cov[i], row, r_lateral))
-        gain = condition(mean, belief.cov[i], row, nu, r_lateral, scale)
-        if with_heading:
-            for j in range(N):
-                row[j] = 0.0
-            row[H] = 1.0
-            row[X] = -slope[i] * tangent_x[i]
-            row[Y] = -slope[i] * tangent_y[i]
-            row[MX] = row[X]
-            row[MY] = row[Y]
-            nu = wrap(heading[i] - mean[H])
-            log_s += p * math.log(innovation_variance(belief.cov[i], row, r_heading))
-            gain += condition(mean, belief.cov[i], row, nu, r_heading, scale)
-        belief.log_weight[i] += gain
-    rows = 2.0 if with_heading else 1.0
-    if on > 0.0:
-        fit = -0.5 * (rows * (1.0 + math.log(2.0 * math.pi)) + log_s / on)
-        for i in range(n):
-            if belief.edge[i] == OFF_ROAD:
-                belief.log_weight[i] += fit - off_road_cost * travelled
-
-
-@kernel
-def bend(
-    roads: Roads, edge: int, segment: int, s: float, sigma: float
-) -> tuple[float, float, float]:
-    """The road's heading about an abscissa that is only known to sigma.
-
-    The chord's heading χ is taken at s − δ, s, s + δ with δ = max(σ, 3 m):
-
-        slope = (χ₊ − χ₋) / 2δ,     bow = (χ₊ + χ₋) / 2 − χ
-
-    so that in a bend the heading tells the abscissa, over as much road as is in doubt.
-
-    Args:
-        roads: The network.
-        edge: Directed edge.
-        segment: Vertex index near the abscissa.
-        s: Abscissa, m.
-        sigma: Its standard deviation, m.
-
-    Returns:
-        χ (rad), slope (rad/m), bow (rad).
-    """
-    length = roads.length[edge]
-    if roads.first[edge + 1] - roads.first[edge] == 2:
-        _, _, _, tx, ty = locate(roads, edge, segment, s)
-        return math.atan2(ty, tx), 0.0, 0.0
-    step = min(max(sigma, 3.0), 25.0)
-    low = max(s - step, 0.0)
-    high = min(s + step, length)
-    middle = chord_heading(roads, edge, segment, min(max(s, 0.0), length), _HALF_CHORD)
-    if high - low < 1.0:
-        return middle, 0.0, 0.0
-    before = wrap(chord_heading(roads, edge, segment, low, _HALF_CHORD) - middle)
-    after = wrap(chord_heading(roads, edge, segment, high, _HALF_CHORD) - middle)
-    return middle, (after - before) / (high - low), 0.5 * (after + before)
 
 
 @kernel

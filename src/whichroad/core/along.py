@@ -1,0 +1,143 @@
+"""Hypotheses move along their roads when nothing measures the heading."""
+
+import math
+
+from ._jit import kernel
+from .angles import wrap
+from .belief import (
+    CAPACITY,
+    MX,
+    MY,
+    OFF_ROAD,
+    Belief,
+    K,
+    N,
+    Route,
+    X,
+    Y,
+)
+from .gaussian import normal_cdf, reshape_along, truncated_moments
+from .motion import predict_along
+from .network import Roads
+from .road import track
+from .segment import locate
+from .switching import MOST, Work, adopt, destinations, leave_map, rescale
+
+
+@kernel
+def _move_to(
+    belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
+    lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
+    scale: float, q_along: float, q_rate: float, q_cross: float, heading_variance: float,
+    node_radius: float, node_variance: float,
+) -> None:  # fmt: skip
+    """Put hypothesis i at abscissa s of an edge, cut to [low, high], by its road's shape.
+
+    In bends and about junctions the vehicle's heading is on its way from one to the other.
+    """
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    cut, variance = truncated_moments(s, sigma, low, high)
+    segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
+    heading = math.atan2(ny, nx)
+    turn = wrap(heading - math.atan2(ty, tx))
+    if roads.first[edge + 1] - roads.first[edge] > 2:
+        _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
+        _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
+        heading_variance += (0.5 * (ax * by - ay * bx)) ** 2
+    if min(cut, roads.length[edge] - cut) < node_radius:
+        heading_variance += node_variance
+    predict_along(
+        mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
+    )
+    shrink = variance / (sigma * sigma)
+    if shrink < 0.9999:
+        row = work.row
+        for j in range(N):
+            row[j] = 0.0
+        row[X] = nx
+        row[Y] = ny
+        row[MX] = nx
+        row[MY] = ny
+        reshape_along(mean, cov, row, cut - s, shrink, scale)
+    mean[X] = cx + scale * (lateral * ny - mean[MX])
+    mean[Y] = cy + scale * (-lateral * nx - mean[MY])
+    belief.segment[i] = segment
+    belief.abscissa[i] = cut
+    belief.spread[i] = math.sqrt(variance)
+    room = (roads.length[edge] - cut) / belief.spread[i]
+    belief.stay[i] = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
+
+
+@kernel
+def advance_along(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
+    q_along: float, q_rate: float, q_cross: float, heading_variance: float,
+    node_radius: float, node_variance: float, side: float, lane_sigma: float, prune: float,
+) -> bool:  # fmt: skip
+    """Move the hypotheses on roads by κ δ along them, branching where roads branch.
+
+    For vehicles without a heading sensor: the road tells the turn.  Off-road
+    hypotheses are left alone.
+
+    Args:
+        belief: In place; children are appended.
+        roads: The network.
+        route: The tree of edges entered.
+        work: Scratch.
+        scale: Local scale of the plane.
+        odometer: δ, odometer metres, or seconds where κ is a speed.
+        q_along: Variance added along the road, m².
+        q_rate: Variance added to κ.
+        q_cross: Covariance added between them.
+        heading_variance: Of the vehicle's heading about the road's.
+        node_radius: Within this of a junction, m, it is more by
+        node_variance: this, rad².
+        side: 1 where one drives on the right, −1 on the left.
+        lane_sigma: Spread of the lane offset, m.
+        prune: Probability below which a hypothesis is not worth its while.
+
+    Returns:
+        Whether anything branched.
+    """
+    n = belief.size[0]
+    changed = False
+    for i in range(n):
+        edge = belief.edge[i]
+        if edge == OFF_ROAD:
+            continue
+        lateral, tx, ty = track(belief, roads, i, scale)
+        cov = belief.cov[i]
+        s = belief.abscissa[i] + odometer * belief.mean[i, K]
+        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+        variance = belief.spread[i] ** 2 + odometer * (2.0 * cross + odometer * cov[K, K])
+        sigma = math.sqrt(max(variance + q_along, 1e-4))
+        length = roads.length[edge]
+        now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
+        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
+        p = belief.probability[i]
+        if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - MOST:
+            changed = True
+            count, total = destinations(roads, work, edge, s, sigma, share * p, prune)
+            if total <= 0.0:
+                leave_map(belief, i, belief.size[0], share)
+                belief.size[0] += 1
+            for d in range(count):
+                part = share * work.mass[d] / total if total > 0.0 else 0.0
+                if part * p < 0.1 * prune:
+                    continue
+                child = belief.size[0]
+                adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
+                belief.size[0] = child + 1
+                f = work.edge[d]
+                _move_to(
+                    belief, roads, work, child, f, s - work.offset[d], sigma, lateral, tx, ty,
+                    0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
+                    heading_variance, node_radius, node_variance,
+                )  # fmt: skip
+            rescale(belief, i, 1.0 - share)
+        _move_to(
+            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
+            scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
+        )  # fmt: skip
+    return changed
