@@ -4,6 +4,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
+import shapely
 
 from whichroad.core.network import NO_ACCESS, U_TURN
 from whichroad.frames import Plane
@@ -71,9 +72,45 @@ def degrees():
 
 
 @pytest.fixture(scope="session")
+def line(degrees):
+    """The function from points in metres to a line in degrees."""
+    return lambda *points: shapely.LineString([degrees(*p) for p in points])
+
+
+@pytest.fixture(scope="session")
+def edge():
+    """The function that finds an edge by the names of its nodes."""
+    return _edge
+
+
+@pytest.fixture(scope="session")
+def turn():
+    """The function that finds a turn by the names of its nodes."""
+    return _turn
+
+
+@pytest.fixture(scope="session")
 def check():
     """The function that asserts what holds for every map."""
     return _check
+
+
+def _edge(roads, start, end):
+    """The edge from one node to another, by source ids."""
+    a = roads.arrays
+    pairs = zip(roads.node_ids(a.from_node), roads.node_ids(a.to_node), strict=True)
+    [found] = [i for i, pair in enumerate(pairs) if pair == (start, end)]
+    return found
+
+
+def _turn(roads, start, node, end):
+    """Prior, angle and broken rules of a turn, by source ids of nodes."""
+    a = roads.arrays
+    origin, target = _edge(roads, start, node), _edge(roads, node, end)
+    for t in range(a.succ_first[origin], a.succ_first[origin + 1]):
+        if a.succ[t] == target:
+            return float(a.succ_prior[t]), float(a.succ_turn[t]), int(a.succ_rule[t])
+    raise AssertionError((start, node, end))
 
 
 def _check(roads):

@@ -16,12 +16,6 @@ from whichroad.errors import MapError
 from whichroad.roadmap import RoadMap
 
 
-@pytest.fixture(scope="session")
-def line(degrees):
-    """The function from points in metres to a line in degrees."""
-    return lambda *points: shapely.LineString([degrees(*p) for p in points])
-
-
 @pytest.fixture
 def town(line):
     """Four streets about a crossing, one of them one-way, one of two pieces."""
@@ -201,53 +195,6 @@ def test_an_absurd_cost_closes_a_direction(line):
     assert legal == [(True, False), (True, True), (False, True)]
 
 
-@pytest.mark.parametrize(("gap", "edges"), [(0.0, 2), (0.4, 2), (0.6, 4)])
-def test_ends_within_half_a_metre_meet(line, gap, edges):
-    lines = [line((0, 0), (100, 0)), line((100 + gap, 0), (200, 80))]
-    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
-    assert len(roads) == edges
-
-
-def test_an_end_on_a_vertex_of_another_line_is_a_junction(line, check):
-    lines = [line((0, 0), (100, 0), (200, 0)), line((100, 0.2), (100, 100))]
-    roads = RoadMap.from_edges(geopandas.GeoDataFrame({"id": [1, 2]}, geometry=lines, crs=4326))
-    check(roads)
-    assert len(roads) == 6
-    # but not where there is no vertex
-    lines[1] = line((150, 0), (150, 100))
-    assert len(RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))) == 4
-
-
-def test_a_vertex_in_two_lines_is_a_junction_unless_they_are_on_different_levels(line):
-    lines = [line((-90, 0), (0, 0), (100, 0)), line((0, -90), (0, 0), (0, 100))]
-    assert len(RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))) == 8
-    bridge = geopandas.GeoDataFrame({"bridge": ["no", "yes"]}, geometry=lines, crs=4326)
-    assert len(RoadMap.from_edges(bridge)) == 4
-    layer = geopandas.GeoDataFrame({"layer": [0, 1]}, geometry=lines, crs=4326)
-    assert len(RoadMap.from_edges(layer)) == 4
-
-
-def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
-    lines = [line((0, 0), (100, 0)), line((104, 0), (200, 0)), line((100, 0), (100, 50))]
-    table = geopandas.GeoDataFrame(
-        {"id": [1, 2, 3], "from": [1, 2, 2], "to": [2, 3, 4]}, geometry=lines, crs=4326
-    )
-    roads = RoadMap.from_edges(table)
-    check(roads)
-    assert len(roads) == 6
-    assert roads.info()["skipped"] == {"ends drawn on to their node": 1}
-    assert max(roads.arrays.length) == pytest.approx(100, abs=0.01)
-
-
-def test_from_and_to_that_are_no_nodes_are_refused(line):
-    lines = [line((1000 * i, 0), (1000 * i + 300, 0)) for i in range(9)]
-    table = geopandas.GeoDataFrame(
-        {"from": ["Alley"] * 9, "to": ["Lane"] * 9}, geometry=lines, crs=4326
-    )
-    with pytest.raises(MapError, match="rename"):
-        RoadMap.from_edges(table)
-
-
 def test_nodes_may_be_words(line):
     lines = [line((0, 0), (100, 0)), line((100, 0), (100, 50))]
     table = geopandas.GeoDataFrame(
@@ -317,33 +264,6 @@ def test_footways_are_not_for_cars(line):
     roads = RoadMap.from_edges(table)
     assert roads.column("highway") == ["tertiary", "tertiary"]
     assert roads.info()["skipped"] == {"rows of classes not for cars": 1}
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("x.csv", b"id,from,to\n1,2,3\n"),
-        ("x.csv", b""),
-        ("x.csv", b"geometry\n\n"),
-        ("x.csv", b"geometry\nPOINT (1 2)\n"),
-        ("x.parquet", b"PAR1"),
-        ("x.geojson", b'{"type": "FeatureCollection", "features": []}'),
-        ("x.geojson", b"{"),
-        ("x.gpkg", b"\0\1"),
-    ],
-)
-def test_a_table_without_roads_is_refused_by_name(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(MapError, match=r"x\."):
-        RoadMap.from_edges(path)
-
-
-def test_what_is_no_table_is_refused(tmp_path):
-    with pytest.raises(MapError, match="int"):
-        RoadMap.from_edges(5)
-    with pytest.raises(MapError, match="no such file"):
-        RoadMap.from_edges(tmp_path / "nowhere.csv")
 
 
 def test_a_map_wider_than_the_plane_is_refused(line):
@@ -431,13 +351,3 @@ def test_the_real_networks_keep_the_laws(data_folder, check):
     helsinki = RoadMap.from_edges(data_folder / "hsl" / "link.csv", crs="EPSG:3067")
     check(helsinki)
     assert helsinki.info()["lat"][0] == pytest.approx(60.18, abs=0.01)
-
-
-def test_vertices_too_close_to_tell_apart_are_one(line, check):
-    points = [(0, 0), (0.0002, 0), (0.0009, 0), (0.0016, 0.0001), (50, 0), (50, 0.0004), (90, 9)]
-    table = geopandas.GeoDataFrame(geometry=[line(*points)], crs=4326)
-    roads = RoadMap.from_edges(table)
-    check(roads)
-    assert len(roads) == 2
-    assert np.diff(roads.edge_line(0), axis=0).shape[0] < 6
-    assert roads.arrays.length[0] == pytest.approx(50 + np.hypot(40, 9), abs=0.01)

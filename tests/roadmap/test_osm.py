@@ -12,35 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from whichroad.core.network import AGAINST_ONE_WAY, NO_ACCESS, U_TURN
 from whichroad.errors import MapError
 from whichroad.roadmap import RoadMap
 
 CROSS = {1: (0, 0), 2: (100, 0), 3: (0, 100), 4: (-100, 0), 5: (0, -100)}
 ARMS = [(10, [1, 2], {}), (20, [1, 3], {}), (30, [1, 4], {}), (40, [1, 5], {})]
-
-
-def edge(roads, start, end):
-    """The edge from one node to another, by source ids."""
-    a = roads.arrays
-    pairs = zip(roads.node_ids(a.from_node), roads.node_ids(a.to_node), strict=True)
-    [found] = [i for i, pair in enumerate(pairs) if pair == (start, end)]
-    return found
-
-
-def turn(roads, start, node, end):
-    """Prior, angle and broken rules of a turn, by source ids of nodes."""
-    a = roads.arrays
-    origin, target = edge(roads, start, node), edge(roads, node, end)
-    for t in range(a.succ_first[origin], a.succ_first[origin + 1]):
-        if a.succ[t] == target:
-            return float(a.succ_prior[t]), float(a.succ_turn[t]), int(a.succ_rule[t])
-    raise AssertionError((start, node, end))
-
-
-def restriction(kind, origin, via, target, **tags):
-    members = (("way", origin, "from"), ("node", via, "via"), ("way", target, "to"))
-    return {"type": "restriction", "restriction": kind, **tags}, members
 
 
 def test_a_cross_has_four_streets_in_both_directions(osm, check):
@@ -51,7 +28,7 @@ def test_a_cross_has_four_streets_in_both_directions(osm, check):
     assert np.all(roads.arrays.rule == 0)
 
 
-def test_turns_have_the_angles_and_priors_of_the_model(osm):
+def test_turns_have_the_angles_and_priors_of_the_model(osm, turn):
     roads = osm(CROSS, ARMS)
     straight, left, right, back = (turn(roads, 4, 1, n) for n in (2, 3, 5, 4))
     assert straight[1] == pytest.approx(0, abs=1e-4)
@@ -64,12 +41,12 @@ def test_turns_have_the_angles_and_priors_of_the_model(osm):
     )
 
 
-def test_a_dead_end_leaves_nothing_but_turning_round(osm):
+def test_a_dead_end_leaves_nothing_but_turning_round(osm, turn):
     roads = osm(CROSS, ARMS)
     assert turn(roads, 1, 2, 1)[0] == 1
 
 
-def test_turning_into_a_service_road_is_less_likely_from_a_street_only(osm):
+def test_turning_into_a_service_road_is_less_likely_from_a_street_only(osm, turn):
     roads = osm(CROSS, [*ARMS[:1], (20, [1, 3], {"highway": "service"}), *ARMS[2:]])
     assert turn(roads, 4, 1, 3)[0] / turn(roads, 4, 1, 5)[0] == pytest.approx(0.3, rel=1e-5)
     assert turn(roads, 3, 1, 4)[0] / turn(roads, 3, 1, 2)[0] == pytest.approx(1, rel=1e-5)
@@ -92,14 +69,16 @@ def test_turning_into_a_service_road_is_less_likely_from_a_street_only(osm):
         ({"oneway": "reversible"}, (True, True)),
     ],
 )
-def test_one_way_streets_exist_in_the_other_direction_but_break_a_rule(osm, check, tags, legal):
+def test_one_way_streets_exist_in_the_other_direction_but_break_a_rule(
+    osm, check, tags, legal, edge
+):
     roads = osm({1: (0, 0), 2: (100, 0)}, [(10, [1, 2], tags)])
     check(roads)
     rules = [int(roads.arrays.rule[edge(roads, *pair)]) for pair in ((1, 2), (2, 1))]
     assert rules == [0 if ok else AGAINST_ONE_WAY for ok in legal]
 
 
-def test_driving_against_a_one_way_is_unlikely(osm):
+def test_driving_against_a_one_way_is_unlikely(osm, turn):
     roads = osm(CROSS, [*ARMS[:3], (40, [5, 1], {"oneway": "yes"})])
     prior, _, broken = turn(roads, 4, 1, 5)
     assert broken == AGAINST_ONE_WAY
@@ -132,7 +111,7 @@ def test_a_roundabout_is_driven_one_way_round(osm, check):
         assert a.lane[e] == 0
 
 
-def test_lanes_and_widths_say_where_one_drives(osm):
+def test_lanes_and_widths_say_where_one_drives(osm, edge):
     nodes = {1: (0, 0), 2: (100, 0), 3: (0, 100), 4: (-100, 0), 5: (0, -100), 6: (70, 70)}
     ways = [
         (10, [1, 2], {"highway": "primary"}),
@@ -146,7 +125,7 @@ def test_lanes_and_widths_say_where_one_drives(osm):
     assert lane == pytest.approx([1.75, 2.25, 1.2, 0, 1.5])
 
 
-def test_speeds_come_from_limits_or_classes(osm):
+def test_speeds_come_from_limits_or_classes(osm, edge):
     ways = [
         (10, [1, 2], {"maxspeed": "50"}),
         (20, [1, 3], {"maxspeed": "30 mph"}),
@@ -160,7 +139,7 @@ def test_speeds_come_from_limits_or_classes(osm):
     assert roads.attributes(edge(roads, 1, 4))["speed_limit_kmh"] is None
 
 
-def test_streets_that_run_on_are_one_edge_that_knows_its_ways(osm, check):
+def test_streets_that_run_on_are_one_edge_that_knows_its_ways(osm, check, edge):
     nodes = {1: (0, 0), 2: (30, 0), 3: (100, 0), 4: (100, 50), 5: (100, 90)}
     ways = [
         (10, [1, 2, 3], {"name": "High Street"}),
@@ -217,69 +196,7 @@ def test_a_loop_at_the_end_of_a_street_is_two_edges(osm, check):
     assert (a.from_node == a.to_node).sum() == 2
 
 
-@pytest.mark.parametrize(
-    ("rule", "banned"),
-    [
-        (restriction("no_left_turn", 30, 1, 20), {(4, 3)}),
-        (restriction("no_straight_on", 30, 1, 10), {(4, 2)}),
-        (restriction("only_straight_on", 30, 1, 10), {(4, 3), (4, 5), (4, 4)}),
-        (restriction("no_u_turn", 30, 1, 30), {(4, 4)}),
-        (restriction("no_left_turn", 30, 1, 20, **{"except": "psv"}), {(4, 3)}),
-        (restriction("no_left_turn", 30, 1, 20, **{"except": "psv;motorcar"}), set()),
-    ],
-)
-def test_turn_restrictions_ban_what_they_say(osm, check, rule, banned):
-    roads = osm(CROSS, ARMS, [rule])
-    check(roads)
-    seen = {
-        (start, end)
-        for start in (2, 3, 4, 5)
-        for end in (2, 3, 4, 5)
-        if turn(roads, start, 1, end)[2] & TURN_BANNED
-    }
-    assert seen == banned
-
-
-def test_a_restriction_for_cars_is_heard_and_one_for_lorries_is_not(osm):
-    members = restriction("", 30, 1, 20)[1]
-    cars = {"type": "restriction", "restriction:motorcar": "no_left_turn"}
-    lorries = {"type": "restriction", "restriction:hgv": "no_left_turn"}
-    hours = {"type": "restriction", "restriction:conditional": "no_left_turn @ (07:00-09:00)"}
-    assert turn(osm(CROSS, ARMS, [(cars, members)]), 4, 1, 3)[2] == TURN_BANNED
-    for tags in (lorries, hours):
-        roads = osm(CROSS, ARMS, [(tags, members)])
-        assert turn(roads, 4, 1, 3)[2] == 0
-        assert sum(roads.info()["skipped"].values()) == 1
-
-
-def test_restrictions_that_cannot_be_kept_are_counted(osm):
-    via_way = ("way", 30, "from"), ("way", 10, "via"), ("way", 20, "to")
-    no_target = ("way", 30, "from"), ("node", 1, "via")
-    elsewhere = ("way", 77, "from"), ("node", 99, "via"), ("way", 78, "to")
-    tags = {"type": "restriction", "restriction": "no_left_turn"}
-    roads = osm(CROSS, ARMS, [(tags, members) for members in (via_way, no_target, elsewhere)])
-    assert roads.info()["skipped"] == {
-        "restrictions via ways": 1,
-        "restrictions without from or to": 1,
-        "restrictions that touch no turn of this map": 1,
-    }
-
-
-def test_an_only_restriction_into_a_missing_street_bans_nothing(osm):
-    roads = osm(CROSS, ARMS, [restriction("only_left_turn", 30, 1, 77)])
-    assert not np.any(roads.arrays.succ_rule & TURN_BANNED)
-
-
-def test_the_node_of_a_restriction_is_a_junction_even_on_one_street(osm, check):
-    nodes = {1: (0, 0), 2: (50, 0), 3: (100, 0)}
-    roads = osm(nodes, [(10, [1, 2, 3], {})], [restriction("no_u_turn", 10, 2, 10)])
-    check(roads)
-    assert len(roads) == 4
-    assert turn(roads, 1, 2, 1)[2] == TURN_BANNED | U_TURN
-    assert turn(roads, 1, 2, 3)[2] == 0
-
-
-def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm):
+def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm, edge, turn):
     nodes = {**CROSS, 6: (0, 200)}
     closed = {"access": "private"}
     roads = osm(
@@ -307,7 +224,7 @@ def test_the_most_particular_access_tag_decides(osm, tags, access):
     assert (roads.arrays.rule[0] == NO_ACCESS) == (access == "no")
 
 
-def test_nobody_drives_through_a_bollard(osm, check):
+def test_nobody_drives_through_a_bollard(osm, check, turn):
     nodes = {1: (0, 0), 2: (50, 0), 3: (100, 0)}
     roads = osm(nodes, [(10, [1, 2, 3], {})], node_tags={2: {"barrier": "bollard"}})
     check(roads)
@@ -387,7 +304,9 @@ def test_lengths_are_those_on_the_ground(osm):
 
 
 def test_every_form_of_the_file_gives_the_same_map(tmp_path, xml):
-    text = xml(CROSS, ARMS, [restriction("no_left_turn", 30, 1, 20)])
+    members = ("way", 30, "from"), ("node", 1, "via"), ("way", 20, "to")
+    rule = {"type": "restriction", "restriction": "no_left_turn"}, members
+    text = xml(CROSS, ARMS, [rule])
     (tmp_path / "a.osm").write_text(text)
     (tmp_path / "b.osm.gz").write_bytes(gzip.compress(text.encode()))
     (tmp_path / "c.osm.bz2").write_bytes(bz2.compress(text.encode()))
@@ -398,27 +317,6 @@ def test_every_form_of_the_file_gives_the_same_map(tmp_path, xml):
     for other in maps[1:]:
         for one, two in zip(maps[0].arrays, other.arrays, strict=True):
             np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize("name", ["x.osm.pbf", "x.osm", "x.osm.gz", "x.osm.bz2", "x.txt", "x"])
-@pytest.mark.parametrize("content", [b"", b"\0\1\2", b"id,from,to\n1,2,3\n", b"<osm><way"])
-def test_a_file_that_is_no_map_is_refused_by_name(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(MapError, match="x"):
-        RoadMap.from_osm(path)
-
-
-def test_a_missing_file_is_refused_by_name(tmp_path):
-    with pytest.raises(MapError, match=r"nowhere\.osm"):
-        RoadMap.from_osm(tmp_path / "nowhere.osm")
-
-
-def test_a_map_without_streets_is_refused(osm):
-    with pytest.raises(MapError, match="no drivable way"):
-        osm({1: (0, 0), 2: (1, 1)}, [(10, [1, 2], {"highway": "footway"})])
-    with pytest.raises(MapError, match="no street has a length"):
-        osm({1: (0, 0), 2: (0, 0)}, [(10, [1, 2], {})])
 
 
 @given(st.data())

@@ -50,7 +50,7 @@ def link(
     Args:
         lines: The lines.
         origin: (rows,) names of the nodes at which rows begin; None: ends that lie together
-            meet, also with vertices inside of other lines.
+            meet, and ends that lie on other lines meet those.
         target: (rows,) names of those at which rows end.
         level: (n,) lines of different levels meet at their ends only.
         where: Name of the table, for errors.
@@ -65,7 +65,7 @@ def link(
     x, y = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
     if origin is not None and target is not None:
         return _named(lines, x, y, origin[lines.row], target[lines.row], where)
-    return _inferred(lines, x, y, level)
+    return _inferred(lines, plane, x, y, level)
 
 
 def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
@@ -117,7 +117,8 @@ def _named(
         node_id = Texts(code_, node_id.offset, node_id.utf8)
     else:
         node_id = np.concatenate([node_id, np.full(own.sum(), -1)])
-    return _links(lines, x, y, np.concatenate([[0], np.cumsum(count)]), node, at, node_id, skipped)
+    first = np.concatenate([[0], np.cumsum(count)])
+    return _links(lines, first, node, at, node_id, skipped, lines.first, x, y)
 
 
 def _with_nodes(
@@ -152,13 +153,25 @@ def _codes(names: NDArray[Any]) -> tuple[Ints, Column]:
     return code, Texts.of(words.tolist())
 
 
-def _inferred(lines: Lines, x: Array, y: Array, level: Ints) -> Links:
+def _inferred(drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints) -> Links:
     """Lines that meet where they touch.
 
-    Ends within `SNAP` meet; so does an end with a vertex of another line.  Vertices inside
-    of two lines meet where they are the same point on the same level.
+    Ends within `SNAP` meet; so does an end with another line, in a vertex or between two.
+    Vertices inside of two lines meet where they are the same point on the same level.
     """
-    ends = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
+    lines, feet = _with_feet(drawn, plane, x, y)
+    at = _stand_ins(lines, *plane.from_geodetic(lines.lat_deg, lines.lon_deg), feet, level)
+    places, node = np.unique(at, return_inverse=True)
+    first, node = _without_repeats(lines.first, node, feet)
+    number = np.arange(len(places))
+    return _links(lines, first, node, places, number, {}, drawn.first, x, y)
+
+
+def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Ints:
+    """For each vertex the one that stands for all that meet there."""
+    # feet first: of what meets, the first says where, and a line that is met stays straight
+    outer = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
+    ends = np.concatenate([feet, outer])
     end_x, end_y = x[ends], y[ends]
     key = np.empty(len(ends), np.int64)
     topology.point_cells(end_x, end_y, SNAP, key)
@@ -178,8 +191,53 @@ def _inferred(lines: Lines, x: Array, y: Array, level: Ints) -> Links:
     rest = inside_at[~touch]
     line = np.repeat(np.arange(len(lines.row)), np.diff(lines.first))
     at[rest] = rest[_first_alike(lines.lon_deg[rest], lines.lat_deg[rest], level[line[rest]])]
-    places, node = np.unique(at, return_inverse=True)
-    return _links(lines, x, y, lines.first, node, places, np.arange(len(places)), {})
+    return at
+
+
+def _with_feet(lines: Lines, plane: Plane, x: Array, y: Array) -> tuple[Lines, Ints]:
+    """Lines with a vertex more where the end of another line lies on them between vertices.
+
+    Returns:
+        The lines, and the places of the new vertices.
+    """
+    import shapely
+
+    first = lines.first
+    shapes = shapely.linestrings(x, y, indices=np.repeat(np.arange(len(lines.row)), np.diff(first)))
+    ends = np.stack([first[:-1], first[1:] - 1], axis=1).ravel()
+    points = shapely.points(x[ends], y[ends])
+    end, line = shapely.STRtree(shapes).query(points, predicate="dwithin", distance=SNAP)
+    other = end // 2 != line
+    end, line = end[other], line[other]
+    step = np.hypot(np.diff(x), np.diff(y))
+    step[first[1:-1] - 1] = 0.0  # from one line to the next
+    total = np.concatenate([[0.0], np.cumsum(step)])
+    foot = total[first[line]] + shapely.line_locate_point(shapes[line], points[end])
+    v = np.searchsorted(total, foot, side="right") - 1
+    v = np.clip(v, first[line], first[line + 1] - 2)
+    ex, ey = x[ends[end]], y[ends[end]]
+    away = np.minimum(np.hypot(ex - x[v], ey - y[v]), np.hypot(ex - x[v + 1], ey - y[v + 1])) > SNAP
+    v, foot = v[away], foot[away]
+    order = np.argsort(foot, kind="stable")
+    v, foot = v[order], foot[order]
+    t = (foot - total[v]) / step[v]
+    lat, lon = plane.to_geodetic(x[v] + t * (x[v + 1] - x[v]), y[v] + t * (y[v + 1] - y[v]))
+    with_feet = Lines(
+        lines.row, first + np.searchsorted(v, first), np.insert(lines.lat_deg, v + 1, lat),
+        np.insert(lines.lon_deg, v + 1, lon),
+    )  # fmt: skip
+    return with_feet, v + 1 + np.arange(len(v))
+
+
+def _without_repeats(first: Ints, node: Ints, feet: Ints) -> tuple[Ints, Ints]:
+    """`first` and `node` without feet that became one with the vertex before or behind them."""
+    foot = np.zeros(len(node), bool)
+    foot[feet] = True
+    begins = np.zeros(len(node), bool)
+    begins[first[:-1]] = True
+    again = (node[1:] == node[:-1]) & ~begins[1:] & (foot[1:] | foot[:-1])
+    kept = np.concatenate([[True], ~again])
+    return np.concatenate([[0], np.cumsum(kept)])[first], node[kept]
 
 
 def _first_alike(*columns: NDArray[Any]) -> Ints:
@@ -195,15 +253,27 @@ def _first_alike(*columns: NDArray[Any]) -> Ints:
 
 
 def _links(
-    lines: Lines, x: Array, y: Array, first: Ints, node: Ints, at: Ints, node_id: Column,
-    skipped: dict[str, int],
+    lines: Lines, first: Ints, node: Ints, at: Ints, node_id: Column, skipped: dict[str, int],
+    drawn: Ints, x: Array, y: Array,
 ) -> Links:  # fmt: skip
-    """The links of lines whose nodes are known; rows that draw one road are found."""
+    """The links of lines whose nodes are known; rows that draw one road are found.
+
+    Args:
+        lines: The lines.
+        first: (n+1,) first node of each.
+        node: (L,) nodes.
+        at: (N,) the vertex of `lines` at which each node lies.
+        node_id: (N,) what the nodes are called.
+        skipped: What was left out.
+        drawn: (n+1,) first vertex of each line as it was drawn.
+        x: Those vertices, m.
+        y: m.
+    """
     begin, end = node[first[:-1]], node[first[1:] - 1]
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     leader, back = np.empty(len(begin), np.int64), np.zeros(len(begin), np.uint8)
     order = np.lexsort((high, low))
-    topology.find_twins(order, low, high, begin, lines.first, x, y, SNAP, leader, back)
+    topology.find_twins(order, low, high, begin, drawn, x, y, SNAP, leader, back)
     return Links(
         lines.row, first, node, lines.lat_deg[at], lines.lon_deg[at], node_id, leader, back, skipped
     )
