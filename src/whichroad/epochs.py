@@ -117,24 +117,26 @@ def _odometry(motion: Motion | None, time: Array) -> tuple[Array, Array, NDArray
     n = len(time)
     if motion is None:
         return np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
-    distance = np.interp(time, motion.time, motion.distance)
-    arc = np.diff(distance, prepend=distance[0])
-    turn = np.zeros(n)
-    if motion.turn is not None:
-        angle = np.interp(time, motion.time, motion.turn)
-        turn = np.diff(angle, prepend=angle[0])
-    before, after = time < motion.time[0], time > motion.time[-1]
-    step = np.diff(time, prepend=time[0])
-    edge = np.searchsorted(motion.time, time).clip(1, len(motion.time) - 1)
-    gap = motion.time[edge] - motion.time[edge - 1] > _GAP
-    known = ~(before | after | gap)
-    tail = motion.time[-1] - 1.0
-    span = motion.time[-1] - max(tail, motion.time[0])
-    if after.any() and span > 0:
-        last = (motion.distance[-1] - np.interp(tail, motion.time, motion.distance)) / span
-        arc[after] = last * step[after]
-    if before.any():
-        head = min(motion.time[0] + 1.0, motion.time[-1])
-        rise = np.interp(head, motion.time, motion.distance) - motion.distance[0]
-        arc[before] = rise / max(head - motion.time[0], 1e-9) * step[before]
-    return arc, turn, known.astype(np.uint8)
+    when, distance, angle = motion.time, motion.distance, motion.turn
+    edge = np.searchsorted(when, time).clip(1, len(when) - 1)
+    gap = when[edge] - when[edge - 1] > _GAP
+    known = (time >= when[0]) & (time <= when[-1]) & ~gap
+    if time[0] < when[0]:  # before the first reading: at the speed that came then
+        head = min(when[0] + 1.0, when[-1])
+        speed = (np.interp(head, when, distance) - distance[0]) / (head - when[0])
+        distance = np.concatenate([[distance[0] - speed * (when[0] - time[0])], distance])
+        angle = np.concatenate([angle[:1], angle]) if angle is not None else None
+        when = np.concatenate([time[:1], when])
+    if time[-1] > when[-1]:  # after the last one: at the speed that was then
+        tail = max(when[-1] - 1.0, when[0])
+        speed = (distance[-1] - np.interp(tail, when, distance)) / (when[-1] - tail)
+        distance = np.concatenate([distance, [distance[-1] + speed * (time[-1] - when[-1])]])
+        angle = np.concatenate([angle, angle[-1:]]) if angle is not None else None
+        when = np.concatenate([when, time[-1:]])
+    travelled = np.interp(time, when, distance)
+    turned = np.interp(time, when, angle) if angle is not None else np.zeros(n)
+    return (
+        np.diff(travelled, prepend=travelled[0]),
+        np.diff(turned, prepend=turned[0]),
+        known.astype(np.uint8),
+    )

@@ -27,10 +27,10 @@ from .core.belief import (
     Y,
     new_belief,
     new_route,
+    normalise,
 )
 from .core.drive import CLOCK, DISTANCE, WHEELS, new_epochs, run
 from .core.motion import arc_chord
-from .core.observe import normalise
 from .core.output import (
     V_H,
     V_HH,
@@ -248,6 +248,7 @@ class Localizer:
         self._lever, self._side = _lever(self.vehicle), _side(self.vehicle)
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
         self._mode = CLOCK
         self._start = start
@@ -328,12 +329,17 @@ class Localizer:
         arc, turn = 0.5 * (left + right), (right - left) / car.track_width
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
+        if self._began is not None and dt > 0:  # what was driven before the start is no one's
+            part = min(max((self._began - before.time) / dt, 0.0), 1.0)
+            arc, turn = arc * (1.0 - part), turn * (1.0 - part)
         taken = self._odometer or (0.0, 0.0, 0.0)
-        self._odometer = (reading.time, 0.0, 0.0)
+        self._odometer, self._began = (reading.time, 0.0, 0.0), None
         return arc - taken[1], turn - taken[2]
 
     def _take_fix(self, fix: GeoFix, late: float) -> None:
         time = max(fix.time, float(self._belief.clock[NOW])) if late else fix.time
+        if not self._belief.clock[STARTED] and self._start is None:
+            self._began = time
         self._begin_at_start(time)
         ahead = time - float(self._belief.clock[NOW]) if self._belief.clock[STARTED] else 0.0
         arc, turn = self._rate[0] * ahead, self._rate[1] * ahead

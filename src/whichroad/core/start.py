@@ -122,7 +122,7 @@ def cold_start(
             best = i
     parent = belief.node[best] if best >= 0 else -1
     sigma = math.sqrt(fix[2] ** 2 * (1.0 + white * white) + map_sigma**2)
-    radius = max(search_radius, 3.0 * sigma + 2.0 * lane_sigma)
+    radius = max(search_radius, 4.5 * sigma + lane_sigma)
     found = near(
         roads, fix[0], fix[1], radius, work.near_edge, work.near_s, work.near_lateral,
         work.near_distance,

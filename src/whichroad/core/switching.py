@@ -261,6 +261,9 @@ def hand_over(
             belief.stay[i] = 1.0
             continue
         now = normal_cdf((length - s) / sigma)
+        if arc < 0.0:
+            belief.stay[i] = now
+            continue
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
         if share * p < 0.3 * prune or belief.size[0] > CAPACITY - MOST:
             belief.stay[i] = max(belief.stay[i], now)
