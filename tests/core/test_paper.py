@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from oracles import textbook
 from scenes import grid_town, network, parallel_roads, straight_road
 from strategies import seeds
-from whichroad.core.belief import NO_EDGE, Belief, H, K, N, X, Y, new_belief
+from whichroad.core.belief import NO_EDGE, Belief, H, K, N, X, Y, new_belief, normalise
 from whichroad.core.network import Roads
-from whichroad.core.belief import normalise
 from whichroad.core.paper import Literal, new_bench, observe_segment, switch, transition
 
 STAY, WIDTH, HEADING = 0.9, 3.5, 0.1
