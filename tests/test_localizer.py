@@ -131,19 +131,11 @@ def town_fix(x: float, y: float, time: float, **more: float) -> GeoFix:
 def driven_to(k: int) -> Localizer:
     """A localizer that has seen the straight drive up to epoch k, a fix each second."""
     localizer = Localizer(TOWN, vehicle=CAR)
-    log = wheels(STRAIGHT)
-    for i in range(k + 1):
-        localizer.update(WheelTicks(float(log.time[i]), float(log.left[i]), float(log.right[i])))
+    course = {"bearing_deg": 90.0, "sigma_bearing_deg": 6.0}
+    for i, reading in enumerate(ticks(wheels(STRAIGHT))[: k + 1]):
+        localizer.update(reading)
         if i % 10 == 0:
-            localizer.update(
-                town_fix(
-                    STRAIGHT.x[i],
-                    STRAIGHT.y[i],
-                    STRAIGHT.time[i],
-                    bearing_deg=90.0,
-                    sigma_bearing_deg=6.0,
-                )
-            )
+            localizer.update(town_fix(STRAIGHT.x[i], STRAIGHT.y[i], reading.time, **course))
     return localizer
 
 
@@ -198,12 +190,9 @@ def test_before_the_first_fix_the_localizer_is_lost():
 def test_a_start_pose_stands_in_for_the_first_fix():
     lat, lon = PLANE.to_geodetic(150.0, -1.75)
     localizer = Localizer(TOWN, vehicle=CAR, start=StartPose(lat, lon, 90.0, 2.0, 5.0))
-    log = wheels(STRAIGHT)
-    for i in range(60):
-        estimate = localizer.update(
-            WheelTicks(float(log.time[i]), float(log.left[i]), float(log.right[i]))
-        )
-    assert estimate.pose.x == pytest.approx(150.0 + 59.0, abs=2.0)
+    for reading in ticks(wheels(STRAIGHT))[:101]:
+        estimate = localizer.update(reading)
+    assert estimate.pose.x == pytest.approx(250.0, abs=3.0 * 2.0)
     assert estimate.edge == 4  # the third block, eastwards
     assert estimate.p_road > 0.9
     assert estimate.pose.bearing_deg == pytest.approx(90.0, abs=3.0)

@@ -23,11 +23,11 @@ from whichroad.core.belief import (
     X,
     Y,
     new_belief,
+    normalise,
 )
+from whichroad.core.gnss import observe_fix
 from whichroad.core.motion import age_map
 from whichroad.core.network import Roads
-from whichroad.core.belief import normalise
-from whichroad.core.gnss import observe_fix
 from whichroad.core.road import observe_roads
 from whichroad.settings import Settings
 
@@ -144,7 +144,8 @@ def test_a_straight_road_is_a_lateral_and_a_heading_row_of_the_textbook(right, t
     belief.cov[0] += root @ root.T / N
     belief.mean[0, H] = turned
     mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
-    age_map(mean, cov, 5.0, 1.75, SET.lane_length, SET.lane_sigma, SET.map_length, SET.map_sigma)
+    lane, far = (math.exp(-5.0 / length) for length in (SET.lane_length, SET.map_length))
+    age_map(mean, cov, 1.75, lane, SET.lane_sigma, far, SET.map_sigma)
     rows = np.zeros((2, N))
     rows[0, [Y, MY, D]] = -1.0  # right is south: n = −y
     rows[1, H] = 1.0

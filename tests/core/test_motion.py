@@ -169,14 +169,18 @@ def test_a_slow_state_in_its_stationary_spread_keeps_it(g: Gaussian, target, kee
     assert g.cov[D, D] == pytest.approx(3.24)
 
 
+def age(g: Gaussian, amount: float) -> None:
+    lane, far = math.exp(-amount / 150.0), math.exp(-amount / 1000.0)
+    age_map(g.mean, g.cov, 1.75, lane, 1.8, far, 4.1)
+    age_gnss(g.mean, g.cov, amount, 60.0)
+
+
 @given(gaussians, st.floats(0.1, 500.0), st.floats(0.05, 0.95))
 def test_ageing_in_two_steps_is_ageing_in_one(g: Gaussian, amount, part):
     once, twice = g.copy(), g.copy()
-    age_map(once.mean, once.cov, amount, 1.75, 150.0, 1.8, 1000.0, 4.1)
-    age_gnss(once.mean, once.cov, amount, 60.0)
+    age(once, amount)
     for a in (part * amount, (1.0 - part) * amount):
-        age_map(twice.mean, twice.cov, a, 1.75, 150.0, 1.8, 1000.0, 4.1)
-        age_gnss(twice.mean, twice.cov, a, 60.0)
+        age(twice, a)
     np.testing.assert_allclose(twice.mean / UNITS, once.mean / UNITS, atol=1e-12)
     square = np.outer(UNITS, UNITS)
     np.testing.assert_allclose(twice.cov / square, once.cov / square, atol=1e-12)

@@ -1,6 +1,7 @@
 """Cold starts, leaving the roads and coming back: probability goes by length, not by pieces."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,38 +9,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oracles import textbook
-from scenes import On, belief_on, edge_weights, network, parallel_roads, weights
+from scenes import On, belief_on, call, edge_weights, network, parallel_roads, weights
 from strategies import UNITS
-from whichroad.core.belief import GX, GY, OFF_ROAD, Belief, D, H, K, N, X, Y, new_belief, new_route
+from whichroad.core.belief import GX, GY, OFF_ROAD, Belief, D, H, K, N, X, Y, new_belief, normalise
 from whichroad.core.network import Roads
-from whichroad.core.observe import normalise
-from whichroad.core.start import cold_start, leave_and_return
-from whichroad.core.switching import new_work
-from whichroad.settings import Settings
-
-SET = Settings()
+from whichroad.core.start import cold_start, leave_and_return, turn_round, turn_with_heading
+from whichroad.core.switching import hand_over
 
 
 def begin(
     roads: Roads, x: float, y: float, *, ellipse=(3.0, 3.0, 0.0), heading=0.0, sigma=math.inf,
-    off_road=0.05, lever=(0.0, 0.0), wrong_way=2e-4,
+    off_road=0.05, lever=(0.0, 0.0),
 ) -> Belief:  # fmt: skip
     """Start from a fix, its weights normalised."""
     belief = new_belief()
-    cold_start(
-        belief, roads, new_route(1 << 12), new_work(), np.array([x, y, *ellipse]), 0.5, 1.0,
-        np.array(lever), heading, sigma, 1.0, 0.012, 3e-4, 1.0, SET.lane_sigma, SET.map_sigma,
-        SET.search_radius, off_road, wrong_way,
+    call(
+        cold_start, belief=belief, roads=roads, fix=np.array([x, y, *ellipse]),
+        lever=np.array(lever), heading=heading, heading_sigma=sigma, rate=1.0, rate_sigma=0.012,
+        off_road=off_road,
     )  # fmt: skip
     normalise(belief)
     return belief
 
 
 def stray(belief: Belief, roads: Roads, travelled: float) -> None:
-    leave_and_return(
-        belief, roads, new_work(), 1.0, travelled, SET.off_road_leave, SET.off_road_return, 1.0,
-        SET.lane_sigma, SET.map_sigma, SET.search_radius, SET.wrong_way, False,
-    )  # fmt: skip
+    call(leave_and_return, belief=belief, roads=roads, travelled=travelled, follows_road=False)
 
 
 def pieces(line: np.ndarray, count: int) -> list[np.ndarray]:
@@ -120,12 +114,44 @@ def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(major, minor, a
     assert len(belief.mean[0]) == N
 
 
+@pytest.mark.parametrize("x", [280.0, 295.0, 300.0, 306.0])
+def test_the_first_centimetre_after_a_start_beside_a_node_passes_no_more_than_itself(x: float):
+    """A start knows how much of it lies before the node; that has not passed it since."""
+    ends = [0.0, 300.0, 600.0]
+    roads = network([[[a, 0.0], [b, 0.0]] for a, b in pairwise(ends)])
+    belief = begin(roads, x, -1.75, sigma=0.1)
+    before = edge_weights(belief)
+    call(hand_over, belief=belief, roads=roads, arc=0.01, prune=1e-9)
+    assert edge_weights(belief)[0] == pytest.approx(before[0], abs=0.01)
+
+
 @pytest.mark.parametrize("travelled", [4.0, 8.0, 40.0])
 def test_leaving_the_roads_and_coming_back_conserves_probability(travelled: float):
     roads = network(parallel_roads(12.0))
     belief = belief_on(roads, [On(0, 1000.0, 0.5), On(2, 1000.0, 0.1), On(OFF_ROAD, 990.0, 0.4)])
     stray(belief, roads, travelled)
     assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_turning_round_between_junctions_conserves_probability(clock: bool):
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(0, 1000.0, 0.7), On(2, 1000.0, 0.3)])
+    belief.mean[:2, K] = 1.0
+    assert call(turn_round, belief=belief, roads=roads, share=0.1, slow=3.0, clock=clock)
+    shares = edge_weights(belief)
+    assert set(shares) == {0, 1, 2, 3}
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_vehicle_athwart_its_road_may_be_turning_and_keeps_its_probability():
+    roads = network(parallel_roads(12.0))
+    belief = belief_on(roads, [On(0, 1000.0, 0.7), On(2, 1000.0, 0.3)])
+    belief.mean[0, H] = 1.6
+    call(turn_with_heading, belief=belief, roads=roads)
+    shares = edge_weights(belief)
+    assert set(shares) == {0, 1, 2}
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_vehicle_off_the_roads_comes_back_to_those_that_run_its_way():

@@ -8,12 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oracles import textbook
-from scenes import On, belief_on, doubt_map, edge_weights, grid_town, network, weights
+from scenes import On, belief_on, call, doubt_map, edge_weights, grid_town, network, weights
 from strategies import seeds
 from whichroad.core import reduction
-from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y, new_route
+from whichroad.core.along import advance_along
+from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y
 from whichroad.core.network import Roads
-from whichroad.core.switching import advance_along, hand_over, new_work, reachable
+from whichroad.core.switching import hand_over, new_work, reachable
 
 # eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back
 CROSS = network(
@@ -30,18 +31,18 @@ PRIORS = {2: 1.0, 4: 0.5, 6: 0.5, 1: 0.01}
 
 
 def pass_on(belief: Belief, roads: Roads, arc: float = 1.0, *, prune=0.0, cut=False) -> bool:
-    return hand_over(belief, roads, new_route(1 << 12), new_work(), 1.0, arc, 1.0, 1.8, prune, cut)
+    return call(hand_over, belief=belief, roads=roads, arc=arc, prune=prune, cut=cut)
 
 
 def go_along(belief: Belief, roads: Roads, metres: float, *, prune=0.0) -> bool:
-    return advance_along(
-        belief, roads, new_route(1 << 12), new_work(), 1.0, metres, 0.01 * abs(metres), 0.0, 0.0,
-        0.0064, 1.0, 1.8, prune,
+    return call(
+        advance_along, belief=belief, roads=roads, odometer=metres, q_along=0.01 * abs(metres),
+        q_rate=0.0, q_cross=0.0, heading_variance=0.0064, prune=prune,
     )  # fmt: skip
 
 
 def merge(belief: Belief, *, prune=1e-4, limit=0.05, most=2) -> None:
-    reduction.reduce(belief, new_route(1 << 12), 1.0, prune, limit, most)
+    call(reduction.reduce, belief=belief, prune=prune, limit=limit, most=most)
 
 
 def random_places(seed: int) -> list[On]:
