@@ -48,6 +48,9 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--preset", metavar="NAME", help="town, outage: the simulator's preset")
     command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers: for how long")
     command.add_argument("--metres", type=float, metavar="M", help="town, outage: per drive")
+    command.add_argument(
+        "--model", choices=("default", "paper"), help="kubicka, town, outage, comma: which filter"
+    )
     command.add_argument("--processes", type=int, metavar="N", help="town, outage: side by side")
     return command
 
@@ -81,7 +84,10 @@ def table(figures: list[Figure]) -> str:
 def main() -> int:
     """Run one benchmark; 0 also where its data is absent."""
     given = vars(parser().parse_args())
-    more = {k: given[k] for k in ("tracks", "every", "preset", "seconds", "metres", "processes")}
+    more = {
+        k: given[k]
+        for k in ("tracks", "every", "preset", "seconds", "metres", "model", "processes")
+    }
     options = Options(
         data=given["data"] or data_folder(),
         seeds=given["seeds"],

@@ -66,7 +66,8 @@ def run(options: Options) -> list[Figure]:
     gone = np.concatenate([[0.0], np.cumsum(speed[:-1] * np.diff(wheels.time))])
     begin = float(np.interp(GNSS_M, gone, wheels.time))
     first = min(wheels.time[0], drive.fixes.time[0])
-    points = whichroad.match(drive, roads, mask=[(begin - first, math.inf)]).points
+    model = options.more.get("model", "default")
+    points = whichroad.match(drive, roads, mask=[(begin - first, math.inf)], model=model).points
     time = points["time"].astype("datetime64[us, UTC]").astype("int64").to_numpy() / 1e6
     end = float(min(time[-1], truth["t"][-1]))
 

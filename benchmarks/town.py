@@ -28,6 +28,7 @@ from whichroad.core.output import (
     V_YY,
 )
 from whichroad.epochs import build_timeline
+from whichroad.literal import localize_literal
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
@@ -130,14 +131,17 @@ def score(drive: SimulatedDrive, recorded: Recorded, epochs: Any, in_outage: boo
     )
 
 
-def one(seed: int, *, scenario: str, length_m: float, in_outage: bool) -> Score:
+LOCALIZE = {"default": localize_recorded, "paper": localize_literal}
+
+
+def one(seed: int, *, scenario: str, length_m: float, in_outage: bool, model: str) -> Score:
     """Simulate, localize and score one seed."""
     roads = _world["roads"]
     drive = simulate_drive(
         roads, seed=seed, length_m=length_m, scenario=scenario, allowed=_world["allowed"]
     )
     timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
-    recorded = localize_recorded(roads, timeline, vehicle=drive.vehicle)
+    recorded = LOCALIZE[model](roads, timeline, vehicle=drive.vehicle)
     return score(drive, recorded, timeline.epochs, in_outage)
 
 
@@ -151,6 +155,7 @@ def scores(options: Options, scenario: str, in_outage: bool) -> dict[int, Score]
         scenario=preset,
         length_m=options.more.get("metres", LENGTH_M),
         in_outage=in_outage,
+        model=options.more.get("model", "default"),
     )
     found: dict[int, Score] = {}
     for seed, s in zip(seeds, _spread(work, map_file, seeds, options), strict=True):
