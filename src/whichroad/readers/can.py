@@ -1,5 +1,244 @@
-"""CAN logs."""
+"""CAN logs to odometry, by the user's .dbc and the signals that vehicle.toml names.
+
+Rear-wheel counters come first, as in the paper; then wheel speeds, speed with yaw rate,
+an odometer, speed alone.
+"""
+
+import difflib
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from ..errors import ReadError
-from ..records import Drive
-def read_can(path, dbc, vehicle) -> Drive:
-    raise ReadError("x")
+from ..records import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..settings import Vehicle
+from .counters import Reversing, wheel_counts, wheel_speeds
+from .door import Bools, Skipped, in_order
+from .frames import Frames, key, read_frames
+
+_SI = {
+    "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,
+    "mph": 0.44704, "rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180, "dps": np.pi / 180,
+    "m": 1.0, "km": 1000.0, "mi": 1609.344,
+}  # fmt: skip
+_PLAIN = {"wheel_rl_ticks", "wheel_rr_ticks", "reverse"}  # roles without a unit
+
+
+class Signal(NamedTuple):
+    """A signal of the .dbc and where it is in its frame."""
+
+    name: str
+    frame: int  # as `frames.key` makes it
+    about: Any  # cantools' description
+    message: Any
+
+
+Series = tuple[Array, Array]  # times, values
+
+
+def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle: Vehicle) -> Drive:
+    """Read a car's odometry from a CAN log.
+
+    Args:
+        path: candump text or anything python-can reads.
+        dbc: The database of its signals.
+        vehicle: `[signals]` names the signals by role; wheels give the scales.
+
+    Returns:
+        A drive with odometry only, and what was skipped.
+
+    Raises:
+        ReadError: There is no .dbc, a signal is unknown or multiplexed, or nothing that
+            moves the vehicle is in the log.
+    """
+    where = Path(path).name
+    if dbc is None:
+        raise ReadError(f"{where}: a CAN log needs the .dbc that describes it; give --dbc FILE")
+    signals = find_signals(dbc, vehicle)
+    skipped: Skipped = Skipped()
+    frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
+    notes: list[str] = []
+    series = {
+        role: _series(signal, role, frames[signal.frame], vehicle, skipped, notes)
+        for role, signal in signals.items()
+        if signal.frame in frames
+    }
+    log = _odometry(series, signals, vehicle, skipped)
+    if log is None:
+        silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
+        raise ReadError(
+            f"{where}: none of {', '.join(silent)} moves the vehicle in it; both rear wheels, "
+            "speed with yaw rate, an odometer or a speed were expected; is it the right .dbc?"
+        )
+    return Drive(
+        Path(path).stem, None, log, (str(path),), skipped=dict(skipped), notes=tuple(notes)
+    )
+
+
+def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal]:
+    """Role -> signal, for the roles that the vehicle names.
+
+    Raises:
+        ReadError: The .dbc is not one, or does not know a signal; the closest are offered.
+    """
+    import cantools
+
+    where = Path(dbc).name
+    try:
+        base: Any = cantools.database.load_file(str(dbc))
+        messages = base.messages
+    except Exception as error:  # cantools lets out whatever its parsers meet
+        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise ReadError(f"{where}: not a CAN database ({first}); a .dbc was expected") from None
+    known = {
+        name: Signal(signal.name, key(m.frame_id, m.is_extended_frame), signal, m)
+        for m in reversed(messages)
+        for signal in m.signals
+        for name in (f"{m.name}.{signal.name}", signal.name)
+    }
+    roles = {r: n for r, n in vehicle.signals.items() if r != "reverse_value"}
+    names = sorted({s.name for s in known.values()})
+    if not roles:
+        raise ReadError(
+            f"{where}: vehicle.toml names no [signals]; for example wheel_rl_ticks and "
+            f"wheel_rr_ticks were expected; the .dbc offers {', '.join(names[:40])}"
+        )
+    found = {}
+    for role, name in roles.items():
+        if name not in known:
+            close = difflib.get_close_matches(name, names, 3, 0.5)
+            hint = f"did you mean {' or '.join(close)}? " if close else ""
+            raise ReadError(
+                f"vehicle.toml: [signals] {role} is {name!r}, which {where} does not know; {hint}"
+                f"it offers {', '.join(names[:40])}{' and more' if len(names) > 40 else ''}"
+            )
+        signal = known[name]
+        if signal.about.multiplexer_ids:
+            raise ReadError(
+                f"vehicle.toml: [signals] {role} is {name!r}, a multiplexed signal of {where}; "
+                "a signal that is in every frame of its message was expected"
+            )
+        found[role] = signal
+    return found
+
+
+def decode(signal: Any, data: Any) -> Array:
+    """Physical values of one signal in many frames.
+
+    Args:
+        signal: cantools' description: start, length, byte order, sign, scale, offset.
+        data: Payloads, (n, bytes) of uint8.
+
+    Returns:
+        (n,) values; the same as cantools' own, frame by frame.
+    """
+    start, length = signal.start, signal.length
+    if signal.byte_order == "little_endian":
+        first, shift = divmod(start, 8)
+    else:  # the dbc names the most significant bit, counted from each byte's right end
+        first, left = divmod(8 * (start // 8) + 7 - start % 8, 8)
+        shift = 8 * -(-(left + length) // 8) - left - length
+    count = -(-(start % 8 + length) // 8 if signal.byte_order == "little_endian" else 0) or (
+        -(-(left + length) // 8)
+    )
+    field = data[:, first : first + count].astype(np.uint64)
+    raw = np.zeros(len(data), np.uint64)
+    order = range(count) if signal.byte_order == "little_endian" else range(count - 1, -1, -1)
+    for place, column in enumerate(order):
+        if 8 * place < 64:
+            raw |= field[:, column] << np.uint64(8 * place)
+    raw = (raw >> np.uint64(shift)) & np.uint64((1 << length) - 1)
+    if signal.is_float:
+        kind = {16: np.float16, 32: np.float32, 64: np.float64}[length]
+        value = raw.astype(f"<u{length // 8}").view(kind).astype(np.float64)
+    elif signal.is_signed:
+        value = (raw << np.uint64(64 - length)).view(np.int64) >> np.int64(64 - length)
+        value = value.astype(np.float64)
+    else:
+        value = raw.astype(np.float64)
+    return np.asarray(value * float(signal.scale) + float(signal.offset))
+
+
+def _series(
+    signal: Signal, role: str, frames: Frames, vehicle: Vehicle, skipped: Skipped,
+    notes: list[str],
+) -> Series:  # fmt: skip
+    """Times and SI values of one signal."""
+    about = signal.about
+    last = about.start + about.length - 1
+    if about.byte_order == "big_endian":
+        last = 8 * (about.start // 8) + 7 - about.start % 8 + about.length - 1
+    whole = frames.length > last // 8
+    if not whole.all():
+        skipped["frame cut short"] += int((~whole).sum())
+    time, data = frames.time[whole], frames.data[whole]
+    if last // 8 - about.start // 8 > 7:
+        values = np.array([_slow(signal, bytes(d)) for d in data], float)
+    else:
+        values = decode(about, data)
+    if role not in _PLAIN:
+        unit = (about.unit or "").strip()
+        if unit not in _SI:
+            notes.append(f"signal {signal.name}: unit {unit!r} taken as SI")
+        values = values * _SI.get(unit, 1.0)
+    order = in_order(time, skipped)
+    return time[order], values[order]
+
+
+def _slow(signal: Signal, data: bytes) -> float:
+    decoded = signal.message.decode(data, decode_choices=False, allow_truncated=True)
+    return float(decoded[signal.name])
+
+
+def _reversing(series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle) -> (
+    Reversing | None
+):  # fmt: skip
+    if "reverse" not in series:
+        return None
+    time, value = series["reverse"]
+    wanted = vehicle.signals.get("reverse_value")
+    if wanted is None:
+        flag: Bools = value != 0
+        return time, flag
+    choices = {str(n): float(v) for v, n in (signals["reverse"].about.choices or {}).items()}
+    try:
+        number = choices[wanted] if wanted in choices else float(wanted)
+    except ValueError:
+        raise ReadError(
+            f"vehicle.toml: [signals] reverse_value is {wanted!r}; a number or one of "
+            f"{', '.join(sorted(choices)) or 'no named values'} was expected"
+        ) from None
+    backwards: Bools = value == number
+    return time, backwards
+
+
+def _odometry(
+    series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle, skipped: Skipped
+) -> OdometryLog | None:
+    """The best odometry among the signals that came."""
+    reversing = _reversing(series, signals, vehicle)
+    if "wheel_rl_ticks" in series and "wheel_rr_ticks" in series:
+        about = signals["wheel_rl_ticks"].about
+        bits = vehicle.counter_bits or (0 if about.is_float else about.length)
+        return wheel_counts(
+            series["wheel_rl_ticks"], series["wheel_rr_ticks"], vehicle, skipped, bits=bits,
+            reversing=reversing,
+        )  # fmt: skip
+    if "wheel_rl" in series and "wheel_rr" in series:
+        return wheel_speeds(series["wheel_rl"], series["wheel_rr"], skipped, reversing=reversing)
+    if "speed" in series:
+        time, speed = series["speed"]
+        if reversing is not None:
+            at = np.searchsorted(reversing[0], time, side="right") - 1
+            speed = np.where((at >= 0) & reversing[1][np.maximum(at, 0)], -np.abs(speed), speed)
+        if "yaw_rate" in series:
+            yaw = np.interp(time, *series["yaw_rate"])
+            return SpeedYawRate(time, speed, yaw)
+    if "odometer" in series:
+        return Odometer(*series["odometer"])
+    if "speed" in series:
+        steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
+        return Odometer(time, np.concatenate([[0.0], np.cumsum(steps)]))
+    return None
