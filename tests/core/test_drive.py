@@ -17,11 +17,12 @@ from scenes import (
     parallel_roads,
     steps,
     straight_road,
+    untouched,
 )
 from strategies import UNITS
 from whichroad.core.belief import OFF_ROAD
-from whichroad.core.drive import DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_OFF, V_P, V_XX, V_XY, V_YY, Output
+from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 from whichroad.settings import Settings
 
 TOWN = grid_town()
@@ -228,6 +229,46 @@ def test_at_every_epoch_the_probabilities_sum_to_one_and_the_covariances_are_pos
         assert n == output.live.max() or n <= 48
         for i in range(n):
             assert np.linalg.eigvalsh(belief.cov[i] / np.outer(UNITS, UNITS)).min() > -1e-9
+
+
+def wild_epochs(seed: int, n: int = 250) -> Epochs:
+    """Sensors gone mad: jumps, leaps backwards, pauses, fixes of any sigma anywhere."""
+    rng = np.random.default_rng(seed)
+    pauses = rng.choice([0.0, 1e-3, 0.1, 1.0, 5.0, 40.0], n, p=[0.05, 0.05, 0.5, 0.2, 0.15, 0.05])
+    arc = rng.choice([0.0, 0.01, 1.0, 6.0, 50.0, 300.0], n, p=[0.2, 0.1, 0.4, 0.2, 0.08, 0.02])
+    arc *= rng.choice([1.0, -1.0], n, p=[0.85, 0.15])
+    turn = rng.choice([0.0, 0.02, 0.3, 3.0], n, p=[0.5, 0.3, 0.15, 0.05]) * rng.normal(size=n)
+    heading = np.cumsum(turn)
+    x, y = 60.0 + np.cumsum(arc * np.cos(heading)), 60.0 + np.cumsum(arc * np.sin(heading))
+    truth = Truth(np.cumsum(pauses), x, y, heading, np.cumsum(arc))
+    fix = np.column_stack([x, y, np.exp(rng.uniform(-4, 4, (n, 2))), rng.uniform(-4, 4, n)])
+    error = rng.choice([1.0, 10.0, 300.0, 1e5], (n, 1), p=[0.6, 0.3, 0.09, 0.01])
+    fix[:, :2] += error * rng.normal(size=(n, 2))
+    at = np.flatnonzero(np.append(True, rng.random(n - 1) < 0.4))
+    some = rng.random((2, n)) < 0.5
+    return epochs_of(truth, fix, at)._replace(
+        arc=arc,
+        turn=turn,
+        moved=(rng.random(n) < 0.9).astype(np.uint8),
+        speed=rng.uniform(-1.0, 30.0, n),
+        speed_sigma=np.where(some[0], np.inf, np.exp(rng.uniform(-4, 3, n))),
+        course=rng.uniform(-4.0, 4.0, n),
+        course_sigma=np.where(some[1], np.inf, np.exp(rng.uniform(-5, 2, n))),
+    )
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
+@pytest.mark.parametrize("seed", [0, 1, 2, 6])
+def test_whatever_the_sensors_say_probabilities_stay_probabilities(seed: int, mode: int):
+    roads = network(grid_town(4, 4, 70.0), one_way=[1, 5])
+    for k, belief, output in steps(roads, wild_epochs(seed), mode=mode):
+        n = belief.size[0]
+        assert untouched(belief), k
+        assert belief.probability[:n].sum() == pytest.approx(1.0, abs=1e-9), k
+        assert np.isfinite(output.value[k]).all(), k
+        assert abs(output.value[k, V_H]) <= math.pi
+        scaled = belief.cov[:n] / np.outer(UNITS, UNITS)
+        assert np.linalg.eigvalsh(scaled).min() > -1e-6, k
 
 
 def test_what_is_said_is_the_moments_of_the_mixture():

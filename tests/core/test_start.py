@@ -9,9 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oracles import textbook
-from scenes import On, belief_on, call, edge_weights, network, parallel_roads, weights
+from scenes import On, belief_on, call, edge_weights, network, parallel_roads, untouched, weights
 from strategies import UNITS
-from whichroad.core.belief import GX, GY, OFF_ROAD, Belief, D, H, K, N, X, Y, new_belief, normalise
+from whichroad.core.along import advance_along
+from whichroad.core.belief import (
+    CAPACITY,
+    GX,
+    GY,
+    OFF_ROAD,
+    Belief,
+    D,
+    H,
+    K,
+    N,
+    X,
+    Y,
+    new_belief,
+    normalise,
+)
 from whichroad.core.network import Roads
 from whichroad.core.start import cold_start, leave_and_return, turn_round, turn_with_heading
 from whichroad.core.switching import hand_over
@@ -170,3 +185,38 @@ def test_far_from_every_road_a_vehicle_stays_off_the_roads():
     belief = belief_on(roads, [On(OFF_ROAD, 1000.0, 1.0, right=-900.0)])
     stray(belief, roads, 10.0)
     assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0}, abs=1e-12)
+
+
+# 24 streets of 100 m that meet at the origin
+STAR = network(
+    [[[0.0, 0.0], [100.0 * math.cos(a), 100.0 * math.sin(a)]] for a in np.arange(24) * math.pi / 12]
+)
+
+
+@pytest.mark.parametrize("size", [40, 96, 97, 140, 151, 159, 160])
+@pytest.mark.parametrize(
+    ("kernel", "given"),
+    [
+        (hand_over, {"arc": 1.0}),
+        (hand_over, {"arc": -1.0}),
+        (advance_along, {"odometer": 5.0, "q_along": 1.0, "q_rate": 0.0, "q_cross": 0.0,
+                         "heading_variance": 0.01}),
+        (leave_and_return, {"travelled": 5.0, "follows_road": False}),
+        (turn_round, {"share": 0.1, "slow": 3.0, "clock": True}),
+        (turn_with_heading, {}),
+    ],
+)  # fmt: skip
+def test_however_full_the_belief_is_nothing_is_lost_nor_written_beyond_it(kernel, given, size):
+    """Some thirty heavy hypotheses about a star of streets, the others light."""
+    p = np.full(size, 1e-9)
+    p[:30] = (1.0 - p[30:].sum()) / 30
+    places = [
+        On(OFF_ROAD if i % 7 == 0 else i % 48, 1.0 if i % 2 == 0 else 99.0, float(w), sigma=4.0)
+        for i, w in enumerate(p)
+    ]
+    belief = belief_on(STAR, places)
+    belief.mean[:size:5, H] += 1.5
+    call(kernel, belief=belief, roads=STAR, **given)
+    assert untouched(belief)
+    assert belief.size[0] <= CAPACITY
+    assert weights(belief).sum() == pytest.approx(1.0, abs=1e-3)

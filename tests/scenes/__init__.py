@@ -1,6 +1,6 @@
 """The situations that the tests drive through: small hand-made maps and exact drives."""
 
-from .beliefs import On, belief_on, doubt_map, edge_weights, weights
+from .beliefs import On, belief_on, doubt_map, edge_weights, roomy_belief, untouched, weights
 from .drives import Truth, drive_along, epochs_of, gnss
 from .filter import Town, localize, steps
 from .kernels import call
@@ -21,7 +21,9 @@ __all__ = [
     "localize",
     "network",
     "parallel_roads",
+    "roomy_belief",
     "steps",
     "straight_road",
+    "untouched",
     "weights",
 ]

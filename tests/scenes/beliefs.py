@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whichroad.core.belief import (
+    CAPACITY,
     MX,
     MY,
+    NO_EDGE,
     NOW,
     OFF_ROAD,
     STARTED,
@@ -38,12 +40,25 @@ class On(NamedTuple):
     sigma: float = 3.0  # m, of the position on each axis
 
 
+def roomy_belief(spare: int = 100) -> Belief:
+    """An empty belief with spare rows, which no kernel may touch."""
+    rows = new_belief()
+    belief = Belief(*(np.concatenate([a, a[:spare]]) if len(a) == CAPACITY else a for a in rows))
+    return belief._replace(scratch=np.zeros((len(belief.scratch), CAPACITY + spare)))
+
+
+def untouched(belief: Belief) -> bool:
+    """Whether the spare rows are as they were."""
+    spare = [a[CAPACITY:] for a in (belief.mean, belief.cov, belief.log_weight)]
+    return not any(a.any() for a in spare) and bool((belief.edge[CAPACITY:] == NO_EDGE).all())
+
+
 def belief_on(roads: Roads, places: Sequence[On]) -> Belief:
     """A belief of hypotheses that drive along their edges; the map has no offset.
 
     Off the roads, s and right are plane coordinates x and −y.
     """
-    belief = new_belief()
+    belief = roomy_belief()
     for i, place in enumerate(places):
         mean, sigmas = np.zeros(N), SIGMAS.copy()
         sigmas[[X, Y]] = place.sigma

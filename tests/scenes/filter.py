@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whichroad.core.belief import Belief, new_belief, new_route
+from whichroad.core.belief import Belief, new_route
 from whichroad.core.drive import WHEELS, Epochs, run
 from whichroad.core.network import Roads
 from whichroad.core.output import (
@@ -17,6 +17,8 @@ from whichroad.epochs import Timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.settings import Settings, Vehicle
+
+from .beliefs import roomy_belief
 
 
 class Town(NamedTuple):
@@ -43,7 +45,12 @@ def steps(
     settings = settings or Settings()
     par = settings.parameters()
     n = len(epochs.time)
-    belief, route, work, output = new_belief(), new_route(1 << 15), new_work(), new_output(n, False)
+    belief, route, work, output = (
+        roomy_belief(),
+        new_route(1 << 15),
+        new_work(),
+        new_output(n, False),
+    )
     for k in range(n):
         run(
             belief, roads, route, work, epochs, output, k, k + 1, mode, 1.0, np.zeros(2), par,
