@@ -97,9 +97,7 @@ def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipp
             empty = np.array([not cell for cell in column.to_pylist()], bool)
             keep(np.isfinite(seconds) | empty, _TIME, skipped)
             return seconds
-    elif not (
-        pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-    ):
+    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
         raise ReadError(
             f"{where}: column {meaning.name!r} holds {kind}; date and time (ISO 8601) or seconds "
             "since 1970 were expected"

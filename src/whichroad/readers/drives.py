@@ -115,7 +115,9 @@ def format_of(path: AnyPath) -> str:
             head = file.read(_SNIFF)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ReadError(f"{path}: cannot be read ({reason}); a readable file was expected") from None
+        raise ReadError(
+            f"{path}: cannot be read ({reason}); a readable file was expected"
+        ) from None
     where = Path(path).name
     if not head.strip():
         raise ReadError(f"{where}: the file is empty; a log or table was expected")
@@ -229,7 +231,9 @@ def _join_fixes(logs: list[Fixes], skipped: Skipped) -> Fixes | None:
     if len(logs) < 2:
         return logs[0] if logs else None
     logs = sorted(logs, key=lambda log: log.time[0] if len(log) else np.inf)
-    columns = {f.name: np.concatenate([getattr(log, f.name) for log in logs]) for f in fields(Fixes)}
+    columns = {
+        f.name: np.concatenate([getattr(log, f.name) for log in logs]) for f in fields(Fixes)
+    }
     rows = in_order(columns["time"], skipped)
     return Fixes(**{name: values[rows] for name, values in columns.items()})
 

@@ -43,8 +43,11 @@ class Reported:
 
     def rows(self, index: NDArray[np.int64]) -> "Reported":
         """The rows at `index`."""
-        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Reported(**{k: v if v is None else v[index] for k, v in columns.items()})
+        chosen: dict[str, Any] = {
+            f.name: None if (column := getattr(self, f.name)) is None else column[index]
+            for f in fields(self)
+        }
+        return Reported(**chosen)
 
 
 def from_ellipse(major: Array, minor: Array, bearing_deg: Array) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ KMH, KNOT, MPH, DEGREE = 1 / 3.6, 1852 / 3600, 0.44704, 0.017453292519943295
 class Column(NamedTuple):
     """Where a quantity stands in a table."""
 
-    index: int
+    place: int  # counted from 0
     name: str
     factor: float  # to SI; 0: a time whose unit its size tells
 
@@ -113,7 +113,7 @@ def find(names: Sequence[str]) -> dict[str, Column]:
     for quantity, aliases in NAMES.items():
         for alias, factor in aliases.items():
             if alias in places:
-                index = places[alias]
-                found[quantity] = Column(index, names[index], factor)
+                place = places[alias]
+                found[quantity] = Column(place, names[place], factor)
                 break
     return found

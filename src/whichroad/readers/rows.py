@@ -12,9 +12,7 @@ Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a c
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 
 
-def drive_of(
-    columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped
-) -> Drive:
+def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
     """The drive, without name, that these columns describe.
 
     Speed is odometry where a yaw rate stands beside it, or where there is no position;

@@ -163,7 +163,7 @@ class _Fields:
         self.bad |= known & ~(south | (letter == ord(positive)))
         self.bad |= known & ~((minutes < 60) & (value >= 0))
         angle = degrees + minutes / 60
-        return np.where(south, -angle, angle).astype(np.float64)
+        return np.asarray(np.where(south, -angle, angle))
 
     def time_of_day(self, k: int) -> Array:
         """Milliseconds since midnight from `hhmmss.sss`."""

@@ -61,9 +61,7 @@ def read_table(
         table = _arrow(data, where)
     else:
         table = _csv(data, where, skipped)
-    return _drives(
-        table, where, Path(path).stem, (str(path),), skipped, vehicle, settings, crs
-    )
+    return _drives(table, where, Path(path).stem, (str(path),), skipped, vehicle, settings, crs)
 
 
 def drive_from_table(
@@ -228,11 +226,11 @@ def _drives(
         raise ReadError(_no_column(where, "no time", names, ("time",)))
     if table.num_rows == 0:
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
-    time = times(table.column(found["time"].index), found["time"], where, skipped)
+    time = times(table.column(found["time"].place), found["time"], where, skipped)
     columns: Columns = {"time": time}
     for quantity, column in found.items():
         if quantity not in ("time", "drive_id", "geometry"):
-            values = numbers(table.column(column.index), column.name, skipped)
+            values = numbers(table.column(column.place), column.name, skipped)
             columns[quantity] = values * column.factor
     _locate(table, found, columns, crs, where)
     _usable(columns, names, where, crs)
@@ -243,7 +241,7 @@ def _drives(
             "ISO 8601 or seconds since 1970 were expected"
         )
     notes = (f"times from {found['time'].name!r}",) if found["time"].factor != 0 else ()
-    drives = []
+    drives: list[Drive] = []
     for name, rows in _trips(table, found, good, stem):
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
@@ -260,7 +258,7 @@ def _trips(
     """The rows of each drive, in the order in which drives first appear."""
     if "drive_id" not in found:
         return [(stem, good)]
-    labels, codes = texts(table.column(found["drive_id"].index))
+    labels, codes = texts(table.column(found["drive_id"].place))
     codes = codes[good]
     order = np.argsort(codes, kind="stable")
     bounds = np.flatnonzero(np.diff(codes[order], prepend=-1))
@@ -276,7 +274,7 @@ def _locate(
     if {"lat", "lon"} <= columns.keys():
         return
     if "geometry" in found:
-        geometry = table.column(found["geometry"].index)
+        geometry = table.column(found["geometry"].place)
         columns["lon"], columns["lat"] = _geometry(geometry, where)
     elif crs is not None and {"x", "y"} <= columns.keys():
         columns["lon"], columns["lat"] = _unproject(columns["x"], columns["y"], crs, where)
