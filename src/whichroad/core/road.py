@@ -28,6 +28,8 @@ from .motion import age_map
 from .network import Roads
 from .segment import chord_heading, locate, project
 
+_MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
+_SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 
 
@@ -164,11 +166,15 @@ def bend(
 ) -> tuple[float, float, float]:
     """The road's heading about an abscissa that is only known to sigma.
 
-    The chord's heading χ is taken at s − δ, s, s + δ with δ = max(σ, 3 m):
+    Statistical linear regression of the chord's heading χ on the abscissa, at
+    x = 0, ±σ, ±2σ (σ at least 2 m) with normal weights w:
 
-        slope = (χ₊ − χ₋) / 2δ,     bow = (χ₊ + χ₋) / 2 − χ
+        mean  = Σ w χ
+        slope = Σ w χ x / Σ w x²
+        bow²  = Σ w (χ − mean − slope x)²
 
-    so that in a bend the heading tells the abscissa, over as much road as is in doubt.
+    so that in a bend the heading tells the abscissa, as far as it is in doubt, and a
+    bend that lies within the doubt is expected.
 
     Args:
         roads: The network.
@@ -178,18 +184,31 @@ def bend(
         sigma: Its standard deviation, m.
 
     Returns:
-        χ (rad), slope (rad/m), bow (rad).
+        Mean heading (rad), slope (rad/m), bow (rad).
     """
     length = roads.length[edge]
+    inside = min(max(s, 0.0), length)
     if roads.first[edge + 1] - roads.first[edge] == 2:
-        _, _, _, tx, ty = locate(roads, edge, segment, s)
+        _, _, _, tx, ty = locate(roads, edge, segment, inside)
         return math.atan2(ty, tx), 0.0, 0.0
-    step = min(max(sigma, 3.0), 25.0)
-    low = max(s - step, 0.0)
-    high = min(s + step, length)
-    middle = chord_heading(roads, edge, segment, min(max(s, 0.0), length), _HALF_CHORD)
-    if high - low < 1.0:
-        return middle, 0.0, 0.0
-    before = wrap(chord_heading(roads, edge, segment, low, _HALF_CHORD) - middle)
-    after = wrap(chord_heading(roads, edge, segment, high, _HALF_CHORD) - middle)
-    return middle, (after - before) / (high - low), 0.5 * (after + before)
+    step = min(max(sigma, 2.0), 15.0)
+    middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
+    near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
+    near_low = _turn_to(roads, edge, segment, max(inside - step, 0.0), middle)
+    far = _turn_to(roads, edge, segment, min(inside + 2.0 * step, length), middle)
+    far_low = _turn_to(roads, edge, segment, max(inside - 2.0 * step, 0.0), middle)
+    mean = _NEAR * (near + near_low) + _FAR * (far + far_low)
+    slope = (_NEAR * (near - near_low) + 2.0 * _FAR * (far - far_low)) / (_SPAN * step)
+    rise = slope * step
+    rest = (
+        _MIDDLE * mean**2
+        + _NEAR * ((near - mean - rise) ** 2 + (near_low - mean + rise) ** 2)
+        + _FAR * ((far - mean - 2.0 * rise) ** 2 + (far_low - mean + 2.0 * rise) ** 2)
+    )
+    return wrap(middle + mean), slope, math.sqrt(rest)
+
+
+@kernel
+def _turn_to(roads: Roads, edge: int, segment: int, s: float, heading: float) -> float:
+    """The chord's heading at s less another one."""
+    return float(wrap(chord_heading(roads, edge, segment, s, _HALF_CHORD) - heading))
