@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from scenes import Town, Truth, drive_along, gnss, network
+from whichroad import localizer
+from whichroad.core.belief import Route, new_route
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
 from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError
@@ -123,6 +125,40 @@ def test_on_line_a_first_fix_between_two_wheel_readings_starts_there():
     np.testing.assert_allclose(said(estimates)[started], values[started], atol=1e-9)
 
 
+def test_of_a_fix_and_a_wheel_reading_of_one_moment_either_may_come_first():
+    """On one road, between two looks at the map, at constant speed."""
+    road = Town(network([[[0.0, 0.0], [1500.0, 0.0]]], curvature=PLANE.curvature), PLANE)
+    at = np.concatenate([[0], np.arange(13, 1000, 10)])
+    drive = list(records(wheels(STRAIGHT), fixes(STRAIGHT, at)))
+    other_way = sorted(drive[2:], key=lambda r: (r.time, isinstance(r, WheelTicks)))
+    a, b = Localizer(road, vehicle=CAR), Localizer(road, vehicle=CAR)
+    first = {r.time: a.update(r) for r in drive}
+    second = {r.time: b.update(r) for r in [*drive[:2], *other_way]}
+    np.testing.assert_allclose(said(second), said(first), atol=1e-9)
+
+
+def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a_trace(monkeypatch):
+    at = np.arange(0, len(STRAIGHT.time), 10)
+    timeline = build_timeline(Drive("d", fixes(STRAIGHT, at), wheels(STRAIGHT)), PLANE, CAR)
+    whole = localize_recorded(TOWN, timeline, vehicle=CAR)
+    monkeypatch.setattr(localizer, "_CHUNK", 137)
+    trees = []
+
+    def small_tree(_: int) -> Route:
+        """52 nodes, then the kernel asks for more room."""
+        trees.append(new_route(2100))
+        return trees[-1]
+
+    monkeypatch.setattr(localizer, "new_route", small_tree)
+    cut = localize_recorded(TOWN, timeline, vehicle=CAR)
+    assert len(trees) > 2
+    for a, b in zip(cut.output, whole.output, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert len(whole.route_edge) > 10
+    for a, b in zip(cut[1:], whole[1:], strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def town_fix(x: float, y: float, time: float, **more: float) -> GeoFix:
     lat, lon = PLANE.to_geodetic(x, y)
     return GeoFix(time, lat, lon, 9.0, 0.0, 9.0, **more)
@@ -130,20 +166,20 @@ def town_fix(x: float, y: float, time: float, **more: float) -> GeoFix:
 
 def driven_to(k: int) -> Localizer:
     """A localizer that has seen the straight drive up to epoch k, a fix each second."""
-    localizer = Localizer(TOWN, vehicle=CAR)
+    online = Localizer(TOWN, vehicle=CAR)
     course = {"bearing_deg": 90.0, "sigma_bearing_deg": 6.0}
     for i, reading in enumerate(ticks(wheels(STRAIGHT))[: k + 1]):
-        localizer.update(reading)
+        online.update(reading)
         if i % 10 == 0:
-            localizer.update(town_fix(STRAIGHT.x[i], STRAIGHT.y[i], reading.time, **course))
-    return localizer
+            online.update(town_fix(STRAIGHT.x[i], STRAIGHT.y[i], reading.time, **course))
+    return online
 
 
 def test_predicting_changes_nothing():
-    localizer = driven_to(205)
-    before = localizer.predict(float(STRAIGHT.time[205]))
-    ahead = localizer.predict(float(STRAIGHT.time[205]) + 4.0)
-    again = localizer.predict(float(STRAIGHT.time[205]))
+    online = driven_to(205)
+    before = online.predict(float(STRAIGHT.time[205]))
+    ahead = online.predict(float(STRAIGHT.time[205]) + 4.0)
+    again = online.predict(float(STRAIGHT.time[205]))
     np.testing.assert_array_equal(said({0.0: again}), said({0.0: before}))
     assert ahead.pose.x - before.pose.x == pytest.approx(40.0, rel=0.05)
     assert ahead.cov[0, 0] > before.cov[0, 0]
@@ -163,11 +199,11 @@ def test_the_hypotheses_are_a_distribution_and_the_road_s_share_is_theirs():
 
 
 def test_a_fix_more_than_a_second_late_is_refused_and_counted():
-    localizer = driven_to(100)
-    before = localizer.predict(10.0)
-    after = localizer.update(town_fix(50.0, -1.75, 8.5))
+    online = driven_to(100)
+    before = online.predict(10.0)
+    after = online.update(town_fix(50.0, -1.75, 8.5))
     np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
-    assert localizer.skipped == {"late": 1}
+    assert online.skipped == {"late": 1}
 
 
 def test_a_fix_half_a_second_late_says_what_it_would_have_said_in_time():
@@ -189,9 +225,9 @@ def test_before_the_first_fix_the_localizer_is_lost():
 
 def test_a_start_pose_stands_in_for_the_first_fix():
     lat, lon = PLANE.to_geodetic(150.0, -1.75)
-    localizer = Localizer(TOWN, vehicle=CAR, start=StartPose(lat, lon, 90.0, 2.0, 5.0))
+    online = Localizer(TOWN, vehicle=CAR, start=StartPose(lat, lon, 90.0, 2.0, 5.0))
     for reading in ticks(wheels(STRAIGHT))[:101]:
-        estimate = localizer.update(reading)
+        estimate = online.update(reading)
     assert estimate.pose.x == pytest.approx(250.0, abs=3.0 * 2.0)
     assert estimate.edge == 4  # the third block, eastwards
     assert estimate.p_road > 0.9
@@ -205,6 +241,6 @@ def test_a_recorded_drive_that_nothing_can_start_is_refused():
 
 
 def test_speed_is_what_the_wheels_say():
-    localizer = driven_to(100)
-    assert localizer._output.value[0, V_SPEED] == pytest.approx(10.0, rel=0.03)
-    assert math.isfinite(localizer.predict(11.0).pose.x)
+    online = driven_to(100)
+    assert online._output.value[0, V_SPEED] == pytest.approx(10.0, rel=0.03)
+    assert math.isfinite(online.predict(11.0).pose.x)

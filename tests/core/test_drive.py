@@ -75,7 +75,7 @@ def assert_same_world(
     np.testing.assert_array_equal(output.status, base.status)
 
 
-@pytest.mark.parametrize(("mode", "within"), [(WHEELS, 1e-6), (DISTANCE, 1e-3)])
+@pytest.mark.parametrize(("mode", "within"), [(WHEELS, 1e-6), (DISTANCE, 1e-3), (CLOCK, 1e-3)])
 @pytest.mark.parametrize("angle", [0.7, -2.0, math.pi])
 def test_turning_and_shifting_the_world_turns_and_shifts_the_estimate(angle, mode, within):
     """Where two opposite headings merge, rounding chooses between two means.
@@ -195,16 +195,26 @@ def test_nodes_on_one_of_two_parallel_roads_change_its_probability_by_a_hundredt
     np.testing.assert_allclose(there, p_of(whole, 0), atol=0.01)
 
 
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 @pytest.mark.parametrize("seed", range(2))
-def test_ten_minutes_of_standing_teach_nothing(seed: int):
+def test_ten_minutes_of_standing_teach_nothing(seed: int, mode: int):
+    """Compared from ten seconds after the stop; with GNSS alone, which reports a speed of 0."""
     n, at, rng = len(BESIDE.time), 600, np.random.default_rng(seed)
     rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
     stood = Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in BESIDE[1:]))
     fix = gnss(BESIDE, sigma=4.0, seed=seed)[rows]
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
-    output = localize(PARALLEL, epochs_of(stood, fix, second(stood), course=0.1)).output
-    before, after = at + 1, at + 5999
-    assert abs(p_of(output, 0)[after] - p_of(output, 0)[before]) <= 0.01
+    epochs = epochs_of(stood, fix, second(stood), course=0.1)
+    every = 1
+    if mode == CLOCK:
+        speed = np.gradient(stood.s, stood.time)
+        epochs = epochs._replace(speed=speed, speed_sigma=np.full(len(rows), 0.3))
+        every = ONCE_A_SECOND
+        epochs = Epochs(*(column[::every] for column in epochs))
+    output = localize(PARALLEL, epochs, mode=mode).output
+    before, after = (at + 100) // every, (at + 5990) // every
+    for p in (p_of(output, 0), output.value[:, V_OFF]):
+        assert abs(p[after] - p[before]) <= 0.01
     assert abs(sigma(output)[after] / sigma(output)[before] - 1.0) <= 0.05
 
 
@@ -287,7 +297,7 @@ def test_what_is_said_is_the_moments_of_the_mixture():
         assert output.value[k, V_P] == pytest.approx(p[belief.edge[:n] == output.edge[k]].sum())
 
 
-@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 def test_a_drive_in_one_call_is_the_drive_epoch_by_epoch(mode: int):
     truth, fix = town_drive()
     epochs = town_epochs(truth, fix)
