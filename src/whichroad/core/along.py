@@ -21,7 +21,7 @@ from .motion import predict_along
 from .network import Roads
 from .road import track
 from .segment import locate
-from .switching import MOST, Work, adopt, destinations, leave_map, rescale
+from .switching import Work, adopt, destinations, leave_map, rescale
 
 
 @kernel
@@ -116,16 +116,19 @@ def advance_along(
         now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
         p = belief.probability[i]
-        if share * p >= 0.3 * prune and belief.size[0] <= CAPACITY - MOST:
+        if share * p >= 0.3 * prune and belief.size[0] < CAPACITY:
             changed = True
+            given = 0.0
             count, total = destinations(roads, work, edge, s, sigma, share * p, prune)
             if total <= 0.0:
                 leave_map(belief, i, belief.size[0], share)
                 belief.size[0] += 1
+                given = share
             for d in range(count):
                 part = share * work.mass[d] / total if total > 0.0 else 0.0
-                if part * p < 0.1 * prune:
-                    continue
+                if part * p < 0.1 * prune or belief.size[0] >= CAPACITY:
+                    continue  # too little, or no room: it stays where it was
+                given += part
                 child = belief.size[0]
                 adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
                 belief.size[0] = child + 1
@@ -135,7 +138,7 @@ def advance_along(
                     0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
                     heading_variance, node_radius, node_variance,
                 )  # fmt: skip
-            rescale(belief, i, 1.0 - share)
+            rescale(belief, i, 1.0 - given)
         _move_to(
             belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
             scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,

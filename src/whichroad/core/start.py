@@ -205,7 +205,7 @@ def leave_and_return(
     for i in range(n):
         p = belief.probability[i]
         if belief.edge[i] != OFF_ROAD:
-            if p > 0.02:
+            if p > 0.02 and belief.size[0] < CAPACITY:
                 child = belief.size[0]
                 copy_hypothesis(belief, i, child)
                 belief.edge[child] = OFF_ROAD
@@ -254,7 +254,7 @@ def _return(
     count = min(count, 12)
     given = 0.0
     for c in range(count):
-        if belief.size[0] >= CAPACITY - 64:
+        if belief.size[0] >= CAPACITY:
             break
         edge = work.near_edge[c]
         part = share / count
@@ -344,7 +344,7 @@ def turn_round(
         if roads.rule[roads.opposite[edge]] & AGAINST_ONE_WAY:
             part *= 0.01
         part = min(part, 0.2)
-        if part * belief.probability[i] > 1e-4 and belief.size[0] < CAPACITY - 64:
+        if part * belief.probability[i] > 1e-4 and belief.size[0] < CAPACITY:
             _turned(belief, roads, i, part, clock, side, lane_sigma)
             changed = True
     return changed
@@ -359,5 +359,5 @@ def turn_with_heading(belief: Belief, roads: Roads, side: float, lane_sigma: flo
             continue
         s = min(max(belief.abscissa[i], 0.0), roads.length[edge])
         along = chord_heading(roads, edge, belief.segment[i], s, 6.0)
-        if abs(wrap(along - belief.mean[i, H])) > 1.3 and belief.size[0] < CAPACITY - 64:
+        if abs(wrap(along - belief.mean[i, H])) > 1.3 and belief.size[0] < CAPACITY:
             _turned(belief, roads, i, 0.1, False, side, lane_sigma)

@@ -253,7 +253,7 @@ def hand_over(
         sigma = belief.spread[i]
         length = roads.length[edge]
         p = belief.probability[i]
-        if arc < 0.0 and s < _REACH * sigma and belief.size[0] < CAPACITY - 8:
+        if arc < 0.0 and s < _REACH * sigma:
             changed = (
                 _back_up(belief, roads, i, s, sigma, -arc, p, side, lane_sigma, prune) or changed
             )
@@ -265,18 +265,21 @@ def hand_over(
             belief.stay[i] = now
             continue
         share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
-        if share * p < 0.3 * prune or belief.size[0] > CAPACITY - MOST:
+        if share * p < 0.3 * prune or belief.size[0] >= CAPACITY:
             belief.stay[i] = max(belief.stay[i], now)
             continue
         changed = True
         count, total = destinations(roads, work, edge, s, sigma, share * p, prune)
+        given = 0.0
         if total <= 0.0:
             leave_map(belief, i, belief.size[0], share)
             belief.size[0] += 1
+            given = share
         for d in range(count):
             part = share * work.mass[d] / total if total > 0.0 else 0.0
-            if part * p < 0.1 * prune:
-                continue
+            if part * p < 0.1 * prune or belief.size[0] >= CAPACITY:
+                continue  # too little, or no room: it stays where it was
+            given += part
             child = belief.size[0]
             adopt(belief, roads, route, work, i, child, d, part, side, lane_sigma)
             belief.size[0] = child + 1
@@ -289,7 +292,7 @@ def hand_over(
                 normal_cdf((roads.length[f] - ahead) / belief.spread[child]), 1e-6
             )
         belief.stay[i] = now
-        rescale(belief, i, 1.0 - share)
+        rescale(belief, i, 1.0 - given)
         if cut:
             _cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
             track(belief, roads, i, scale)
@@ -312,10 +315,12 @@ def _back_up(
     share = min(arc * density / max(normal_cdf(s / sigma), 0.02), 0.9)
     if count == 0 or share * p < 0.3 * prune:
         return False
+    given = 0.0
     for t in range(roads.pred_first[edge], roads.pred_first[edge + 1]):
         q = roads.pred[t]
-        if q == roads.opposite[edge]:
+        if q == roads.opposite[edge] or belief.size[0] >= CAPACITY:
             continue
+        given += share / count
         child = belief.size[0]
         copy_hypothesis(belief, i, child)
         rescale(belief, child, share / count)
@@ -324,7 +329,7 @@ def _back_up(
         belief.fresh[child] = 1
         belief.stay[child] = 1.0
         belief.size[0] = child + 1
-    rescale(belief, i, 1.0 - share)
+    rescale(belief, i, 1.0 - given)
     return True
 
 
