@@ -5,6 +5,7 @@ an odometer, speed alone.
 """
 
 import difflib
+import logging
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
-from .counters import Reversing, wheel_counts, wheel_speeds
-from .door import Bools, Skipped, in_order
+from .counters import Reversing, held, wheel_counts, wheel_speeds
+from .door import Skipped, in_order, keep
 from .frames import Frames, key, read_frames
+from .rows import odometer, odometer_from_speed, speed_yaw_rate
 
 _SI = {
     "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,
@@ -61,7 +63,7 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
     frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
     notes: list[str] = []
     series = {
-        role: _series(signal, role, frames[signal.frame], vehicle, skipped, notes)
+        role: _series(signal, role, frames[signal.frame], skipped, notes)
         for role, signal in signals.items()
         if signal.frame in frames
     }
@@ -86,12 +88,16 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal
     import cantools
 
     where = Path(dbc).name
+    quiet = logging.NullHandler()  # cantools logs of messages that a .dbc repeats
+    logging.getLogger("cantools").addHandler(quiet)
     try:
         base: Any = cantools.database.load_file(str(dbc))
         messages = base.messages
     except Exception as error:  # cantools lets out whatever its parsers meet
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ReadError(f"{where}: not a CAN database ({first}); a .dbc was expected") from None
+    finally:
+        logging.getLogger("cantools").removeHandler(quiet)
     known = {
         name: Signal(signal.name, key(m.frame_id, m.is_extended_frame), signal, m)
         for m in reversed(messages)
@@ -159,22 +165,17 @@ def decode(signal: Any, data: Any) -> Array:
 
 
 def _series(
-    signal: Signal, role: str, frames: Frames, vehicle: Vehicle, skipped: Skipped,
-    notes: list[str],
-) -> Series:  # fmt: skip
+    signal: Signal, role: str, frames: Frames, skipped: Skipped, notes: list[str]
+) -> Series:
     """Times and SI values of one signal."""
     about = signal.about
-    last = about.start + about.length - 1
-    if about.byte_order == "big_endian":
-        last = 8 * (about.start // 8) + 7 - about.start % 8 + about.length - 1
-    whole = frames.length > last // 8
-    if not whole.all():
-        skipped["frame cut short"] += int((~whole).sum())
+    first, last = _bytes(about)
+    whole = keep(frames.length > last, "frame cut short", skipped)
     time, data = frames.time[whole], frames.data[whole]
-    if last // 8 - about.start // 8 > 7:
-        values = np.array([_slow(signal, bytes(d)) for d in data], float)
-    else:
+    if last - first < 8:
         values = decode(about, data)
+    else:
+        values = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
     if role not in _PLAIN:
         unit = (about.unit or "").strip()
         if unit not in _SI:
@@ -184,21 +185,29 @@ def _series(
     return time[order], values[order]
 
 
+def _bytes(about: Any) -> tuple[int, int]:
+    """The first and the last byte of a frame that a signal touches."""
+    start = about.start
+    if about.byte_order == "big_endian":
+        start = 8 * (start // 8) + 7 - start % 8
+    return start // 8, (start + about.length - 1) // 8
+
+
 def _slow(signal: Signal, data: bytes) -> float:
     decoded = signal.message.decode(data, decode_choices=False, allow_truncated=True)
     return float(decoded[signal.name])
 
 
-def _reversing(series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle) -> (
-    Reversing | None
-):  # fmt: skip
+def _reversing(
+    series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle
+) -> Reversing | None:
+    """When the vehicle goes backwards, where a signal tells."""
     if "reverse" not in series:
         return None
     time, value = series["reverse"]
     wanted = vehicle.signals.get("reverse_value")
     if wanted is None:
-        flag: Bools = value != 0
-        return time, flag
+        return time, np.asarray(value != 0)
     choices = {str(n): float(v) for v, n in (signals["reverse"].about.choices or {}).items()}
     try:
         number = choices[wanted] if wanted in choices else float(wanted)
@@ -207,8 +216,7 @@ def _reversing(series: dict[str, Series], signals: dict[str, Signal], vehicle: V
             f"vehicle.toml: [signals] reverse_value is {wanted!r}; a number or one of "
             f"{', '.join(sorted(choices)) or 'no named values'} was expected"
         ) from None
-    backwards: Bools = value == number
-    return time, backwards
+    return time, np.asarray(value == number)
 
 
 def _odometry(
@@ -216,26 +224,29 @@ def _odometry(
 ) -> OdometryLog | None:
     """The best odometry among the signals that came."""
     reversing = _reversing(series, signals, vehicle)
-    if "wheel_rl_ticks" in series and "wheel_rr_ticks" in series:
+    if {"wheel_rl_ticks", "wheel_rr_ticks"} <= series.keys():
+        left, right = series["wheel_rl_ticks"], series["wheel_rr_ticks"]
         about = signals["wheel_rl_ticks"].about
         bits = vehicle.counter_bits or (0 if about.is_float else about.length)
-        return wheel_counts(
-            series["wheel_rl_ticks"], series["wheel_rr_ticks"], vehicle, skipped, bits=bits,
-            reversing=reversing,
-        )  # fmt: skip
-    if "wheel_rl" in series and "wheel_rr" in series:
-        return wheel_speeds(series["wheel_rl"], series["wheel_rr"], skipped, reversing=reversing)
+        counts = wheel_counts(left, right, vehicle, skipped, bits=bits, reversing=reversing)
+        return counts if len(counts.time) else None
+    if {"wheel_rl", "wheel_rr"} <= series.keys():
+        left, right = series["wheel_rl"], series["wheel_rr"]
+        speeds = wheel_speeds(left, right, skipped, reversing=reversing)
+        return speeds if len(speeds.time) else None
     if "speed" in series:
         time, speed = series["speed"]
         if reversing is not None:
-            at = np.searchsorted(reversing[0], time, side="right") - 1
-            speed = np.where((at >= 0) & reversing[1][np.maximum(at, 0)], -np.abs(speed), speed)
+            speed = np.where(held(reversing, time), -np.abs(speed), speed)
         if "yaw_rate" in series:
-            yaw = np.interp(time, *series["yaw_rate"])
-            return SpeedYawRate(time, speed, yaw)
+            return speed_yaw_rate(time, speed, _at(time, *series["yaw_rate"]), skipped)
     if "odometer" in series:
-        return Odometer(*series["odometer"])
-    if "speed" in series:
-        steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
-        return Odometer(time, np.concatenate([[0.0], np.cumsum(steps)]))
-    return None
+        return odometer(*series["odometer"], skipped)
+    return odometer_from_speed(time, speed, skipped) if "speed" in series else None
+
+
+def _at(time: Array, known_at: Array, values: Array) -> Array:
+    """Values between readings; NaN before the first and after the last."""
+    if len(known_at) == 0:
+        return np.full(len(time), np.nan)
+    return np.interp(time, known_at, values, left=np.nan, right=np.nan)

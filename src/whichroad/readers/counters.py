@@ -9,13 +9,15 @@ import numpy as np
 from ..errors import ReadError
 from ..records import Array, WheelCounts, WheelSpeeds
 from ..settings import Vehicle
-from .door import Bools, Ints, Skipped, in_order
+from .door import Bools, Ints, Skipped, in_order, keep
 
 FASTEST = 90.0  # m/s
 _JITTER = 0.02  # s, by which logged frames come too close together
 _GAP = 3.0  # usual intervals, beyond which a short counter may have wrapped more than once
 _RECENT = 10  # steps that give the speed across a gap
+_LARGEST = 2.0**53  # counts; beyond it floats no longer tell neighbours apart
 JUMP = "wheel counter jumped (bridged)"
+NO_COUNT = "wheel counter beyond 2^53"
 
 Reversing = tuple[Array, Bools]  # times, whether the vehicle goes backwards from then on
 
@@ -67,7 +69,7 @@ def cumulative(
         skipped[JUMP] += int(np.count_nonzero(jump))
         step = np.where(jump, _bridge(step, interval, ~gap & ~jump), step)
     if reversing is not None:
-        step = np.where(_held(reversing, time[1:]), -np.abs(step), step)
+        step = np.where(held(reversing, time[1:]), -np.abs(step), step)
     return float(raw[0]) + np.concatenate([[0.0], np.cumsum(step)])
 
 
@@ -90,8 +92,8 @@ def _bridge(step: Array, interval: Array, good: Bools) -> Array:
     return np.asarray(rate * interval)
 
 
-def _held(reversing: Reversing, time: Array) -> Bools:
-    """The flag as it was last said at each time; forwards before it was said at all."""
+def held(reversing: Reversing, time: Array) -> Bools:
+    """Whether the vehicle goes backwards at each time, as last said; forwards before."""
     said_at, flag = reversing
     if len(said_at) == 0:
         return np.zeros(len(time), np.bool_)
@@ -145,7 +147,8 @@ def wheel_counts(
     wheels = []
     scales = (vehicle.metres_per_tick_left, vehicle.metres_per_tick_right)
     for (time, raw), scale in zip((left, right), scales, strict=True):
-        time, raw = _known(time, raw, skipped)
+        countable = keep(~(np.abs(raw) > _LARGEST), NO_COUNT, skipped)
+        time, raw = _known(time[countable], raw[countable], skipped)
         counts = cumulative(
             time,
             raw,
@@ -169,11 +172,9 @@ def wheel_speeds(
     wheels = []
     for time, speed in (left, right):
         time, speed = _known(time, speed, skipped)
-        possible = np.abs(speed) <= FASTEST
-        if not possible.all():
-            skipped[f"wheel speed beyond {FASTEST:g} m/s"] += int(np.count_nonzero(~possible))
+        possible = keep(np.abs(speed) <= FASTEST, f"wheel speed beyond {FASTEST:g} m/s", skipped)
         time, speed = time[possible], speed[possible]
         if reversing is not None:
-            speed = np.where(_held(reversing, time), -np.abs(speed), speed)
+            speed = np.where(held(reversing, time), -np.abs(speed), speed)
         wheels.append((time, speed))
     return WheelSpeeds(*_same_times(*wheels))

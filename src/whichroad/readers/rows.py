@@ -9,7 +9,9 @@ from .door import Skipped, in_order, keep
 from .fixes import RADIUS_68, Reported, from_ellipse, make_fixes
 
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
+_SPINNING = 10.0  # rad/s
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
+_TOO_TURNING = f"yaw rate beyond {_SPINNING:g} rad/s"
 
 
 def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
@@ -43,7 +45,8 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
 
 
 def _reported(columns: Columns) -> Reported:
-    ee, en, nn = _covariance(columns)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is counted as no covariance
+        ee, en, nn = _covariance(columns)
     return Reported(
         time=columns["time"],
         lat_deg=columns["lat"],
@@ -98,18 +101,25 @@ def _odometry(
         speeds = wheel_speeds(left, right, skipped, reversing=reversing)
         return speeds if len(speeds.time) else None
     if {"speed", "yaw_rate"} <= has:
-        known = ~np.isnan(columns["speed"]) & ~np.isnan(columns["yaw_rate"])
-        known &= keep(~known | (np.abs(columns["speed"]) <= FASTEST), _TOO_FAST, skipped)
-        rows = np.flatnonzero(known)
-        rows = rows[in_order(time[rows], skipped)]
-        log = SpeedYawRate(time[rows], columns["speed"][rows], columns["yaw_rate"][rows])
-        return log if len(rows) else None
+        return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
     if "odometer" in has:
         return odometer(time, columns["odometer"], skipped)
     if "speed" in has and not has_position:
         notes.append("distance integrated from speed")
         return odometer_from_speed(time, columns["speed"], skipped)
     return None
+
+
+def speed_yaw_rate(
+    time: Array, speed: Array, yaw_rate: Array, skipped: Skipped
+) -> SpeedYawRate | None:
+    """The possible readings where both are known, in order; None where there are none."""
+    known = np.isfinite(speed) & np.isfinite(yaw_rate) & np.isfinite(time)
+    known &= keep(~known | (np.abs(speed) <= FASTEST), _TOO_FAST, skipped)
+    known &= keep(~known | (np.abs(yaw_rate) <= _SPINNING), _TOO_TURNING, skipped)
+    rows = np.flatnonzero(known)
+    rows = rows[in_order(time[rows], skipped)]
+    return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None
 
 
 def odometer(time: Array, distance: Array, skipped: Skipped) -> Odometer | None:

@@ -60,18 +60,19 @@ def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Dri
     east, north, mixed = column("sde(m)"), column("sdn(m)"), column("sdne(m)")
     mixed = np.where(np.isnan(mixed), 0.0, mixed)
     placed = keep(~np.isnan(lat + lon), _NUMBER, skipped)
-    timed = keep(~np.isnan(time) | ~placed, NO_TIME, skipped)
+    timed = keep(np.isfinite(time) | ~placed, NO_TIME, skipped)
     v_east, v_north = column("ve(m/s)"), column("vn(m/s)")
-    reported = Reported(
-        time=time,
-        lat_deg=lat,
-        lon_deg=lon,
-        cov_ee=east**2,
-        cov_en=mixed * np.abs(mixed),
-        cov_nn=north**2,
-        speed=np.hypot(v_east, v_north),
-        bearing_deg=np.degrees(np.arctan2(v_east, v_north)),
-    ).rows(np.flatnonzero(placed & timed))
+    with np.errstate(over="ignore"):  # what overflows is no covariance and is counted as such
+        reported = Reported(
+            time=time,
+            lat_deg=lat,
+            lon_deg=lon,
+            cov_ee=east**2,
+            cov_en=mixed * np.abs(mixed),
+            cov_nn=north**2,
+            speed=np.hypot(v_east, v_north),
+            bearing_deg=np.degrees(np.arctan2(v_east, v_north)),
+        ).rows(np.flatnonzero(placed & timed))
     fixes = make_fixes(reported, settings or Settings(), skipped)
     return Drive(Path(path).stem, fixes, sources=(str(path),), skipped=dict(skipped))
 
@@ -89,6 +90,7 @@ def _times(first: list[str], second: list[str], clock: str) -> Array:
         time = iso_seconds([f"{a}T{b}" for a, b in zip(first, second, strict=True)])
     else:
         week = np.array([_number(a) for a in first])
-        time = _GPS_EPOCH + _WEEK * week + np.array([_number(b) for b in second])
+        with np.errstate(over="ignore", invalid="ignore"):
+            time = _GPS_EPOCH + _WEEK * week + np.array([_number(b) for b in second])
     shift = {"GPST": -_LEAP, "JST": -9 * 3600.0}.get(clock, 0.0)
     return time + shift

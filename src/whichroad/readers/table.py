@@ -139,7 +139,9 @@ def _parquet(data: bytes, where: str) -> "pa.Table":
     try:
         file = pq.ParquetFile(io.BytesIO(data))
         names = file.schema_arrow.names
-        return file.read(columns=[column.name for column in find(names).values()] or names[:1])
+        table = file.read(columns=[column.name for column in find(names).values()] or names[:1])
+        table.validate(full=True)
+        return table
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise ReadError(
             f"{where}: no readable Parquet ({_first_line(error)}); was the file cut short?"
@@ -153,8 +155,11 @@ def _arrow(data: bytes, where: str) -> "pa.Table":
 
     try:
         if data[:6] in (b"ARROW1", b"FEA1\0\0") or data[:4] == b"FEA1":
-            return pyarrow.feather.read_table(io.BytesIO(data))
-        return pyarrow.ipc.open_stream(io.BytesIO(data)).read_all()
+            table = pyarrow.feather.read_table(io.BytesIO(data))
+        else:
+            table = pyarrow.ipc.open_stream(io.BytesIO(data)).read_all()
+        table.validate(full=True)
+        return table
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise ReadError(
             f"{where}: no readable Arrow file ({_first_line(error)}); was the file cut short?"
@@ -165,12 +170,8 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    first = data.lstrip(b"\r\n").split(b"\n", 1)[0]
-    try:
-        head = first.decode().strip("\r")
-    except UnicodeDecodeError:
-        raise ReadError(f"{where}: no text in UTF-8; a table was expected") from None
+    data = _in_utf8(data)
+    head = data.lstrip(b"\r\n").split(b"\n", 1)[0].decode().strip("\r")
     delimiter = max(",;\t", key=head.count)
     names = next(csv.reader([head], delimiter=delimiter), [])
     wanted = [column.name for column in find(names).values()]
@@ -202,9 +203,20 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
         ) from None
 
 
+def _in_utf8(data: bytes) -> bytes:
+    """The text with a mark in place of what is none, as in tables of older programs."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return data.decode(errors="replace").encode()
+    return data
+
+
 def _no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
     """The message about a table that lacks something, with what it has and what would do."""
-    have = ", ".join(seen[:20]) + (", ..." if len(seen) > 20 else "") if seen else "none"
+    names = [name[:40] if name.isprintable() else ascii(name[:40]) for name in seen[:20]]
+    have = ", ".join(names) + (", ..." if len(seen) > 20 else "") if seen else "none"
     accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
     return f"{where}: {what} among the columns ({have}); accepted names are {accepted}"
 
