@@ -29,7 +29,7 @@ from .belief import (
     normalise,
 )
 from .gnss import forward_only, gnss_root, observe_fix, observe_state
-from .motion import age_gnss, predict_free
+from .motion import age_gnss, arc_chord, predict_free
 from .network import Roads
 from .output import Output, say
 from .parameters import Parameters
@@ -77,51 +77,28 @@ def new_epochs(n: int) -> Epochs:
 
 
 @kernel
-def _move_wheels(
-    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
-    k: int, side: float, par: Parameters, cut: bool,
-) -> bool:  # fmt: skip
-    """Wheels (equation 1): everything moves in the plane, then roads are handed over."""
-    arc = epochs.arc[k]
-    turn = epochs.turn[k]
-    length = abs(arc)
-    pieces = max(1, math.ceil(length / _STEP))
+def _roll(
+    belief: Belief, scale: float, epochs: Epochs, k: int, pieces: int, par: Parameters
+) -> None:
+    """Wheels (equation 1): everything moves in the plane by one of equal pieces of the arc."""
     part = 1.0 / pieces
-    known = epochs.moved[k] == 1
-    changed = False
-    for piece in range(pieces):
-        forward = epochs.forward[k]
-        left = epochs.left[k]
-        if pieces > 1:  # the same circle in equal pieces
-            half = 0.5 * turn * part
-            chord = arc * part
-            if abs(half) > 1e-6:
-                chord *= math.sin(half) / half
-            forward = chord * math.cos(half)
-            left = chord * math.sin(half)
-        metres = length * part
-        q_heading = par.heading_noise**2 * metres + (par.turn_noise * turn * part) ** 2 * pieces
-        q_along = par.along_noise**2 * metres
-        if not known:
-            q_along += 0.04 * metres * metres
-            q_heading += 0.01 * metres
-        for i in range(belief.size[0]):
-            predict_free(
-                belief.mean[i], belief.cov[i], forward, left, turn * part, arc * part, scale,
-                q_along, par.lateral_noise**2 * metres, q_heading,
-                1e-10 * metres, par.yaw_bias_noise**2 * metres,
-            )  # fmt: skip
-        if metres > 0.0:
-            changed = (
-                hand_over(
-                    belief, roads, route, work, scale, arc * part, side, par.lane_sigma,
-                    par.prune, cut,
-                )
-                or changed
-            )  # fmt: skip
-            if pieces > 1 and changed and piece < pieces - 1:
-                reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    return changed
+    turn = epochs.turn[k] * part
+    forward = epochs.forward[k]
+    left = epochs.left[k]
+    if pieces > 1:  # the same circle
+        forward, left = arc_chord(epochs.arc[k] * part, turn)
+    metres = abs(epochs.arc[k]) * part
+    q_heading = par.heading_noise**2 * metres + (par.turn_noise * turn) ** 2 * pieces
+    q_along = par.along_noise**2 * metres
+    if epochs.moved[k] == 0:  # nobody measured it
+        q_along += 0.04 * metres * metres
+        q_heading += 0.01 * metres
+    for i in range(belief.size[0]):
+        predict_free(
+            belief.mean[i], belief.cov[i], forward, left, turn, epochs.arc[k] * part, scale,
+            q_along, par.lateral_noise**2 * metres, q_heading, 1e-10 * metres,
+            par.yaw_bias_noise**2 * metres,
+        )  # fmt: skip
 
 
 @kernel
@@ -167,8 +144,8 @@ def _move_along(
 def _begin(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,
-) -> None:  # fmt: skip
-    """Start, or start anew, from the fix of epoch k."""
+) -> bool:  # fmt: skip
+    """Start, or start anew, from the fix of epoch k; returns whether the heading is known."""
     heading = epochs.course[k]
     heading_sigma = math.inf
     if epochs.course_sigma[k] < 0.5 and (epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0):
@@ -191,22 +168,20 @@ def _begin(
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     gnss_root(belief, epochs.fix[k], -1.0, _SMOOTHING, work.root)
-    normalise(belief)
-    _see_roads(belief, roads, work, scale, side, mode != CLOCK and heading_sigma < 10.0, par)
-    reduce(belief, route, scale, par.prune, par.merge, int(par.components))
+    return heading_sigma < 10.0
 
 
 @kernel
-def _see_roads(
-    belief: Belief, roads: Roads, work: Work, scale: float, side: float, with_heading: bool,
-    par: Parameters,
-) -> None:  # fmt: skip
-    observe_roads(
-        belief, roads, scale, side, with_heading, par.relative_sigma, par.edge_heading_sigma,
-        par.node_radius, par.node_sigma, par.node_heading_sigma, par.lane_sigma,
-        par.lane_length, par.map_sigma, par.map_length, par.off_road_cost, work.row,
-    )  # fmt: skip
-    belief.clock[TRAVELLED] = 0.0
+def _count_motion(clock: Vector, moved: float, dt: float) -> None:
+    """Distances and times that slow states and the map's spacing are measured by."""
+    clock[TRAVELLED] += moved
+    clock[SINCE_FIX] += moved
+    clock[SINCE_LEFT] += moved
+    if moved > 0.05 * dt:
+        clock[MOVING] += dt
+        clock[STOOD] = 0.0
+    else:
+        clock[STOOD] += dt
 
 
 @kernel
@@ -301,69 +276,85 @@ def run(
     for k in range(first, last):
         if len(route.edge) - route.size[0] < 2048 and len(route.edge) > 2048:
             return k
-        if clock[STARTED] == 0.0:
-            if epochs.has_fix[k] == 0:
-                clock[NOW] = epochs.time[k]
-                continue
-            clock[NOW] = epochs.time[k]
-            scale = 1.0 + roads.curvature * (epochs.fix[k, 0] ** 2 + epochs.fix[k, 1] ** 2)
-            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
-            clock[SPEED] = _speed(belief, epochs, k, 0.0, mode)
-            say(belief, roads, output, k, scale, outage_after, ambiguous_below, 0.0)
-            continue
+        fix = epochs.has_fix[k] == 1
         dt = epochs.time[k] - clock[NOW]
         clock[NOW] = epochs.time[k]
-        scale = 1.0 + roads.curvature * (belief.mean[0, X] ** 2 + belief.mean[0, Y] ** 2)
-        if mode == CLOCK and dt > _MOST_SECONDS and epochs.has_fix[k] == 1:
-            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
-            say(belief, roads, output, k, scale, outage_after, ambiguous_below, 0.0)
+        if clock[STARTED] == 0.0 and not fix:
             continue
-        if mode == WHEELS:
-            changed = _move_wheels(belief, roads, route, work, scale, epochs, k, side, par, cut)
-            moved = abs(epochs.arc[k])
-            if dt > 1e-6:
-                clock[TURN_RATE] = epochs.turn[k] / dt
-        else:
-            changed = _move_along(belief, roads, route, work, scale, epochs, k, dt, mode, side, par)
-            moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
-        clock[TRAVELLED] += moved
-        clock[SINCE_FIX] += moved
-        if moved > 0.05 * dt:
-            clock[MOVING] += dt
-            clock[STOOD] = 0.0
-        else:
-            clock[STOOD] += dt
+        x = belief.mean[0, X] if clock[STARTED] else epochs.fix[k, 0]
+        y = belief.mean[0, Y] if clock[STARTED] else epochs.fix[k, 1]
+        scale = 1.0 + roads.curvature * (x * x + y * y)
+        begin = fix and (
+            clock[STARTED] == 0.0
+            or clock[MISFITS] >= par.lost_after
+            or (mode == CLOCK and dt > _MOST_SECONDS)
+        )
+        with_heading = mode == WHEELS
+        changed = begin
         chi2 = 0.0
-        if epochs.has_fix[k] == 1:
-            if mode == CLOCK or clock[SINCE_FIX] > 0.3:
+        pieces = 1
+        if begin:
+            known = _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
+            with_heading = known and mode != CLOCK
+            dt = 0.0
+        elif mode == WHEELS:
+            pieces = max(1, math.ceil(abs(epochs.arc[k]) / _STEP))
+        for piece in range(pieces):
+            done = piece == pieces - 1
+            arc = 0.0
+            if not begin:
+                if mode == WHEELS:
+                    arc = epochs.arc[k] / pieces
+                    moved = abs(arc)
+                    _roll(belief, scale, epochs, k, pieces, par)
+                    if dt > 1e-6:
+                        clock[TURN_RATE] = epochs.turn[k] / dt
+                else:
+                    moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
+                    changed = _move_along(
+                        belief, roads, route, work, scale, epochs, k, dt, mode, side, par
+                    )
+                _count_motion(clock, moved, dt / pieces)
+            see_fix = fix and done and not begin
+            if see_fix and mode != CLOCK and clock[SINCE_FIX] <= 0.3:
+                clock[LAST_FIX] = epochs.time[k]  # standing still teaches nothing
+                see_fix = False
+            if see_fix:
                 normalise(belief)
                 chi2 = _take_fix(belief, work, scale, epochs, k, mode, lever, par)
-                normalise(belief)
-                hand_over(
-                    belief, roads, route, work, scale, 0.0, side, par.lane_sigma, par.prune, cut
-                )
                 changed = True
-            else:
-                clock[LAST_FIX] = epochs.time[k]
-        if clock[TRAVELLED] >= par.map_spacing:
             if changed:
                 normalise(belief)
-            clock[SINCE_LEFT] += clock[TRAVELLED]
-            if clock[SINCE_LEFT] >= _LEAVING or _off_road_matters(belief):
-                leave_and_return(
-                    belief, roads, work, scale, clock[SINCE_LEFT], par.off_road_leave,
-                    par.off_road_return, side, par.lane_sigma, par.map_sigma,
-                    par.search_radius, par.wrong_way, mode != WHEELS,
+            if arc != 0.0 or see_fix:
+                changed = (
+                    hand_over(
+                        belief, roads, route, work, scale, arc, side, par.lane_sigma, par.prune,
+                        cut,
+                    )
+                    or changed
                 )  # fmt: skip
-                clock[SINCE_LEFT] = 0.0
-            if mode == WHEELS:
-                turn_with_heading(belief, roads, side, par.lane_sigma)
-            _see_roads(belief, roads, work, scale, side, mode == WHEELS, par)
-            changed = True
-        if changed:
-            reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-        if clock[MISFITS] >= par.lost_after and epochs.has_fix[k] == 1:
-            _begin(belief, roads, route, work, scale, epochs, k, mode, side, lever, par)
+            if done and (begin or clock[TRAVELLED] >= par.map_spacing):
+                if changed:
+                    normalise(belief)
+                if not begin and (clock[SINCE_LEFT] >= _LEAVING or _off_road_matters(belief)):
+                    leave_and_return(
+                        belief, roads, work, scale, clock[SINCE_LEFT], par.off_road_leave,
+                        par.off_road_return, side, par.lane_sigma, par.map_sigma,
+                        par.search_radius, par.wrong_way, mode != WHEELS,
+                    )  # fmt: skip
+                    clock[SINCE_LEFT] = 0.0
+                if mode == WHEELS and not begin:
+                    turn_with_heading(belief, roads, side, par.lane_sigma)
+                observe_roads(
+                    belief, roads, scale, side, with_heading, par.relative_sigma,
+                    par.edge_heading_sigma, par.node_radius, par.node_sigma,
+                    par.node_heading_sigma, par.lane_sigma, par.lane_length, par.map_sigma,
+                    par.map_length, par.off_road_cost, work.row,
+                )  # fmt: skip
+                clock[TRAVELLED] = 0.0
+                changed = True
+            if changed:
+                reduce(belief, route, scale, par.prune, par.merge, int(par.components))
         clock[SPEED] = _speed(belief, epochs, k, dt, mode)
         say(belief, roads, output, k, scale, outage_after, ambiguous_below, chi2)
     return last
