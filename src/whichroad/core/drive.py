@@ -43,6 +43,7 @@ WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, d
 _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
+_STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
 
 
@@ -289,6 +290,12 @@ def run(
             or clock[MISFITS] >= par.lost_after
             or (mode == CLOCK and dt > _MOST_SECONDS)
         )
+        stands = (
+            mode == CLOCK
+            and epochs.speed_sigma[k] < 1.0
+            and epochs.speed[k] < _STANDING
+            and clock[SPEED] < 3.0 * _STANDING
+        )
         with_heading = mode == WHEELS
         changed = begin
         chi2 = 0.0
@@ -309,6 +316,8 @@ def run(
                     _roll(belief, scale, epochs, k, pieces, par)
                     if dt > 1e-6:
                         clock[TURN_RATE] = epochs.turn[k] / dt
+                elif stands:
+                    moved = 0.0
                 else:
                     moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
                     changed = _move_along(
@@ -316,7 +325,7 @@ def run(
                     )
                 _count_motion(clock, moved, dt / pieces)
             see_fix = fix and done and not begin
-            if see_fix and mode != CLOCK and clock[SINCE_FIX] <= 0.3:
+            if see_fix and (stands or (mode != CLOCK and clock[SINCE_FIX] <= 0.3)):
                 clock[LAST_FIX] = epochs.time[k]  # standing still teaches nothing
                 see_fix = False
             if see_fix:

@@ -187,21 +187,19 @@ def observe_state(
 def forward_only(belief: Belief, row: Vector, scale: float) -> None:
     """Without odometry a vehicle drives forwards.
 
-    On a road the speed is cut to what is above −0.5 m/s, and the hypothesis weighed
-    by how much that was.  Off the roads a negative speed is the other heading.
+    The speed is cut to what is above −0.5 m/s, and the hypothesis weighed by how much
+    that was.  Off the roads a negative speed is first told as the other heading.
     """
     for i in range(belief.size[0]):
         mean = belief.mean[i]
         cov = belief.cov[i]
-        if belief.edge[i] == OFF_ROAD:
-            if mean[K] < -0.5:
-                mean[K] = -mean[K]
-                mean[H] = wrap(mean[H] + math.pi)
-                for j in range(N):
-                    cov[K, j] = -cov[K, j]
-                for j in range(N):
-                    cov[j, K] = -cov[j, K]
-            continue
+        if belief.edge[i] == OFF_ROAD and mean[K] < -0.5:
+            mean[K] = -mean[K]
+            mean[H] = wrap(mean[H] + math.pi)
+            for j in range(N):
+                cov[K, j] = -cov[K, j]
+            for j in range(N):
+                cov[j, K] = -cov[j, K]
         sigma = math.sqrt(cov[K, K])
         z = (mean[K] + 0.5) / sigma
         if z < 2.5:
