@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .literal import localize_literal
 from .localizer import localize_recorded
-from .readers import drive_from_table, read_drive
+from .readers import drive_from_table, read_drive, read_vehicle
 from .records import Drive, StartPose
 from .result import Result, path_table, points_table, summary_of
 from .roadmap import RoadMap
@@ -72,10 +72,17 @@ def _seconds(value: Any) -> float:
     if isinstance(value, int | float):
         return float(value)
     if isinstance(value, datetime):
-        return value.timestamp()
+        return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
     if hasattr(value, "timestamp"):
         return float(value.timestamp())
-    return datetime.fromisoformat(str(value).replace("Z", "+00:00")).timestamp()
+    try:
+        time = datetime.fromisoformat(str(value).replace("Z", "+00:00"))
+    except ValueError:
+        raise SettingError(
+            f"mask: {value!r} is not a time; seconds from the drive's start or an ISO 8601 "
+            "time were expected"
+        ) from None
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 
 def _tuned(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
@@ -88,11 +95,12 @@ def match(
     drive: Any,
     roads: RoadMap | str | Path,
     *,
-    vehicle: Vehicle | None = None,
+    vehicle: Vehicle | str | Path | None = None,
     settings: Settings | None = None,
     model: str = "default",
     start: Start = None,
     mask: Sequence[Window] = (),
+    lag: None = None,
     attributes: bool = False,
     hypotheses: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
@@ -102,11 +110,12 @@ def match(
     Args:
         drive: Paths of logs and tables, a DataFrame or Arrow table, or `Drive` records.
         roads: A `RoadMap`, or the path of a compiled map, an OSM extract or an edge table.
-        vehicle: The car's wheels, antenna and clocks.
+        vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
         settings: The model's numbers.
         model: "default"; "paper" is the literal method, for comparison.
         start: A known pose (lat, lon, bearing in degrees); else the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
+        lag: None: every epoch is answered by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         progress: Told (drive_id, epochs done, epochs in all).
@@ -122,6 +131,13 @@ def match(
     """
     if model not in MODELS:
         raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
+    if lag is not None:
+        raise SettingError(
+            f"lag is {lag!r}; None was expected: looking back is not there yet, every epoch is "
+            "answered by what was known then"
+        )
+    if isinstance(vehicle, str | Path):
+        vehicle = read_vehicle(vehicle)
     road_map = open_map(roads)
     tuned = _tuned(settings, vehicle)
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
