@@ -197,27 +197,31 @@ def _check_distance(drive: Drive, roads: RoadMap) -> None:
     fixes = drive.fixes
     if fixes is None or not len(fixes):
         return
-    arrays = roads.arrays
-    low_x, high_x = float(arrays.x.min()), float(arrays.x.max())
-    low_y, high_y = float(arrays.y.min()), float(arrays.y.max())
-    x, y = roads.plane.from_geodetic(fixes.lat_deg, fixes.lon_deg)
-    away = np.hypot(
-        np.maximum(np.maximum(low_x - x, x - high_x), 0.0),
-        np.maximum(np.maximum(low_y - y, y - high_y), 0.0),
-    )
+    reach = float(np.hypot(roads.arrays.x, roads.arrays.y).max())
+    away = _ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - reach
     nearest = int(np.argmin(away))
     if away[nearest] <= _FAR:
         return
     lat, lon = float(fixes.lat_deg[nearest]), float(fixes.lon_deg[nearest])
-    hint = "is this the right extract?"
-    if abs(lon) <= 90.0:
-        sx, sy = roads.plane.from_geodetic(np.array([lon]), np.array([lat]))
-        if low_x <= sx[0] <= high_x and low_y <= sy[0] <= high_y:
-            hint = "were latitude and longitude swapped?"
+    swapped = abs(lon) <= 90.0 and (
+        _ground_distance(roads, fixes.lon_deg[nearest], fixes.lat_deg[nearest]) < reach + _FAR
+    )
+    hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
     raise MapError(
         f"{drive.drive_id}: position lat {lat:.4f}, lon {lon:.4f} is "
         f"{away[nearest] / 1000:,.0f} km from the map; {hint}"
     )
+
+
+def _ground_distance(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
+    """Great-circle distance from the middle of the map, m."""
+    lat0, lon0 = math.radians(roads.plane.lat0_deg), math.radians(roads.plane.lon0_deg)
+    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    half = (
+        np.sin(0.5 * (lat - lat0)) ** 2
+        + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
+    )
+    return 2.0 * 6_371_000.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
 
 
 def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
