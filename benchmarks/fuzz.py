@@ -219,6 +219,16 @@ def _tables(drive: SimulatedDrive, folder: Path) -> dict[str, bytes]:
     }
 
 
+def _by_library(candump: Path, path: Path) -> bytes:
+    """The same frames in a format that python-can writes."""
+    import can
+
+    with can.LogReader(str(candump)) as log, can.Logger(str(path)) as writer:
+        for message in log:
+            writer(message)
+    return path.read_bytes()
+
+
 def readers(folder: Path) -> list[Reader]:
     """Every reader with a good file of its own, written by the simulator."""
     town = folder / "town.osm"
@@ -253,6 +263,8 @@ def readers(folder: Path) -> list[Reader]:
         Reader("pos", tables["pos"], drives, ".pos"),
         Reader("any suffix", tables["csv"], drives, ".dat"),
         Reader("candump", can_short.read_bytes(), with_dbc, ".log"),
+        Reader("asc", _by_library(can_short, folder / "log.asc"), with_dbc, ".asc"),
+        Reader("blf", _by_library(can_short, folder / "log.blf"), with_dbc, ".blf"),
         Reader("dbc", dbc.read_bytes(), by_dbc, ".dbc"),
         Reader(
             "vehicle.toml",
@@ -274,7 +286,7 @@ def readers(folder: Path) -> list[Reader]:
 def _mutations(reader: Reader) -> tuple[Mutation, ...]:
     if reader.name.startswith("nmea"):
         return (*_TEXT, _sealed, _sealed)
-    return _BINARY if reader.suffix in (".parquet", ".map") else _TEXT
+    return _BINARY if reader.suffix in (".parquet", ".blf", ".map") else _TEXT
 
 
 def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[str, Any]:

@@ -25,7 +25,13 @@ _SPACED = re.compile(
 )
 _EXTENDED = 1 << 31  # marks 29-bit ids in `Frames.key`
 _ERROR = 0x20000000  # candump's flag of an error frame
-_BY_LIBRARY = {".blf", ".asc", ".trc", ".csv", ".mf4"}
+_BY_LIBRARY = {  # suffix -> python-can's class and the mode it wants
+    ".blf": ("BLFReader", "rb"),
+    ".mf4": ("MF4Reader", "rb"),
+    ".asc": ("ASCReader", "r"),
+    ".trc": ("TRCReader", "r"),
+    ".csv": ("CSVReader", "r"),
+}
 
 
 class Frames(NamedTuple):
@@ -122,9 +128,13 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
 def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, bytes, bool]]:
     import can
 
-    more = {"relative_timestamp": False} if Path(path).suffix.lower() == ".asc" else {}
-    with can.LogReader(str(path), **more) as log:
-        for m in log:
+    suffix = Path(path).suffix.lower()
+    reader, mode = _BY_LIBRARY[suffix]
+    more = {"relative_timestamp": False} if suffix == ".asc" else {}
+    encoding = {} if "b" in mode else {"encoding": "utf-8", "errors": "replace"}
+    # opened here: python-can leaves a file open whose header it does not understand
+    with Path(path).open(mode, **encoding) as file:
+        for m in getattr(can, reader)(file, **more):
             plain = not (m.is_remote_frame or m.is_error_frame)
             yield m.timestamp, m.arbitration_id, m.is_extended_id, bytes(m.data), plain
 

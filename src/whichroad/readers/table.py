@@ -6,6 +6,7 @@ nothing; what cannot be understood is skipped and counted.
 
 import csv
 import io
+import re
 from collections import Counter
 from os import PathLike
 from pathlib import Path
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 Path_ = str | PathLike[str]
 
 _WIDTH = "row with a wrong number of cells"
-_MAX_DRIVES = 1_000_000
 
 
 def read_table(
@@ -171,9 +171,15 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
     import pyarrow.csv as pc
 
     data = _in_utf8(data)
-    head = data.lstrip(b"\r\n").split(b"\n", 1)[0].decode().strip("\r")
+    first = re.search(rb"[^\r\n]+", data)
+    head = first[0].decode() if first else ""
     delimiter = max(",;\t", key=head.count)
-    names = next(csv.reader([head], delimiter=delimiter), [])
+    try:
+        names = next(csv.reader([head], delimiter=delimiter), [])
+    except csv.Error as error:
+        raise ReadError(
+            f"{where}: no readable line of column names ({error}); a table was expected"
+        ) from None
     wanted = [column.name for column in find(names).values()]
     if not wanted:
         raise ReadError(_no_column(where, "no known column", names, ("time", "lat", "lon")))

@@ -1,0 +1,318 @@
+"""NMEA: positions, times and covariances as receivers write them, streamed or whole."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pynmeagps import NMEAReader
+
+from whichroad.errors import ReadError
+from whichroad.readers import NmeaParser, read_drive
+from whichroad.readers.fixes import as_records, from_gst
+from whichroad.records import ASSUMED, FROM_HDOP, NO_CORRELATION
+from whichroad.settings import Settings
+
+KNOT = 1852 / 3600
+WITH_FIXES = (
+    *("isync", "quectel-L70", "skytraq-dgps"),
+    *("ublox-neo-m9n-nmea", "ublox-zed-f9p-nmea", "ublox-zed-f9r"),
+)
+NOON = 1_780_315_200.0  # 2026-06-01 12:00 UTC
+
+
+@pytest.fixture
+def read(put):
+    """A function from a log's bytes to its drive."""
+    return lambda content: read_drive(put("log.nmea", content))[0]
+
+
+def log_of(nmea, n=60, **kwargs):
+    """Seconds of a drive about the globe's corners."""
+    rng = np.random.default_rng(5)
+    lines = []
+    for k in range(n):
+        lines.append(
+            nmea.burst(
+                clock=f"12{k // 60:02d}{k % 60:02d}.00",
+                lat=float(rng.uniform(-89, 89)),
+                lon=float(rng.uniform(-179, 179)),
+                knots=round(float(rng.uniform(3, 60)), 2),
+                course=f"{rng.uniform(0, 360):.1f}",
+                gst="{0:.1f},{1:.1f},{2:.1f},{0:.1f},{1:.1f}".format(
+                    *rng.uniform(1, 9, 2), rng.uniform(0, 180)
+                ),
+                **kwargs,
+            )
+        )
+    return b"".join(lines)
+
+
+def oracle(content, kind):
+    """Sentences of one type, by pynmeagps."""
+    return [
+        m for _, m in NMEAReader(_stream(content), validate=1, quitonerror=2) if m.msgID == kind
+    ]
+
+
+def _stream(content):
+    import io
+
+    return io.BytesIO(content)
+
+
+def test_positions_speeds_and_courses_are_those_of_pynmeagps(nmea, read, sound):
+    content = log_of(nmea)
+    drive = read(content)
+    sound(drive)
+    fixes, rmc, gst = drive.fixes, oracle(content, "RMC"), oracle(content, "GST")
+    assert len(fixes) == len(rmc) == 60
+    assert not drive.skipped
+    assert fixes.time == pytest.approx(NOON + np.arange(60.0), abs=1e-6)
+    # both are rounded: a millionth of a minute here, 1e-8 degrees there
+    assert np.abs(fixes.lat_deg - [m.lat for m in rmc]).max() < 2e-8
+    assert np.abs(fixes.lon_deg - [m.lon for m in rmc]).max() < 2e-8
+    assert fixes.speed == pytest.approx([KNOT * m.spd for m in rmc])
+    assert fixes.bearing_deg == pytest.approx([m.cog for m in rmc])
+    assert np.sqrt(fixes.cov_nn) == pytest.approx([m.stdLat for m in gst])
+    assert np.sqrt(fixes.cov_ee) == pytest.approx([m.stdLong for m in gst])
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", WITH_FIXES)
+def test_real_receivers_are_read_as_pynmeagps_reads_them(data_folder, name, sound):
+    path = data_folder / "nmea_gst" / f"{name}.log"
+    (drive,) = read_drive(path)
+    sound(drive)
+    found = {}
+    with path.open("rb") as stream:
+        for _, m in NMEAReader(stream, validate=1, quitonerror=0):
+            if m is not None and m.msgID == "GGA" and m.quality and m.lat != "" and m.time != "":
+                found.setdefault(m.time, (m.lat, m.lon))
+    assert len(drive.fixes) == len(found) > 0
+    place = np.array(list(found.values()), float)
+    assert np.abs(np.sort(drive.fixes.lat_deg) - np.sort(place[:, 0])).max() < 2e-8
+    assert np.abs(np.sort(drive.fixes.lon_deg) - np.sort(place[:, 1])).max() < 2e-8
+
+
+@pytest.mark.data
+def test_a_real_log_without_a_fix_is_refused_with_the_reason(data_folder):
+    with pytest.raises(ReadError, match="10 epoch without a fix"):
+        read_drive(data_folder / "nmea_gst" / "ublox-lea-5q.log")
+
+
+@pytest.mark.data
+def test_most_real_ellipses_are_used_or_flagged(data_folder):
+    for name in WITH_FIXES:
+        fixes = read_drive(data_folder / "nmea_gst" / f"{name}.log")[0].fixes
+        assert (fixes.cov_ee * fixes.cov_nn > fixes.cov_en**2).all()
+        uncorrelated = fixes.flags != 0
+        assert (fixes.cov_en[uncorrelated] == 0).all()
+
+
+def covariance(sigma_lat, sigma_lon, major, minor, bearing):
+    """What the reader makes of one GST."""
+    values = (np.array([float(v)]) for v in (sigma_lat, sigma_lon, major, minor, bearing))
+    ee, en, nn, doubt = from_gst(*values)
+    return float(ee[0]), float(en[0]), float(nn[0]), bool(doubt[0])
+
+
+@given(
+    st.floats(0.5, 20),
+    st.floats(0.5, 20),
+    st.floats(0, 180),
+    st.sampled_from([1.0, 2.4477]),
+)
+def test_an_ellipse_of_one_sigma_or_of_95_percent_gives_the_whole_covariance(a, b, angle, times):
+    major, minor = max(a, b), min(a, b)
+    direction = np.array([np.sin(np.radians(angle)), np.cos(np.radians(angle))])
+    across = np.array([direction[1], -direction[0]])
+    cov = major**2 * np.outer(direction, direction) + minor**2 * np.outer(across, across)
+    sigmas = np.sqrt(cov[1, 1]), np.sqrt(cov[0, 0])
+    ee, en, nn, doubt = covariance(*sigmas, times * major, times * minor, angle)
+    assert [ee, nn] == pytest.approx([cov[0, 0], cov[1, 1]])
+    # a needle's correlation is not believed
+    if abs(cov[0, 1]) < 0.9998 * np.sqrt(ee * nn):
+        assert not doubt
+        assert en == pytest.approx(cov[0, 1], abs=1e-9 * (ee + nn))
+
+
+def test_an_ellipse_of_another_size_gives_no_correlation_and_a_flag(nmea, read):
+    fixes = read(nmea.burst(gst="9.0,4.5,30.0,2.0,1.5")).fixes
+    assert fixes.cov_en[0] == 0
+    assert fixes.flags[0] == NO_CORRELATION
+    assert [fixes.cov_ee[0], fixes.cov_nn[0]] == pytest.approx([1.5**2, 2.0**2])
+
+
+def test_a_gst_without_an_ellipse_keeps_its_sigmas(nmea, read):
+    fixes = read(nmea.burst(gst=",,,2.0,1.5")).fixes
+    assert [fixes.cov_ee[0], fixes.cov_en[0], fixes.cov_nn[0]] == pytest.approx([2.25, 0, 4.0])
+    assert fixes.flags[0] == NO_CORRELATION
+
+
+@pytest.mark.parametrize("gst", [None, "0.0,0.0,0.0,0.0,0.0", ",,,,"])
+def test_without_a_gst_or_with_zeros_hdop_decides_and_is_flagged(nmea, read, gst):
+    fixes = read(nmea.burst(gst=gst, hdop="1.5")).fixes
+    sigma = 1.5 * Settings().user_range_error_m
+    assert [fixes.cov_ee[0], fixes.cov_en[0], fixes.cov_nn[0]] == pytest.approx(
+        [sigma**2, 0, sigma**2]
+    )
+    assert fixes.flags[0] == FROM_HDOP
+
+
+def test_without_gst_and_hdop_the_default_is_taken_and_flagged(nmea, read):
+    fixes = read(nmea.burst(gst=None, hdop="")).fixes
+    assert fixes.cov_ee[0] == Settings().default_sigma_m ** 2
+    assert fixes.flags[0] == ASSUMED
+
+
+def test_the_date_rolls_over_at_midnight(nmea, read):
+    clocks = [("235958.50", "311225"), ("235959.50", "311225"), ("000000.50", None)]
+    clocks += [("000001.50", None), ("000002.50", "010126")]
+    fixes = read(b"".join(nmea.burst(clock=c, date=d) for c, d in clocks)).fixes
+    assert np.diff(fixes.time) == pytest.approx(np.ones(4))
+    assert np.datetime64(int(fixes.time[0]), "s") == np.datetime64("2025-12-31T23:59:58")
+
+
+def test_midnight_needs_no_date_and_says_so(nmea, read):
+    content = nmea.burst("235959.00", knots=None) + nmea.burst("000000.00", knots=None)
+    drive = read(content)
+    assert np.diff(drive.fixes.time) == pytest.approx([1.0])
+    assert any("no date" in note for note in drive.notes)
+
+
+def test_the_date_may_come_from_zda_after_the_first_fix(nmea, read):
+    content = nmea.burst("120000.00", knots=None) + nmea.sealed("GNZDA,120000.00,01,06,2026,00,00")
+    assert read(content).fixes.time == pytest.approx([NOON])
+
+
+def test_talkers_may_be_mixed(nmea, read):
+    place = f"{nmea.angle(49.4, 2, 'NS')},{nmea.angle(8.7, 3, 'EW')}"
+    content = b"".join(
+        nmea.sealed(body)
+        for body in (
+            f"GNRMC,120000.00,A,{place},20.0,90.0,010626,,,A",
+            f"GPGGA,120000.00,{place},1,09,0.9,52.0,M,45.0,M,,",
+            "GLGST,120000.00,1.2,,,,2.0,1.5,3.0",
+            "GAGSA,A,3,04,09,16,,,,,,,,,,1.2,0.9,0.7",
+        )
+    )
+    drive = read(content)
+    assert len(drive.fixes) == 1
+    assert drive.fixes.cov_nn[0] == pytest.approx(4.0)
+    assert any("GSA" in note for note in drive.notes)
+
+
+def test_vtg_gives_speed_where_rmc_is_absent(nmea, read):
+    content = nmea.burst("120000.00", knots=None) + nmea.sealed("GPVTG,45.0,T,,M,20.0,N,37.0,K,A")
+    fixes = read(content).fixes
+    assert fixes.speed[0] == pytest.approx(20 * KNOT)
+    assert fixes.bearing_deg[0] == pytest.approx(45.0)
+
+
+def test_a_standing_receiver_has_no_course(nmea, read):
+    fixes = read(nmea.burst(knots=0.1)).fixes
+    assert np.isinf(fixes.sigma_bearing_deg[0])
+    assert np.isfinite(fixes.sigma_speed[0])
+
+
+def test_epochs_without_a_fix_are_counted(nmea, read, sound):
+    content = log_of(nmea, 3) + nmea.sealed("GPGGA,120010.00,,,,,0,00,99.9,,M,,M,,")
+    drive = read(content)
+    sound(drive)
+    assert len(drive.fixes) == 3
+    assert drive.skipped == {"epoch without a fix": 1}
+
+
+def test_wrong_checksums_and_cut_sentences_are_counted(nmea, read, sound):
+    lines = log_of(nmea, 4).splitlines(keepends=True)
+    lines[0] = lines[0].replace(b",1,09,", b",1,08,")
+    lines[3] = lines[3][:30] + b"\r\n"
+    drive = read(b"".join(lines))
+    sound(drive)
+    assert len(drive.fixes) == 4  # RMC of those epochs still has a position
+    assert drive.skipped["wrong checksum"] == 1
+    assert drive.skipped["sentence cut short"] == 1
+
+
+def test_bytes_between_sentences_are_passed_over(nmea, read, sound):
+    rng = np.random.default_rng(3)
+    noise = rng.bytes(400).replace(b"$", b"").replace(b"\n", b"")
+    clean = log_of(nmea, 10)
+    drive = read(clean.replace(b"$GPGST", noise + b"\n$GPGST"))
+    sound(drive)
+    assert np.array_equal(drive.fixes.lat_deg, read(clean).fixes.lat_deg)
+    assert not drive.skipped
+
+
+def test_time_running_backwards_is_put_in_order_and_counted(nmea, read, sound):
+    clocks = ["120000.00", "120002.00", "120001.00", "120003.00"]
+    drive = read(b"".join(nmea.burst(clock=c) for c in clocks))
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(NOON + np.arange(4.0))
+    assert sum(drive.skipped.values()) == 1
+
+
+def test_impossible_positions_are_counted(nmea, read, sound):
+    bad = nmea.burst("120005.00", lat=0.0, lon=0.0)
+    drive = read(log_of(nmea, 3) + bad)
+    sound(drive)
+    assert len(drive.fixes) == 3
+    assert drive.skipped == {"impossible position": 1}
+
+
+@pytest.mark.parametrize("piece", [1, 7, 100, 4096])
+def test_a_stream_in_pieces_gives_the_fixes_of_the_whole_log(nmea, read, piece):
+    content = log_of(nmea, 30)
+    parser = NmeaParser()
+    fixes = [
+        fix for k in range(0, len(content), piece) for fix in parser.feed(content[k : k + piece])
+    ]
+    fixes += parser.flush()
+    assert fixes == as_records(read(content).fixes)
+    assert not parser.skipped
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("piece", [113, 1000])
+def test_real_streams_in_pieces_give_the_fixes_of_the_whole_log(data_folder, piece):
+    for name in WITH_FIXES:
+        path = data_folder / "nmea_gst" / f"{name}.log"
+        content, parser = path.read_bytes(), NmeaParser()
+        fixes = [
+            fix
+            for k in range(0, len(content), piece)
+            for fix in parser.feed(content[k : k + piece])
+        ]
+        fixes += parser.flush()
+        assert fixes == as_records(read_drive(path)[0].fixes), path.name
+
+
+@given(st.binary(max_size=400))
+def test_a_stream_takes_any_bytes(content):
+    parser = NmeaParser()
+    assert parser.feed(content) + parser.flush() == []
+
+
+@pytest.mark.parametrize("content", [b"\xff\x00$GP", b"hello\n", b"$GPGGA,1*00\r\n", b"lat,lon\n"])
+def test_what_is_no_nmea_is_refused_by_name(put, content):
+    with pytest.raises(ReadError, match=r"log\.nmea: .*NMEA"):
+        read_drive(put("log.nmea", content))
+
+
+@given(st.integers(0, 10**6))
+def test_a_cut_log_gives_its_first_fixes(cut):
+    import tempfile
+    from pathlib import Path
+
+    from .conftest import burst
+
+    content = b"".join(burst(clock=f"1200{k:02d}.00") for k in range(5))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cut.nmea"
+        path.write_bytes(content[: cut % len(content)])
+        try:
+            (drive,) = read_drive(path)
+        except ReadError:
+            return
+        begin = NOON if not any("no date" in note for note in drive.notes) else 12 * 3600.0
+        assert (drive.fixes.time == begin + np.arange(len(drive.fixes))).all()

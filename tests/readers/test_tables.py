@@ -1,0 +1,334 @@
+"""Drive tables by the names of their columns, whoever wrote them."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.feather
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from whichroad.errors import ReadError
+from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.fixes import RADIUS_68
+from whichroad.readers.names import NAMES, normal
+from whichroad.records import ASSUMED, Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
+from whichroad.settings import Settings, Vehicle
+
+T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
+N = 5
+
+
+def table(**columns):
+    """Five fixes a second apart; columns are added, replaced, or left out by None."""
+    given = {
+        "time": T0 + np.arange(N),
+        "lat": 49.4 + 1e-4 * np.arange(N),
+        "lon": 8.7 + 1e-4 * np.arange(N),
+        **columns,
+    }
+    return {name: values for name, values in given.items() if values is not None}
+
+
+def one(columns, **kwargs):
+    """The only drive of a table in memory."""
+    (drive,) = drive_from_table(pd.DataFrame(columns), **kwargs)
+    return drive
+
+
+def test_a_plain_table_of_fixes(sound):
+    drive = one(table())
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+    assert drive.fixes.lat_deg == pytest.approx(49.4 + 1e-4 * np.arange(N))
+    assert (drive.fixes.cov_ee == Settings().default_sigma_m ** 2).all()
+    assert (drive.fixes.flags == ASSUMED).all()
+    assert drive.odometry is None
+    assert drive.skipped == {}
+
+
+@pytest.mark.parametrize("lat", NAMES["lat"])
+@pytest.mark.parametrize("shape", [str, str.upper, lambda s: s.replace("_", " ").title()])
+def test_latitude_goes_by_all_its_names(lat, shape):
+    columns = table(lat=None)
+    columns[shape(lat)] = 49.4 + 1e-4 * np.arange(N)
+    assert len(one(columns).fixes) == N
+
+
+def test_no_name_means_two_things():
+    seen = [name for names in NAMES.values() for name in names]
+    assert len(seen) == len(set(seen))
+    assert all(normal(name) == name for name in seen)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        lambda t: [f"{np.datetime64(int(s), 's')}Z" for s in t],
+        lambda t: [str(np.datetime64(int(s), "s")) for s in t],
+        lambda t: [str(np.datetime64(int(s), "s")).replace("T", " ") + ".000" for s in t],
+        lambda t: [str(np.datetime64(int(s) + 7200, "s")) + "+02:00" for s in t],
+        lambda t: t,
+        lambda t: [f"{s:.3f}" for s in t],
+        lambda t: (t * 1e3).astype(np.int64),
+        lambda t: (t * 1e6).astype(np.int64),
+        lambda t: (t * 1e9).astype(np.int64),
+        lambda t: (t * 1e9).astype("datetime64[ns]"),
+        lambda t: pd.to_datetime(t, unit="s", utc=True).tz_convert("Europe/Paris"),
+    ],
+)
+def test_times_are_utc_in_any_usual_writing(written):
+    columns = table(time=written(T0 + np.arange(N)))
+    assert one(columns).fixes.time == pytest.approx(T0 + np.arange(N), abs=1e-4)
+
+
+@pytest.mark.parametrize(("name", "per_second"), [("time_ms", 1e3), ("t_us", 1e6), ("utc_ns", 1e9)])
+def test_a_unit_in_the_name_of_the_time_decides(name, per_second):
+    columns = table(time=None) | {name: per_second * np.arange(1.0, N + 1)}
+    assert one(columns).fixes.time == pytest.approx(np.arange(1.0, N + 1))
+
+
+def test_what_is_skipped_is_counted_by_reason(sound):
+    columns = table(
+        time=T0 + np.array([0, 2, 1, 1, 3]),
+        lat=np.array([49.4, 49.4, 49.4, 49.5, 149.0]),
+    )
+    drive = one(columns)
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(3))
+    assert drive.fixes.lat_deg == pytest.approx([49.4] * 3)  # the first of two stays
+    assert drive.skipped == {
+        "impossible position": 1,
+        "repeated time": 1,
+        "time running backwards (put in order)": 2,
+    }
+
+
+def test_empty_and_strange_cells_are_skipped_and_counted(put, sound):
+    text = f"time,lat,lon\n{T0},49.4,8.7\n{T0 + 1},north,8.7\n,49.4,8.7\n{T0 + 3},49.4,8.7\n"
+    (drive,) = read_drive(put("x.csv", text + f"{T0 + 4},49.4\n"))
+    sound(drive)
+    assert len(drive.fixes) == 2
+    assert drive.skipped["row with a wrong number of cells"] == 1
+    assert drive.skipped["unparsable number in lat"] == 1
+    assert drive.skipped["no time"] == 1
+
+
+def test_trips_become_drives_in_order_of_appearance(sound):
+    ids = ["b", "a", "b", "a", "b"]
+    drives = drive_from_table(pd.DataFrame(table(trip_id=ids)))
+    assert [drive.drive_id for drive in drives] == ["b", "a"]
+    assert [len(drive.fixes) for drive in drives] == [3, 2]
+    for drive in drives:
+        sound(drive)
+
+
+def test_a_matrix_is_taken_as_it_is():
+    columns = table(cov_ee_m2=[4.0] * N, cov_en_m2=[1.0] * N, cov_nn_m2=[9.0] * N)
+    fixes = one(columns).fixes
+    assert np.column_stack([fixes.cov_ee, fixes.cov_en, fixes.cov_nn]).tolist() == [[4, 1, 9]] * N
+    assert not fixes.flags.any()
+
+
+def test_a_covariance_that_is_not_one_is_replaced_flagged_and_counted(sound):
+    columns = table(
+        cov_ee_m2=[4.0, -4.0, 4.0, np.inf, 0.0], cov_en_m2=[1.0, 1, 99, 1, 0], cov_nn_m2=[9.0] * N
+    )
+    drive = one(columns)
+    sound(drive)
+    assert drive.fixes.cov_ee.tolist() == [4, 25, 25, 25, 25]
+    assert drive.fixes.cov_en.tolist() == [1, 0, 0, 0, 0]
+    assert drive.fixes.flags.tolist() == [0] + [ASSUMED] * 4
+    assert drive.skipped == {"covariance that is not one (settings' default used)": 4}
+
+
+def test_ellipses_sigmas_and_accuracies_are_covariances():
+    ellipse = table(sigma_major_m=[3.0] * N, sigma_minor_m=[1.0] * N, sigma_bearing_deg=[90.0] * N)
+    assert one(ellipse).fixes.cov_ee == pytest.approx([9.0] * N)
+    assert one(ellipse).fixes.cov_nn == pytest.approx([1.0] * N)
+    tilted = one(ellipse | {"sigma_bearing_deg": [45.0] * N}).fixes
+    assert tilted.cov_en == pytest.approx([4.0] * N)  # towards the north-east
+    assert one(table(sigma_m=[2.0] * N)).fixes.cov_nn == pytest.approx([4.0] * N)
+    accuracy = one(table(accuracy=[2.0] * N)).fixes
+    assert accuracy.cov_ee == pytest.approx([(2.0 / RADIUS_68) ** 2] * N)
+
+
+def test_speeds_come_in_the_unit_of_their_name():
+    for name, factor in (("speed", 1), ("speed_kmh", 1 / 3.6), ("gps_speed_mph", 0.44704)):
+        fixes = one(table(**{name: [36.0] * N})).fixes
+        assert fixes.speed == pytest.approx([36.0 * factor] * N)
+        assert np.isfinite(fixes.sigma_speed).all()
+
+
+def test_fixes_and_counters_may_share_a_table(sound):
+    lat = np.where(np.arange(9) % 3 == 0, 49.4, np.nan)
+    columns = {
+        "time": T0 + 0.1 * np.arange(9),
+        "lat": lat,
+        "lon": lat - 40.7,
+        "wheel_rl_ticks": (65_500 + 20 * np.arange(9)) % 65_536,
+        "wheel_rr_ticks": 20 * np.arange(9),
+    }
+    drive = one(columns, vehicle=Vehicle(counter_bits=16))
+    sound(drive)
+    assert len(drive.fixes) == 3
+    assert isinstance(drive.odometry, WheelCounts)
+    assert np.diff(drive.odometry.left) == pytest.approx([20.0] * 8)
+    assert drive.skipped == {}
+
+
+@pytest.mark.parametrize(
+    ("columns", "kind"),
+    [
+        ({"wheel_rl_mps": 10.0, "wheel_rr_mps": 10.0}, WheelSpeeds),
+        ({"rear_left": 10.0, "rear_right": 10.0, "speed": 10.0}, WheelSpeeds),
+        ({"speed_mps": 10.0, "yaw_rate_radps": 0.1}, SpeedYawRate),
+        ({"odometer_m": np.arange(N) * 10.0}, Odometer),
+        ({"speed_kmh": 36.0}, Odometer),
+    ],
+)
+def test_odometry_alone_is_a_drive(columns, kind, sound):
+    columns = {"time": T0 + np.arange(N), **columns}
+    drive = one(pd.DataFrame(columns))
+    sound(drive)
+    assert drive.fixes is None
+    assert isinstance(drive.odometry, kind)
+    if kind is Odometer:
+        assert np.diff(drive.odometry.distance) == pytest.approx([10.0] * (N - 1))
+
+
+def test_a_reverse_flag_turns_speeds_round():
+    columns = {
+        "time": T0 + np.arange(N),
+        "wheel_rl_mps": [2.0] * N,
+        "wheel_rr_mps": [2.0] * N,
+        "reverse": [0, 0, 1, 1, 0],
+    }
+    assert one(columns).odometry.left.tolist() == [2, 2, -2, -2, 2]
+
+
+def test_impossible_speeds_are_counted(sound):
+    columns = {
+        "time": T0 + np.arange(N),
+        "wheel_rl_mps": [2.0, 500.0, 2, 2, 2],
+        "wheel_rr_mps": [2.0] * N,
+    }
+    drive = one(columns)
+    sound(drive)
+    assert drive.skipped == {"wheel speed beyond 90 m/s": 1}
+    assert drive.odometry.left.max() == 2.0
+
+
+def test_projected_coordinates_need_a_reference_system(sound):
+    import pyproj
+
+    lat, lon = 60.17 + 1e-4 * np.arange(N), 24.94 + 1e-4 * np.arange(N)
+    x, y = pyproj.Transformer.from_crs(4326, 3067, always_xy=True).transform(lon, lat)
+    columns = {"tst": T0 + np.arange(N), "x": x, "y": y, "odo": 10.0 * np.arange(N)}
+    drive = one(columns, crs="EPSG:3067")
+    sound(drive)
+    assert drive.fixes.lat_deg == pytest.approx(lat, abs=1e-8)
+    assert drive.fixes.lon_deg == pytest.approx(lon, abs=1e-8)
+    assert isinstance(drive.odometry, Odometer)
+    del columns["odo"]
+    with pytest.raises(ReadError, match="crs="):
+        one(columns)
+    with pytest.raises(ReadError, match="no_such_crs"):
+        one(columns, crs="no_such_crs")
+
+
+def test_points_of_a_geodataframe_are_brought_to_degrees(sound):
+    import geopandas as gpd
+
+    frame = gpd.GeoDataFrame(
+        {"time": T0 + np.arange(N)},
+        geometry=gpd.points_from_xy([8.7] * N, [49.4] * N, crs=4326).to_crs(32632),
+    )
+    (drive,) = drive_from_table(frame)
+    sound(drive)
+    assert drive.fixes.lat_deg == pytest.approx([49.4] * N)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".tsv", ".parquet", ".arrow", ".feather", ".dat"])
+def test_all_kinds_of_files_say_the_same(tmp_path, suffix):
+    path = tmp_path / f"drive{suffix}"
+    content = pa.table(table(speed_mps=np.full(N, 12.5)))
+    if suffix == ".parquet":
+        pq.write_table(content, path)
+    elif suffix in (".arrow", ".feather"):
+        pyarrow.feather.write_feather(content, path)
+    else:
+        options = pa.csv.WriteOptions(delimiter="\t" if suffix == ".tsv" else ",")
+        pa.csv.write_csv(content, path, options)
+    (drive,) = read_drive(path)
+    assert drive.drive_id == "drive"
+    assert drive.sources == (str(path),)
+    expected = drive_from_table(content)[0].fixes
+    for name in expected.__dataclass_fields__:
+        assert np.array_equal(getattr(drive.fixes, name), getattr(expected, name)), name
+
+
+def test_semicolons_a_mark_of_utf8_and_old_encodings_do_not_disturb(put):
+    text = f"time;lat;lon;straße\n{T0};49.4;8.7;x\n"
+    for content in (text.encode(), b"\xef\xbb\xbf" + text.encode(), text.encode("latin-1")):
+        assert len(read_drive(put("x.csv", content))[0].fixes) == 1
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"lat": [1.0], "lon": [2.0]}, "no time .*accepted names are time: time, timestamp"),
+        ({"time": [T0]}, "neither position nor odometry .*lat: lat, latitude"),
+        ({"time": [], "lat": [], "lon": []}, "no rows"),
+        ({"time": ["soon"], "lat": [1.0], "lon": [1.0]}, "no time that can be understood"),
+    ],
+)
+def test_a_table_that_lacks_something_says_what_would_do(columns, said):
+    with pytest.raises(ReadError, match=said):
+        drive_from_table(pa.table(columns))
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.parquet", "x.arrow", "x.tsv", "x.unknown"])
+@pytest.mark.parametrize(
+    "content", [b"", b" \n", b"\x00\x01\x02", b"PAR1", b"a,b\n1,2\n", b"\n,\n"]
+)
+def test_what_is_no_table_is_refused_by_name(put, name, content):
+    with pytest.raises(ReadError, match=r"x\."):
+        read_drive(put(name, content))
+
+
+def test_a_cut_parquet_is_refused(put):
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(table()), buffer)
+    whole = buffer.getvalue()
+    for end in (10, len(whole) // 2, len(whole) - 1):
+        with pytest.raises(ReadError, match=r"x\.parquet"):
+            read_drive(put("x.parquet", whole[:end]))
+
+
+@pytest.mark.parametrize("thing", [5, "text", None, [1, 2]])
+def test_what_is_no_table_in_memory_is_refused(thing):
+    with pytest.raises(ReadError, match="table"):
+        drive_from_table(thing)
+
+
+CELLS = st.one_of(
+    st.floats(), st.integers(-(2**70), 2**70), st.text(max_size=8), st.sampled_from(["", "1e999"])
+)
+
+
+@given(st.lists(st.tuples(CELLS, CELLS, CELLS, CELLS), min_size=1, max_size=6))
+def test_any_cells_give_records_or_a_read_error(rows):
+    from .conftest import check_records
+
+    names = ("time", "lat", "lon", "wheel_rl_mps")
+    frame = pd.DataFrame({name: [str(row[k]) for row in rows] for k, name in enumerate(names)})
+    try:
+        (drive,) = drive_from_table(frame)
+    except ReadError:
+        return
+    check_records(drive)
