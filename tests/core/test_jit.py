@@ -130,7 +130,6 @@ def test_the_digest_depends_on_names_and_contents_of_all_files(tmp_path: Path):
     assert len({first, changed, _jit.digest(tmp_path)}) == 3
 
 
-@pytest.mark.xfail(reason="the folder's age is its making, not its last use", strict=False)
 def test_kernels_in_use_are_kept_however_old(toy: Path, tmp_path: Path):
     cache = str(tmp_path / "cache")
     run(toy, ANSWER, WHICHROAD_CACHE_DIR=cache)

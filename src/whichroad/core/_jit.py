@@ -63,9 +63,13 @@ def cache_folder() -> Path | None:
     for base in bases:
         if base and _writable(Path(base)):
             root = Path(base) / "kernels"
-            _delete_stale(root)
             folder = root / digest()[:24]
-            return folder if _writable(folder) else None
+            if not _writable(folder):
+                return None
+            with contextlib.suppress(OSError):
+                os.utime(folder)  # its age counts from its last use
+            _delete_stale(root)
+            return folder
     return None
 
 
