@@ -12,6 +12,7 @@ from whichroad.settings import Vehicle, to_toml
 NUMBERS = st.floats(-1e6, 1e6)
 POSITIVE = st.floats(1e-6, 1e6)
 NAMES = st.text(min_size=1, max_size=12).filter(lambda s: s.isprintable())
+FILES = st.text("abcäß漢 ._-'\"\\0189", min_size=1, max_size=12)
 
 
 @given(
@@ -23,7 +24,7 @@ NAMES = st.text(min_size=1, max_size=12).filter(lambda s: s.isprintable())
         counter_bits=st.integers(0, 64),
         antenna_forward=NUMBERS,
         antenna_left=NUMBERS,
-        clock_offset=st.dictionaries(NAMES, NUMBERS, max_size=3),
+        clock_offset=st.dictionaries(FILES, NUMBERS, max_size=3),
         signals=st.dictionaries(st.sampled_from(sorted(ROLES)), NAMES, max_size=4),
         noise=st.dictionaries(st.just("heading_noise"), st.floats(0, 0.1), max_size=1),
         driving_side=st.sampled_from(["left", "right"]),

@@ -161,7 +161,8 @@ def decode(signal: Any, data: Any) -> Array:
         value = ((raw << np.uint64(spare)).view(np.int64) >> np.int64(spare)).astype(np.float64)
     else:
         value = raw.astype(np.float64)
-    return np.asarray(value * float(signal.scale) + float(signal.offset))
+    with np.errstate(invalid="ignore", over="ignore"):  # float signals may hold anything
+        return np.asarray(value * float(signal.scale) + float(signal.offset))
 
 
 def _series(

@@ -131,9 +131,11 @@ def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, byt
     suffix = Path(path).suffix.lower()
     reader, mode = _BY_LIBRARY[suffix]
     more = {"relative_timestamp": False} if suffix == ".asc" else {}
-    encoding = {} if "b" in mode else {"encoding": "utf-8", "errors": "replace"}
+    text = mode == "r"
     # opened here: python-can leaves a file open whose header it does not understand
-    with Path(path).open(mode, **encoding) as file:
+    with Path(path).open(
+        mode, errors="replace" if text else None, encoding="utf-8" if text else None
+    ) as file:
         for m in getattr(can, reader)(file, **more):
             plain = not (m.is_remote_frame or m.is_error_frame)
             yield m.timestamp, m.arbitration_id, m.is_extended_id, bytes(m.data), plain
