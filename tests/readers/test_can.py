@@ -153,7 +153,7 @@ def test_the_reverse_gear_turns_counters_that_only_rise(read, sound, value):
 def test_an_unknown_reverse_value_offers_the_known_ones(read):
     car = vehicle(TICKS | {"reverse": "Gear", "reverse_value": "Back"})
     log = counters(range(5)) + line(T0, 930, b"\x02")
-    with pytest.raises(ReadError, match=r"'Back'.* D, N, R"):
+    with pytest.raises(ReadError, match=r"'Back'.*\(D, N, R\)"):
         read(log, car)
 
 

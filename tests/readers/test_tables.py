@@ -118,6 +118,25 @@ def test_empty_and_strange_cells_are_skipped_and_counted(put, sound):
     assert drive.skipped["no time"] == 1
 
 
+def test_a_time_may_be_the_index_of_a_frame():
+    frame = pd.DataFrame(table(time=None), index=pd.to_datetime(T0 + np.arange(N), unit="s"))
+    assert one(frame).fixes.time == pytest.approx(T0 + np.arange(N))
+    assert one(frame.rename_axis("Timestamp")).fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+def test_columns_that_are_not_used_may_hold_anything():
+    drive = one(table(remark=[object() for _ in range(N)]))
+    assert len(drive.fixes) == N
+
+
+def test_a_message_names_all_columns_and_stays_on_one_line(tmp_path):
+    path = tmp_path / "x.parquet"
+    pq.write_table(pa.table({"time": [T0], "wea\nther": ["fine"], "mood": ["good"]}), path)
+    with pytest.raises(ReadError, match=r"time, .*, mood") as caught:
+        read_drive(path)
+    assert "\n" not in str(caught.value)
+
+
 def test_trips_become_drives_in_order_of_appearance(sound):
     ids = ["b", "a", "b", "a", "b"]
     drives = drive_from_table(pd.DataFrame(table(trip_id=ids)))

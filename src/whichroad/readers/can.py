@@ -5,18 +5,19 @@ an odometer, speed alone.
 """
 
 import difflib
-import logging
+from collections import Counter
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .counters import Reversing, held, wheel_counts, wheel_speeds
-from .door import Skipped, in_order, keep
+from .door import Skipped, heard, in_order, keep, listed
 from .frames import Frames, key, read_frames
 from .rows import odometer, odometer_from_speed, speed_yaw_rate
 
@@ -58,8 +59,8 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
     where = Path(path).name
     if dbc is None:
         raise ReadError(f"{where}: a CAN log needs the .dbc that describes it; give --dbc FILE")
-    signals = find_signals(dbc, vehicle)
-    skipped: Skipped = Skipped()
+    skipped: Skipped = Counter()
+    signals = find_signals(dbc, vehicle, skipped)
     frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
     notes: list[str] = []
     series = {
@@ -79,8 +80,10 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
     )
 
 
-def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal]:
+def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -> dict[str, Signal]:
     """Role -> signal, for the roles that the vehicle names.
+
+    Of messages or signals of one name the first counts.
 
     Raises:
         ReadError: The .dbc is not one, or does not know a signal; the closest are offered.
@@ -88,16 +91,13 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal
     import cantools
 
     where = Path(dbc).name
-    quiet = logging.NullHandler()  # cantools logs of messages that a .dbc repeats
-    logging.getLogger("cantools").addHandler(quiet)
     try:
-        base: Any = cantools.database.load_file(str(dbc))
+        with heard("cantools", "message repeated in the .dbc", skipped):
+            base: Any = cantools.database.load_file(str(dbc))
         messages = base.messages
     except Exception as error:  # cantools lets out whatever its parsers meet
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ReadError(f"{where}: not a CAN database ({first}); a .dbc was expected") from None
-    finally:
-        logging.getLogger("cantools").removeHandler(quiet)
     known = {
         name: Signal(signal.name, key(m.frame_id, m.is_extended_frame), signal, m)
         for m in reversed(messages)
@@ -109,7 +109,7 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal
     if not roles:
         raise ReadError(
             f"{where}: vehicle.toml names no [signals]; for example wheel_rl_ticks and "
-            f"wheel_rr_ticks were expected; the .dbc offers {', '.join(names[:40])}"
+            f"wheel_rr_ticks were expected; the .dbc offers {listed(names, 40)}"
         )
     found = {}
     for role, name in roles.items():
@@ -118,7 +118,7 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle) -> dict[str, Signal
             hint = f"did you mean {' or '.join(close)}? " if close else ""
             raise ReadError(
                 f"vehicle.toml: [signals] {role} is {name!r}, which {where} does not know; {hint}"
-                f"it offers {', '.join(names[:40])}{' and more' if len(names) > 40 else ''}"
+                f"it offers {listed(names, 40)}"
             )
         signal = known[name]
         if signal.about.multiplexer_ids:
@@ -153,16 +153,19 @@ def decode(signal: Any, data: Any) -> Array:
     for place, column in enumerate(columns):
         raw |= data[:, column].astype(np.uint64) << np.uint64(8 * place)
     raw = (raw >> np.uint64(shift)) & np.uint64((1 << length) - 1)
+    with np.errstate(invalid="ignore", over="ignore"):  # floats may hold anything
+        return np.asarray(_number(raw, signal) * float(signal.scale) + float(signal.offset))
+
+
+def _number(raw: NDArray[np.uint64], signal: Any) -> Array:
+    """The number that a signal's bits, right-aligned, stand for."""
     if signal.is_float:
-        kind = {16: np.float16, 32: np.float32, 64: np.float64}[length]
-        value = raw.astype(f"<u{length // 8}").view(kind).astype(np.float64)
-    elif signal.is_signed:
-        spare = 64 - length  # shifting there and back repeats the sign's bit
-        value = ((raw << np.uint64(spare)).view(np.int64) >> np.int64(spare)).astype(np.float64)
-    else:
-        value = raw.astype(np.float64)
-    with np.errstate(invalid="ignore", over="ignore"):  # float signals may hold anything
-        return np.asarray(value * float(signal.scale) + float(signal.offset))
+        kind = {16: np.float16, 32: np.float32, 64: np.float64}[signal.length]
+        return raw.astype(f"<u{signal.length // 8}").view(kind).astype(np.float64)
+    if signal.is_signed:
+        spare = np.int64(64 - signal.length)  # shifting there and back repeats the sign's bit
+        return ((raw.view(np.int64) << spare) >> spare).astype(np.float64)
+    return raw.astype(np.float64)
 
 
 def _series(
@@ -215,7 +218,7 @@ def _reversing(
     except ValueError:
         raise ReadError(
             f"vehicle.toml: [signals] reverse_value is {wanted!r}; a number or one of "
-            f"{', '.join(sorted(choices)) or 'no named values'} was expected"
+            f"its named values ({listed(sorted(choices))}) was expected"
         ) from None
     return time, np.asarray(value == number)
 

@@ -108,7 +108,7 @@ def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipp
         return values * meaning.factor
     if np.isnan(values).all():
         return values
-    size = float(np.nanmedian(np.abs(values)))
+    size = float(np.nanquantile(np.abs(values), 0.5, method="lower"))
     return values * next(factor for largest, factor in _LARGEST if size < largest)
 
 

@@ -3,7 +3,10 @@
 A `Skipped` counts records by reason; it ends as `Drive.skipped`.
 """
 
+import logging
 from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -35,6 +38,29 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
         raise ReadError(
             f"{path}: cannot be read ({reason}); a readable file was expected"
         ) from None
+
+
+def listed(names: Iterable[str], most: int = 20) -> str:
+    """Names as a message lists them, on one line whatever is in them."""
+    names = list(names)
+    shown = [name[:40] if name.isprintable() else ascii(name[:40]) for name in names[:most]]
+    return ", ".join(shown) + (", ..." if len(names) > most else "") if names else "none"
+
+
+@contextmanager
+def heard(library: str, reason: str, skipped: Skipped) -> Iterator[None]:
+    """Count what a library only logs (and would print where nobody listens)."""
+
+    class Ear(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            skipped[reason] += 1
+
+    ear = Ear(logging.WARNING)
+    logging.getLogger(library).addHandler(ear)
+    try:
+        yield
+    finally:
+        logging.getLogger(library).removeHandler(ear)
 
 
 def keep(good: Bools, reason: str, skipped: Skipped) -> Bools:

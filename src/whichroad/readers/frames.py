@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..records import Array
-from .door import Skipped, read_bytes
+from .door import Skipped, heard, read_bytes
 
 _COMPACT = re.compile(
     rb"^[ \t]*\((\d+\.\d+)\)[ \t]+\S+[ \t]+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
@@ -107,14 +107,14 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
     found: dict[int, Rows] = {}
     count = 0
     try:
-        for time, identifier, extended, data, plain in _messages(path):
-            count += 1
-            if not plain:
-                skipped["remote or error frame"] += 1
-                continue
-            k = key(identifier, extended)
-            if k in wanted:
-                found.setdefault(k, []).append((time, data))
+        with heard("can", "part of the log not understood", skipped):
+            for time, identifier, extended, data, plain in _messages(path):
+                count += 1
+                k = key(identifier, extended)
+                if not plain:
+                    skipped["remote or error frame"] += 1
+                elif k in wanted:
+                    found.setdefault(k, []).append((time, data))
     except Exception as error:  # python-can lets out whatever its parsers meet
         raise ReadError(
             f"{Path(path).name}: frame {count + 1} cannot be read ({type(error).__name__}: "

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..errors import ReadError
 from ..records import Array, Drive
 from ..settings import Settings, Vehicle
 from .columns import numbers, texts, times
-from .door import NO_TIME, Skipped, keep, read_bytes
+from .door import NO_TIME, Skipped, keep, listed, read_bytes
 from .names import NAMES, Column, find
 from .rows import Columns, drive_of
 
@@ -26,6 +26,16 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Path_ = str | PathLike[str]
+Seen = tuple["pa.Table", list[str]]  # the columns that are used, and the names of all
+
+
+class _Source(NamedTuple):
+    """Where a table comes from."""
+
+    where: str  # in messages
+    stem: str  # the drive's name, if the table has none
+    paths: tuple[str, ...]
+
 
 _WIDTH = "row with a wrong number of cells"
 
@@ -61,7 +71,8 @@ def read_table(
         table = _arrow(data, where)
     else:
         table = _csv(data, where, skipped)
-    return _drives(table, where, Path(path).stem, (str(path),), skipped, vehicle, settings, crs)
+    source = _Source(where, Path(path).stem, (str(path),))
+    return _drives(table, source, skipped, vehicle, settings, crs)
 
 
 def drive_from_table(
@@ -86,35 +97,45 @@ def drive_from_table(
     Raises:
         ReadError: It is no table, or holds no time or nothing that locates a drive.
     """
-    return _drives(_in_memory(table), "table", "drive", (), Counter(), vehicle, settings, crs)
+    source = _Source("table", "drive", ())
+    return _drives(_in_memory(table), source, Counter(), vehicle, settings, crs)
 
 
-def _in_memory(table: Any) -> "pa.Table":
+def _in_memory(table: Any) -> Seen:
+    """Any table in memory as Arrow."""
     import pyarrow as pa
 
     try:
-        if isinstance(table, pa.Table):
-            return table
         if isinstance(table, pa.RecordBatch):
-            return pa.Table.from_batches([table])
-        if isinstance(table, dict):
-            return pa.table(table)
-        if hasattr(table, "geometry") and hasattr(table, "to_crs"):
+            table = pa.Table.from_batches([table])
+        elif hasattr(table, "geometry") and hasattr(table, "to_crs"):
             table = _points(table)
         if hasattr(table, "reset_index"):
-            if find([str(table.index.name or "")]):
-                table = table.reset_index()
-            table = table.rename(columns=str)
-            used = {c.name for c in find(list(table.columns)).values()}
-            return pa.Table.from_pandas(
-                table[[c for c in table.columns if c in used]], preserve_index=False
-            )
-        return pa.table(table)
-    except (pa.ArrowException, TypeError, ValueError, KeyError) as error:
+            return _frame(table)
+        table = table if isinstance(table, pa.Table) else pa.table(table)
+        return table, table.column_names
+    except (pa.ArrowException, TypeError, ValueError, KeyError, AttributeError) as error:
         raise ReadError(
             f"table: {type(table).__name__} cannot be read as a table ({_first_line(error)}); a "
             "DataFrame, GeoDataFrame or pyarrow Table was expected"
         ) from None
+
+
+def _frame(frame: Any) -> Seen:
+    """The used columns of a DataFrame; an index that is a time, or named like a column, is one."""
+    import pyarrow as pa
+
+    if find([str(name) for name in frame.index.names if name is not None]):
+        frame = frame.reset_index()
+    elif str(frame.index.dtype).startswith("datetime64"):
+        frame = frame.rename_axis("time").reset_index()
+    names = [str(name) for name in frame.columns]
+    # columns that are not used may be of types that Arrow does not know
+    arrays = {
+        column.name: pa.array(frame.iloc[:, column.place], from_pandas=True)
+        for column in find(names).values()
+    }
+    return pa.table(arrays), names
 
 
 def _points(frame: Any) -> Any:
@@ -132,7 +153,7 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
 
 
-def _parquet(data: bytes, where: str) -> "pa.Table":
+def _parquet(data: bytes, where: str) -> Seen:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -141,14 +162,14 @@ def _parquet(data: bytes, where: str) -> "pa.Table":
         names = file.schema_arrow.names
         table = file.read(columns=[column.name for column in find(names).values()] or names[:1])
         table.validate(full=True)
-        return table
+        return table, names
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise ReadError(
             f"{where}: no readable Parquet ({_first_line(error)}); was the file cut short?"
         ) from None
 
 
-def _arrow(data: bytes, where: str) -> "pa.Table":
+def _arrow(data: bytes, where: str) -> Seen:
     import pyarrow as pa
     import pyarrow.feather
     import pyarrow.ipc
@@ -159,14 +180,14 @@ def _arrow(data: bytes, where: str) -> "pa.Table":
         else:
             table = pyarrow.ipc.open_stream(io.BytesIO(data)).read_all()
         table.validate(full=True)
-        return table
+        return table, table.column_names
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise ReadError(
             f"{where}: no readable Arrow file ({_first_line(error)}); was the file cut short?"
         ) from None
 
 
-def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
+def _csv(data: bytes, where: str, skipped: Skipped) -> Seen:
     import pyarrow as pa
     import pyarrow.csv as pc
 
@@ -199,9 +220,9 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> "pa.Table":
 
     try:
         try:
-            return read(None)
+            return read(None), names
         except pa.ArrowInvalid:  # a cell unlike those before it: take them one by one
-            return read(dict.fromkeys(wanted, pa.string()))
+            return read(dict.fromkeys(wanted, pa.string())), names
     except (pa.ArrowException, KeyError, ValueError) as error:
         raise ReadError(
             f"{where}: no readable table ({_first_line(error)}); comma-separated columns under "
@@ -221,25 +242,22 @@ def _in_utf8(data: bytes) -> bytes:
 
 def _no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
     """The message about a table that lacks something, with what it has and what would do."""
-    names = [name[:40] if name.isprintable() else ascii(name[:40]) for name in seen[:20]]
-    have = ", ".join(names) + (", ..." if len(seen) > 20 else "") if seen else "none"
     accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
-    return f"{where}: {what} among the columns ({have}); accepted names are {accepted}"
+    return f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}"
 
 
 def _drives(
-    table: "pa.Table",
-    where: str,
-    stem: str,
-    sources: tuple[str, ...],
+    seen: Seen,
+    source: _Source,
     skipped: Skipped,
     vehicle: Vehicle | None,
     settings: Settings | None,
     crs: Any,
 ) -> list[Drive]:
     """Each drive of a table; what is skipped before they part is told with the first."""
-    names = [str(name) for name in table.column_names]
-    found = find(names)
+    table, names = seen
+    where = source.where
+    found = find(table.column_names)
     if "time" not in found:
         raise ReadError(_no_column(where, "no time", names, ("time",)))
     if table.num_rows == 0:
@@ -258,14 +276,16 @@ def _drives(
             f"{where}: column {found['time'].name!r} holds no time that can be understood; "
             "ISO 8601 or seconds since 1970 were expected"
         )
-    notes = (f"times from {found['time'].name!r}",) if found["time"].factor != 0 else ()
+    notes: tuple[str, ...] = ()
+    if {"x", "y"} <= columns.keys() and "lat" not in columns:
+        notes = ("columns x, y not used: no crs was given for them",)
     drives: list[Drive] = []
-    for name, rows in _trips(table, found, good, stem):
+    for name, rows in _trips(table, found, good, source.stem):
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
         drive = drive_of(part, vehicle or Vehicle(), settings or Settings(), here)
         drives.append(
-            Drive(name, drive.fixes, drive.odometry, sources, dict(here), notes + drive.notes)
+            Drive(name, drive.fixes, drive.odometry, source.paths, dict(here), notes + drive.notes)
         )
     return drives
 
