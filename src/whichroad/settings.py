@@ -45,7 +45,6 @@ class Settings:
     node_sigma: float = _number(1.5, 0, 20, "m", "extra lateral error there")
     node_heading_sigma: float = _number(0.5, 0, 3, "rad", "extra heading error there")
     map_spacing: float = _number(5, 0.5, 50, "m", "distance between map observations")
-    gnss_bias_ratio: float = _number(1.0, 0, 10, "", "correlated GNSS error over reported sigma")
     gnss_white_ratio: float = _number(
         0.5, 0.01, 10, "", "white GNSS error over it, at one fix a second"
     )

@@ -105,7 +105,7 @@ def truncated_moments(mean: float, sigma: float, low: float, high: float) -> tup
         mean     μ + σ (φ(α) − φ(β)) / Z
         variance σ² (1 + (α φ(α) − β φ(β)) / Z − ((φ(α) − φ(β)) / Z)²)
 
-    Beyond five sigma the nearer end and a tenth of sigma stand for the tail.
+    Beyond five sigma a fifth of sigma inside the nearer end stands for the tail.
     """
     a = (low - mean) / sigma
     b = (high - mean) / sigma

@@ -24,7 +24,6 @@ class Parameters(NamedTuple):
     node_sigma: float
     node_heading_sigma: float
     map_spacing: float
-    gnss_bias_ratio: float
     gnss_white_ratio: float
     gnss_time: float
     gnss_gate: float
