@@ -1,6 +1,8 @@
 """Drive tables by the names of their columns, whoever wrote them."""
 
 import io
+import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -63,6 +65,15 @@ def test_no_name_means_two_things():
     seen = [name for names in NAMES.values() for name in names]
     assert len(seen) == len(set(seen))
     assert all(normal(name) == name for name in seen)
+
+
+def test_every_name_is_documented():
+    text = (Path(__file__).parents[2] / "docs" / "formats.md").read_text("utf-8")
+    told = set(re.findall(r"`([^`\s]+)`", text))
+    by_unit = ("time", "speed", "wheel_rl", "wheel_rr")  # told as stem and unit
+    names = [n for quantity, names in NAMES.items() if quantity not in by_unit for n in names]
+    left = [name.replace("rr", "rl").replace("right", "left") for name in names]
+    assert [name for name in left if name not in told] == []
 
 
 @pytest.mark.parametrize(
