@@ -46,6 +46,12 @@ class Options:
     say: Callable[[str], None] = print  # progress, one line at a time
     more: dict[str, Any] = field(default_factory=dict)  # options of one benchmark
 
+    def settings(self) -> Any:
+        """The model's numbers, with those that `--set` changed."""
+        from whichroad import Settings
+
+        return Settings(**self.more.get("settings", {}))
+
     def need(self, *parts: str) -> Path:
         """The path of a data file, or a `Skipped` that names it."""
         path = self.data.joinpath(*parts)

@@ -30,6 +30,12 @@ def seeds(text: str) -> range:
     return range(int(first), int(last))
 
 
+def setting(text: str) -> tuple[str, float]:
+    """`NAME=VALUE` of one of the model's settings."""
+    name, _, value = text.partition("=")
+    return name, float(value)
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     listing = "\n".join(f"  {name:9} {what}" for name, (_, what) in BENCHMARKS.items())
@@ -51,6 +57,10 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--model", choices=("default", "paper"), help="kubicka, town, outage, comma: which filter"
     )
+    command.add_argument(
+        "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
+        help="town, outage, kubicka, comma: another value for one of the model's settings",
+    )  # fmt: skip
     command.add_argument("--processes", type=int, metavar="N", help="town, outage: side by side")
     return command
 
@@ -88,6 +98,8 @@ def main() -> int:
         k: given[k]
         for k in ("tracks", "every", "preset", "seconds", "metres", "model", "processes")
     }
+    if given["set"]:
+        more["settings"] = dict(given["set"])
     options = Options(
         data=given["data"] or data_folder(),
         seeds=given["seeds"],

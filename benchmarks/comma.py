@@ -67,7 +67,9 @@ def run(options: Options) -> list[Figure]:
     begin = float(np.interp(GNSS_M, gone, wheels.time))
     first = min(wheels.time[0], drive.fixes.time[0])
     model = options.more.get("model", "default")
-    points = whichroad.match(drive, roads, mask=[(begin - first, math.inf)], model=model).points
+    points = whichroad.match(
+        drive, roads, mask=[(begin - first, math.inf)], model=model, settings=options.settings()
+    ).points
     time = points["time"].astype("datetime64[us, UTC]").astype("int64").to_numpy() / 1e6
     end = float(min(time[-1], truth["t"][-1]))
 

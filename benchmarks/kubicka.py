@@ -109,14 +109,14 @@ def drive(track: Track, every: float) -> Any:
     return pd.DataFrame({"time": seconds, "lat": lat, "lon": lon})
 
 
-def score(track: Track, every: float, model: str) -> Score:
+def score(track: Track, every: float, model: str, settings: Any) -> Score:
     """Match one track and compare its path with the true route."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         roads = whichroad.RoadMap.from_edges(network(track), directed=True)
         fixes = drive(track, every)
         start = time.perf_counter()
-        path = whichroad.match(fixes, roads, model=model).path
+        path = whichroad.match(fixes, roads, model=model, settings=settings).path
         seconds = time.perf_counter() - start
     true = [track.plane(line) for line in track.nodes[track.arcs[track.route]]]
     found = [track.plane(np.asarray(g.coords)[:, :2]) for g in path.geometry]
@@ -153,7 +153,8 @@ def run(options: Options) -> list[Figure]:
         row = sets[track.number]
         label = "clean" if row["clean"] == "1" else "usable" if row["usable"] == "1" else row["why"]
         try:
-            s = scores[track.number] = score(track, every, options.more.get("model", "default"))
+            model = options.more.get("model", "default")
+            s = scores[track.number] = score(track, every, model, options.settings())
         except whichroad.WhichroadError as error:
             options.say(f"{track.number:5}  no result: {error}")
             continue

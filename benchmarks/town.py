@@ -134,14 +134,16 @@ def score(drive: SimulatedDrive, recorded: Recorded, epochs: Any, in_outage: boo
 LOCALIZE = {"default": localize_recorded, "paper": localize_literal}
 
 
-def one(seed: int, *, scenario: str, length_m: float, in_outage: bool, model: str) -> Score:
+def one(
+    seed: int, *, scenario: str, length_m: float, in_outage: bool, model: str, settings: Any
+) -> Score:
     """Simulate, localize and score one seed."""
     roads = _world["roads"]
     drive = simulate_drive(
         roads, seed=seed, length_m=length_m, scenario=scenario, allowed=_world["allowed"]
     )
     timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
-    recorded = LOCALIZE[model](roads, timeline, vehicle=drive.vehicle)
+    recorded = LOCALIZE[model](roads, timeline, vehicle=drive.vehicle, settings=settings)
     return score(drive, recorded, timeline.epochs, in_outage)
 
 
@@ -156,6 +158,7 @@ def scores(options: Options, scenario: str, in_outage: bool) -> dict[int, Score]
         length_m=options.more.get("metres", LENGTH_M),
         in_outage=in_outage,
         model=options.more.get("model", "default"),
+        settings=options.settings(),
     )
     found: dict[int, Score] = {}
     for seed, s in zip(seeds, _spread(work, map_file, seeds, options), strict=True):
