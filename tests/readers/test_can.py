@@ -204,6 +204,14 @@ def test_short_odd_remote_and_error_frames_are_counted(read, sound):
     }
 
 
+def test_a_frame_whose_time_is_none_is_counted(read, sound):
+    late = line(T0, 928, ticks(0)).replace(f"{T0:.6f}", "9" * 400 + ".0")
+    drive = read(counters(20 * np.arange(10)) + late)
+    sound(drive)
+    assert len(drive.odometry.time) == 10
+    assert drive.skipped == {"no time": 2}  # for each wheel's signal
+
+
 def test_wheel_speeds_come_in_metres_per_second(read, sound):
     def payload(v):
         return b"".join(round(x * 360).to_bytes(2, "big", signed=True) for x in (v, -v)) + bytes(4)

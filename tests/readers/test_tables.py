@@ -148,6 +148,16 @@ def test_a_message_names_all_columns_and_stays_on_one_line(tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("late", [1e308, -1e308, np.inf, 1e300])
+def test_a_time_that_no_calendar_knows_is_none(late, sound):
+    columns = {"time": T0 + np.arange(9.0), "wheel_rl_ticks": 9 * [0], "wheel_rr_ticks": 9 * [0]}
+    columns["time"][4] = late
+    drive = one(columns)
+    sound(drive)
+    assert len(drive.odometry.time) == 8
+    assert drive.skipped == {"no time": 1}
+
+
 def test_trips_become_drives_in_order_of_appearance(sound):
     ids = ["b", "a", "b", "a", "b"]
     drives = drive_from_table(pd.DataFrame(table(trip_id=ids)))

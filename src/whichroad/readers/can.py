@@ -17,7 +17,7 @@ from ..errors import ReadError
 from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .counters import Reversing, held, wheel_counts, wheel_speeds
-from .door import Skipped, heard, in_order, keep, listed
+from .door import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
 from .frames import Frames, key, read_frames
 from .rows import odometer, odometer_from_speed, speed_yaw_rate
 
@@ -175,6 +175,7 @@ def _series(
     about = signal.about
     first, last = _bytes(about)
     whole = keep(frames.length > last, "frame cut short", skipped)
+    whole &= keep((np.abs(frames.time) < LAST) | ~whole, NO_TIME, skipped)
     time, data = frames.time[whole], frames.data[whole]
     if last - first < 8:
         values = decode(about, data)

@@ -10,7 +10,7 @@ from ..errors import ReadError
 from ..records import Array, Drive
 from ..settings import Settings
 from .columns import iso_seconds
-from .door import NO_TIME, Skipped, keep, read_bytes
+from .door import LAST, NO_TIME, Skipped, keep, read_bytes
 from .fixes import Reported, make_fixes
 
 _LEAP = 18.0  # s, GPS time ahead of UTC since 2017
@@ -60,7 +60,7 @@ def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Dri
     east, north, mixed = column("sde(m)"), column("sdn(m)"), column("sdne(m)")
     mixed = np.where(np.isnan(mixed), 0.0, mixed)
     placed = keep(~np.isnan(lat + lon), _NUMBER, skipped)
-    timed = keep(np.isfinite(time) | ~placed, NO_TIME, skipped)
+    timed = keep((np.abs(time) < LAST) | ~placed, NO_TIME, skipped)
     v_east, v_north = column("ve(m/s)"), column("vn(m/s)")
     with np.errstate(over="ignore"):  # what overflows is no covariance and is counted as such
         reported = Reported(

@@ -18,7 +18,7 @@ from ..errors import ReadError
 from ..records import Array, Drive
 from ..settings import Settings, Vehicle
 from .columns import numbers, texts, times
-from .door import NO_TIME, Skipped, keep, listed, read_bytes
+from .door import LAST, NO_TIME, Skipped, keep, listed, read_bytes
 from .names import NAMES, Column, find
 from .rows import Columns, drive_of
 
@@ -270,7 +270,7 @@ def _drives(
             columns[quantity] = values * column.factor
     _locate(table, found, columns, crs, where)
     _usable(columns, names, where, crs)
-    good = np.flatnonzero(keep(np.isfinite(time), NO_TIME, skipped))
+    good = np.flatnonzero(keep(np.abs(time) < LAST, NO_TIME, skipped))
     if len(good) == 0:
         raise ReadError(
             f"{where}: column {found['time'].name!r} holds no time that can be understood; "
