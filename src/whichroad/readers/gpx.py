@@ -93,7 +93,7 @@ def _reported(points: list[dict[str, str]], skipped: Skipped) -> Reported:
         for key in ("lat", "lon", "hdop", "speed", "course")
     }
     time = iso_seconds([point.get("time") for point in points])
-    placed = keep(~np.isnan(columns["lat"] + columns["lon"]), _BAD, skipped)
+    placed = keep(~(np.isnan(columns["lat"]) | np.isnan(columns["lon"])), _BAD, skipped)
     timed = keep(~np.isnan(time) | ~placed, NO_TIME, skipped)
     return Reported(
         time=time,
