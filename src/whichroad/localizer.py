@@ -226,7 +226,8 @@ class Localizer:
         roads: The map.
         vehicle: The car.
         settings: The model's numbers.
-        start: A known pose; else the first fix starts the filter.
+        start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
+            the filter.
     """
 
     def __init__(
@@ -235,7 +236,7 @@ class Localizer:
         *,
         vehicle: Vehicle | None = None,
         settings: Settings | None = None,
-        start: StartPose | None = None,
+        start: StartPose | tuple[float, float, float] | None = None,
     ) -> None:
         self.roads = roads
         self.vehicle = vehicle or Vehicle()
@@ -251,7 +252,7 @@ class Localizer:
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
         self._mode = CLOCK
-        self._start = start
+        self._start = StartPose.of(start)
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation and say where the vehicle is.

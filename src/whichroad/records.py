@@ -152,6 +152,14 @@ class StartPose:
     sigma_m: float = 5.0
     sigma_bearing_deg: float = 10.0
 
+    @classmethod
+    def of(cls, start: "StartPose | tuple[float, float, float] | None") -> "StartPose | None":
+        """A start pose from itself, from (lat, lon, bearing) in degrees, or none."""
+        if start is None or isinstance(start, StartPose):
+            return start
+        lat, lon, bearing = start
+        return cls(float(lat), float(lon), float(bearing))
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:

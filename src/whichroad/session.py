@@ -61,13 +61,6 @@ def _drives(drive: Any, vehicle: Vehicle | None, settings: Settings | None) -> l
     return drive_from_table(drive)
 
 
-def _start(start: Start) -> StartPose | None:
-    if start is None or isinstance(start, StartPose):
-        return start
-    lat, lon, bearing = start
-    return StartPose(float(lat), float(lon), float(bearing))
-
-
 def _seconds(value: Any) -> float:
     if isinstance(value, int | float):
         return float(value)
@@ -148,7 +141,7 @@ def match(
         try:
             parts.append(
                 _match_one(
-                    one, road_map, vehicle or Vehicle(), tuned, model, _start(start), windows,
+                    one, road_map, vehicle or Vehicle(), tuned, model, StartPose.of(start), windows,
                     attributes, hypotheses, progress,
                 )
             )  # fmt: skip
