@@ -11,6 +11,7 @@ from ..errors import MapError
 from ..frames import Plane
 from ..records import Array
 from .lines import Lines
+from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts
 
 SNAP = 0.5  # m within which ends meet, and vertices are the same
@@ -139,17 +140,18 @@ def _absent(values: NDArray[Any]) -> NDArray[np.bool_]:
     """Which cells are empty."""
     if values.dtype.kind in "iub":
         return np.zeros(len(values), bool)
-    return np.array([v is None or v != v for v in values.tolist()], dtype=bool)
+    return np.array([is_absent(v) for v in values.tolist()], dtype=bool)
 
 
 def _codes(names: NDArray[Any]) -> tuple[Ints, Column]:
     """Numbers from 0 for names, and the names."""
-    if names.dtype.kind == "f" and (names == np.floor(names)).all():
+    if names.dtype.kind == "f" and ((names == np.floor(names)) & (np.abs(names) < 2**53)).all():
         names = names.astype(np.int64)  # whole numbers that once stood beside empty cells
+    names = plain(names)
     if names.dtype.kind in "iu":
         unique, code = np.unique(names, return_inverse=True)
         return code, unique.astype(np.int64)
-    words, code = np.unique(names.astype(str), return_inverse=True)
+    words, code = np.unique(np.array([str(n) for n in names.tolist()]), return_inverse=True)
     return code, Texts.of(words.tolist())
 
 

@@ -31,6 +31,8 @@ def read_osm(path: Path) -> Streets:
     Raises:
         MapError: The file cannot be read, or holds no drivable way.
     """
+    import osmium
+
     ways = _Ways()
     try:
         for item in _processor(path):
@@ -41,9 +43,10 @@ def read_osm(path: Path) -> Streets:
                     ways.blocked.append(item.id)
             else:
                 ways.add_relation(item)
-    except (RuntimeError, OSError, ValueError) as error:
+    except (RuntimeError, OSError, ValueError, osmium.InvalidLocationError) as error:
+        reason = " ".join(str(error).split())
         raise MapError(
-            f"{path}: {error}; an OpenStreetMap file ({', '.join(SUFFIXES[:5])}) was expected; "
+            f"{path}: {reason}; an OpenStreetMap file ({', '.join(SUFFIXES[:5])}) was expected; "
             "check that it is one and complete"
         ) from error
     if not ways.tags:
@@ -197,9 +200,7 @@ def _columns(tags: list[dict[str, str]], rows: list[_Row]) -> dict[str, Column]:
         "speed_limit_kmh": np.array([r.limit for r in rows], dtype=np.float32),
         "lanes": np.array([min(r.lanes, 255.0) for r in rows], dtype=np.uint8),
         "width": np.array([r.width for r in rows], dtype=np.float32),
-        "layer": np.array(
-            [max(-128, min(127, meaning.whole(t.get("layer", 0)))) for t in tags], dtype=np.int8
-        ),
+        "layer": np.array([meaning.whole(t.get("layer", 0)) for t in tags], dtype=np.int8),
         "bridge": np.array([meaning.truth(t.get("bridge")) for t in tags], dtype=np.uint8),
         "tunnel": np.array([meaning.truth(t.get("tunnel")) for t in tags], dtype=np.uint8),
         "oneway": np.array([r.oneway for r in rows], dtype=np.int8),

@@ -117,12 +117,13 @@ class RoadMap:
         Raises:
             MapError: It is not one, is cut short, damaged or of another version.
         """
+        about, arrays = store.read(Path(path))
         try:
-            return _from_arrays(*store.read(Path(path)))
-        except (KeyError, TypeError, ValueError) as error:
+            return _from_arrays(about, arrays)
+        except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
-                f"{path}: {error} is missing or wrong; a compiled map was expected; "
-                "make it anew by `whichroad map build`"
+                f"{path}: what it holds does not make a map ({type(error).__name__}: {error}); "
+                "a compiled map was expected; make it anew by `whichroad map build`"
             ) from error
 
     def save(self, path: str | Path) -> None:

@@ -1,6 +1,7 @@
 """A table of roads from wherever it comes: columns by name, geometries, coordinate system."""
 
 import json
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,7 @@ def open_sheet(table: Any) -> Sheet:
 
 def _open_file(path: Path) -> Sheet:
     import pyarrow as pa
+    from shapely.errors import ShapelyError
 
     if not path.is_file():
         raise MapError(f"{path}: there is no such file; a table of roads was expected; check it")
@@ -66,8 +68,12 @@ def _open_file(path: Path) -> Sheet:
             return _from_arrow(pyarrow.parquet.read_table(path), str(path))
         import geopandas
 
-        return _from_frame(geopandas.read_file(path), str(path))
-    except (pa.ArrowException, OSError, RuntimeError, ValueError) as error:
+        with warnings.catch_warnings():
+            # what could not be read has no geometry, and `lines` counts it
+            warnings.simplefilter("ignore", RuntimeWarning)
+            frame = geopandas.read_file(path)
+        return _from_frame(frame, str(path))
+    except (pa.ArrowException, ShapelyError, OSError, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise MapError(
             f"{path}: {reason}; a table of roads (CSV with WKT, GeoParquet, GeoJSON) was expected; "
@@ -76,22 +82,26 @@ def _open_file(path: Path) -> Sheet:
 
 
 def _read_csv(path: Path) -> Any:
+    import pyarrow as pa
     from pyarrow import csv
 
     with path.open("rb") as f:
         compressed = f.read(2) == b"\x1f\x8b"
     if compressed:
-        import pyarrow as pa
-
         source: Any = pa.CompressedInputStream(str(path), "gzip")
     else:
         source = str(path)
     delimiter = "\t" if path.suffix == ".tsv" else ","
-    return csv.read_csv(
+    table = csv.read_csv(
         source,
         read_options=csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
         parse_options=csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
     )
+    for i, column in enumerate(table.columns):
+        if pa.types.is_binary(column.type):  # one word of it is not UTF-8
+            words = [c if c is None else c.decode(errors="replace") for c in column.to_pylist()]
+            table = table.set_column(i, table.column_names[i], pa.array(words))
+    return table
 
 
 def _from_arrow(table: Any, where: str) -> Sheet:
@@ -108,8 +118,13 @@ def _from_arrow(table: Any, where: str) -> Sheet:
                 f"{where}: its metadata `geo` cannot be understood; GeoParquet's were expected; "
                 "write the file again"
             ) from error
-    columns = {c.lower(): table.column(c).to_numpy() for c in table.column_names}
+    columns = {c.lower(): _decoded(table.column(c)).to_numpy() for c in table.column_names}
     return _sheet(where, columns, name.lower() if name else None, crs)
+
+
+def _decoded(column: Any) -> Any:
+    """A column of Arrow without its dictionary, if it has one."""
+    return column.cast(column.type.value_type) if hasattr(column.type, "index_type") else column
 
 
 def _from_frame(frame: Any, where: str) -> Sheet:
@@ -135,17 +150,48 @@ def _sheet(where: str, columns: dict[str, NDArray[Any]], name: str | None, crs: 
             f"{', '.join(GEOMETRY)} was expected; rename the column"
         )
     cells = columns.pop(name)
-    absent = np.array([c is None or c != c for c in cells.tolist()], dtype=bool)
-    there = cells[~absent]
+    absent = np.array([is_absent(c) for c in cells.tolist()], dtype=bool)
+    there = cells[~absent].astype(object)
+    words = np.array([isinstance(c, str) for c in there], dtype=bool)
+    raw = np.array([isinstance(c, bytes) for c in there], dtype=bool)
+    found = there.copy()
+    found[~shapely.is_geometry(there)] = None
+    with np.errstate(invalid="ignore", over="ignore"):  # no numbers: `lines` counts them
+        found[words] = shapely.from_wkt(there[words], on_invalid="ignore")
+        found[raw] = shapely.from_wkb(there[raw], on_invalid="ignore")
     geometry = np.full(len(cells), None, dtype=object)
-    with np.errstate(invalid="ignore"):  # a NaN in a geometry is for `lines` to count
-        if len(there) and isinstance(there[0], str):
-            found = shapely.from_wkt(there, on_invalid="ignore")
-        elif len(there) and isinstance(there[0], bytes):
-            found = shapely.from_wkb(there, on_invalid="ignore")
-        else:
-            is_geometry = shapely.is_geometry(there) if len(there) else np.empty(0, bool)
-            found = np.where(is_geometry, there, None)
     geometry[~absent] = found
     bad = int(sum(g is None for g in found))
     return Sheet(where, columns, geometry, crs, bad)
+
+
+def is_absent(value: Any) -> bool:
+    """Whether a cell is empty: None, NaN and their like."""
+    if value is None:
+        return True
+    different = value != value
+    if isinstance(different, (bool, np.bool_)):
+        return bool(different)
+    return not isinstance(value, np.ndarray)  # pandas' NA answers NA to everything
+
+
+def plain(column: NDArray[Any]) -> NDArray[Any]:
+    """A column as whole numbers, floats, flags, or plain Python objects with None for absence."""
+    if column.dtype.kind in "bf":
+        return column
+    if column.dtype.kind == "O":
+        cells = [None if is_absent(c) else _as_python(c) for c in column.tolist()]
+    elif column.dtype.kind in "iu":
+        cells = column.tolist()
+    else:
+        cells = [str(c) for c in column]
+    if all(type(c) is int and abs(c) < 2**63 for c in cells):
+        return np.array(cells, dtype=np.int64)
+    objects = np.full(len(cells), None, dtype=object)
+    objects[:] = cells
+    return objects
+
+
+def _as_python(value: Any) -> Any:
+    """Of numpy's things Python's."""
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value

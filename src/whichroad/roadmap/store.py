@@ -10,6 +10,7 @@ ones would have every kernel compiled a second time).
 """
 
 import json
+import math
 import mmap
 import os
 import struct
@@ -106,10 +107,14 @@ def read(path: Path) -> tuple[dict[str, Any], Arrays]:
             f"{path}: {error.strerror}; a compiled map was expected; check the name"
         ) from error
     header, start = _header(path, memory)
-    arrays = {
-        name: _array(path, memory, start, name, entry) for name, entry in header["arrays"].items()
-    }
-    return header["about"], arrays
+    try:
+        arrays = {
+            name: _array(path, memory, start, name, entry)
+            for name, entry in header["arrays"].items()
+        }
+        return header["about"], arrays
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        raise MapError(_refusal(path, "its header is of another kind")) from error
 
 
 def _refusal(path: Path, seen: str) -> str:
@@ -148,7 +153,7 @@ def _array(path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any
     kind, shape, place, checksum = entry
     if kind not in _TYPES:
         raise MapError(_refusal(path, f"its array {name} has the type {kind}"))
-    count = int(np.prod(shape, dtype=np.int64))
+    count = math.prod(shape)
     if start + place + count * np.dtype(kind).itemsize > len(memory):
         raise MapError(_refusal(path, f"its array {name} ends beyond the file"))
     array = np.frombuffer(memory, dtype=kind, count=count, offset=start + place).reshape(shape)

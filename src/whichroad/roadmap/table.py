@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link
-from .sheet import Sheet, open_sheet
+from .sheet import Sheet, open_sheet, plain
 from .streets import Column, Streets, Texts, take
 
 T = TypeVar("T", bound=Hashable)
@@ -64,7 +65,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     Raises:
         MapError: No geometry was found, or its coordinate system is unknown.
     """
-    sheet = open_sheet(table)
+    sheet = _known(open_sheet(table))
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
@@ -81,6 +82,13 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
     return _streets(sheet, links, along, skipped), sheet.where
+
+
+def _known(sheet: Sheet) -> Sheet:
+    """The table with the columns that are understood here only."""
+    used = {name for names in NAMES.values() for name in names}
+    columns = {name: plain(column) for name, column in sheet.columns.items() if name in used}
+    return replace(sheet, columns=columns)
 
 
 def _find(sheet: Sheet, what: str) -> NDArray[Any] | None:
@@ -154,12 +162,29 @@ def _one_way(
     if back is None:
         return None
     forth = _find(sheet, "cost")
-    there = np.asarray(np.ones(len(back)) if forth is None else forth, dtype=float)[rows]
-    back = np.asarray(back, dtype=float)[rows]
+    there = np.ones(len(rows)) if forth is None else _costs(forth[rows], skipped)
+    back = _costs(back[rows], skipped)
     # routers close a direction by a negative or an absurd cost
     closed_back = (back < 0) | (back >= 1e5) & (back > 100 * np.abs(there))
     closed = (there < 0) | (there >= 1e5) & (there > 100 * np.abs(back))
     return np.where(closed_back, 1, np.where(closed, -1, 0)).astype(np.int8)
+
+
+def _costs(column: NDArray[Any], skipped: Counter[str]) -> NDArray[np.float64]:
+    """Costs as numbers; NaN, which closes nothing, where there is none."""
+    costs = np.array(_each(column, _number), dtype=np.float64)
+    unknown = sum(c != c and v is not None for c, v in zip(costs, column.tolist(), strict=True))
+    if unknown:
+        skipped["costs that were not understood (taken as open)"] += int(unknown)
+    return costs
+
+
+def _number(value: Any) -> float:
+    """A cell as a number, NaN where it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
 
 
 def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Counter[str]) -> Streets:
@@ -237,7 +262,7 @@ class _Tags:
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""
-        layer = [max(-128, min(127, v)) for v in self._read("layer", meaning.whole, 0)]
+        layer = self._read("layer", meaning.whole, 0)
         return {
             "name": Texts.of(self._read("name", _word, "")),
             "speed_limit_kmh": self.limit.astype(np.float32),

@@ -44,23 +44,25 @@ _ZONES_KMH = {
 }
 _COUNTRY_ZONES_KMH = {"de:rural": 100.0, "at:rural": 100.0, "de:living_street": 7.0}
 _NUMBER = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(km/h|kmh|kph|mph|knots|m|ft|'|lanes)?", re.IGNORECASE)
+_ABSURD = 1e4  # neither km/h nor m of any road
 _FACTORS = {"mph": 1.609344, "knots": 1.852, "ft": 0.3048, "'": 0.3048}
 _YES = frozenset({"yes", "true", "1", "t", "y", "1.0", "f", "forward", "ft"})
 _REVERSE = frozenset({"-1", "reverse", "backward", "-1.0", "tf"})
 
 
 def number(text: object) -> float:
-    """The number at the start of a word, in km/h or m where a unit is given; 0: none.
+    """The number at the start of a word, in km/h or m where a unit is given; 0: none, or absurd.
 
     Args:
         text: `50`, `30 mph`, `3.5 m`, `12 ft` or anything else.
     """
     if isinstance(text, (int, float)):
-        return float(text) if math.isfinite(text) and text > 0 else 0.0
+        return float(text) if 0 < text < _ABSURD else 0.0
     match = _NUMBER.match(str(text)) if text is not None else None
     if match is None:
         return 0.0
-    return float(match[1]) * _FACTORS.get((match[2] or "").lower(), 1.0)
+    value = float(match[1]) * _FACTORS.get((match[2] or "").lower(), 1.0)
+    return value if value < _ABSURD else 0.0
 
 
 def speed_limit_kmh(text: object) -> float:
@@ -78,9 +80,9 @@ def speed_limit_kmh(text: object) -> float:
 
 
 def whole(text: object) -> int:
-    """A whole number such as a `layer`; 0 where there is none."""
+    """A whole number such as a `layer`, at most 127; 0 where there is none."""
     try:
-        return int(float(str(text)))
+        return max(-127, min(127, int(float(str(text)))))
     except (ValueError, OverflowError):
         return 0
 
