@@ -22,7 +22,7 @@ from whichroad.roadmap import RoadMap
 from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
-from . import Figure, Options
+from . import Figure, Options, seeds_text
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -292,6 +292,7 @@ def _mutations(reader: Reader) -> tuple[Mutation, ...]:
 def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[str, Any]:
     """One reader's counts after `seconds` of bad input."""
     told: dict[str, Any] = {"inputs": 0, "records": 0, "read_errors": 0, "other_errors": []}
+    told["slowest"] = 0.0  # s
     path.write_bytes(reader.good)
     if not reader.read(path):
         told["other_errors"].append("the good file gives no records")
@@ -304,6 +305,7 @@ def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[
         path.unlink()  # a map may still be looking at the old one
         path.write_bytes(data)
         told["inputs"] += 1
+        begin = time.monotonic()
         try:
             told["records"] += reader.read(path)
         except reader.refusal as refusal:
@@ -313,6 +315,7 @@ def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[
         except Exception as error:
             if len(told["other_errors"]) < _KEPT:
                 told["other_errors"].append(_where(error))
+        told["slowest"] = max(told["slowest"], time.monotonic() - begin)
     return told
 
 
@@ -325,7 +328,10 @@ def _where(error: Exception) -> str:
 
 
 def fuzz(
-    seconds: float = SECONDS, seed: int = 0, only: Sequence[str] = ()
+    seconds: float = SECONDS,
+    seed: int = 0,
+    only: Sequence[str] = (),
+    say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, dict[str, Any]]:
     """Attack each reader for `seconds`.
 
@@ -333,11 +339,12 @@ def fuzz(
         seconds: For each reader.
         seed: Of the damage.
         only: Names of readers; empty: all of them.
+        say: Takes a line when a reader is done.
 
     Returns:
-        Reader -> inputs, records, read_errors, other_errors (where and what; must be empty).
+        Reader -> inputs, records, read_errors, other_errors (where and what; must be empty),
+        slowest (s, of one input).
     """
-    random = np.random.default_rng(seed)
     told = {}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         folder = Path(name)
@@ -345,23 +352,29 @@ def fuzz(
         warnings.simplefilter("error")
         for reader in chosen:
             path = folder / f"bad{reader.suffix}"
-            told[reader.name] = _attack(reader, seconds, random, path)
+            random = np.random.default_rng([seed, *reader.name.encode()])
+            done = told[reader.name] = _attack(reader, seconds, random, path)
+            for line in dict.fromkeys(done["other_errors"]):
+                say(f"{reader.name}: {line}")
+            say(
+                f"{reader.name}: {done['inputs']} inputs, {done['records']} records, "
+                f"{done['read_errors']} refused, {done['slowest']:.2f} s at most"
+            )
     return told
 
 
 def run(options: Options) -> list[Figure]:
     """Errors that are none of ours, for each reader."""
     seed = options.seeds.start if options.seeds else 0
-    figures = []
-    for name, told in fuzz(options.more.get("seconds", SECONDS), seed).items():
-        for line in dict.fromkeys(told["other_errors"]):
-            options.say(f"{name}: {line}")
-        options.say(
-            f"{name}: {told['inputs']} inputs, {told['records']} records, "
-            f"{told['read_errors']} refused"
+    seconds = options.more.get("seconds", SECONDS)
+    return [
+        Figure(
+            f"other errors: {name}",
+            len(told["other_errors"]),
+            "<= 0",
+            "",
+            told["inputs"],
+            seeds=seeds_text(range(seed, seed + 1)),
         )
-        wrong = float(len(told["other_errors"]))
-        figures.append(
-            Figure(f"other errors: {name}", wrong, "<= 0", "", told["inputs"], seeds=str(seed))
-        )
-    return figures
+        for name, told in fuzz(seconds, seed, say=options.say).items()
+    ]

@@ -272,6 +272,28 @@ def test_other_logs_are_read_by_python_can(tmp_path, put, suffix, sound):
     assert np.diff(drive.odometry.left) == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize("compression", [0, 9])
+def test_a_blf_log_with_an_object_of_no_size_does_not_hang(tmp_path, read, compression):
+    import struct
+    import zlib
+
+    log = tmp_path / "log.blf"
+    with can.BLFWriter(str(log), compression_level=compression) as writer:
+        for k in range(5):
+            writer(can.Message(T0 + k, 928, is_extended_id=False, data=ticks(20 * k), channel=1))
+    content = log.read_bytes()
+    container = content.index(b"LOBJ")
+    size = struct.unpack_from("<I", content, container + 8)[0]
+    inner = content[container + 32 : container + size]
+    inner = bytearray(zlib.decompress(inner) if compression else inner)
+    struct.pack_into("<I", inner, inner.index(b"LOBJ", 10) + 8, 0)
+    packed = zlib.compress(inner) if compression else bytes(inner)
+    head = bytearray(content[: container + 32])
+    struct.pack_into("<I", head, container + 8, 32 + len(packed))
+    with pytest.raises(ReadError, match=r"x\.blf: an object of 0 bytes"):
+        read(bytes(head) + packed, name="x.blf")
+
+
 def test_a_log_is_known_by_its_lines(put):
     log = put("drive.txt", counters(20 * np.arange(10)))
     (drive,) = read_drive(log, dbc=put("car.dbc", DBC), vehicle=vehicle())

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..records import Array
+from .blf import check_blf
 from .door import Skipped, heard, read_bytes
 
 _COMPACT = re.compile(
@@ -115,6 +116,8 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
                     skipped["remote or error frame"] += 1
                 elif k in wanted:
                     found.setdefault(k, []).append((time, data))
+    except ReadError:
+        raise
     except Exception as error:  # python-can lets out whatever its parsers meet
         raise ReadError(
             f"{Path(path).name}: frame {count + 1} cannot be read ({type(error).__name__}: "
@@ -130,6 +133,8 @@ def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, byt
 
     suffix = Path(path).suffix.lower()
     reader, mode = _BY_LIBRARY[suffix]
+    if suffix == ".blf":
+        check_blf(read_bytes(path), Path(path).name)
     more = {"relative_timestamp": False} if suffix == ".asc" else {}
     text = mode == "r"
     # opened here: python-can leaves a file open whose header it does not understand
