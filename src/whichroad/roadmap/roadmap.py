@@ -251,7 +251,9 @@ class RoadMap:
         roads = self.arrays
         legal = roads.rule == 0
         once = legal & ((roads.opposite > np.arange(len(self))) | ~legal[roads.opposite])
-        lat, lon = self.plane.to_geodetic(np.asarray(roads.x), np.asarray(roads.y))
+        # the other direction has the same vertices
+        half = np.repeat(roads.opposite < np.arange(len(self)), np.diff(roads.first))
+        lat, lon = self.plane.to_geodetic(roads.x[half], roads.y[half])
         words = [word or "unknown" for word in self.column("highway")]
         highways, counts = np.unique(np.array(words), return_counts=True)
         return {
