@@ -7,7 +7,6 @@ on by that size: over an object without one it never comes.
 import struct
 import zlib
 from collections.abc import Iterator
-from pathlib import Path
 
 from ..errors import ReadError
 
