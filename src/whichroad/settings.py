@@ -126,7 +126,7 @@ def to_toml(vehicle: Vehicle) -> str:
         )
 
     def section(name: str, items: dict[str, Any]) -> list[str]:
-        lines = [f"{json.dumps(key)} = {text(value)}" for key, value in items.items()]
+        lines = [f"{text(key)} = {text(value)}" for key, value in items.items()]
         return ["", f"[{name}]", *lines] if lines else []
 
     wheels = {
