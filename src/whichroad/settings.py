@@ -64,6 +64,10 @@ class Settings:
     components: float = _number(2, 1, 8, "", "Gaussians kept per directed edge")
     lost_after: float = _number(8, 1, 1e4, "", "fixes in a row that fit nothing: start again")
 
+    protection_risk: float = _number(
+        1e-3, 1e-12, 0.5, "", "of a position error beyond the protection level"
+    )
+
     default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
     user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
     outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")

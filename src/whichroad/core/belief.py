@@ -33,6 +33,8 @@ NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD = ra
 GNSS_XX, GNSS_XY, GNSS_YY = 9, 10, 11  # smoothed covariance that receivers report, m²
 TURN_RATE = 12  # rad/s
 SINCE_LEFT = 13  # m travelled since off-road hypotheses were last born
+GNSS_SCALE = 14  # log of the factor on reported GNSS variances, learnt
+CLOCKS = 24
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch
@@ -86,7 +88,7 @@ def new_belief() -> Belief:
         np.full(c, -1, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(1, np.int64),
-        np.zeros(16),
+        np.zeros(CLOCKS),
         np.zeros((6, c)),
     )
 

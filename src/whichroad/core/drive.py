@@ -365,5 +365,5 @@ def run(
             if changed:
                 reduce(belief, route, scale, par.prune, par.merge, int(par.components))
         clock[SPEED] = _speed(belief, epochs, k, dt, mode)
-        say(belief, roads, output, k, scale, outage_after, ambiguous_below, chi2)
+        say(belief, roads, output, k, scale, outage_after, ambiguous_below, par.protection_risk, chi2)
     return last

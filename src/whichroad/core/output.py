@@ -1,5 +1,6 @@
 """What the filter says of an epoch: moments of the mixture, roads, status."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from ._jit import Bytes, Floats32, Ints32, Matrix, kernel
 from .angles import wrap
 from .belief import (
+    GNSS_SCALE,
     LAST_FIX,
     MISFITS,
     MX,
@@ -32,7 +34,7 @@ ALTERNATIVES = 6
 class Output(NamedTuple):
     """What the filter says, one row an epoch."""
 
-    value: Matrix  # (n, 20) see the V_ names
+    value: Matrix  # (n, VALUES) see the V_ names
     edge: Ints32  # (n,)
     status: Bytes  # (n,)
     live: Ints32  # (n,) hypotheses
@@ -43,12 +45,14 @@ class Output(NamedTuple):
 
 V_X, V_Y, V_H, V_XX, V_XY, V_XH, V_YY, V_YH, V_HH = range(9)
 V_P, V_OFF, V_S, V_LATERAL, V_MAP_X, V_MAP_Y, V_MATCH_X, V_MATCH_Y, V_SPEED, V_CHI2 = range(9, 19)
+V_MAP_XX, V_MAP_XY, V_MAP_YY, V_PROTECTION, V_GNSS_SCALE = range(19, 24)
+VALUES = 24
 
 
 def new_output(n: int, poses: bool) -> Output:
     """Empty output for n epochs."""
     return Output(
-        np.zeros((n, 20)),
+        np.zeros((n, VALUES)),
         np.full(n, NO_EDGE, np.int32),
         np.full(n, LOST, np.uint8),
         np.zeros(n, np.int32),
@@ -61,9 +65,16 @@ def new_output(n: int, poses: bool) -> Output:
 @kernel
 def say(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
-    ambiguous_below: float, chi2: float,
+    ambiguous_below: float, risk: float, chi2: float,
 ) -> None:  # fmt: skip
-    """Write epoch k: moments of the mixture, the most probable edge, the alternatives."""
+    """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
+
+    The protection level r bounds the probability of a position error beyond it: with
+    major axes a_i, distances d_i from the mean, and weights w_i of n hypotheses,
+
+        P(error > r) <= sum w_i exp(-(r - d_i)^2 / 2 a_i^2) <= risk
+        r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
+    """
     n = belief.size[0]
     out = output.value[k]
     top = 0
@@ -71,6 +82,8 @@ def say(
     mx = 0.0
     my = 0.0
     mh = 0.0
+    ux = 0.0
+    uy = 0.0
     for i in range(n):
         if belief.log_weight[i] > belief.log_weight[top]:
             top = i
@@ -82,6 +95,8 @@ def say(
         mx += p * (belief.mean[i, X] - x0)
         my += p * (belief.mean[i, Y] - y0)
         mh += p * wrap(belief.mean[i, H] - h0)
+        ux += p * belief.mean[i, MX]
+        uy += p * belief.mean[i, MY]
         if belief.edge[i] == OFF_ROAD:
             off += p
     xx = 0.0
@@ -90,17 +105,45 @@ def say(
     yy = 0.0
     yh = 0.0
     hh = 0.0
+    map_xx = 0.0
+    map_xy = 0.0
+    map_yy = 0.0
+    level = 0.0
     for i in range(n):
         p = belief.probability[i]
+        cov = belief.cov[i]
         dx = (belief.mean[i, X] - x0 - mx) / scale
         dy = (belief.mean[i, Y] - y0 - my) / scale
         dh = wrap(belief.mean[i, H] - h0) - mh
-        xx += p * (belief.cov[i, X, X] + dx * dx)
-        xy += p * (belief.cov[i, X, Y] + dx * dy)
-        xh += p * (belief.cov[i, X, H] + dx * dh)
-        yy += p * (belief.cov[i, Y, Y] + dy * dy)
-        yh += p * (belief.cov[i, Y, H] + dy * dh)
-        hh += p * (belief.cov[i, H, H] + dh * dh)
+        cxx = cov[X, X]
+        cxy = cov[X, Y]
+        cyy = cov[Y, Y]
+        xx += p * (cxx + dx * dx)
+        xy += p * (cxy + dx * dy)
+        xh += p * (cov[X, H] + dx * dh)
+        yy += p * (cyy + dy * dy)
+        yh += p * (cov[Y, H] + dy * dh)
+        hh += p * (cov[H, H] + dh * dh)
+        odds = p * n / risk
+        if odds > 1.0:
+            apart = cxx - cyy
+            major = 0.5 * (cxx + cyy + math.sqrt(apart * apart + 4.0 * cxy * cxy))
+            reach = math.sqrt(2.0 * major * math.log(odds))
+            if i != top:
+                reach += math.sqrt(dx * dx + dy * dy)
+            level = max(level, reach)
+        dx += belief.mean[i, MX] - ux
+        dy += belief.mean[i, MY] - uy
+        map_xx += p * (cxx + 2.0 * cov[X, MX] + cov[MX, MX] + dx * dx)
+        map_xy += p * (cxy + cov[X, MY] + cov[Y, MX] + cov[MX, MY] + dx * dy)
+        map_yy += p * (cyy + 2.0 * cov[Y, MY] + cov[MY, MY] + dy * dy)
+    out[V_MAP_X] = x0 + mx + scale * ux
+    out[V_MAP_Y] = y0 + my + scale * uy
+    out[V_MAP_XX] = map_xx
+    out[V_MAP_XY] = map_xy
+    out[V_MAP_YY] = map_yy
+    out[V_PROTECTION] = level + math.sqrt(mx * mx + my * my) / scale
+    out[V_GNSS_SCALE] = math.exp(0.5 * belief.clock[GNSS_SCALE])
     out[V_XX] = xx
     out[V_XY] = xy
     out[V_XH] = xh
@@ -120,20 +163,13 @@ def say(
         edge = output.alt_edge[k, 1]
     output.edge[k] = edge
     p_edge = 0.0
-    sx = 0.0
-    sy = 0.0
     if edge >= 0:
         best = -1
         for i in range(n):
             if belief.edge[i] == edge:
-                p = belief.probability[i]
-                p_edge += p
-                sx += p * (belief.mean[i, X] + scale * belief.mean[i, MX])
-                sy += p * (belief.mean[i, Y] + scale * belief.mean[i, MY])
+                p_edge += belief.probability[i]
                 if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
                     best = i
-        out[V_MAP_X] = sx / p_edge
-        out[V_MAP_Y] = sy / p_edge
         lateral, tx, ty = track(belief, roads, best, scale)
         s = belief.abscissa[best]
         inside = min(max(s, 0.0), roads.length[edge])
@@ -145,8 +181,6 @@ def say(
         out[V_MATCH_X] = qx - across * ty + (inside - s) * scale * tx
         out[V_MATCH_Y] = qy + across * tx + (inside - s) * scale * ty
     else:
-        out[V_MAP_X] = out[V_X]
-        out[V_MAP_Y] = out[V_Y]
         out[V_MATCH_X] = out[V_X]
         out[V_MATCH_Y] = out[V_Y]
         out[V_S] = 0.0

@@ -176,10 +176,10 @@ def observe_gnss(
 @kernel
 def tell(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
-    ambiguous_below: float, chi2: float,
+    ambiguous_below: float, risk: float, chi2: float,
 ) -> None:  # fmt: skip
     """Write epoch k: as `core.output.say`, but the pose of the most probable hypothesis only."""
-    say(belief, roads, output, k, scale, outage_after, ambiguous_below, chi2)
+    say(belief, roads, output, k, scale, outage_after, ambiguous_below, risk, chi2)
     top = most_probable(belief)
     out = output.value[k]
     out[V_X] = belief.mean[top, X]
@@ -249,4 +249,7 @@ def run_paper(
         elif dt > 1e-6:
             clock[SPEED] = epochs.arc[k] / dt
         clock[STOOD] = clock[STOOD] + dt if abs(clock[SPEED]) < 0.05 else 0.0
-        tell(belief, roads, output, k, scale, outage_after, ambiguous_below, chi2)
+        tell(
+            belief, roads, output, k, scale, outage_after, ambiguous_below, par.protection_risk,
+            chi2,
+        )  # fmt: skip

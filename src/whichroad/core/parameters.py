@@ -38,3 +38,4 @@ class Parameters(NamedTuple):
     merge: float
     components: float
     lost_after: float
+    protection_risk: float
