@@ -15,6 +15,7 @@ BENCHMARKS = {
     "kubicka": ("kubicka.run", "real GNSS drives world-wide, 1 Hz: route mismatch"),
     "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
     "outage": ("town.outage", "the same with 1.5 km without GNSS"),
+    "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
@@ -61,7 +62,8 @@ def parser() -> argparse.ArgumentParser:
         "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
         help="town, outage, kubicka, comma: another value for one of the model's settings",
     )  # fmt: skip
-    command.add_argument("--processes", type=int, metavar="N", help="town, outage: side by side")
+    command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
+    command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
     return command
 
 
@@ -96,7 +98,10 @@ def main() -> int:
     given = vars(parser().parse_args())
     more = {
         k: given[k]
-        for k in ("tracks", "every", "preset", "seconds", "metres", "model", "processes")
+        for k in (
+            *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
+            "progress",
+        )
     }
     if given["set"]:
         more["settings"] = dict(given["set"])
@@ -105,7 +110,7 @@ def main() -> int:
         seeds=given["seeds"],
         more={k: v for k, v in more.items() if v is not None},
     )
-    module, function = BENCHMARKS[given["name"]][0].split(".")
+    module, _, function = BENCHMARKS[given["name"]][0].rpartition(".")
     try:
         figures = getattr(importlib.import_module(f"benchmarks.{module}"), function)(options)
     except Skipped as reason:
