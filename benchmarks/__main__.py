@@ -16,6 +16,8 @@ BENCHMARKS = {
     "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
     "outage": ("town.outage", "the same with 1.5 km without GNSS"),
     "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
+    "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
+    "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),

@@ -91,13 +91,14 @@ def wheel_counts(
 
 
 class Pull(NamedTuple):
-    """A false position after an outage, wearing off: what reflections do to a receiver."""
+    """A false position that comes, stays and wears off: what reflections do to a receiver."""
 
     begin: float  # m driven where it begins
     right: float  # m, to the right of the direction of travel
     time: float  # s over which it wears off
     reported: float  # m, sigma per axis that the receiver reports meanwhile, at least
     hold: float = 0.0  # m driven before it begins to wear off
+    rise: float = 0.0  # m driven over which it grows to its size
 
 
 class Jump(NamedTuple):
@@ -183,7 +184,8 @@ def pulled(states: States, convergence: Array, errors: GnssErrors, pull: Pull) -
     begin, wearing = np.interp([pull.begin, pull.begin + pull.hold], driven, states.time)
     during = (states.time >= begin) & (states.time < wearing + 3.0 * pull.time)
     worn = np.exp(-np.maximum(states.time - wearing, 0.0) / pull.time)
-    size = np.where(during, pull.right * worn, 0.0)
+    grown = np.clip((driven - pull.begin) / max(pull.rise, 1e-3), 0.0, 1.0)
+    size = np.where(during, pull.right * worn * grown, 0.0)
     bearing = np.pi - states.heading + convergence  # of what lies to the right
     report = (errors.cov_ee + errors.cov_nn) / 2.0
     more = np.where(during, np.maximum(pull.reported**2 / report, 1.0), 1.0)
