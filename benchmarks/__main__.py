@@ -23,6 +23,7 @@ BENCHMARKS = {
     "online": ("speed.online", "time of one Localizer.update"),
     "map": ("speed.map_files", "compiling and opening a road map"),
     "readers": ("readers.run", "sentences and frames a second"),
+    "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 
@@ -66,6 +67,11 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
+    command.add_argument("--classes", metavar="A,B*", help="honesty: only these classes")
+    command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
+    command.add_argument("--drives", type=int, metavar="N", help="honesty: per class and noise")
+    command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
+    command.add_argument("--write", metavar="FILE", help="honesty: write docs/honesty.md")
     return command
 
 
@@ -102,7 +108,7 @@ def main() -> int:
         k: given[k]
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
-            "progress",
+            *("progress", "classes", "noise", "drives", "resume", "write"),
         )
     }
     if given["set"]:

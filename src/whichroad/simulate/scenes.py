@@ -64,7 +64,8 @@ class Street:
 
     def lane(self) -> float:
         """Usual offset right of the centre line, m."""
-        return lane_offset(self.highway, not self.one_way, 1.0, 0.0, self.ring)
+        both_ways = not self.one_way
+        return lane_offset(self.highway, both_ways, 1.0, 0.0, self.ring)
 
 
 @dataclass
@@ -78,7 +79,8 @@ class Sketch:
     def add(self, name: str, points: Array, **tags: Any) -> Array:
         """Draw a street; returns its last point."""
         self.streets[name] = Street(np.asarray(points, float), **tags)
-        return self.streets[name].points[-1]
+        last: Array = self.streets[name].points[-1]
+        return last
 
     def route(self, names: Sequence[str], decision: int, watch: float = 1e9) -> None:
         """A route by streets (`-name`: against its drawing), decided before number `decision`.
@@ -299,6 +301,10 @@ def grid(random: Random, variant: int) -> Sketch:
                     sketch.add(name, np.array([node[c, r], node[to]]), highway="residential")
                     links.setdefault((c, r), []).append((name, to))
                     links.setdefault(to, []).append(("-" + name, (c, r)))
+    for c in (0, size - 1):  # a stub at each corner, so that no corner is a mere bend
+        for r in (0, size - 1):
+            out = node[c, r] + 0.7 * block * np.sign([c - 1, r - 1])
+            sketch.add(f"stub {c}{r}", np.array([node[c, r], out]), highway="residential")
     while len(sketch.routes) < 10:
         at = (int(random.integers(size)), int(random.integers(size)))
         names: list[str] = []

@@ -6,6 +6,8 @@ files, records or degrees.  All kernels stand in this file and call nothing outs
 NumPy's random numbers, so the compile cache, which knows this file's age, is never stale.
 """
 
+# ruff: noqa: NPY002 - compiled code has no other random numbers, and each drive seeds them
+
 import math
 from typing import NamedTuple
 
@@ -117,11 +119,16 @@ X, Y, MAP_X, MAP_Y, HEADING, TRAVELLED, SPEED, ARRIVE, DEPART, OFFSET, NX, NY, B
 SCALE, DIFFERENTIAL, TRACK, BIAS_X, BIAS_Y, RATIO, ANGLE, BIAS = range(8)  # of `drawn`
 
 
+def _new_truth(n: int) -> Truth:
+    x, y, heading, speed, travelled, map_x, map_y = np.zeros((7, n))
+    return Truth(x, y, heading, speed, travelled, np.zeros(n, np.int32), map_x, map_y)
+
+
 def new_swarm(epochs: int = 6000) -> Swarm:
     """Make room for drives of up to so many epochs."""
     return Swarm(
         new_epochs(epochs),
-        Truth(*np.zeros((5, epochs)), np.zeros(epochs, np.int32), *np.zeros((2, epochs))),
+        _new_truth(epochs),
         np.zeros((15, LONGEST)),
         np.zeros((12, _MODES)),
         np.zeros(8),
