@@ -160,6 +160,8 @@ def cold(seed: int, *, settings: Settings) -> Row:
                 pair.roads, seed=seed, scenario=SETTINGS,
                 route=[pair.side if on_side else pair.main], pulls=pulls,
             )  # fmt: skip
+            if time is None:
+                row |= {f"{gap} exact {k}": v for k, v in _exact(pair, gap, on_side, drive)}
             for sensors, seen in (("wheels", drive), ("GNSS only", _without_wheels(drive))):
                 said = answer(pair.roads, seen, settings)
                 key = f"{gap} {receiver} {sensors} "
@@ -188,6 +190,29 @@ def _decision(
     yield "after_s", float(since[sure[0]]) if within else 1e3
 
 
+def _exact(
+    pair: Pair, gap: float, on_side: bool, drive: SimulatedDrive
+) -> Iterator[tuple[str, float]]:
+    """What the exact test of two roads decides that knows all variances: no filter can do more."""
+    truth, known = drive.truth, drive.settings
+    time = drive.fix_truth.time
+    fixes = (time <= WITHIN_S) & drive.seen_fix
+    at = np.searchsorted(truth.time - truth.time[0], time[fixes] - 1e-6)
+    line = pair.roads.at(pair.side if on_side else pair.main, 400.0)[1]
+    error = drive.fix_error[fixes, 1] + truth.y[at] - line + 1.75  # m north of the lane
+    apart = (pair.right if on_side else -pair.right) * gap  # of the wrong road, m north
+    moved = np.concatenate([[0.0], np.cumsum(np.diff(time[fixes]) * ~truth.stopped[at[1:]])])
+    slow = known.gnss_bias_low**2 * np.exp(-np.abs(moved[:, None] - moved) / known.gnss_time)
+    same = known.map_sigma**2 + known.relative_sigma**2
+    same += known.street_sigma**2 + known.lane_sigma**2
+    cov = slow + same + known.gnss_white**2 * np.eye(len(moved))
+    white = np.linalg.inv(np.linalg.cholesky(cov))  # innovations, one after the other
+    ratio = np.cumsum((white @ (error - apart)) ** 2 - (white @ error) ** 2) / 2.0
+    sure = np.flatnonzero(np.abs(ratio) > np.log(SURE / (1.0 - SURE)))
+    yield "decided", float(len(sure) > 0)
+    yield "decided_wrong", float(len(sure) > 0 and ratio[sure[0]] < 0.0)
+
+
 def coldstart(options: Options) -> list[Figure]:
     """All seeds: decisions of a fair receiver, wrong certainty of a pulled one."""
     seeds = options.seeds or SEEDS
@@ -203,6 +228,12 @@ def coldstart(options: Options) -> list[Figure]:
                     name + "wrong of those", key + "decided_wrong", key + "decided", "<= 1"
                 ),
             ]
+            if sensors == "GNSS only":
+                name, key = f"{gap} m, exact test, fair: ", f"{gap} exact "
+                figures += [
+                    table.share(name + "decided within 60 s", key + "decided"),
+                    table.share(name + "wrong of those", key + "decided_wrong", key + "decided"),
+                ]
         for receiver in list(COLD)[1:]:
             for gap in GAPS:
                 key = f"{gap} {receiver} {sensors} "
