@@ -22,6 +22,7 @@ BENCHMARKS = {
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),
     "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
+    "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
