@@ -23,6 +23,7 @@ BENCHMARKS = {
     "long": ("scenes.dark.long", "10 km without GNSS"),
     "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
     "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
+    "diagnosis": ("scenes.diagnosis.run", "three-hour drives: are wrong settings noticed?"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
