@@ -87,8 +87,9 @@ class Life(NamedTuple):
     ended: bool  # before the drive did
 
 
-def lives(r: Ride, first_m: float, last_m: float) -> list[Life]:
-    """The wrong roads that were born in a stretch, m past the decision."""
+def lives(scene: Scene, r: Ride) -> list[Life]:
+    """The wrong roads that began to count where the scene asks for them."""
+    first_m, last_m = scene.counted_m
     out = []
     for street, p in r.wrong.items():
         counts = np.flatnonzero((p >= ALIVE) & (r.past >= first_m))
