@@ -30,6 +30,7 @@ BENCHMARKS = {
     "map": ("speed.map_files", "compiling and opening a road map"),
     "readers": ("readers.run", "sentences and frames a second"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
+    "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 
