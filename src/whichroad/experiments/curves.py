@@ -1,5 +1,6 @@
 """Curves over many drives: P of the true road, life-times, errors beside what is stated."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 COLOURS = {"paper": "#d9730d", "default": "#0b4f9e"}
 _GRID = 500
+_ONE_SIGMA = 1.0 - math.exp(-1.0)  # of a Gaussian in the plane lies within its RMS
 _SHOWN_STEPS = 14.0  # at least
 
 
@@ -65,21 +67,24 @@ Line = tuple[str, str, Sequence[Ride]]
 
 
 def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]) -> float:
-    """Position error over the way, RMS over the drives; dashed what the covariance says.
+    """Position error over the way, and dashed the RMS error that the covariances say.
+
+    The error is what 63 % of the drives stay below: of Gaussian errors that is their RMS,
+    and one drive that went astray does not hide the others.
 
     Returns:
         The largest value drawn, m.
     """
     metres = np.linspace(*window, _GRID)
 
-    def rms(rides: Sequence[Ride], squares: Callable[[Ride], Array]) -> Array:
-        mean: Array = np.sqrt(np.mean([on_grid(r, squares(r), metres) for r in rides], axis=0))
-        return mean
+    def over(rides: Sequence[Ride], values: Callable[[Ride], Array]) -> Array:
+        return np.array([on_grid(r, values(r), metres) for r in rides])
 
     most = 0.0
     for label, colour, rides in lines:
-        error = rms(rides, lambda r: r.answer.along**2 + r.answer.cross**2)
-        stated = rms(rides, lambda r: r.sigma**2)
+        errors = over(rides, lambda r: np.hypot(r.answer.along, r.answer.cross))
+        error = np.quantile(errors, _ONE_SIGMA, axis=0)
+        stated = np.sqrt(np.mean(over(rides, lambda r: r.sigma**2), axis=0))
         axes.plot(metres, error, color=colour, lw=1.8, label=label)
         axes.plot(metres, stated, color=colour, lw=1.4, ls=(0, (4, 2)))
         most = max(most, float(error.max()), float(stated.max()))

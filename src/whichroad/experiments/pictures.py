@@ -16,7 +16,7 @@ from ..plots.panels import FIX, HIDDEN, RECKONING, TRUTH, probability_bar
 from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
 from .gst import FIXED, NOISES, PER_FIX, Kind
 from .lanes import draw_lanes, lanes_of, legend_of_lanes
-from .places import Place, draw_hypotheses, draw_roads, driven_at, frame, legend_of_map
+from .places import Place, draw_hypotheses, draw_roads, driven_at, frame, legend_of_map, name_roads
 from .reckon import wheels_alone
 from .rides import MODELS, Ride
 from .scenes import CANYON_M, Scene
@@ -62,13 +62,14 @@ def draw_scene(
         dark = scene.name == "outage"
         page, seeds = (_outage_page, _outage_seeds) if dark else (_zoom_page, _seeds_page)
         caption = _OUTAGE_CAPTION if dark else _ZOOM_CAPTION
+        curves = _DARK_CAPTION if dark else _CURVES_CAPTION
         return [
             save(scene.name, lambda: page(shown), f"{of_one}: {caption}"),
             save(f"{scene.name}-lives", lambda: _lanes_page(shown), f"{of_one}: {_LANES_CAPTION}"),
             save(
                 f"{scene.name}-seeds",
                 lambda: seeds(scene, by_model),
-                f"{of_all}: {_CURVES_CAPTION}",
+                f"{of_all}: {curves}",
             ),
         ]
 
@@ -86,7 +87,11 @@ _LANES_CAPTION = (
     "probability."
 )
 _CURVES_CAPTION = "P of the true road over the way, and how long wrong roads counted (P >= 0.01)."
-_ERRORS_CAPTION = "position error, RMS over the drives, and as the filter states it."
+_ERRORS_CAPTION = (
+    "the position error that 63 % of the drives stay below (of Gaussian errors their RMS), dashed "
+    "the RMS error that the filter states."
+)
+_DARK_CAPTION = f"{_ERRORS_CAPTION[:-1]}; {_CURVES_CAPTION}"
 _GST_CAPTION = (
     "fixes under open sky and between houses, and what whichroad makes of them with the "
     "covariance of each fix and with one for all."
@@ -101,7 +106,7 @@ def _zoom_page(shown: Shown) -> Figure:
         draw_roads(axes, place, 5.0)
         draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
         axes.set_title(MODELS[model])
-    _same_frame(panels)
+    _same_frame(panels, place)
     _fit(figure, panels)
     panels[0].legend(
         handles=legend_of_map(), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
@@ -111,14 +116,15 @@ def _zoom_page(shown: Shown) -> Figure:
     return figure
 
 
-def _same_frame(panels: Sequence[matplotlib.axes.Axes]) -> None:
-    """The same stretch of map in all."""
+def _same_frame(panels: Sequence[matplotlib.axes.Axes], place: Place) -> None:
+    """The same stretch of map in all, with the names of its roads."""
     across, up = (
         np.array([getattr(axes, get)() for axes in panels]) for get in ("get_xlim", "get_ylim")
     )
     for axes in panels:
         axes.set(xlim=(across[:, 0].min(), across[:, 1].max()))
         axes.set(ylim=(up[:, 0].min(), up[:, 1].max()))
+        name_roads(axes, place)
 
 
 def _fit(figure: Figure, panels: Sequence[matplotlib.axes.Axes]) -> None:
@@ -139,7 +145,7 @@ def _outage_page(shown: Shown) -> Figure:
         draw_roads(axes, place, 5.0)
         draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
         axes.set_title(MODELS[model])
-    _same_frame(panels)
+    _same_frame(panels, place)
     probability_bar(figure, panels)
     return figure
 
@@ -224,7 +230,7 @@ def _outage_seeds(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
     above = figure.add_subplot(grid[0, :])
     draw_errors(above, [(MODELS[m], COLOURS[m], r) for m, r in rides.items()], scene.far_m)
     above.axvspan(*scene.counted_m, color=HIDDEN, alpha=0.18, lw=0, zorder=0)
-    above.set_title("RMS error; GPS masked where shaded")
+    above.set_title("How far from the truth; GPS masked where shaded")
     above.set_xlabel(f"m driven past {scene.zero}")
     _draw_bands(figure, [grid[1, 0], grid[2, 0]], scene, rides)
     side = figure.add_subplot(grid[1:, 1])

@@ -68,8 +68,9 @@ def draw_roads(axes: "Axes", place: Place, width: float) -> None:
     )
 
 
-def name_roads(axes: "Axes", place: Place, box: Array) -> None:
-    """Each street's name where its line leaves the box ((2, 2): west south, east north)."""
+def name_roads(axes: "Axes", place: Place) -> None:
+    """Each street's name where its line leaves the picture."""
+    box = np.array([axes.get_xlim(), axes.get_ylim()]).T
     for street, line in place.streets().items():
         fine = np.linspace(0.0, 1.0, 2000)[:, None]
         dense = np.concatenate([a + fine * (b - a) for a, b in itertools.pairwise(line)])
@@ -77,8 +78,8 @@ def name_roads(axes: "Axes", place: Place, box: Array) -> None:
         if len(inside):
             end = inside[np.argmax(np.hypot(*inside.T))]
             axes.annotate(
-                street, tuple(end), fontsize=8, color="#5b6570", ha="right", va="center",
-                zorder=2, bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"},
+                street, tuple(end), fontsize=8, color="#3a3f45", ha="right", va="center", zorder=9,
+                bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
             )  # fmt: skip
 
 
@@ -108,7 +109,6 @@ def draw_hypotheses(
     everything = np.concatenate([path, mapped, spots, spot - reach, spot + reach])
     box = np.array([everything.min(axis=0) - _EDGE, everything.max(axis=0) + _EDGE])
     frame(axes, box)
-    name_roads(axes, place, box)
 
 
 def frame(axes: "Axes", box: Array) -> None:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .gst import NOISES
 from .numbers import Row
+from .rides import MODELS
 from .words import number, text
 
 if TYPE_CHECKING:
@@ -146,10 +148,50 @@ def _name(known: dict[tuple[str, str], Row], figure: str, models: Sequence[str])
 def _cell(row: Row | None) -> str:
     if row is None:
         return ""
-    more = f" [{number(row.ci95[0])}, {number(row.ci95[1])}]" if row.ci95 else ""
     spread = (
         f"<small>95 % of {row.n}: {number(row.spread95[0])} to {number(row.spread95[1])}</small>"
         if row.spread95
         else ""
     )
-    return f"{text(row)}{more}{spread}"
+    return f"{text(row)}{_brackets(row)}{spread}"
+
+
+_KEY = {
+    "fork": (
+        "a wrong road counted for", "true road the most probable, 20 m on",
+        "a wrong road declared (P >= 0.999)",
+    ),
+    "outage": (
+        "true road the most probable at the mask's end",
+        "position error at the mask's end, median", "position error at the mask's end",
+        "as stated at the mask's end", "truth in the 95 % ellipse in the mask",
+    ),
+    "parallel": (
+        "a wrong road counted for", "true road the most probable at the end",
+        "a wrong road declared (P >= 0.999)",
+    ),
+    "junction": (
+        "a wrong road counted for", "true road the most probable, 20 m on",
+        "true road the most probable at the end", "a wrong road declared (P >= 0.999)", "ANEES",
+    ),
+    "gst": ("position error", "ANEES"),
+}  # fmt: skip
+
+
+def key_table(outcomes: Sequence["Outcome"]) -> str:
+    """The figures that matter most, as a table in Markdown."""
+    lines = ["| scene | figure | paper | whichroad |", "|---|---|---|---|"]
+    for o in outcomes:
+        known = {(row.model, row.figure): row for row in o.rows}
+        noises = [f", {n}" for n in NOISES] if o.scene.name == "gst" else [""]
+        for figure in _KEY[o.scene.name]:
+            for noise in noises:
+                rows = [known[f"{model}{noise}", figure] for model in MODELS]
+                cells = " | ".join(f"{text(row)}{_brackets(row)}" for row in rows)
+                what = f"{figure}{noise.replace(',', ', sigma')} ({rows[0].unit})"
+                lines.append(f"| {o.scene.name} | {what} | {cells} |")
+    return "\n".join(lines) + "\n"
+
+
+def _brackets(row: Row) -> str:
+    return f" [{number(row.ci95[0])}, {number(row.ci95[1])}]" if row.ci95 else ""

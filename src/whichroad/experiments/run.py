@@ -14,8 +14,8 @@ from .logs import write_log
 from .numbers import Row
 from .pictures import Picture, draw_scene
 from .reckon import wheels_alone_error
-from .report import write_report
-from .rides import MODELS, Ride, answer, ride
+from .report import key_table, write_report
+from .rides import ALIVE, MODELS, STEP_S, SURE, Ride, answer, ride
 from .scenes import SCENES, Scene, fixed_sigma
 from .scores import score
 from .shown import middling, show
@@ -23,7 +23,7 @@ from .words import seen
 
 Tell = Callable[[str, int, int], None]
 
-NUMBERS, REPORT = "experiments.json", "experiments.html"
+NUMBERS, REPORT, TABLE = "experiments.json", "experiments.html", "experiments.md"
 _MADE_BY = "whichroad experiments"
 SEEDS = range(200)
 
@@ -75,12 +75,14 @@ def run_experiments(
         "made_by": _MADE_BY,
         "version": __version__,
         "seeds": f"{seeds.start}:{seeds.stop}",
+        "terms": {"counts_from_p": ALIVE, "declared_from_p": SURE, "step_s": STEP_S},
         "scenes": {o.scene.name: _about(o) for o in outcomes},
         "rows": [row.as_json() for o in outcomes for row in o.rows],
     }
     text = json.dumps(about, indent=1, ensure_ascii=False, allow_nan=False)
     (out / NUMBERS).write_text(text + "\n", encoding="utf-8")
     write_report(out / REPORT, outcomes, about)
+    (out / TABLE).write_text(key_table(outcomes), encoding="utf-8")
     return about | {"report": str(out / REPORT)}
 
 
