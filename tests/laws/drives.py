@@ -58,7 +58,7 @@ def said(
         member[g, list(edges)] = 1.0
     member[-1, OFF_ROAD] = 1.0
     p = np.zeros((len(epochs.time), len(groups) + 1))
-    for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):
+    for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):  # noqa: B007
         n = belief.size[0]
         p[k] = member[:, belief.edge[:n]] @ belief.probability[:n]
     return Said(p[:, :-1], p[:, -1], output.value, output.live)

@@ -1,5 +1,7 @@
 """However a road is drawn, in few pieces or many, it is as probable as it is."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -83,7 +85,7 @@ def test_a_street_in_one_row_of_the_table_or_in_many_is_one_street(mode: int, se
 def with_nodes(cuts: np.ndarray, gap: float) -> tuple[Roads, list]:
     """Parallel roads, the first one with nodes; the edges of each road and direction."""
     ends = np.concatenate([[0.0], cuts, [LENGTH]])
-    pieces = [[[a, 0.0], [b, 0.0]] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    pieces = [[[a, 0.0], [b, 0.0]] for a, b in pairwise(ends)]
     n = 2 * len(pieces)
     roads = network([*pieces, [[0.0, gap], [LENGTH, gap]]])
     return roads, [range(0, n, 2), range(1, n, 2), [n], [n + 1]]
