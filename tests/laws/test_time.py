@@ -72,25 +72,16 @@ def test_where_the_wheels_counters_begin_changes_nothing(seed: int, left: int, r
 
 def table(log: Drive, order: list[int], wrap: int | None = None) -> pa.Table:
     """Fixes and wheel readings as rows of their own, in an order."""
-    rows = []
-    for time, lat, lon, ee, en, nn in zip(
-        *(
-            getattr(log.fixes, n)
-            for n in ("time", "lat_deg", "lon_deg", "cov_ee", "cov_en", "cov_nn")
-        ),
-        strict=True,
-    ):
-        rows.append({"time": time, "lat": lat, "lon": lon, "cov_ee_m2": ee, "cov_en_m2": en,
-                     "cov_nn_m2": nn})  # fmt: skip
-    for time, left, right in zip(
-        log.odometry.time, log.odometry.left, log.odometry.right, strict=True
-    ):
-        if wrap is not None:
-            left, right = left % wrap, right % wrap
-        rows.append({"time": time, "wheel_rl_ticks": left, "wheel_rr_ticks": right})
+    f, o = log.fixes, log.odometry
+    names = ("time", "lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2")
+    fixed = (f.time, f.lat_deg, f.lon_deg, f.cov_ee, f.cov_en, f.cov_nn)
+    wheels = ("time", "wheel_rl_ticks", "wheel_rr_ticks")
+    left, right = (o.left, o.right) if wrap is None else (o.left % wrap, o.right % wrap)
+    rows = [dict(zip(names, row, strict=True)) for row in zip(*fixed, strict=True)]
+    rows += [dict(zip(wheels, row, strict=True)) for row in zip(o.time, left, right, strict=True)]
     return pa.Table.from_pylist(
         [rows[i] for i in order] if order else rows,
-        pa.schema([(n, pa.float64()) for n in (*names, "wheel_rl_ticks", "wheel_rr_ticks")]),
+        pa.schema([(n, pa.float64()) for n in (*names, *wheels[1:])]),
     )
 
 
@@ -159,3 +150,14 @@ def both(log: Drive) -> tuple[np.ndarray, np.ndarray]:
 @law
 def test_on_line_a_receiver_alone_gives_the_recorded_answer_to_the_last_bit(seed: int):
     np.testing.assert_array_equal(*both(town_drive(seed, CLOCK, blocks=6)))
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@given(seed=seeds)
+@law
+def test_on_line_a_drive_in_the_dark_gives_the_recorded_answer(mode: int, seed: int):
+    """One fix, then wheels: sums of readings on one side, differences of sums on the other."""
+    log = town_drive(seed, mode)
+    first = {n: getattr(log.fixes, n)[:1] for n in type(log.fixes).__slots__}
+    online, recorded = both(replace(log, fixes=type(log.fixes)(**first)))
+    np.testing.assert_allclose(online, recorded, rtol=1e-9, atol=1e-9)
