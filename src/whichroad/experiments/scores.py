@@ -113,11 +113,16 @@ def choice(rows: Rows, rides: Sequence[Ride], asked_m: Sequence[float]) -> None:
         leads = [r.right[k] > r.wrongest[k] for r, k in zip(rides, at, strict=True)]
         rows.share(f"true road the most probable, {metres:g} m on", leads)
     rows.share("true road the most probable all along", [right_all_along(r) for r in rides])
-    rows.share("true road the most probable at the end", [right_at_end(r) for r in rides])
     rows.median(
         f"true road believed (P > {BELIEVED}) for good after",
         [[believed_after(r)] for r in rides], "m",
     )  # fmt: skip
+    ends(rows, rides)
+
+
+def ends(rows: Rows, rides: Sequence[Ride]) -> None:
+    """Whether the drive ends well, and whether what is declared is true."""
+    rows.share("true road the most probable at the end", [right_at_end(r) for r in rides])
     rows.share(f"a wrong road declared (P >= {SURE})", [declared_wrong(r) for r in rides])
     rows.share(
         f"a wrong road believed (P > {BELIEVED}) at the end",
@@ -183,7 +188,7 @@ def score(scene: Scene, model: str, rides: Sequence[Ride], alone: Sequence[float
     if scene.name == "outage":
         through_mask(rows, rides, alone)
         life_times(rows, scene, rides)
-        choice(rows, rides, ())
+        ends(rows, rides)
     else:
         life_times(rows, scene, rides)
         choice(rows, rides, ASKED[scene.name])

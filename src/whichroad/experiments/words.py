@@ -29,10 +29,11 @@ def text(row: Row) -> str:
 
 
 def number(value: float) -> str:
-    """A number with as many digits as it is worth."""
+    """A number with three digits at most."""
     size = abs(value)
-    digits = 0 if size >= 99.95 or size == 0.0 else 1 if size >= 9.95 else 2
-    return f"{value:.{digits}f}"
+    if size >= 99.95:
+        return f"{value:.0f}"
+    return f"{value:.{1 if size >= 9.995 else 2}f}".rstrip("0").rstrip(".")
 
 
 def _both(find: Find, figure: str, unit: str) -> str:
@@ -45,7 +46,7 @@ def _both(find: Find, figure: str, unit: str) -> str:
 
 def _claim(find: Find) -> list[str]:
     return [
-        "The true road is the most probable one all along in "
+        "From the decision on the true road is the most probable one all along in "
         + _both(find, "true road the most probable all along", " % of the drives")
         + ", and at the end in "
         + _both(find, "true road the most probable at the end", " %")
