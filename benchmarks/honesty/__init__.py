@@ -1,6 +1,7 @@
 """Are the printed probabilities and ellipses true?  Short simulated drives by the ten thousand."""
 
 import os
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,10 @@ DRIVES = 1200  # per class and noise, unless asked otherwise
 
 
 def chosen(text: str | None, known: dict[str, object], default: str) -> list[str]:
-    """Names of a comma-separated list; `junction` also takes `parallel-*` by its beginning."""
+    """Names of a comma-separated list, which may be patterns such as `parallel-*`."""
     names: list[str] = []
     for word in (text or default).split(","):
-        found = [n for n in known if n == word or (word.endswith("*") and n.startswith(word[:-1]))]
+        found = [n for n in known if fnmatch(n, word)]
         if not found:
             raise SystemExit(f"{word!r} is not known; one of {', '.join(known)} was expected")
         names += found

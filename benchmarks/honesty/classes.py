@@ -15,11 +15,19 @@ class Class:
     name: str
     scene: str
     odometry: bool = True
+    doppler: bool = True  # speed and course with each fix
+
+    @property
+    def tested(self) -> bool:
+        """Whether the exact test between two roads is asked too."""
+        return not self.odometry
 
 
 def _all() -> dict[str, Class]:
     classes = [Class(name, name) for name in SCENES]
-    classes += [Class(f"{s}-gnss", s, False) for s in SCENES if s.startswith("parallel")]
+    parallel = [s for s in SCENES if s.startswith("parallel")]
+    classes += [Class(f"{s}-gnss", s, odometry=False) for s in parallel]
+    classes += [Class(f"{s}-fixes", s, odometry=False, doppler=False) for s in parallel]
     return {c.name: c for c in classes}
 
 

@@ -128,6 +128,16 @@ def figures_of(s: Summary, seeds: str) -> list[Figure]:
         figure("right at the end", 100.0 * float(ends.mean()) if len(ends) else None, "", "%",
                len(ends)),
     ]  # fmt: skip
+    tested = int(s.row.test_declared.sum())
+    if tested:
+        wrong = int(s.row.test_wrong.sum())
+        again = s.row.test_seconds[s.row.test_declared > 0]
+        found += [
+            figure("declared by the exact test", 100.0 * tested / s.drives, "", "%"),
+            figure("wrong declarations of the exact test", wrong, "", "", tested),
+            figure("its time to declare, median", float(np.median(again)), "", "s", tested),
+            figure("declared, over the exact test's", 100.0 * s.declared / tested, ">= 90", "%"),
+        ]
     pose = [("ANEES of the position", "nees", "posed", 0.5, ANEES_GOAL.get(s.noise, ""), "")]
     pose += [
         (f"truth in the {level} % ellipse", f"inside_{level}", "posed", 100.0,

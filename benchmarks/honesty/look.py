@@ -14,7 +14,7 @@ from whichroad.core.output import V_H, V_OFF, V_X, V_XX, V_Y, V_YY
 from whichroad.localizer import STATUS
 
 from ..__main__ import setting
-from .drives import drive, localize
+from .drives import drive, localize, version
 from .score import Row
 
 
@@ -24,9 +24,9 @@ def wrong_ones(memory: Path, name: str, noise: str) -> list[int]:
     base = sqlite3.connect(memory)
     for key, blob in base.execute("select key, rows from work"):
         words = key.split(" ")
-        if words[:2] == [name, noise] and not words[3]:
+        if words[:3] == [version(), name, noise] and not words[4]:
             rows = Row(*np.frombuffer(blob, np.float32).reshape(-1, len(Row._fields)).T)
-            found += (int(words[2].split(":")[0]) + np.flatnonzero(rows.wrong)).tolist()
+            found += (int(words[3].split(":")[0]) + np.flatnonzero(rows.wrong)).tolist()
     return sorted(found)
 
 

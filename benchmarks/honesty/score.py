@@ -63,6 +63,11 @@ class Row(NamedTuple):
     home: float  # epochs on mapped roads
     off_home: float
     unseen: float  # largest probability that the alternatives leave out
+    error: float  # m, at the decision at FAR, or at the last one
+    level: float  # m, protection level there; 0: none
+    test_declared: float  # the exact test of positions alone, see `oracle`
+    test_wrong: float
+    test_seconds: float
 
 
 class Columns(NamedTuple):
@@ -192,6 +197,7 @@ def score_drive(
     before = 0.0
     begun = -1.0
     last = -1
+    at = -1
     before_it = _road_before(line, decision)
     for k in range(n):
         if output.live[k] == 0:
@@ -223,6 +229,7 @@ def score_drive(
                 _decide(row, 6, line, place, count, roads, chances)
             if before < decision + FAR <= along:
                 _decide(row, 10, line, place, count, roads, chances)
+                at = k
             if truth.speed[k] > 0.5 and watch - along > SLACK:
                 last = k
         before = along
@@ -258,6 +265,10 @@ def score_drive(
     if last >= 0:
         count = _chances(output, last, road_of, roads, chances)
         _decide(row, 14, line, truth.place[last], count, roads, chances)
+        k = at if at >= 0 else last
+        value = output.value[k]
+        row[42] = math.hypot(value[columns.x] - truth.x[k], value[columns.y] - truth.y[k])
+        row[43] = value[columns.level] if columns.level >= 0 else 0.0
 
 
 def new_scratch() -> tuple[Matrix, Ints32, Vector]:
