@@ -50,6 +50,18 @@ class Settings:
     )
     gnss_time: float = _number(60, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
+    gnss_adapt_time: float = _number(
+        40, 1, 1e12, "s", "in which the scale of reported sigmas is learnt"
+    )
+    gnss_start: float = _number(
+        1, 1, 100, "", "GNSS error at a cold start, over what is reported"
+    )
+    gnss_fault_time: float = _number(
+        60, 1, 1e9, "s", "how long a receiver that has lost its way stays lost"
+    )
+    gnss_lost: float = _number(
+        0.02, 0, 0.5, "", "P(the belief was wrong) when a fix is far from it"
+    )
     off_road_leave: float = _number(2e-5, 0, 0.1, "1/m", "rate of leaving the mapped roads")
     off_road_return: float = _number(0.01, 0, 1, "1/m", "rate of coming back to one")
     off_road_cost: float = _number(
