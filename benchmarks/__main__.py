@@ -15,11 +15,15 @@ BENCHMARKS = {
     "kubicka": ("kubicka.run", "real GNSS drives world-wide, 1 Hz: route mismatch"),
     "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
     "outage": ("town.outage", "the same with 1.5 km without GNSS"),
+    "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
+    "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
+    "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
     "map": ("speed.map_files", "compiling and opening a road map"),
     "readers": ("readers.run", "sentences and frames a second"),
+    "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 
@@ -61,7 +65,13 @@ def parser() -> argparse.ArgumentParser:
         "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
         help="town, outage, kubicka, comma: another value for one of the model's settings",
     )  # fmt: skip
-    command.add_argument("--processes", type=int, metavar="N", help="town, outage: side by side")
+    command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
+    command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
+    command.add_argument("--classes", metavar="A,B*", help="honesty: only these classes")
+    command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
+    command.add_argument("--drives", type=int, metavar="N", help="honesty: per class and noise")
+    command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
+    command.add_argument("--write", metavar="FILE", help="honesty: write docs/honesty.md")
     return command
 
 
@@ -96,7 +106,10 @@ def main() -> int:
     given = vars(parser().parse_args())
     more = {
         k: given[k]
-        for k in ("tracks", "every", "preset", "seconds", "metres", "model", "processes")
+        for k in (
+            *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
+            *("progress", "classes", "noise", "drives", "resume", "write"),
+        )
     }
     if given["set"]:
         more["settings"] = dict(given["set"])
@@ -105,7 +118,7 @@ def main() -> int:
         seeds=given["seeds"],
         more={k: v for k, v in more.items() if v is not None},
     )
-    module, function = BENCHMARKS[given["name"]][0].split(".")
+    module, _, function = BENCHMARKS[given["name"]][0].rpartition(".")
     try:
         figures = getattr(importlib.import_module(f"benchmarks.{module}"), function)(options)
     except Skipped as reason:

@@ -8,8 +8,9 @@ from .demo import Scenes, demo_drive, demo_route, demo_scenes, write_demo
 from .drive import START, SimulatedDrive, Truth, simulate_drive
 from .files import truth_table, write_drive
 from .route import drivable, random_route, shortest_route
-from .sensors import Pull
+from .sensors import Jump, Pull
 from .settings import GOOD, OUTAGE, PRESETS, URBAN, SimulationSettings
+from .sketch import Sketch
 from .town import draw_town
 
 __all__ = [
@@ -18,10 +19,12 @@ __all__ = [
     "PRESETS",
     "START",
     "URBAN",
+    "Jump",
     "Pull",
     "Scenes",
     "SimulatedDrive",
     "SimulationSettings",
+    "Sketch",
     "Truth",
     "demo_drive",
     "demo_route",

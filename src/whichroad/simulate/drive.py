@@ -17,6 +17,7 @@ from .pace import Pace, motion_at, set_pace
 from .route import Edges, drivable, random_route
 from .sensors import (
     GnssErrors,
+    Jump,
     Pull,
     States,
     Wheels,
@@ -24,6 +25,7 @@ from .sensors import (
     draw_wheels,
     fixes_from,
     gnss_errors,
+    jumped,
     pulled,
     wheel_counts,
 )
@@ -168,7 +170,7 @@ def _fixes(
     states: States,
     settings: SimulationSettings,
     random: np.random.Generator,
-    pulls: Sequence[Pull],
+    pulls: Sequence[Pull | Jump],
 ) -> tuple[Fixes, GnssErrors]:
     """Every fix of the drive as if there were no outage, and its errors."""
     plane = roads.plane
@@ -179,7 +181,10 @@ def _fixes(
     ahead_x, ahead_y, speed, heading = antenna(states, settings)
     convergence = plane.convergence(states.x, states.y)
     for pull in pulls:
-        errors = pulled(states, convergence, errors, pull)
+        if isinstance(pull, Jump):
+            errors = jumped(states, errors, pull)
+        else:
+            errors = pulled(states, convergence, errors, pull)
     c, s = np.cos(convergence), np.sin(convergence)
     scale = plane.scale(states.x, states.y)
     position = plane.to_geodetic(
@@ -230,7 +235,7 @@ def simulate_drive(
     route: Sequence[int] | None = None,
     outages_m: Sequence[tuple[float, float]] = (),
     outages_s: Sequence[tuple[float, float]] = (),
-    pulls: Sequence[Pull] = (),
+    pulls: Sequence[Pull | Jump] = (),
     allowed: NDArray[np.bool_] | None = None,
     warp: Warp | None = None,
     drive_id: str | None = None,
@@ -246,7 +251,7 @@ def simulate_drive(
             first to 80 % of the last, whatever `length_m` is.
         outages_m: Windows without fixes, (from, to) in m driven, besides the scenario's.
         outages_s: The same in s since the drive's start.
-        pulls: False positions that wear off, besides the scenario's errors.
+        pulls: False positions, besides the scenario's errors.
         allowed: What `drivable` found, to save finding it for each of many drives.
         warp: World minus map, to share one between drives; None: drawn.
         drive_id: Name of the drive; None: from the seed.

@@ -91,12 +91,23 @@ def wheel_counts(
 
 
 class Pull(NamedTuple):
-    """A false position after an outage, wearing off: what reflections do to a receiver."""
+    """A false position that comes, stays and wears off: what reflections do to a receiver."""
 
     begin: float  # m driven where it begins
     right: float  # m, to the right of the direction of travel
     time: float  # s over which it wears off
-    reported: float  # m, sigma per axis that the receiver reports meanwhile
+    reported: float  # m, sigma per axis that the receiver reports meanwhile, at least
+    hold: float = 0.0  # m driven before it begins to wear off
+    rise: float = 0.0  # m driven over which it grows to its size
+
+
+class Jump(NamedTuple):
+    """A receiver that is elsewhere for a while, and says nothing of it."""
+
+    begin: float  # m driven where it begins
+    east: float  # m
+    north: float
+    seconds: float  # how long
 
 
 class GnssErrors(NamedTuple):
@@ -169,9 +180,12 @@ def pulled(states: States, convergence: Array, errors: GnssErrors, pull: Pull) -
     Returns:
         The errors, at least `pull.reported` being reported as long as the pull lasts.
     """
-    since = states.time - np.interp(pull.begin, states.travelled - states.travelled[0], states.time)
-    during = (since >= 0.0) & (since < 3.0 * pull.time)
-    size = np.where(during, pull.right * np.exp(-np.maximum(since, 0.0) / pull.time), 0.0)
+    driven = states.travelled - states.travelled[0]
+    begin, wearing = np.interp([pull.begin, pull.begin + pull.hold], driven, states.time)
+    during = (states.time >= begin) & (states.time < wearing + 3.0 * pull.time)
+    worn = np.exp(-np.maximum(states.time - wearing, 0.0) / pull.time)
+    grown = np.clip((driven - pull.begin) / max(pull.rise, 1e-3), 0.0, 1.0)
+    size = np.where(during, pull.right * worn * grown, 0.0)
     bearing = np.pi - states.heading + convergence  # of what lies to the right
     report = (errors.cov_ee + errors.cov_nn) / 2.0
     more = np.where(during, np.maximum(pull.reported**2 / report, 1.0), 1.0)
@@ -182,6 +196,17 @@ def pulled(states: States, convergence: Array, errors: GnssErrors, pull: Pull) -
         errors.cov_en * more,
         errors.cov_nn * more,
         errors.false | during,
+    )
+
+
+def jumped(states: States, errors: GnssErrors, jump: Jump) -> GnssErrors:
+    """Fixes' errors with one more: a jump to another place and back."""
+    since = states.time - np.interp(jump.begin, states.travelled - states.travelled[0], states.time)
+    during = (since >= 0.0) & (since < jump.seconds)
+    return errors._replace(
+        east=errors.east + during * jump.east,
+        north=errors.north + during * jump.north,
+        false=errors.false | during,
     )
 
 

@@ -8,18 +8,11 @@ exist there is accidental.
 """
 
 import math
-from collections.abc import Sequence
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..frames import Plane
+from .sketch import Point, Sketch
 
-Point = tuple[float, float]
-
-ORIGIN = (49.41, 2.82)  # lat, lon of the old town's south-west corner
-
-_VERTEX_SPACING = 28.0  # m, along curved roads
 _GRID = 5  # streets each way in the old town
 _CARRIAGEWAY = 6.75  # m, from the boulevard's axis to either carriageway
 _SIDE_LANE = 13.0  # m, from the eastern carriageway to the side lane
@@ -69,87 +62,6 @@ _PLACES: dict[str, Point] = {
     "north 5": (800.0, 430.0),
 }
 
-Tags = dict[str, str]
-
-
-class _Sketch:
-    """Nodes, ways and restrictions in the making."""
-
-    def __init__(self) -> None:
-        self.places: list[Point] = []
-        self.names: dict[str, int] = {}
-        self.ways: list[tuple[list[int], Tags]] = []
-        self.restrictions: list[tuple[str, int, int, int]] = []
-
-    def node(self, name: str, x: float, y: float) -> None:
-        """Name a place."""
-        self.names[name] = self._add(x, y)
-
-    def _add(self, x: float, y: float) -> int:
-        self.places.append((x, y))
-        return len(self.places)  # ids begin at 1
-
-    def way(self, names: Sequence[str], highway: str, **tags: str) -> int:
-        """Draw a street of straight pieces through named places; returns its number."""
-        return self._way([self.names[n] for n in names], highway, tags)
-
-    def curve(self, names: Sequence[str], highway: str, **tags: str) -> int:
-        """Draw a smooth street through named places; returns its number."""
-        return self._way(self._bend([self.names[n] for n in names]), highway, tags)
-
-    def _way(self, nodes: list[int], highway: str, tags: Tags) -> int:
-        self.ways.append((nodes, {"highway": highway, **tags}))
-        return len(self.ways)
-
-    def _bend(self, nodes: list[int]) -> list[int]:
-        """Nodes with more between them, on a smooth curve (Catmull-Rom)."""
-        p = np.array([self.places[n - 1] for n in nodes])
-        p = np.vstack([2 * p[0] - p[1], p, 2 * p[-1] - p[-2]])
-        bent = nodes[:1]
-        for k, node in enumerate(nodes[1:], start=1):
-            a, b, c, d = p[k - 1 : k + 3]
-            pieces = max(1, round(math.dist(b, c) / _VERTEX_SPACING))
-            for t in np.arange(1, pieces) / pieces:
-                linear, square, cube = c - a, 2 * a - 5 * b + 4 * c - d, 3 * b - a - 3 * c + d
-                x, y = b + 0.5 * (linear * t + square * t**2 + cube * t**3)
-                bent.append(self._add(float(x), float(y)))
-            bent.append(node)
-        return bent
-
-    def restrict(self, kind: str, origin: int, via: str, target: int) -> None:
-        """Forbid or command a turn between two ways."""
-        self.restrictions.append((kind, origin, self.names[via], target))
-
-    def xml(self) -> str:
-        """The town as OSM XML."""
-        plane = Plane(*ORIGIN)
-        lat, lon = plane.to_geodetic(*np.array(self.places).T)
-        lines = [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            '<osm version="0.6" generator="whichroad">',
-        ]
-        for k, (a, b) in enumerate(zip(lat.tolist(), lon.tolist(), strict=True), start=1):
-            lines.append(f'  <node id="{k}" version="1" lat="{a:.7f}" lon="{b:.7f}"/>')
-        for k, (nodes, tags) in enumerate(self.ways, start=1):
-            lines.append(f'  <way id="{k}" version="1">')
-            lines += [f'    <nd ref="{n}"/>' for n in nodes]
-            lines += _tag_lines(tags)
-            lines.append("  </way>")
-        for k, (kind, origin, via, target) in enumerate(self.restrictions, start=1):
-            lines.append(f'  <relation id="{k}" version="1">')
-            for role, sort, ref in (
-                ("from", "way", origin),
-                ("via", "node", via),
-                ("to", "way", target),
-            ):
-                lines.append(f'    <member type="{sort}" ref="{ref}" role="{role}"/>')
-            lines += [*_tag_lines({"type": "restriction", "restriction": kind}), "  </relation>"]
-        return "\n".join([*lines, "</osm>", ""])
-
-
-def _tag_lines(tags: Tags) -> list[str]:
-    return [f"    <tag k={quoteattr(k)} v={quoteattr(v)}/>" for k, v in tags.items()]
-
 
 def draw_town(seed: int = 1) -> str:
     """Draw the town: OSM XML text with about 2 km by 4 km of roads.
@@ -168,8 +80,8 @@ def places(seed: int = 1) -> dict[str, int]:
     return _draw(seed).names
 
 
-def _draw(seed: int) -> _Sketch:
-    sketch = _Sketch()
+def _draw(seed: int) -> Sketch:
+    sketch = Sketch()
     _old_town(sketch, np.random.default_rng(seed))
     for name, (x, y) in _PLACES.items():
         sketch.node(name, x, y)
@@ -180,7 +92,7 @@ def _draw(seed: int) -> _Sketch:
     return sketch
 
 
-def _old_town(sketch: _Sketch, random: np.random.Generator) -> None:
+def _old_town(sketch: Sketch, random: np.random.Generator) -> None:
     """An irregular grid of narrow streets; `old c r` is column c, row r."""
     for c in range(_GRID):
         for r in range(_GRID):
@@ -201,7 +113,7 @@ def _old_town(sketch: _Sketch, random: np.random.Generator) -> None:
     sketch.node("car park 1", x + 55.0, y + 30.0)
     sketch.node("car park 2", x + 58.0, y + 82.0)
     sketch.node("car park 3", x + 20.0, y + 84.0)
-    middle = sketch._bend([sketch.names["old 2 2"], sketch.names["car park 1"]])[1]
+    middle = sketch.bend([sketch.names["old 2 2"], sketch.names["car park 1"]])[1]
     sketch.names["car park gate"] = middle
     sketch.way(
         ["old 2 2", "car park gate", "car park 1", "car park 2"], "service", service="parking_aisle"
@@ -214,7 +126,7 @@ def _old_town(sketch: _Sketch, random: np.random.Generator) -> None:
     )
 
 
-def _roundabout(sketch: _Sketch, centre: Point) -> None:
+def _roundabout(sketch: Sketch, centre: Point) -> None:
     """Eight points, driven counter-clockwise, with arms in the four directions."""
     names = [
         "ring east",
@@ -238,7 +150,7 @@ def _axis(x: float) -> float:
     return 236.0 + 14.0 * math.cos((x - 1100.0) / 465.0)
 
 
-def _boulevard(sketch: _Sketch) -> None:
+def _boulevard(sketch: Sketch) -> None:
     """Two one-way carriageways from `west end` to `east end`, and a side lane of the eastern.
 
     Openings at 1440 (the avenue) and 2000 m (no left turn from the west); the side lane
@@ -274,7 +186,7 @@ def _boulevard(sketch: _Sketch) -> None:
     sketch.restrict("only_right_turn", before, "eastbound 1440", onward)
 
 
-def _long_roads(sketch: _Sketch) -> None:
+def _long_roads(sketch: Sketch) -> None:
     """Route de Soissons with its bends and junctions, and the roads that lead back."""
     south = ["ring south", "soissons 1", "soissons 2", "vineyard", "soissons 3", "soissons 4"]
     sketch.curve(
@@ -297,7 +209,7 @@ def _long_roads(sketch: _Sketch) -> None:
     )  # fmt: skip
 
 
-def _fork(sketch: _Sketch) -> None:
+def _fork(sketch: Sketch) -> None:
     """One road becomes two that part at 10 degrees, and meet again at `end`."""
     sketch.curve(
         ["east end", "lead-in", "fork"],

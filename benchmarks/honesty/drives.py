@@ -1,0 +1,192 @@
+"""Simulate, localize and score drives by number, over all cores, and remember them."""
+
+import sqlite3
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from whichroad import Settings, Vehicle
+from whichroad.core import output as said
+from whichroad.core.drive import CLOCK, WHEELS, Epochs
+from whichroad.epochs import Timeline
+from whichroad.localizer import Recorded, localize_recorded
+from whichroad.simulate.scenes import SCENES, Route, Scene, draw_scene
+from whichroad.simulate.swarm import Numbers, Swarm, Truth, new_swarm, simulate_short
+
+from .classes import CLASSES, NOISES, VARIANTS
+from .score import Columns, Row, new_scratch, score_drive
+
+CHUNK = 250  # drives of one piece of work
+
+
+class Task(NamedTuple):
+    """Drives `first` to `last` - 1 of one class and noise."""
+
+    name: str
+    noise: str
+    first: int
+    last: int
+    settings: tuple[tuple[str, float], ...]  # of the model, other than the defaults
+
+    @property
+    def key(self) -> str:
+        """What a remembered result is found by."""
+        changed = ",".join(f"{k}={v:g}" for k, v in sorted(self.settings))
+        return f"{self.name} {self.noise} {self.first}:{self.last} {changed}"
+
+
+@cache
+def scene_of(kind: str, variant: int) -> Scene:
+    """One scene of this process."""
+    return draw_scene(kind, variant)
+
+
+@cache
+def _swarm() -> Swarm:
+    return new_swarm()
+
+
+def columns() -> Columns:
+    """Columns of this version of the filter."""
+    names = ("X", "Y", "XX", "XY", "YY", "OFF", "MAP_X", "MAP_Y", "MAP_XX", "MAP_XY", "MAP_YY",
+             "PROTECTION")  # fmt: skip
+    return Columns(*(getattr(said, f"V_{name}", -1) for name in names))
+
+
+class Drive(NamedTuple):
+    """One simulated drive; views that the next one overwrites."""
+
+    scene: Scene
+    route: Route
+    epochs: Epochs
+    truth: Truth
+    mode: int
+    swarm: Swarm
+
+
+def drive(name: str, noise: str, number: int) -> Drive:
+    """Simulate drive `number` of a class and noise."""
+    kind = CLASSES[name]
+    code = list(SCENES).index(kind.scene), list(NOISES).index(noise)
+    seed, draw = np.random.SeedSequence([*code, kind.odometry, number]).generate_state(2)
+    scene = scene_of(kind.scene, number % VARIANTS)
+    route = scene.routes[int(draw) % len(scene.routes)]
+    swarm = _swarm()
+    n = simulate_short(route.line, swarm, _numbers(noise), kind.odometry, int(seed))
+    epochs = Epochs(*(a[:n] for a in swarm.epochs))
+    truth = Truth(*(a[:n] for a in swarm.truth))
+    return Drive(scene, route, epochs, truth, WHEELS if kind.odometry else CLOCK, swarm)
+
+
+@cache
+def _numbers(noise: str) -> Numbers:
+    return Numbers.of(NOISES[noise])
+
+
+def localize(one: Drive, settings: Settings, noise: str, poses: bool = False) -> Recorded:
+    """The filter's answer."""
+    how = NOISES[noise]
+    car = Vehicle(
+        track_width=how.track_width, metres_per_tick_left=how.metres_per_tick,
+        metres_per_tick_right=how.metres_per_tick, antenna_forward=how.antenna_forward,
+        antenna_left=how.antenna_left,
+    )  # fmt: skip
+    timeline = Timeline(one.epochs, one.mode, 0)
+    return localize_recorded(one.scene.roads, timeline, vehicle=car, settings=settings, poses=poses)
+
+
+def work(task: Task) -> np.ndarray:
+    """Rows of a task's drives, (drives, columns of `Row`)."""
+    settings = Settings(**dict(task.settings))
+    row, roads, chances = new_scratch()
+    where = columns()
+    rows = np.empty((task.last - task.first, len(Row._fields)), np.float32)
+    for k, number in enumerate(range(task.first, task.last)):
+        one = drive(task.name, task.noise, number)
+        answer = localize(one, settings, task.noise)
+        score_drive(
+            row, answer.output, one.truth, one.epochs.time, one.route.line, one.scene.road_of,
+            one.route.decision, one.route.watch, where, roads, chances,
+        )  # fmt: skip
+        rows[k] = row
+    return rows
+
+
+@dataclass
+class Memory:
+    """Results of earlier runs, in one SQLite file (None: none are kept)."""
+
+    path: Path | None
+
+    def __post_init__(self) -> None:
+        self.base = sqlite3.connect(self.path or ":memory:")
+        self.base.execute("create table if not exists work (key text primary key, rows blob)")
+
+    def get(self, task: Task) -> np.ndarray | None:
+        """Rows of a task that was done."""
+        found = self.base.execute("select rows from work where key = ?", (task.key,)).fetchone()
+        if found is None:
+            return None
+        return np.frombuffer(found[0], np.float32).reshape(-1, len(Row._fields))
+
+    def put(self, task: Task, rows: np.ndarray) -> None:
+        """Remember them."""
+        with self.base:
+            self.base.execute(
+                "insert or replace into work values (?, ?)", (task.key, rows.tobytes())
+            )
+
+
+def tasks(
+    name: str, noise: str, seeds: range, settings: dict[str, float], chunk: int = CHUNK
+) -> Iterator[Task]:
+    """Cut the drives of a class into pieces."""
+    for first in range(seeds.start, seeds.stop, chunk):
+        last = min(first + chunk, seeds.stop)
+        yield Task(name, noise, first, last, tuple(sorted(settings.items())))
+
+
+def spread(
+    todo: list[Task], memory: Memory, processes: int, say: Callable[[str], None]
+) -> dict[Task, np.ndarray]:
+    """Do all tasks that are not remembered, and tell how it goes."""
+    done = {t: rows for t in todo if (rows := memory.get(t)) is not None}
+    missing = [t for t in todo if t not in done]
+    total = sum(t.last - t.first for t in missing)
+    if done:
+        say(f"{len(done)} of {len(todo)} pieces are known already")
+    began, count, told = time.perf_counter(), 0, 0.0
+    for task, rows in _results(missing, processes):
+        memory.put(task, rows)
+        done[task] = rows
+        count += task.last - task.first
+        passed = time.perf_counter() - began
+        if passed > told + 5.0 or count == total:
+            told = passed
+            left = (total - count) * passed / count
+            say(
+                f"{count:,} of {total:,} drives, {count / passed:,.0f} a second, "
+                f"{left:,.0f} s to go: {task.name} {task.noise}"
+            )
+    return done
+
+
+def _results(missing: list[Task], processes: int) -> Iterator[tuple[Task, np.ndarray]]:
+    if processes == 1 or len(missing) < 2:
+        for task in missing:
+            yield task, work(task)
+        return
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        running: dict[Future[Any], Task] = {pool.submit(work, t): t for t in missing}
+        left = set(running)
+        while left:
+            ready, left = wait(left, return_when="FIRST_COMPLETED")
+            for future in ready:
+                yield running[future], future.result()

@@ -1,0 +1,199 @@
+"""What every scene does: drives over some processes, the filter's answer beside the truth, rows."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whichroad.core.output import V_MAP_X, V_MAP_Y
+from whichroad.epochs import build_timeline
+from whichroad.localizer import localize_recorded
+from whichroad.records import StartPose
+from whichroad.roadmap import RoadMap
+from whichroad.settings import Settings
+from whichroad.simulate import SimulatedDrive
+
+from .. import Figure, Options, interval, seeds_text
+
+SURE = 0.95  # P beyond which a road counts as decided
+
+Row = dict[str, float]
+Mask = NDArray[np.bool_]
+
+world: dict[str, Any] = {}  # maps and the like, of this process
+
+
+class Answer(NamedTuple):
+    """The filter's output at the times of the truth, n rows."""
+
+    value: NDArray[np.float64]  # see the V_ names of core.output
+    edge: NDArray[np.int32]
+    status: NDArray[np.uint8]
+    started: Mask  # False before the first fix
+    alt_edge: NDArray[np.int32]  # (n, alternatives)
+    alt_p: NDArray[np.float32]
+
+    def p_of(self, road: Mask) -> NDArray[np.float64]:
+        """P of a road, a mask over the map's edges."""
+        on = (self.alt_edge >= 0) & road[np.maximum(self.alt_edge, 0)]
+        return np.where(on, self.alt_p, 0.0).sum(axis=1, dtype=float)
+
+
+def answer(
+    roads: RoadMap, drive: SimulatedDrive, settings: Settings, start: StartPose | None = None
+) -> Answer:
+    """Localize a drive; between epochs the last answer holds."""
+    timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
+    output = localize_recorded(
+        roads, timeline, vehicle=drive.vehicle, settings=settings, start=start
+    ).output
+    at = np.searchsorted(timeline.epochs.time, drive.truth.time + 1e-3) - 1
+    known = np.maximum(at, 0)
+    return Answer(
+        output.value[known],
+        output.edge[known],
+        output.status[known],
+        (output.live[known] > 0) & (at >= 0),
+        output.alt_edge[known],
+        output.alt_p[known],
+    )
+
+
+def map_error(roads: RoadMap, drive: SimulatedDrive, said: Answer) -> NDArray[np.float64]:
+    """Distance in the map's frame between answer and truth, true m, (n,)."""
+    x, y = drive.truth.map_x, drive.truth.map_y
+    apart = np.hypot(said.value[:, V_MAP_X] - x, said.value[:, V_MAP_Y] - y)
+    return apart / roads.plane.scale(x, y)
+
+
+def named(roads: RoadMap, *names: str) -> Mask:
+    """The edges of streets of these names, both directions."""
+    return np.isin(np.array([n or "" for n in roads.column("name")]), names)
+
+
+def each(
+    work: Callable[[int], Row | None],
+    seeds: range,
+    options: Options,
+    prepare: Callable[..., None] | None = None,
+    arguments: Sequence[Any] = (),
+) -> list[Row]:
+    """Rows of all seeds, in their order; a seed that gave none is left out.
+
+    Args:
+        work: One seed to a row; what `prepare` left in `world` is there.
+        seeds: Of the drives.
+        options: For `--processes` and `--progress`.
+        prepare: Run once in each process.
+        arguments: Of `prepare`.
+    """
+    rows, begun, told = [], time.perf_counter(), 0
+    for done, row in enumerate(_spread(work, seeds, options, prepare, arguments), start=1):
+        if row is not None:
+            rows.append({"seed": float(seeds[done - 1]), **row})
+        if options.more.get("progress"):
+            text = ", ".join(f"{k} {v:.4g}" for k, v in (row or {"skipped": 1.0}).items())
+            options.say(f"seed {seeds[done - 1]}: {text}")
+        elif 10 * done // len(seeds) > told:
+            told = 10 * done // len(seeds)
+            spent = time.perf_counter() - begun
+            sys.stderr.write(f"{done} of {len(seeds)} drives, {spent:.0f} s\n")
+    return rows
+
+
+def _spread(
+    work: Callable[[int], Row | None],
+    seeds: range,
+    options: Options,
+    prepare: Callable[..., None] | None,
+    arguments: Sequence[Any],
+) -> Iterator[Row | None]:
+    processes = options.more.get("processes", 1)
+    if processes == 1:
+        if prepare is not None:
+            prepare(*arguments)
+        yield from map(work, seeds)
+        return
+    context = get_context("spawn")
+    with ProcessPoolExecutor(processes, context, prepare, tuple(arguments)) as pool:
+        yield from pool.map(work, seeds, chunksize=4)
+
+
+class Table:
+    """Rows of independent drives, and the figures made of them."""
+
+    def __init__(self, rows: list[Row], seeds: range) -> None:
+        self.rows = rows
+        self.seeds = seeds_text(seeds)
+
+    def _pair(self, top: str, below: str | None) -> NDArray[np.float64]:
+        pairs = [(r[top], r[below] if below else 1.0) for r in self.rows if top in r]
+        return np.array(pairs, float).reshape(-1, 2)
+
+    def share(
+        self, figure: str, top: str, below: str | None = None, goal: str = "", unit: str = "%",
+        factor: float = 100.0,
+    ) -> Figure:  # fmt: skip
+        """Sum of a column over the sum of another (of the drives, where there is none).
+
+        Whole drives are judged by Clopper and Pearson, sums by resampling drives.
+        """
+        table = self._pair(top, below)
+        if not len(table) or table[:, 1].sum() == 0:
+            return Figure(figure, None, goal, unit, len(table), None, self.seeds)
+
+        def ratio(t: NDArray[np.float64]) -> float:
+            return float(factor * t[:, 0].sum() / max(t[:, 1].sum(), 1e-300))
+
+        if np.isin(table, (0.0, 1.0)).all():
+            n = int(table[:, 1].sum())
+            low, high = clopper_pearson(int((table[:, 0] * table[:, 1]).sum()), n)
+            bounds: tuple[float, float] | None = (factor * low, factor * high)
+        else:
+            n, bounds = len(table), interval(ratio, table)
+        return Figure(figure, ratio(table), goal, unit, n, bounds, self.seeds)
+
+    def quantile(
+        self, figure: str, column: str, q: float, goal: str = "", unit: str = "m"
+    ) -> Figure:
+        """A quantile over drives."""
+        values = np.array([[r[column]] for r in self.rows if np.isfinite(r.get(column, np.nan))])
+        if not len(values):
+            return Figure(figure, None, goal, unit, 0, None, self.seeds)
+
+        def at(t: NDArray[np.float64]) -> float:
+            return float(np.quantile(t[:, 0], q))
+
+        bounds = interval(at, values)
+        return Figure(figure, at(values), goal, unit, len(values), bounds, self.seeds)
+
+
+def clopper_pearson(k: int, n: int, risk: float = 0.05) -> tuple[float, float]:
+    """Exact bounds of a share of which k of n were seen, by bisection of the binomial tails."""
+    if n == 0:
+        return 0.0, 1.0
+    low = 0.0 if k == 0 else _solve(lambda p: 1.0 - _at_most(k - 1, n, p) < risk / 2)
+    high = 1.0 if k == n else _solve(lambda p: _at_most(k, n, p) > risk / 2)
+    return low, high
+
+
+def _solve(below: Callable[[float], bool]) -> float:
+    """Where a condition that holds for small p stops to hold, within (0, 1)."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if below(middle) else (low, middle)
+    return low
+
+
+def _at_most(k: int, n: int, p: float) -> float:
+    """P(at most k of n), each with p in (0, 1)."""
+    i = np.arange(1, k + 1)
+    logs = np.concatenate([[0.0], np.cumsum(np.log((n - i + 1) / i))])
+    logs += np.arange(k + 1) * np.log(p) + (n - np.arange(k + 1)) * np.log1p(-p)
+    return float(np.exp(logs).sum())

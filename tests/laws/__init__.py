@@ -1,0 +1,1 @@
+"""Laws: what must not change the answer, or may change it only one way."""
