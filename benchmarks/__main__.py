@@ -15,9 +15,13 @@ BENCHMARKS = {
     "kubicka": ("kubicka.run", "real GNSS drives world-wide, 1 Hz: route mismatch"),
     "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
     "outage": ("town.outage", "the same with 1.5 km without GNSS"),
+    "consistency": ("scenes.consistency.run", "ellipses over many short drives, both frames"),
     "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
     "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
     "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
+    "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
+    "long": ("scenes.dark.long", "10 km without GNSS"),
+    "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
@@ -42,7 +46,7 @@ def setting(text: str) -> tuple[str, float]:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    listing = "\n".join(f"  {name:9} {what}" for name, (_, what) in BENCHMARKS.items())
+    listing = "\n".join(f"  {name:11} {what}" for name, (_, what) in BENCHMARKS.items())
     command = argparse.ArgumentParser(
         prog="python -m benchmarks",
         description=__doc__,
@@ -55,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--json", metavar="FILE", help="write the rows here (-: print them)")
     command.add_argument("--tracks", metavar="0-9", help="kubicka: only these tracks")
     command.add_argument("--every", type=float, metavar="S", help="kubicka: seconds between fixes")
-    command.add_argument("--preset", metavar="NAME", help="town, outage: the simulator's preset")
+    command.add_argument("--preset", metavar="NAME", help="the simulator's preset")
     command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers: for how long")
     command.add_argument("--metres", type=float, metavar="M", help="town, outage: per drive")
     command.add_argument(

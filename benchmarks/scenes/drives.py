@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from typing import Any, NamedTuple
 
@@ -157,6 +158,14 @@ class Table:
         else:
             n, bounds = len(table), interval(ratio, table)
         return Figure(figure, ratio(table), goal, unit, n, bounds, self.seeds)
+
+    def root(self, figure: str, top: str, below: str, unit: str = "m") -> Figure:
+        """Square root of the ratio of two sums."""
+        square = self.share(figure, top, below, "", unit, 1.0)
+        if square.value is None:
+            return square
+        bounds = square.ci95 and (square.ci95[0] ** 0.5, square.ci95[1] ** 0.5)
+        return replace(square, value=square.value**0.5, ci95=bounds)
 
     def quantile(
         self, figure: str, column: str, q: float, goal: str = "", unit: str = "m"

@@ -6,17 +6,16 @@ Answers go to the standard output; progress, warnings and errors to the other.
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from . import __version__
 from .errors import DriveError, WhichroadError
+from .terminal import progress_line, say_table
 
 if TYPE_CHECKING:
     from .result import Result
@@ -39,6 +38,16 @@ class Model(StrEnum):
 
     default = "default"
     paper = "paper"
+
+
+class Scene(StrEnum):
+    """The paper's experiments."""
+
+    fork = "fork"
+    outage = "outage"
+    parallel = "parallel"
+    junction = "junction"
+    gst = "gst"
 
 
 class Preset(StrEnum):
@@ -108,10 +117,12 @@ def demo(
     """Localize the paper's drive from simulated files, and draw it."""
     from .demo import run_demo
 
-    with _progress() as progress:
+    with progress_line() as progress:
         summary = run_demo(out, force=force, tell=progress)
     seconds = {"seconds": summary["seconds"]}
-    _table("The paper's drive, answered from its files alone", (summary["said"] | seconds).items())
+    say_table(
+        "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
+    )
     typer.echo(f"look at {summary['picture']}")
 
 
@@ -129,7 +140,7 @@ def map_build(
     from .session import open_map
     from .writers import replacing
 
-    with _progress() as progress, replacing(out, force=force) as part:
+    with progress_line() as progress, replacing(out, force=force) as part:
         progress(f"reading {source}", 0, 0)
         (open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)).save(part)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
@@ -140,10 +151,10 @@ def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.
     """Say what a map holds."""
     from .session import open_map
 
-    with _progress() as progress:
+    with progress_line() as progress:
         progress(f"reading {roads}", 0, 0)
         info = open_map(roads).info()
-    _table(str(roads), info.items())
+    say_table(str(roads), info.items())
 
 
 @app.command()
@@ -193,7 +204,7 @@ def match(
     from . import session
     from .readers import read_drive, read_vehicle
 
-    with _progress() as progress:
+    with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
         drives = read_drive(drive, vehicle=car, dbc=dbc, can=can)
@@ -239,7 +250,7 @@ def _say(result: "Result") -> None:
         title = str(figures.pop("drive_id", "drive"))
         shares = figures.get("status", {})
         figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
-        _table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
+        say_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)
 
@@ -257,7 +268,7 @@ def simulate(
     from .session import open_map
     from .simulate import simulate_drive, write_drive
 
-    with _progress() as progress:
+    with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)
         progress("driving", 0, 0)
@@ -275,10 +286,34 @@ def evaluate(
     """Say what an answer is worth against a known truth."""
     from .evaluate import evaluate_files
 
-    with _progress() as progress:
+    with progress_line() as progress:
         progress("comparing", 0, 0)
         figures = evaluate_files(result, truth)
-    _table(f"{result} against {truth}", figures.items())
+    say_table(f"{result} against {truth}", figures.items())
+
+
+@app.command()
+def experiments(
+    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path(
+        "whichroad-experiments"
+    ),
+    scene: Annotated[list[Scene] | None, typer.Option(help="Only this one; repeatable.")] = None,
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="Drives A to B - 1 of each.")] = "0:200",
+    force: Force = False,
+) -> None:
+    """Drive the paper's experiments many times, by its method and by ours, and report."""
+    first, _, last = seeds.partition(":")
+    if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
+        raise typer.BadParameter(f"--seeds is {seeds!r}; A:B with A < B was expected")
+    from .experiments import run_experiments
+
+    drives, names = range(int(first), int(last)), [one.value for one in scene or ()]
+    with progress_line() as progress:
+        done = run_experiments(out, scenes=names, seeds=drives, force=force, tell=progress)
+    for name, about in done["scenes"].items():
+        typer.echo(f"{name}: {about['title']} ({about['figure']})")
+        typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))
+    typer.echo(f"seeds {seeds}; look at {done['report']}")
 
 
 @app.command()
@@ -286,7 +321,7 @@ def warmup() -> None:
     """Compile the kernels now rather than at the first drive."""
     from .demo import warm_up
 
-    with _progress() as progress:
+    with progress_line() as progress:
         warm_up(progress)
     typer.echo("ready")
 
@@ -337,46 +372,3 @@ def _moment(text: str) -> Moment | None:
     except ValueError:
         return None
     return time if time.tzinfo else time.replace(tzinfo=UTC)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    """A line on the terminal that says what is being done; silent elsewhere.
-
-    Yields:
-        To be told (what, done, of how many); zero of zero is of unknown length.
-    """
-    if not sys.stderr.isatty():
-        yield lambda what, done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-
-        def tell(what: str, done: int, total: int) -> None:
-            bar.update(task, description=what, completed=done, total=total or None)
-
-        yield tell
-
-
-def _table(title: str, rows: Iterable[tuple[str, Any]]) -> None:
-    """Names and values, one a line."""
-    texts = [(str(name).replace("_", " "), _text(value)) for name, value in rows]
-    width = max((len(name) for name, _ in texts), default=0)
-    typer.echo(title)
-    for name, text in texts:
-        typer.echo(f"  {name:<{width}}  {text}")
-
-
-def _text(value: Any) -> str:
-    """A value for people: five digits, lists by commas."""
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_text(inner)}" for name, inner in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(_text(inner) for inner in value)
-    if isinstance(value, float):
-        return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.5g}"
-    return f"{value:,}" if type(value) is int else str(value)

@@ -91,7 +91,8 @@ def set_pace(
     s = course.travelled[start : stop + 1]
     wait = np.zeros(len(s))
     stops = np.searchsorted(course.along, _stops(roads, course, settings, random)) - start
-    for k in stops[(stops > 0) & (stops < len(s) - 1)]:
+    # not next to the ends, where the car stands anyway
+    for k in stops[(stops > 1) & (stops < len(s) - 2)]:
         wait[k] = 1.0 + random.exponential(settings.stop_time)
     square = limit**2
     square[(wait > 0)] = 0.0

@@ -27,6 +27,7 @@ _ORIGIN = Plane(49.41, 2.82)
 _ROUNDING = 4.0  # m, sigma over which corners are cut
 _VERTICES = 18.0  # m between the vertices of drawn curves
 _STOP_BEFORE = 4.0  # m
+_FIRST, _LAST = 0.1, 0.15  # of the first and the last street, that are not driven
 
 
 class Route(NamedTuple):
@@ -157,7 +158,9 @@ def _route(
     x, y = roads.plane.from_geodetic(lat, lon)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     ends = s[np.cumsum([len(p) - 1 for p in parts])]
-    along = np.linspace(0.0, s[-1], int(s[-1]) + 2)
+    first, last = s[len(parts[0]) - 1], s[-1] - s[-len(parts[-1])]
+    begin, end = _FIRST * first, s[-1] - _LAST * last
+    along = np.linspace(begin, end, int(end - begin) + 2)
     on = np.minimum(np.searchsorted(ends, along, side="right"), len(names) - 1)
 
     def each(values: list[float], kind: type) -> Any:
@@ -168,10 +171,15 @@ def _route(
     masked = each([st.masked for st in streets], np.uint8)
     if sketch.mask is not None:
         masked[(along > sketch.mask[0]) & (along < sketch.mask[1])] = 1
+    whole = np.linspace(0.0, s[-1], int(s[-1]) + 2)
+
+    def rounded(values: Array) -> Array:
+        return np.interp(along, whole, smooth(np.interp(whole, s, values), _ROUNDING))
+
     line = Line(
         along,
-        smooth(np.interp(along, s, x), _ROUNDING),
-        smooth(np.interp(along, s, y), _ROUNDING),
+        rounded(x),
+        rounded(y),
         each([st.lane() for st in streets], np.float64),
         each([st.speed() for st in streets], np.float64),
         each(
@@ -184,7 +192,7 @@ def _route(
         each([not st.mapped for st in streets], np.uint8),
     )
     at = float(ends[decision - 1])
-    return Route(line, at, min(at + watch, float(s[-1])))
+    return Route(line, at, min(at + watch, float(end)))
 
 
 def walk(

@@ -1,0 +1,181 @@
+"""What the paper leaves out: the numbers of many rides through one scene."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .numbers import Row, binomial, median, ratio
+from .rides import STEP_S, SURE, Ride, lives
+from .scenes import Scene
+
+SEVEN = 7.0 * STEP_S
+"""The paper's seven steps, s."""
+
+BELIEVED = 0.95
+_CHI2_95 = 5.991  # two degrees of freedom
+_LEAD = 150.0  # m before the decision from which wrong roads are counted
+_WARM_UP = 10.0  # s at the start of which nothing is asked
+
+
+class Rows:
+    """Collects rows of one scene and model."""
+
+    def __init__(self, scene: str, model: str) -> None:
+        self.scene, self.model = scene, model
+        self.rows: list[Row] = []
+
+    def share(self, figure: str, hits: Sequence[bool]) -> None:
+        """A share of drives, %."""
+        k, n = int(np.sum(hits)), len(hits)
+        low, high = binomial(k, n)
+        self._add(figure, 100.0 * k / n, "% of drives", n, (100.0 * low, 100.0 * high), None)
+
+    def median(self, figure: str, groups: Sequence[Sequence[float]], unit: str) -> None:
+        """A median over values that come in groups, one a drive."""
+        n = sum(len(g) for g in groups)
+        if n == 0:
+            self._add(figure, None, unit, 0, None, None)
+            return
+        value, interval, spread = median(groups)
+        self._add(figure, value, unit, n, interval, spread)
+
+    def ratio(
+        self, figure: str, top: Sequence[float], below: Sequence[float], unit: str,
+        root: bool = False,
+    ) -> None:  # fmt: skip
+        """A pooled mean, or its root."""
+        value, interval = ratio(top, below, root)
+        self._add(figure, value, unit, len(top), interval, None)
+
+    def _add(
+        self, figure: str, value: float | None, unit: str, n: int,
+        interval: tuple[float, float] | None, spread: tuple[float, float] | None,
+    ) -> None:  # fmt: skip
+        self.rows.append(Row(self.scene, self.model, figure, value, unit, n, interval, spread))
+
+
+def moving(r: Ride) -> NDArray[np.bool_]:
+    """The epochs that count: not the first seconds, not standing."""
+    kept: NDArray[np.bool_] = (r.since > _WARM_UP) & ~r.answer.stopped
+    return kept
+
+
+def honesty(
+    rows: Rows, rides: Sequence[Ride], where: Callable[[Ride], NDArray[np.bool_]], note: str
+) -> None:
+    """Error of the position, and whether its covariance is true, over chosen epochs."""
+    kept = [moving(r) & where(r) for r in rides]
+    size = [int(k.sum()) for k in kept]
+    error = [r.answer.along**2 + r.answer.cross**2 for r in rides]
+
+    def sums(values: Sequence[NDArray[Any]]) -> list[float]:
+        return [float(v[k].sum()) for v, k in zip(values, kept, strict=True)]
+
+    rows.ratio(f"position error{note}, RMS", sums(error), size, "m", root=True)
+    rows.ratio(f"position error{note}, stated", sums([r.sigma**2 for r in rides]), size, "m", True)
+    nees = [r.answer.nees for r in rides]
+    rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "(1 is honest)")
+    inside = [100.0 * (v < _CHI2_95) for v in nees]
+    rows.ratio(f"truth in the 95 % ellipse{note}", sums(inside), size, "%")
+
+
+def everywhere(r: Ride) -> NDArray[np.bool_]:
+    """Every epoch."""
+    return np.ones(len(r.past), bool)
+
+
+def life_times(rows: Rows, rides: Sequence[Ride], last_m: float) -> None:
+    """The paper's "seven steps"."""
+    found = [lives(r, -_LEAD, last_m) for r in rides]
+    steps = [[life.seconds / STEP_S for life in one] for one in found]
+    rows.median("a wrong road counted for", steps, "steps of 1 s")
+    rows.median(
+        "a wrong road counted for (m)", [[life.metres for life in one] for one in found], "m"
+    )
+    rows.median("wrong roads that counted", [[float(len(one))] for one in found], "per drive")
+    longest = [max((life.seconds for life in one), default=0.0) for one in found]
+    rows.share("a wrong road counted for seven steps or more", [s >= SEVEN for s in longest])
+
+
+def believed_after(r: Ride) -> float:
+    """From where on the true road is believed for good, m past the decision, 0 at least."""
+    doubted = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
+    return float(max(r.past[doubted[-1]], 0.0)) if len(doubted) else 0.0
+
+
+def choice(rows: Rows, rides: Sequence[Ride], asked_m: Sequence[float]) -> None:
+    """Which road: how soon, how often, how surely wrong."""
+    for metres in asked_m:
+        at = [min(int(np.searchsorted(r.past, metres)), len(r.past) - 1) for r in rides]
+        leads = [r.right[k] > r.wrongest[k] for r, k in zip(rides, at, strict=True)]
+        rows.share(f"true road the most probable, {metres:g} m on", leads)
+    rows.share("true road the most probable at the end", [right_at_end(r) for r in rides])
+    rows.median(
+        f"true road believed (P > {BELIEVED}) for good after",
+        [[believed_after(r)] for r in rides], "m",
+    )  # fmt: skip
+    rows.share(f"a wrong road declared (P >= {SURE})", [declared_wrong(r) for r in rides])
+    rows.share(
+        f"a wrong road believed (P > {BELIEVED}) at the end",
+        [r.wrongest[-1] > BELIEVED for r in rides],
+    )
+
+
+def right_at_end(r: Ride) -> bool:
+    """Whether the true road is the most probable one in the last epoch."""
+    return bool(r.right[-1] > r.wrongest[-1])
+
+
+def declared_wrong(r: Ride) -> bool:
+    """Whether a wrong road was ever declared, from the decision on."""
+    return bool((r.wrongest[r.past > 0.0] >= SURE).any())
+
+
+def through_mask(rows: Rows, rides: Sequence[Ride], alone: Sequence[float]) -> None:
+    """The paper's Figure 9: the mask, its end, and what wheels alone would say there."""
+    rows.ratio(
+        "true road the most probable, in the mask",
+        [100.0 * float(r.answer.right[r.dark].sum()) for r in rides],
+        [int(r.dark.sum()) for r in rides], "% of epochs",
+    )  # fmt: skip
+    last = [int(np.flatnonzero(r.dark)[-1]) for r in rides]
+    pairs = list(zip(rides, last, strict=True))
+    rows.share("true road the most probable, at its end", [r.answer.right[k] for r, k in pairs])
+    one = [1.0] * len(rides)
+    error = [float(r.answer.along[k] ** 2 + r.answer.cross[k] ** 2) for r, k in pairs]
+    rows.ratio("position error at its end, RMS", error, one, "m", root=True)
+    stated = [float(r.sigma[k] ** 2) for r, k in pairs]
+    rows.ratio("position error at its end, stated", stated, one, "m", root=True)
+    rows.ratio("wheels alone at its end, RMS", [a * a for a in alone], one, "m", root=True)
+    honesty(rows, rides, lambda r: r.dark, " in the mask")
+
+
+ASKED = {
+    "fork": (20.0, 50.0, 100.0),
+    "parallel": (0.0, 50.0, 200.0),
+    "junction": (20.0, 50.0, 100.0),
+}
+"""Where the most probable road is asked for, m past the decision."""
+
+
+def score(scene: Scene, model: str, rides: Sequence[Ride], alone: Sequence[float]) -> list[Row]:
+    """All numbers of one model in one of the scenes of Figures 8 to 11.
+
+    Args:
+        scene: Which.
+        model: Which.
+        rides: One per seed.
+        alone: Error of wheels alone at the mask's end, m, one per seed; `outage` only.
+    """
+    rows = Rows(scene.name, model)
+    if scene.name == "outage":
+        life_times(rows, rides, scene.shown_m[1])
+        through_mask(rows, rides, alone)
+        choice(rows, rides, ())
+    else:
+        life_times(rows, rides, 1e9)
+        choice(rows, rides, ASKED[scene.name])
+        honesty(rows, rides, everywhere, "")
+    return rows.rows
