@@ -22,12 +22,15 @@ BENCHMARKS = {
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),
     "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
+    "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
+    "diagnosis": ("scenes.diagnosis.run", "three-hour drives: are wrong settings noticed?"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
     "map": ("speed.map_files", "compiling and opening a road map"),
     "readers": ("readers.run", "sentences and frames a second"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
+    "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 

@@ -26,6 +26,8 @@ TURN_EVERY_M = 500.0
 TURN = np.radians(30.0)
 BEFORE_M = 1000.0  # with GNSS
 LONG_M = 10_000.0
+_ATTEMPTS = 8  # routes that are tried
+_STRIDE = 10_000_000  # between their seeds
 _LOOK_M = 25.0  # over which a turn must happen
 _LAST_M = 300.0  # after the outage
 
@@ -52,14 +54,18 @@ def turning_window(drive: SimulatedDrive) -> tuple[float, float] | None:
 
 
 def turn(seed: int, *, settings: Settings) -> Row | None:
-    """A drive of 4 km, its outage laid where it turns often enough."""
+    """A drive of 4 km that turns often enough somewhere, where the outage is laid."""
     roads: RoadMap = world["roads"]
-    simulate = partial(simulate_drive, roads, seed=seed, length_m=4000.0, allowed=world["allowed"])
-    window = turning_window(simulate())
-    if window is None:
-        return None
-    drive = simulate(outages_m=(window,))
-    return _score(drive, answer(roads, drive, settings))
+    for attempt in range(_ATTEMPTS):
+        simulate = partial(
+            simulate_drive, roads, seed=seed + attempt * _STRIDE, length_m=4000.0,
+            allowed=world["allowed"],
+        )  # fmt: skip
+        window = turning_window(simulate())
+        if window is not None:
+            drive = simulate(outages_m=(window,))
+            return _score(drive, answer(roads, drive, settings))
+    return None
 
 
 def straight(seed: int, *, length_m: float, settings: Settings) -> Row | None:

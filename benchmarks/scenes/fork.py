@@ -108,9 +108,9 @@ def run(options: Options) -> list[Figure]:
     return [
         table.quantile("P > 0.95 for good after, median", "decided_m", 0.5, "<= 40"),
         table.quantile("the same, 90 %", "decided_m", 0.9),
-        table.share("right road throughout 100-350 m", "right", None, ">= 99.5"),
-        table.share("right road at 350 m", "right_at_end"),
-        table.share("right epochs at 100-350 m", "right_epochs", "epochs"),
+        table.share("right road at 350 m", "right_at_end", None, ">= 99.5"),
+        table.share("right epochs at 100-350 m", "right_epochs", "epochs", ">= 99.5"),
+        table.share("right road throughout 100-350 m", "right"),
         table.share("decided at 350 m", "decided"),
         table.share("decided wrongly at 350 m", "decided_wrong"),
         table.share("ever P > 0.95 of the wrong road", "ever_sure_wrong"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whichroad import cli
-from whichroad.experiments import NUMBERS, REPORT, SCENES, run_experiments
+from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
 from whichroad.experiments.rides import ALIVE, MODELS, answer, lives, ride
 
 SEEDS = range(3)
@@ -42,7 +42,7 @@ def test_the_true_road_ends_as_the_most_probable_and_no_wrong_one_is_declared(ri
 
 def test_a_wrong_road_at_a_junction_lives_for_a_while_and_dies(rides):
     for r in rides["junction"]:
-        (life,) = lives(r, -100.0, 1e9)
+        (life,) = lives(SCENES["junction"], r)
         assert life.ended
         assert life.seconds > 1.0
 
@@ -85,6 +85,17 @@ def test_the_life_cycle_log_accounts_for_all_probability(done):
         table = np.genfromtxt(done[0] / f"fork-{model}-weights.csv", delimiter=",", names=True)
         _, epoch = np.unique(table["time_s"], return_inverse=True)
         np.testing.assert_allclose(np.bincount(epoch, table["p"]), 1.0, atol=1e-4)
+
+
+def test_the_same_seeds_give_the_same_numbers(done, tmp_path):
+    again = run_experiments(tmp_path, scenes=["junction"], seeds=SEEDS)
+    rows = [row for row in done[1]["rows"] if row["scene"] == "junction"]
+    assert again["rows"] == rows
+
+
+def test_the_table_in_markdown_names_every_scene(done):
+    table = (done[0] / TABLE).read_text("utf-8")
+    assert {line.split(" | ")[0] for line in table.splitlines()[2:]} == {f"| {s}" for s in SCENES}
 
 
 def run(monkeypatch, capsys, *arguments):

@@ -12,7 +12,7 @@ from scenes import Truth, drive_along, epochs_of, gnss, steps
 from whichroad.core.belief import OFF_ROAD
 from whichroad.core.drive import CLOCK, WHEELS, Epochs
 from whichroad.core.network import Roads
-from whichroad.core.output import V_XX, V_YY
+from whichroad.core.output import V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.settings import Settings
 
 Array = NDArray[np.float64]
@@ -28,6 +28,11 @@ class Said(NamedTuple):
     off: Array  # (n,) of being off the roads
     value: Array  # (n, ...) the output, see `core.output`
     live: NDArray[np.int32]  # (n,) hypotheses
+
+    @property
+    def place(self) -> Array:
+        """Position and its covariance: x, y, xx, xy, yy, (n, 5)."""
+        return self.value[:, [V_X, V_Y, V_XX, V_XY, V_YY]]
 
     @property
     def sigma(self) -> Array:
@@ -53,7 +58,7 @@ def said(
         member[g, list(edges)] = 1.0
     member[-1, OFF_ROAD] = 1.0
     p = np.zeros((len(epochs.time), len(groups) + 1))
-    for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):
+    for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):  # noqa: B007
         n = belief.size[0]
         p[k] = member[:, belief.edge[:n]] @ belief.probability[:n]
     return Said(p[:, :-1], p[:, -1], output.value, output.live)

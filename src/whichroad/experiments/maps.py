@@ -63,8 +63,8 @@ def _ray(start: tuple[float, float], degrees: float, length: float) -> tuple[flo
 
 
 def fork() -> Streets:
-    """A road, another one leaving it to the right, and 40 m later one to the left."""
-    a, b = (600.0, 0.0), (640.0, 0.0)
+    """A road, another one leaving it to the right, and 15 m later one to the left."""
+    a, b = (600.0, 0.0), (615.0, 0.0)
     return {
         "1": [(0.0, 0.0), a],
         "2a": [a, b],
@@ -134,21 +134,21 @@ BLOCK = 120.0
 
 
 def canyon() -> Streets:
-    """A street grid, driven east, north and east again through its middle."""
+    """A street grid that is driven east, north and east again, through its middle."""
     streets: dict[str, list[tuple[float, float]]] = {}
-    for row in range(5):
-        for column in range(18):
+    for row in range(6):
+        for column in range(-1, 18):
             x, y = column * BLOCK, row * BLOCK
             streets[f"east {column} {row}"] = [(x, y), (x + BLOCK, y)]
-            if row < 4:
+            if row < 5 and column >= 0:
                 streets[f"north {column} {row}"] = [(x, y), (x, y + BLOCK)]
     return streets
 
 
 CANYON_ROUTE = [
-    *(f"east {column} 0" for column in range(9)),
-    *(f"north 9 {row}" for row in range(4)),
-    *(f"east {column} 4" for column in range(9, 18)),
+    *(f"east {column} 1" for column in range(-1, 8)),
+    *(f"north 8 {row}" for row in range(1, 4)),
+    *(f"east {column} 4" for column in range(8, 18)),
 ]
 
 

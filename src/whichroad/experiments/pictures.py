@@ -1,205 +1,300 @@
 """The experiments' pictures: the paper's figure, the lanes of hypotheses, many drives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ..plots.pages import DPI, STYLE
-from ..plots.panels import HIDDEN, draw_map, draw_zoom, probability_bar
-from ..plots.scene import Scene as Drawn
-from ..plots.scene import Window, make_scene
-from ..result import Result
-from ..simulate import SimulatedDrive, truth_table
+from ..plots.panels import FIX, HIDDEN, RECKONING, TRUTH, probability_bar
+from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
 from .gst import FIXED, NOISES, PER_FIX, Kind
-from .panels import (
-    CALLED,
-    COLOURS,
-    Line,
-    draw_band,
-    draw_errors,
-    draw_lanes,
-    draw_survival,
-    lane_legend,
-)
+from .lanes import draw_lanes, lanes_of, legend_of_lanes
+from .places import Place, draw_hypotheses, draw_roads, driven_at, frame, legend_of_map, name_roads
 from .reckon import wheels_alone
 from .rides import MODELS, Ride
 from .scenes import CANYON_M, Scene
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-    from .run import Shown
+from .shown import Shown
 
 
-def _save(figure: Figure, path: Path) -> Path:
-    FigureCanvasAgg(figure).print_figure(path, dpi=DPI)
-    return path
+class Picture(NamedTuple):
+    """A file, and what is in it."""
 
-
-def _drawn(scene: Scene, drive: SimulatedDrive, result: Result, alone: Any = None) -> Drawn:
-    start = drive.truth.time[0]
-    masked = [(a - start, b - start) for a, b in drive.outages]
-    return make_scene(
-        result, scene.roads, truth_table(drive, scene.roads), drive.drive.fixes, masked, alone
-    )
-
-
-def _window(scene: Scene, drive: SimulatedDrive) -> Window:
-    """The stretch that is shown, in seconds."""
-    metres = scene.decision_m + np.array(scene.shown_m)
-    begin, end = np.interp(
-        metres, drive.truth.travelled, drive.truth.time - drive.truth.time[0]
-    ).tolist()
-    return Window(scene.title, begin, end)
+    path: Path
+    caption: str
 
 
 def draw_scene(
-    scene: Scene, rides: Mapping[str, Sequence[Ride]], shown: "Shown", out: Path
-) -> list[Path]:
-    """The pictures of one of the scenes of Figures 8 to 11.
+    scene: Scene, rides: Mapping[Kind, Sequence[Ride]], shown: Shown, out: Path
+) -> list[Picture]:
+    """All pictures of a scene.
 
     Args:
         scene: Which.
-        rides: One per seed and model.
+        rides: One per seed, by model and noise.
         shown: The drive that is drawn.
         out: Folder.
 
     Returns:
-        The figure that the paper draws, the lanes of its hypotheses, and what many drives did.
+        First what the paper draws, then the lives of its hypotheses, then many drives.
     """
-    page = _outage_page if scene.name == "outage" else _zoom_page
-    seeds = _outage_seeds if scene.name == "outage" else _seeds_page
+    by_model = {model: rides[model, PER_FIX] for model in MODELS}
+    count, seed = len(by_model["default"]), shown.drive.seed
+    of_one, of_all = f"One drive, seed {seed}", f"{count} drives"
+
+    def save(name: str, draw: Callable[[], Figure], caption: str) -> Picture:
+        path = out / f"{name}.png"
+        FigureCanvasAgg(draw()).print_figure(path, dpi=DPI)
+        return Picture(path, caption)
+
     with matplotlib.rc_context(STYLE):
+        if scene.name == "gst":
+            return [
+                save("gst", lambda: _gst_page(shown), f"{of_one}: {_GST_CAPTION}"),
+                save("gst-seeds", lambda: _gst_seeds(scene, rides), f"{of_all}: {_ERRORS_CAPTION}"),
+            ]
+        dark = scene.name == "outage"
+        page, seeds = (_outage_page, _outage_seeds) if dark else (_zoom_page, _seeds_page)
+        caption = _OUTAGE_CAPTION if dark else _ZOOM_CAPTION
+        curves = _DARK_CAPTION if dark else _CURVES_CAPTION
         return [
-            _save(page(scene, shown), out / f"{scene.name}.png"),
-            _save(_lanes_page(scene, shown), out / f"{scene.name}-lives.png"),
-            _save(seeds(scene, rides), out / f"{scene.name}-seeds.png"),
+            save(scene.name, lambda: page(shown), f"{of_one}: {caption}"),
+            save(f"{scene.name}-lives", lambda: _lanes_page(shown), f"{of_one}: {_LANES_CAPTION}"),
+            save(
+                f"{scene.name}-seeds",
+                lambda: seeds(scene, by_model),
+                f"{of_all}: {curves}",
+            ),
         ]
 
 
-def _title(scene: Scene, shown: "Shown", text: str) -> str:
-    return f"{scene.figure}, seed {shown.drive.seed}: {text}"
+_ZOOM_CAPTION = (
+    "every hypothesis of P >= 0.01 with its 95 % ellipse, once a second. The road map has an error "
+    "of its own, so that the truth lies beside its line."
+)
+_OUTAGE_CAPTION = (
+    "the whole way, and the estimates where GPS comes back, once a second, with their 95 % "
+    "ellipses."
+)
+_LANES_CAPTION = (
+    "the lives of the hypotheses. A lane for every road in one direction, coloured by its "
+    "probability."
+)
+_CURVES_CAPTION = "P of the true road over the way, and how long wrong roads counted (P >= 0.01)."
+_ERRORS_CAPTION = (
+    "the position error that 63 % of the drives stay below (of Gaussian errors their RMS), dashed "
+    "the RMS error that the filter states."
+)
+_DARK_CAPTION = f"{_ERRORS_CAPTION[:-1]}; {_CURVES_CAPTION}"
+_GST_CAPTION = (
+    "fixes under open sky and between houses, and what whichroad makes of them with the "
+    "covariance of each fix and with one for all."
+)
 
 
-def _zoom_page(scene: Scene, shown: "Shown") -> Figure:
-    figure = Figure(figsize=(12, 5.2))
-    panels = figure.subplots(1, 2)
-    window = _window(scene, shown.drive)
+def _zoom_page(shown: Shown) -> Figure:
+    figure = Figure(figsize=(12, 8.0))
+    panels = figure.subplots(2, 1)
+    place = Place(shown.scene)
     for axes, model in zip(panels, MODELS, strict=True):
-        draw_zoom(axes, _drawn(scene, shown.drive, shown.results[model]), window)
-        axes.set_title(CALLED[model])
-    probability_bar(figure, panels[-1])
-    _head(figure, _title(scene, shown, "every hypothesis with its 95 % ellipse"))
+        draw_roads(axes, place, 5.0)
+        draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
+        axes.set_title(MODELS[model])
+    _same_frame(panels, place)
+    _fit(figure, panels)
+    panels[0].legend(
+        handles=legend_of_map(), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
+        borderpad=0.0,
+    )  # fmt: skip
+    probability_bar(figure, panels)
     return figure
 
 
-def _outage_page(scene: Scene, shown: "Shown") -> Figure:
-    figure = Figure(figsize=(13, 6.0))
-    panels = figure.subplots(1, 2)
-    alone = _track(scene, wheels_alone(shown.drive))
+def _same_frame(panels: Sequence[matplotlib.axes.Axes], place: Place) -> None:
+    """The same stretch of map in all, with the names of its roads."""
+    across, up = (
+        np.array([getattr(axes, get)() for axes in panels]) for get in ("get_xlim", "get_ylim")
+    )
+    for axes in panels:
+        axes.set(xlim=(across[:, 0].min(), across[:, 1].max()))
+        axes.set(ylim=(up[:, 0].min(), up[:, 1].max()))
+        name_roads(axes, place)
+
+
+def _fit(figure: Figure, panels: Sequence[matplotlib.axes.Axes]) -> None:
+    """As high as panels one above the other need to be."""
+    (west, east), (south, north) = panels[0].get_xlim(), panels[0].get_ylim()
+    width = figure.get_figwidth()
+    each = 0.86 * width * (north - south) / (east - west) + 0.75
+    figure.set_figheight(len(panels) * each + 0.2)
+
+
+def _outage_page(shown: Shown) -> Figure:
+    """The paper's Figure 9, and what cannot be seen in it: the estimates at the mask's end."""
+    figure = Figure(figsize=(13, 4.9))
+    whole, *panels = figure.subplots(1, 3, width_ratios=[5.2, 1, 1])
+    place = Place(shown.scene)
+    _draw_way(whole, shown, place)
     for axes, model in zip(panels, MODELS, strict=True):
-        draw_map(axes, _drawn(scene, shown.drive, shown.results[model], alone), [])
-        axes.set_title(CALLED[model])
-    probability_bar(figure, panels[-1])
-    _head(figure, _title(scene, shown, "1.5 km by wheels and map"))
+        draw_roads(axes, place, 5.0)
+        draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
+        axes.set_title(MODELS[model])
+    _same_frame(panels, place)
+    probability_bar(figure, panels)
     return figure
 
 
-def _track(scene: Scene, xy: Any) -> "pa.Table":
-    import pyarrow as pa
+def _draw_way(axes: matplotlib.axes.Axes, shown: Shown, place: Place) -> None:
+    truth, (begin, end) = shown.drive.truth, shown.drive.outages[0]
+    draw_roads(axes, place, 1.6)
+    path = place.here(truth.x, truth.y)
+    hidden = (truth.time >= begin) & (truth.time <= end)
+    axes.plot(*path[hidden].T, color=HIDDEN, alpha=0.35, lw=13, solid_capstyle="round", zorder=2)
+    axes.plot(*path.T, color=TRUTH, lw=2.4, zorder=3)
+    for model in MODELS:
+        points = shown.results[model].to_arrow()
+        lat, lon = (points[name].to_numpy() for name in ("lat", "lon"))
+        axes.plot(*place.at(lat, lon).T, color=COLOURS[model], lw=1.0, zorder=4)
+    alone = wheels_alone(shown.drive)
+    axes.plot(*place.here(*alone.T).T, color=RECKONING, lw=1.4, ls=(0, (4, 3)), zorder=5)
+    fixes = shown.drive.drive.fixes
+    assert fixes is not None
+    axes.plot(*place.at(fixes.lat_deg, fixes.lon_deg).T, ".", color=FIX, ms=3, mew=0, zorder=3)
+    low, high = path.min(axis=0) - 170.0, path.max(axis=0) + 170.0
+    frame(axes, np.array([low, high]))
+    axes.set_title("1.5 km without GPS")
+    axes.legend(handles=_legend_of_way(), loc="upper left")
 
-    lat, lon = scene.roads.plane.to_geodetic(*xy.T)
-    return pa.table({"lat": lat, "lon": lon})
+
+def _legend_of_way() -> list[Line2D | Patch]:
+    return [
+        Line2D([], [], color=TRUTH, lw=2.4, label="truth"),
+        *(Line2D([], [], color=COLOURS[m], lw=1.4, label=called) for m, called in MODELS.items()),
+        Line2D([], [], color=RECKONING, lw=1.4, ls=(0, (4, 3)), label="wheels alone"),
+        Line2D([], [], color=FIX, marker=".", ls="", label="GNSS fix"),
+        Patch(color=HIDDEN, alpha=0.35, label="GPS masked"),
+    ]
 
 
-def _head(figure: Figure, text: str) -> None:
-    figure.suptitle(text, x=0.01, ha="left", weight="bold", fontsize=13)
-
-
-def _lanes_page(scene: Scene, shown: "Shown") -> Figure:
-    window = scene.shown_m
-    figure = Figure(figsize=(12, 6.4))
-    panels = figure.subplots(2, 1, sharex=True)
+def _lanes_page(shown: Shown) -> Figure:
+    window = shown.scene.far_m
+    lanes = [len(lanes_of(shown.logs[model], window)) for model in MODELS]
+    figure = Figure(figsize=(12, 1.7 + 0.29 * sum(lanes)))
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=lanes)
     for axes, model in zip(panels, MODELS, strict=True):
         draw_lanes(axes, shown.logs[model], window)
-        axes.set_title(CALLED[model])
-        axes.legend(handles=lane_legend(model), loc="lower left", ncols=2)
-    panels[-1].set_xlabel(f"m driven past {scene.zero}")
-    for axes in panels:
-        probability_bar(figure, axes)
-    _head(figure, _title(scene, shown, "the lives of the hypotheses"))
+        axes.set_title(MODELS[model])
+        axes.legend(
+            handles=legend_of_lanes(model), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
+            borderpad=0.0,
+        )  # fmt: skip
+    panels[-1].set_xlabel(f"m driven past {shown.scene.zero}")
+    probability_bar(figure, panels)
     return figure
 
 
 def _seeds_page(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
-    figure = Figure(figsize=(12, 4.2))
-    left, right = figure.subplots(1, 2, width_ratios=[1.5, 1])
-    draw_band(left, rides, scene.shown_m)
-    left.set_xlabel(f"m driven past {scene.zero}")
-    left.set_title("How probable the true road was")
-    draw_survival(right, rides, 1e9)
-    right.set_title("How long a wrong road counted")
-    _head(figure, f"{scene.figure}, {len(rides['default'])} drives")
+    figure = Figure(figsize=(12, 5.6))
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.6, 1])
+    _draw_bands(figure, [grid[0, 0], grid[1, 0]], scene, rides)
+    side = figure.add_subplot(grid[:, 1])
+    draw_survival(side, scene, rides)
+    side.set_title("How long a wrong road counted")
     return figure
+
+
+def _draw_bands(
+    figure: Figure, places: Sequence[matplotlib.gridspec.SubplotSpec], scene: Scene,
+    rides: Mapping[str, Sequence[Ride]],
+) -> None:  # fmt: skip
+    first = None
+    for place, (model, ridden) in zip(places, rides.items(), strict=True):
+        axes = figure.add_subplot(place, sharex=first)
+        draw_band(axes, model, ridden, scene.far_m)
+        axes.set_title(MODELS[model])
+        first = first or axes
+        if place is not places[-1]:
+            axes.tick_params(labelbottom=False)
+    axes.set_xlabel(f"m driven past {scene.zero}")
 
 
 def _outage_seeds(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
-    figure = Figure(figsize=(12, 7.6))
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.5, 1])
-    above = figure.add_subplot(grid[0, 0])
-    draw_errors(above, [(CALLED[m], COLOURS[m], r) for m, r in rides.items()], scene.shown_m)
-    above.set_title("How far from the truth, RMS over the drives")
-    below = figure.add_subplot(grid[1, 0], sharex=above)
-    draw_band(below, rides, scene.shown_m)
-    below.set_xlabel(f"m driven past {scene.zero}")
-    below.set_title("How probable the true road was")
-    side = figure.add_subplot(grid[:, 1])
-    draw_survival(side, rides, scene.shown_m[1])
+    figure = Figure(figsize=(12, 8.4))
+    grid = figure.add_gridspec(3, 2, width_ratios=[1.6, 1], height_ratios=[1.3, 1, 1])
+    above = figure.add_subplot(grid[0, :])
+    draw_errors(above, [(MODELS[m], COLOURS[m], r) for m, r in rides.items()], scene.far_m)
+    above.axvspan(*scene.counted_m, color=HIDDEN, alpha=0.18, lw=0, zorder=0)
+    above.set_title("How far from the truth; GPS masked where shaded")
+    above.set_xlabel(f"m driven past {scene.zero}")
+    _draw_bands(figure, [grid[1, 0], grid[2, 0]], scene, rides)
+    side = figure.add_subplot(grid[1:, 1])
+    draw_survival(side, scene, rides)
     side.set_title("How long a wrong road counted")
-    _head(figure, f"{scene.figure}, {len(rides['default'])} drives")
-    return figure
-
-
-def draw_gst(
-    scene: Scene, rides: Mapping[Kind, Sequence[Ride]], shown: "Shown", out: Path
-) -> list[Path]:
-    """The pictures of the scene with noise that is not stationary; see `draw_scene`."""
-    with matplotlib.rc_context(STYLE):
-        return [
-            _save(_gst_page(scene, shown), out / "gst.png"),
-            _save(_gst_seeds(scene, rides), out / "gst-seeds.png"),
-        ]
-
-
-def _gst_page(scene: Scene, shown: "Shown") -> Figure:
-    figure = Figure(figsize=(12, 5.0))
-    axes = figure.subplots()
-    draw_map(axes, _drawn(scene, shown.drive, shown.results["default"]), [])
-    axes.set_title("Fixes of 2.7 m under open sky, of 11 m between houses")
-    probability_bar(figure, axes)
-    _head(figure, _title(scene, shown, "noise that is not stationary, whichroad"))
     return figure
 
 
 _NOISE_COLOURS = {PER_FIX: "#0b4f9e", FIXED: "#c9a227"}
 
 
+def _gst_page(shown: Shown) -> Figure:
+    """The way with its fixes, and the middle of it closer."""
+    assert shown.fixed is not None
+    figure = Figure(figsize=(13, 3.0))
+    whole, near = figure.subplots(1, 2, width_ratios=[1.9, 1])
+    place, truth = Place(shown.scene), shown.drive.truth
+    answers = {PER_FIX: shown.results["default"], FIXED: shown.fixed}
+    path = place.here(truth.x, truth.y)
+    begin, end = driven_at(shown, shown.scene.near_m)
+    houses = path[(truth.time >= begin) & (truth.time <= end)]
+    for axes, width in ((whole, 1.0), (near, 1.6)):
+        draw_roads(axes, place, width)
+        axes.plot(*houses.T, color=HIDDEN, alpha=0.3, lw=18 * width, zorder=1)
+        axes.plot(*path.T, color=TRUTH, lw=1.2, zorder=4)
+        fixes = shown.drive.drive.fixes
+        assert fixes is not None
+        spots = place.at(fixes.lat_deg, fixes.lon_deg)
+        axes.plot(*spots.T, ".", color=FIX, ms=4 * width, mew=0, zorder=3)
+    for noise, result in answers.items():
+        points = result.to_arrow()
+        lat, lon = (points[name].to_numpy() for name in ("lat", "lon"))
+        near.plot(*place.at(lat, lon).T, color=_NOISE_COLOURS[noise], lw=1.8, zorder=5)
+    frame(whole, np.array([path.min(axis=0) - 90.0, path.max(axis=0) + 90.0]))
+    frame(near, np.array([houses.min(axis=0) - 40.0, houses.max(axis=0) + 40.0]))
+    whole.set_title("The way")
+    near.set_title("Between the houses")
+    whole.legend(
+        handles=_legend_of_gst(), loc="lower right", ncols=5, bbox_to_anchor=(1.0, 1.0),
+        borderpad=0.0,
+    )  # fmt: skip
+    return figure
+
+
+def _legend_of_gst() -> list[Line2D | Patch]:
+    return [
+        Line2D([], [], color=TRUTH, lw=1.2, label="truth"),
+        *(Line2D([], [], color=_NOISE_COLOURS[n], lw=1.8, label=t) for n, t in NOISES.items()),
+        Line2D([], [], color=FIX, marker=".", ls="", label="GNSS fix"),
+        Patch(color=HIDDEN, alpha=0.35, label="houses"),
+    ]
+
+
 def _gst_seeds(scene: Scene, rides: Mapping[Kind, Sequence[Ride]]) -> Figure:
-    figure = Figure(figsize=(12, 4.4))
-    panels = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(12, 6.4))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    most = 0.0
     for axes, model in zip(panels, MODELS, strict=True):
         lines: list[Line] = [
             (text, _NOISE_COLOURS[noise], rides[model, noise]) for noise, text in NOISES.items()
         ]
-        draw_errors(axes, lines, scene.shown_m)
+        most = max(most, draw_errors(axes, lines, scene.far_m))
         axes.axvspan(0.0, CANYON_M[1] - CANYON_M[0], color=HIDDEN, alpha=0.18, lw=0, zorder=0)
-        axes.set_title(CALLED[model])
-        axes.set_xlabel(f"m driven past {scene.zero} (shaded)")
-    panels[1].set_ylabel("")
-    _head(figure, f"Position error, RMS over {len(rides['default', PER_FIX])} drives")
+        axes.set_title(MODELS[model])
+    panels[0].set_ylim(0.0, 1.06 * most)
+    panels[-1].set_xlabel(f"m driven past {scene.zero} (shaded)")
     return figure

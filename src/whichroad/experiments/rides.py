@@ -32,7 +32,6 @@ class Ride(NamedTuple):
     seed: int
     past: Array  # (n,) m driven since the scene's decision
     since: Array  # (n,) s since the drive's start
-    step: Array  # (n,) s since the epoch before
     right: Array  # (n,) P of the streets that the drive goes along
     wrong: dict[str, Array]  # (n,) each: P of every other street that ever counts
     wrongest: Array  # (n,) P of the most probable one of these, and of the others
@@ -67,7 +66,6 @@ def ride(scene: Scene, drive: SimulatedDrive, result: Result) -> Ride:
         seed=drive.seed,
         past=np.interp(c.since, truth.time - truth.time[0], truth.travelled) - scene.decision_m,
         since=c.since,
-        step=np.diff(c.since, prepend=c.since[0]),
         right=sum((m for s, m in mass.items() if s in driven), none),
         wrong={s: m for s, m in wrong.items() if m.max() >= ALIVE},
         wrongest=np.max([none, *wrong.values()], axis=0),
@@ -87,8 +85,9 @@ class Life(NamedTuple):
     ended: bool  # before the drive did
 
 
-def lives(r: Ride, first_m: float, last_m: float) -> list[Life]:
-    """The wrong roads that were born in a stretch, m past the decision."""
+def lives(scene: Scene, r: Ride) -> list[Life]:
+    """The wrong roads that began to count where the scene asks for them."""
+    first_m, last_m = scene.counted_m
     out = []
     for street, p in r.wrong.items():
         counts = np.flatnonzero((p >= ALIVE) & (r.past >= first_m))

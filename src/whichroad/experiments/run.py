@@ -1,6 +1,5 @@
 """All experiments: drive, answer, count, draw, report."""
 
-import csv
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -8,37 +7,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import __version__
 from ..errors import SettingError, WriteError
-from ..result import Result
-from ..simulate import SimulatedDrive
 from .gst import KINDS, PER_FIX, Kind, score_gst
+from .logs import write_log
 from .numbers import Row
-from .pictures import draw_gst, draw_scene
+from .pictures import Picture, draw_scene
 from .reckon import wheels_alone_error
-from .report import write_report
-from .rides import MODELS, Ride, answer, lives, ride
+from .report import key_table, write_report
+from .rides import ALIVE, MODELS, STEP_S, SURE, Ride, answer, ride
 from .scenes import SCENES, Scene, fixed_sigma
 from .scores import score
-from .watch import Log, watch
+from .shown import middling, show
 from .words import seen
 
 Tell = Callable[[str, int, int], None]
 
-NUMBERS, REPORT = "experiments.json", "experiments.html"
+NUMBERS, REPORT, TABLE = "experiments.json", "experiments.html", "experiments.md"
 _MADE_BY = "whichroad experiments"
 SEEDS = range(200)
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """The one drive that is drawn and logged."""
-
-    drive: SimulatedDrive
-    results: dict[str, Result]  # by model
-    logs: dict[str, Log]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +36,7 @@ class Outcome:
     rows: list[Row]
     seen: list[str]  # what is seen, in sentences made from the rows
     shown_seed: int
-    pictures: list[Path]
+    pictures: list[Picture]
     logs: list[Path]
 
 
@@ -88,12 +75,14 @@ def run_experiments(
         "made_by": _MADE_BY,
         "version": __version__,
         "seeds": f"{seeds.start}:{seeds.stop}",
+        "terms": {"counts_from_p": ALIVE, "declared_from_p": SURE, "step_s": STEP_S},
         "scenes": {o.scene.name: _about(o) for o in outcomes},
         "rows": [row.as_json() for o in outcomes for row in o.rows],
     }
     text = json.dumps(about, indent=1, ensure_ascii=False, allow_nan=False)
     (out / NUMBERS).write_text(text + "\n", encoding="utf-8")
     write_report(out / REPORT, outcomes, about)
+    (out / TABLE).write_text(key_table(outcomes), encoding="utf-8")
     return about | {"report": str(out / REPORT)}
 
 
@@ -138,7 +127,7 @@ def _about(o: Outcome) -> dict[str, Any]:
         "paper": o.scene.claim,
         "seen": o.seen,
         "shown_seed": o.shown_seed,
-        "pictures": [p.name for p in o.pictures],
+        "pictures": [p.path.name for p in o.pictures],
         "logs": [p.name for p in o.logs],
     }
 
@@ -159,57 +148,14 @@ def _run_scene(
             told = drive if noise == PER_FIX else fixed_sigma(drive)
             rides[kind].append(ride(scene, told, answer(scene, told, model)))
     tell(f"{scene.name}, drawing", (number + 1) * len(seeds), count * len(seeds))
-    shown = _shown(scene, rides["default", PER_FIX])
-    logs = [path for model, log in shown.logs.items() for path in _write(out, scene, model, log)]
-    by_model = {model: rides[model, PER_FIX] for model in MODELS}
-    if scene.name == "gst":
-        rows = score_gst(scene, rides)
-        pictures = draw_gst(scene, rides, shown, out)
-    else:
-        rows = [row for m, ridden in by_model.items() for row in score(scene, m, ridden, alone)]
-        pictures = draw_scene(scene, by_model, shown, out)
-    return Outcome(scene, rows, seen(scene, rows), shown.drive.seed, pictures, logs)
-
-
-def _shown(scene: Scene, rides: Sequence[Ride]) -> Shown:
-    """The drive in which a wrong road counted for a middling time."""
-    doubt = [max((life.seconds for life in lives(r, -150.0, 1e9)), default=0.0) for r in rides]
-    seed = rides[int(np.argsort(doubt, kind="stable")[len(doubt) // 2])].seed
-    drive = scene.drive(scene.roads, seed)
-    return Shown(
-        drive,
-        {model: answer(scene, drive, model) for model in MODELS},
-        {model: watch(scene, drive, model) for model in MODELS},
+    shown = show(scene, middling(scene, rides["default", PER_FIX]))
+    logs = [
+        path for model, log in shown.logs.items() for path in write_log(out, scene.name, model, log)
+    ]
+    rows = (
+        score_gst(scene, rides)
+        if scene.name == "gst"
+        else [row for model in MODELS for row in score(scene, model, rides[model, PER_FIX], alone)]
     )
-
-
-def _write(out: Path, scene: Scene, model: str, log: Log) -> list[Path]:
-    """The life-cycle log as two tables: the hypotheses, and their weights over time."""
-    about = out / f"{scene.name}-{model}-hypotheses.csv"
-    weights = out / f"{scene.name}-{model}-weights.csv"
-    with about.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(
-            ["hypothesis", "street", "edge", "from", "born_s", "born_m", "born_p", "most_p",
-             "died_s", "died_m", "last_p", "why", "into"]
-        )  # fmt: skip
-        for h in log.lives:
-            gone = h.why != "alive"
-            table.writerow(
-                [h.number, h.street, h.edge, _number(h.parent), f"{log.since[h.born]:.2f}",
-                 f"{log.past[h.born]:.1f}", f"{h.p[0]:.6f}", f"{max(h.p):.6f}",
-                 f"{log.since[h.last]:.2f}" if gone else "",
-                 f"{log.past[h.last]:.1f}" if gone else "", f"{h.p[-1]:.6f}", h.why,
-                 _number(h.into)]
-            )  # fmt: skip
-    with weights.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(["time_s", "past_m", "hypothesis", "p"])
-        for h in log.lives:
-            for k, p in enumerate(h.p, start=h.born):
-                table.writerow([f"{log.since[k]:.2f}", f"{log.past[k]:.1f}", h.number, f"{p:.6f}"])
-    return [about, weights]
-
-
-def _number(value: int) -> str:
-    return str(value) if value >= 0 else ""
+    pictures = draw_scene(scene, rides, shown, out)
+    return Outcome(scene, rows, seen(scene, rows), shown.drive.seed, pictures, logs)

@@ -37,7 +37,10 @@ class Scene:
     drive: Callable[["RoadMap", int], SimulatedDrive]
     zero: str  # what lies at 0 m
     decision_m: float  # where that is, m driven
-    shown_m: tuple[float, float]  # of the pictures, from there
+    centre: tuple[float, float]  # and on the map as drawn, m
+    near_m: tuple[float, float]  # what the map shows, m driven from there
+    far_m: tuple[float, float]  # and the curves over the way
+    counted_m: tuple[float, float]  # where a wrong road may begin to count
 
     @property
     def roads(self) -> "RoadMap":
@@ -57,7 +60,7 @@ def _junction(roads: "RoadMap", seed: int) -> SimulatedDrive:
     return simulate_drive(roads, seed=seed, route=route, scenario=STEADY, outages_m=dark)
 
 
-_MASK = (950.0, 2450.0)  # m driven: the paper's 1.5 km
+_MASK = (1080.0, 2580.0)  # m driven: the paper's 1.5 km
 _OUTAGE_ROUTE = ["ab", "bc", "cd", "de", "ef", "fg", "gh", "hi", "ij", "jk"]
 
 
@@ -135,32 +138,37 @@ SCENES = {
             "Where a road leaves the driven one, both are candidates and get the same chance: two "
             "estimates. A step later three roads are near: three estimates. The most probable "
             "one is drawn.",
-            _fork, "the first fork", 600.0 * FROM_NODE, (-20.0, 110.0),
+            _fork, "the first fork", 600.0 * FROM_NODE, (600.0, 0.0), (-25.0, 105.0),
+            (-40.0, 140.0), (-150.0, 1e9),
         ),
         Scene(
             "outage", "Figure 9", "1.5 km without GPS",
             "In spite of a GPS mask of 1.5 km the vehicle is matched correctly, and the final "
             "position stays close to the GPS points. No error is given.",
-            _outage, "where GPS is lost", _MASK[0], (0.0, _MASK[1] - _MASK[0]),
+            _outage, "where GPS is lost", _MASK[0], (1400.0, 470.0), (1445.0, 1555.0),
+            (-100.0, 1700.0), (0.0, _MASK[1] - _MASK[0]),
         ),
         Scene(
             "parallel", "Figure 10", "A road beside the road",
             "When GPS comes back, the fix is nearer to the other side of the road. The method "
             "sees the ambiguity and manages all hypotheses until it is over; the true road "
             "has the highest probability.",
-            _parallel, "where GPS comes back", _BACK, (-60.0, 300.0),
+            _parallel, "where GPS comes back", _BACK, (900.0, 0.0), (-35.0, 130.0), (-500.0, 900.0),
+            (-_BACK + _SPLIT - 50.0, 1e9),
         ),
         Scene(
             "junction", "Figure 11", "A junction without GPS",
             "GPS is lost at a junction. Two hypotheses are managed for seven steps, then the "
             "wrong one is eliminated; the right one is always the more probable.",
-            _junction, "the junction", 600.0 * FROM_NODE, (-30.0, 150.0),
+            _junction, "the junction", 600.0 * FROM_NODE, (600.0, 0.0), (-30.0, 120.0),
+            (-40.0, 200.0), (-150.0, 1e9),
         ),
         Scene(
             "gst", "Section 2.2", "The receiver's own covariance for each fix",
             "The noise of GPS is not stationary: the receiver tells the covariance of every fix "
             "(NMEA GST), and the filter uses it. Nothing is compared.",
-            _gst, "where the houses begin", CANYON_M[0], (-300.0, 1500.0),
+            _gst, "where the houses begin", CANYON_M[0], (0.0, 0.0),
+            (0.0, CANYON_M[1] - CANYON_M[0]), (-400.0, 1900.0), (-150.0, 1e9),
         ),
     )
 }  # fmt: skip

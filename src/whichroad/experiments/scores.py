@@ -15,7 +15,6 @@ SEVEN = 7.0 * STEP_S
 
 BELIEVED = 0.95
 _CHI2_95 = 5.991  # two degrees of freedom
-_LEAD = 150.0  # m before the decision from which wrong roads are counted
 _WARM_UP = 10.0  # s at the start of which nothing is asked
 
 
@@ -73,12 +72,12 @@ def honesty(
     def sums(values: Sequence[NDArray[Any]]) -> list[float]:
         return [float(v[k].sum()) for v, k in zip(values, kept, strict=True)]
 
-    rows.ratio(f"position error{note}, RMS", sums(error), size, "m", root=True)
-    rows.ratio(f"position error{note}, stated", sums([r.sigma**2 for r in rides]), size, "m", True)
+    rows.ratio(f"position error{note}", sums(error), size, "m RMS", root=True)
+    rows.ratio(f"as stated{note}", sums([r.sigma**2 for r in rides]), size, "m RMS", True)
     nees = [r.answer.nees for r in rides]
-    rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "(1 is honest)")
+    rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "1 is honest")
     inside = [100.0 * (v < _CHI2_95) for v in nees]
-    rows.ratio(f"truth in the 95 % ellipse{note}", sums(inside), size, "%")
+    rows.ratio(f"truth in the 95 % ellipse{note}", sums(inside), size, "% of epochs")
 
 
 def everywhere(r: Ride) -> NDArray[np.bool_]:
@@ -86,17 +85,19 @@ def everywhere(r: Ride) -> NDArray[np.bool_]:
     return np.ones(len(r.past), bool)
 
 
-def life_times(rows: Rows, rides: Sequence[Ride], last_m: float) -> None:
+def life_times(rows: Rows, scene: Scene, rides: Sequence[Ride]) -> None:
     """The paper's "seven steps"."""
-    found = [lives(r, -_LEAD, last_m) for r in rides]
+    found = [lives(scene, r) for r in rides]
     steps = [[life.seconds / STEP_S for life in one] for one in found]
     rows.median("a wrong road counted for", steps, "steps of 1 s")
-    rows.median(
-        "a wrong road counted for (m)", [[life.metres for life in one] for one in found], "m"
-    )
+    rows.median("a wrong road counted over", [[life.metres for life in one] for one in found], "m")
     rows.median("wrong roads that counted", [[float(len(one))] for one in found], "per drive")
     longest = [max((life.seconds for life in one), default=0.0) for one in found]
     rows.share("a wrong road counted for seven steps or more", [s >= SEVEN for s in longest])
+    rows.share(
+        "a wrong road still counted at the end",
+        [not all(life.ended for life in one) for one in found],
+    )
 
 
 def believed_after(r: Ride) -> float:
@@ -111,6 +112,7 @@ def choice(rows: Rows, rides: Sequence[Ride], asked_m: Sequence[float]) -> None:
         at = [min(int(np.searchsorted(r.past, metres)), len(r.past) - 1) for r in rides]
         leads = [r.right[k] > r.wrongest[k] for r, k in zip(rides, at, strict=True)]
         rows.share(f"true road the most probable, {metres:g} m on", leads)
+    rows.share("true road the most probable all along", [right_all_along(r) for r in rides])
     rows.share("true road the most probable at the end", [right_at_end(r) for r in rides])
     rows.median(
         f"true road believed (P > {BELIEVED}) for good after",
@@ -121,6 +123,11 @@ def choice(rows: Rows, rides: Sequence[Ride], asked_m: Sequence[float]) -> None:
         f"a wrong road believed (P > {BELIEVED}) at the end",
         [r.wrongest[-1] > BELIEVED for r in rides],
     )
+
+
+def right_all_along(r: Ride) -> bool:
+    """Whether the true road is the most probable one in every epoch from the decision on."""
+    return bool((r.right > r.wrongest)[r.past > 0.0].all())
 
 
 def right_at_end(r: Ride) -> bool:
@@ -136,19 +143,22 @@ def declared_wrong(r: Ride) -> bool:
 def through_mask(rows: Rows, rides: Sequence[Ride], alone: Sequence[float]) -> None:
     """The paper's Figure 9: the mask, its end, and what wheels alone would say there."""
     rows.ratio(
-        "true road the most probable, in the mask",
+        "true road the most probable in the mask",
         [100.0 * float(r.answer.right[r.dark].sum()) for r in rides],
         [int(r.dark.sum()) for r in rides], "% of epochs",
     )  # fmt: skip
     last = [int(np.flatnonzero(r.dark)[-1]) for r in rides]
     pairs = list(zip(rides, last, strict=True))
-    rows.share("true road the most probable, at its end", [r.answer.right[k] for r, k in pairs])
+    rows.share(
+        "true road the most probable at the mask's end", [r.answer.right[k] for r, k in pairs]
+    )
     one = [1.0] * len(rides)
     error = [float(r.answer.along[k] ** 2 + r.answer.cross[k] ** 2) for r, k in pairs]
-    rows.ratio("position error at its end, RMS", error, one, "m", root=True)
+    rows.ratio("position error at the mask's end", error, one, "m RMS", root=True)
+    rows.median("position error at the mask's end, median", [[e**0.5] for e in error], "m")
     stated = [float(r.sigma[k] ** 2) for r, k in pairs]
-    rows.ratio("position error at its end, stated", stated, one, "m", root=True)
-    rows.ratio("wheels alone at its end, RMS", [a * a for a in alone], one, "m", root=True)
+    rows.ratio("as stated at the mask's end", stated, one, "m RMS", root=True)
+    rows.ratio("wheels alone at the mask's end", [a * a for a in alone], one, "m RMS", root=True)
     honesty(rows, rides, lambda r: r.dark, " in the mask")
 
 
@@ -171,11 +181,11 @@ def score(scene: Scene, model: str, rides: Sequence[Ride], alone: Sequence[float
     """
     rows = Rows(scene.name, model)
     if scene.name == "outage":
-        life_times(rows, rides, scene.shown_m[1])
         through_mask(rows, rides, alone)
+        life_times(rows, scene, rides)
         choice(rows, rides, ())
     else:
-        life_times(rows, rides, 1e9)
+        life_times(rows, scene, rides)
         choice(rows, rides, ASKED[scene.name])
         honesty(rows, rides, everywhere, "")
     return rows.rows

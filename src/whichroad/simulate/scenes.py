@@ -257,11 +257,10 @@ def parallel(gap: float) -> Callable[[Random, int], Sketch]:
         points, h = walk(np.zeros(2), 0.0, [(before, _gentle(random))])
         node = sketch.add("approach", points, one_way=True)
         base, _ = walk(node, h, [(random.uniform(380, 440), _gentle(random))], 6.0)
-        slope = np.tan(np.radians(random.uniform(6.0, 18.0)))
-        part = gap * np.pi / (2.0 * slope)
+        part = random.uniform(30.0 + 2.0 * gap, 60.0 + 4.0 * gap)  # m, over which they part
         s = np.arange(len(base)) * 6.0
         share = 0.5 - 0.5 * np.cos(np.pi * np.minimum(s / part, 1.0))
-        left = (0.5, 1.0, 0.0)[variant % 3] * gap
+        left = (0.5, 1.0, 0.0)[variant % 3] * gap  # both bend away, or one goes straight on
         for name, offset in (("left", left), ("right", left - gap)):
             sketch.add(name, beside(base, offset * share), one_way=True)
             sketch.route(["approach", name], 1)

@@ -20,7 +20,8 @@ from .settings import SimulationSettings
 LONGEST = 6000  # grid points of a line, about metres
 _MODES = 24  # of each field of the map's error
 _COARSE = 5  # grid points between places where the fields are evaluated
-_BEFORE = 6  # m, half width of the averages that spread a change of lane
+_BLEND = 10  # m, half width of four averages: a change of lane has sigma 12 m, as in `course`
+_BLEND_SPEED = 14.0  # m/s, and more on roads that are faster than that
 
 
 class Numbers(NamedTuple):
@@ -256,8 +257,12 @@ def _offsets(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
         for k in range(n):
             if begin < line.along[k] < end and line.limit[k] > 12.0 and abs(bend[k]) < 0.01:
                 offset[k] -= par.lane_width
-    _average(offset, grid[A], n, _BEFORE)
-    _average(offset, grid[A], n, _BEFORE)
+    fast = 0.0
+    for k in range(n):
+        fast += line.limit[k] / n
+    half = round(_BLEND * max(1.0, fast / _BLEND_SPEED))
+    _average(offset, grid[A], n, half)
+    _average(offset, grid[A], n, half)
     _wander(offset, n, 10, par.lane_sigma, par.lane_length)
     for k in range(n):  # no car follows a bend far inside
         offset[k] = max(offset[k], -0.3 / max(bend[k], 1e-3))
