@@ -52,6 +52,7 @@ from .switching import Work, hand_over
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
+_CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
 _SLOWER = 7.5  # times slower than from innovations the GNSS scale is learnt from slow errors
@@ -104,7 +105,7 @@ def _roll(
     if pieces > 1:  # the same circle
         forward, left = arc_chord(epochs.arc[k] * part, turn)
     metres = abs(epochs.arc[k]) * part
-    q_heading = par.heading_noise**2 * metres + (par.turn_noise * turn) ** 2 * pieces
+    q_heading = par.heading_noise**2 * metres + par.turn_noise**2 * _CORNER * abs(turn)
     q_along = par.along_noise**2 * metres
     if epochs.moved[k] == 0:  # nobody measured it
         q_along += 0.04 * metres * metres
@@ -227,7 +228,7 @@ def _learn_scale(
 
 @kernel
 def _stand(
-    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, lever: Vector,
+    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters,
 ) -> None:  # fmt: skip
     """Standing still teaches nothing of the position, but of what the receiver is worth."""
@@ -235,14 +236,42 @@ def _stand(
     interval = max(epochs.time[k] - clock[LAST_FIX], 0.0)
     gnss_root(belief, epochs.fix[k], clock[GNSS_SCALE], interval, _SMOOTHING, work.root)
     white = math.sqrt(clock[GNSS_SCALE]) * par.gnss_white_ratio
-    _learn_scale(belief, work, scale, epochs, k, lever, par, white, 0.0)
+    if mode != CLOCK:
+        _learn_scale(belief, work, scale, epochs, k, lever, par, white, 0.0)
     clock[LAST_FIX] = epochs.time[k]
 
 
 @kernel
+def _doubt(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, side: float, lever: Vector, white: float, par: Parameters,
+) -> None:  # fmt: skip
+    """A fix far away: perhaps it is right, and all that was believed is wrong.
+
+    Beginnings at the fix are added with a small probability; what roads and fixes say from
+    here on decides between them and a receiver that has lost its way.
+    """
+    normalise(belief)
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    mean = belief.mean[top]
+    cov = belief.cov[top]
+    away = math.hypot(epochs.fix[k, 0] - mean[X], epochs.fix[k, 1] - mean[Y]) / scale
+    if away > _FAR:
+        cold_start(
+            belief, roads, route, work, par.gnss_lost, epochs.fix[k],
+            math.sqrt(belief.clock[GNSS_SCALE]), white, scale, lever, mean[H],
+            math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
+            par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+        )  # fmt: skip
+
+
+@kernel
 def _take_fix(
-    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int,
-    lever: Vector, par: Parameters,
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, mode: int, side: float, lever: Vector, par: Parameters,
 ) -> float:  # fmt: skip
     """GNSS position, course and speed of epoch k."""
     clock = belief.clock
@@ -254,7 +283,8 @@ def _take_fix(
     gnss_root(belief, epochs.fix[k], factor, max(interval, 0.0), _SMOOTHING, work.root)
     since = epochs.time[k] - clock[LAST_FIX]
     white = math.sqrt(factor) * par.gnss_white_ratio
-    _learn_scale(belief, work, scale, epochs, k, lever, par, white, clock[MOVING])
+    if mode != CLOCK:  # nobody vouches for the motion that innovations are counted from
+        _learn_scale(belief, work, scale, epochs, k, lever, par, white, clock[MOVING])
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
@@ -263,6 +293,8 @@ def _take_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
         mode != CLOCK and since < _RECENT, work.row,
     )  # fmt: skip
+    if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
+        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
@@ -383,11 +415,13 @@ def run(
                 _count_motion(clock, moved, dt / pieces)
             see_fix = fix and done and not begin
             if see_fix and (stands or (mode != CLOCK and clock[SINCE_FIX] <= 0.3)):
-                _stand(belief, work, scale, epochs, k, lever, par)
+                _stand(belief, work, scale, epochs, k, mode, lever, par)
                 see_fix = False
             if see_fix:
                 normalise(belief)
-                chi2 = _take_fix(belief, work, scale, epochs, k, mode, lever, par)
+                chi2 = _take_fix(
+                    belief, roads, route, work, scale, epochs, k, mode, side, lever, par
+                )  # fmt: skip
                 changed = True
             if changed:
                 normalise(belief)

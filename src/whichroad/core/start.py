@@ -23,7 +23,7 @@ from .belief import (
 )
 from .gaussian import normal_cdf
 from .grid import near, vertex_at
-from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads
+from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads, lane_sigma_of
 from .segment import chord_heading, project
 from .switching import Work, copy_hypothesis, rescale
 
@@ -133,6 +133,7 @@ def cold_start(
         work.near_distance,
     )  # fmt: skip
     known = heading_sigma < 10.0
+    towards = 0.0  # of the nearest road
     kept = 0
     if total < 1.0:
         kept = belief.size[0]
@@ -153,6 +154,8 @@ def cold_start(
         if roads.service[edge]:
             mass *= 0.5
         along = chord_heading(roads, edge, segment, min(max(s, 0.0), length), 6.0)
+        if c == 0:
+            towards = along
         if mass < 1e-9 or n >= CAPACITY - 64:
             continue
         if known and abs(wrap(along - heading)) > 4.0 * heading_sigma + 0.6:
@@ -160,7 +163,7 @@ def cold_start(
         _fresh_state(
             belief, n, fix, slow, white, scale, lever, heading if known else along,
             heading_sigma if known else 0.12, rate, rate_sigma, drift_sigma,
-            side * roads.lane[edge], lane_sigma, map_sigma,
+            side * roads.lane[edge], lane_sigma_of(roads, edge, lane_sigma), map_sigma,
         )  # fmt: skip
         belief.edge[n] = edge
         belief.segment[n] = segment
@@ -176,7 +179,7 @@ def cold_start(
     free = 1 if known else _HEADINGS
     free_share = math.log(total * (off_road if mass > 0.0 else 1.0) / free)
     for a in range(free):
-        at = heading if known else wrap(2.0 * math.pi * a / free)
+        at = heading if known else wrap(towards + 2.0 * math.pi * a / free)
         _fresh_state(
             belief, n, fix, slow, white, scale, lever, at, heading_sigma if known else 0.3, rate,
             rate_sigma, drift_sigma, 0.0, lane_sigma, map_sigma,
@@ -243,7 +246,9 @@ def _return(
 ) -> None:  # fmt: skip
     mean = belief.mean[i]
     cov = belief.cov[i]
-    sigma = math.sqrt(max(cov[X, X], cov[Y, Y]) + 2.0 * lane_sigma**2)
+    half = 0.5 * (cov[X, X] - cov[Y, Y])
+    worst = 0.5 * (cov[X, X] + cov[Y, Y]) + math.sqrt(half * half + cov[X, Y] ** 2)
+    sigma = math.sqrt(worst + 2.0 * lane_sigma**2)
     radius = min(max(search_radius, 2.5 * sigma), 150.0)
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
@@ -286,7 +291,7 @@ def _return(
         for j in range(N):
             belief.cov[child, D, j] = 0.0
             belief.cov[child, j, D] = 0.0
-        belief.cov[child, D, D] = lane_sigma**2
+        belief.cov[child, D, D] = lane_sigma_of(roads, edge, lane_sigma) ** 2
         belief.mean[child, D] = side * roads.lane[edge]
         belief.size[0] = child + 1
     if given > 0.0:
@@ -313,7 +318,7 @@ def _turned(
     for j in range(N):
         cov[D, j] = 0.0
         cov[j, D] = 0.0
-    cov[D, D] = lane_sigma**2
+    cov[D, D] = lane_sigma_of(roads, other, lane_sigma) ** 2
     mean[D] = side * roads.lane[other]
     cov[X, X] += 4.0
     cov[Y, Y] += 4.0
