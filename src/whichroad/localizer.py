@@ -12,13 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.belief import (
+    GNSS_SCALE,
     GNSS_XX,
     GNSS_YY,
     LAST_FIX,
     NOW,
     OFF_ROAD,
+    QUICK_SCALE,
+    SCALED_AT,
+    SLOW_SCALE,
     SPEED,
     STARTED,
+    WIDE,
     Belief,
     D,
     H,
@@ -103,7 +108,7 @@ def _start_at(
     work = new_work()
     clock_mode = mode == CLOCK
     cold_start(
-        belief, roads.arrays, route, work, fix, 0.01, scale, np.zeros(2), heading,
+        belief, roads.arrays, route, work, 1.0, fix, 1.0, 0.01, scale, np.zeros(2), heading,
         math.radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
         8.0 if clock_mode else par.scale_sigma, par.drift_sigma if mode == WHEELS else 0.0,
         _side(vehicle), par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start,
@@ -116,10 +121,11 @@ def _start_at(
         belief.cov[:n, state, state] = 1.0
     normalise(belief)
     reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    belief.clock[NOW] = time
+    belief.clock[[NOW, SCALED_AT]] = time
     belief.clock[LAST_FIX] = -math.inf
     belief.clock[STARTED] = 1.0
     belief.clock[GNSS_XX] = belief.clock[GNSS_YY] = settings.default_sigma_m**2
+    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE, WIDE]] = 1.0
 
 
 def localize_recorded(

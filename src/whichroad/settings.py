@@ -25,13 +25,15 @@ class Settings:
     turn_noise: float = _number(0.012, 0, 0.5, "", "heading error per radian turned")
     along_noise: float = _number(0.01, 0, 1, "m/√m", "along-road random walk of wheel odometry")
     lateral_noise: float = _number(0.02, 0, 1, "m/√m", "cross-road random walk of wheel odometry")
-    yaw_bias_noise: float = _number(2e-5, 0, 0.1, "rad/m/√m", "wander of the heading drift")
+    yaw_bias_noise: float = _number(2e-6, 0, 0.1, "rad/m/√m", "wander of the heading drift")
     acceleration_noise: float = _number(
         1.5, 0.01, 20, "m/s/√s", "speed random walk where there is no odometry"
     )
     scale_sigma: float = _number(0.012, 1e-5, 0.5, "", "odometer scale, before it is learnt")
     drift_sigma: float = _number(3e-4, 0, 0.1, "rad/m", "heading drift per metre, before learnt")
-    lane_sigma: float = _number(1.8, 0.01, 50, "m", "offset from the usual lane")
+    lane_sigma: float = _number(
+        0.75, 0.01, 50, "m", "offset from the usual lane; more where there are several"
+    )
     lane_length: float = _number(150, 1, 1e5, "m", "distance over which that offset persists")
     map_sigma: float = _number(
         4.1, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %)"
@@ -48,8 +50,20 @@ class Settings:
     gnss_white_ratio: float = _number(
         0.5, 0.01, 10, "", "white GNSS error over it, at one fix a second"
     )
-    gnss_time: float = _number(60, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
+    gnss_time: float = _number(80, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
+    gnss_adapt_time: float = _number(
+        40, 1, 1e12, "s", "in which the scale of reported sigmas is learnt"
+    )
+    gnss_start: float = _number(
+        2, 1, 100, "", "GNSS error at a cold start, over what is reported"
+    )
+    gnss_fault_time: float = _number(
+        60, 1, 1e9, "s", "how long a receiver that has lost its way stays lost"
+    )
+    gnss_lost: float = _number(
+        0.02, 0, 0.5, "", "P(the belief was wrong) when a fix is far from it"
+    )
     off_road_leave: float = _number(2e-5, 0, 0.1, "1/m", "rate of leaving the mapped roads")
     off_road_return: float = _number(0.01, 0, 1, "1/m", "rate of coming back to one")
     off_road_cost: float = _number(

@@ -89,6 +89,7 @@ def network(
         to_node=np.array(end, np.int32),
         opposite=(np.arange(count) ^ 1).astype(np.int32),
         lane=np.full(count, LANE, np.float32),
+        lane_spread=np.zeros(count, np.float32),
         speed=np.full(count, 13.9, np.float32),
         service=np.zeros(count, np.uint8),
         rule=rule,

@@ -55,6 +55,7 @@ def roads_from_streets(nodes: np.ndarray, streets: list[tuple[int, int]]) -> Roa
         to_node=np.array([b for _, b in pairs], dtype=np.int32),
         opposite=opposite.astype(np.int32),
         lane=np.full(count, 1.75, dtype=np.float32),
+        lane_spread=np.zeros(count, dtype=np.float32),
         speed=np.full(count, 12.5, dtype=np.float32),
         service=np.zeros(count, dtype=np.uint8),
         rule=np.zeros(count, dtype=np.uint8),

@@ -114,7 +114,7 @@ def advance_along(
         sigma = math.sqrt(max(variance + q_along, 1e-4))
         length = roads.length[edge]
         now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
-        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
+        share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
         p = belief.probability[i]
         if share * p >= 0.3 * prune and belief.size[0] < CAPACITY:
             changed = True

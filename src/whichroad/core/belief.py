@@ -33,7 +33,11 @@ NOW, TRAVELLED, MOVING, LAST_FIX, MISFITS, STARTED, SINCE_FIX, SPEED, STOOD = ra
 GNSS_XX, GNSS_XY, GNSS_YY = 9, 10, 11  # smoothed covariance that receivers report, m²
 TURN_RATE = 12  # rad/s
 SINCE_LEFT = 13  # m travelled since off-road hypotheses were last born
-GNSS_SCALE = 14  # log of the factor on reported GNSS variances, learnt
+GNSS_SCALE = 14  # factor on reported GNSS variances, learnt; 0 before the first fix
+QUICK_SCALE, SLOW_SCALE = 15, 16  # what it is learnt from: innovations, the slow error
+USED_XX, USED_XY, USED_YY = 17, 18, 19  # covariance that scales γ, m²
+WIDE = 21  # variance of γ that a cold start left, 1 in the long run
+SCALED_AT = 20  # time of the fix that the scale was last learnt from
 CLOCKS = 24
 
 CAPACITY = 160  # hypotheses, children of one epoch included

@@ -8,18 +8,23 @@ import numpy as np
 from ._jit import Bytes, Matrix, Vector, kernel
 from .along import advance_along
 from .belief import (
+    GNSS_SCALE,
     LAST_FIX,
     MISFITS,
     MOVING,
     NOW,
     OFF_ROAD,
+    QUICK_SCALE,
+    SCALED_AT,
     SINCE_FIX,
     SINCE_LEFT,
+    SLOW_SCALE,
     SPEED,
     STARTED,
     STOOD,
     TRAVELLED,
     TURN_RATE,
+    WIDE,
     Belief,
     H,
     K,
@@ -28,8 +33,15 @@ from .belief import (
     Y,
     normalise,
 )
-from .gnss import forward_only, gnss_root, observe_fix, observe_state
-from .motion import age_gnss, arc_chord, predict_free
+from .gnss import (
+    adapt_scale,
+    age_receiver,
+    forward_only,
+    gnss_root,
+    observe_fix,
+    observe_state,
+)
+from .motion import arc_chord, predict_free
 from .network import Roads
 from .output import Output, say
 from .parameters import Parameters
@@ -40,10 +52,14 @@ from .switching import Work, hand_over
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
+_CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
+_SLOWER = 7.5  # times slower than from innovations the GNSS scale is learnt from slow errors
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
+_RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
+_FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
 _MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
 
 
@@ -89,7 +105,7 @@ def _roll(
     if pieces > 1:  # the same circle
         forward, left = arc_chord(epochs.arc[k] * part, turn)
     metres = abs(epochs.arc[k]) * part
-    q_heading = par.heading_noise**2 * metres + (par.turn_noise * turn) ** 2 * pieces
+    q_heading = par.heading_noise**2 * metres + par.turn_noise**2 * _CORNER * abs(turn)
     q_along = par.along_noise**2 * metres
     if epochs.moved[k] == 0:  # nobody measured it
         q_along += 0.04 * metres * metres
@@ -156,10 +172,16 @@ def _begin(
     if mode == CLOCK:
         rate = epochs.speed[k] if epochs.speed_sigma[k] < 10.0 else 6.0
         rate_sigma = min(epochs.speed_sigma[k], 8.0)
+    if belief.clock[GNSS_SCALE] == 0.0:
+        belief.clock[GNSS_SCALE] = 1.0
+        belief.clock[QUICK_SCALE] = 1.0
+        belief.clock[SLOW_SCALE] = 1.0
+    factor = math.sqrt(belief.clock[GNSS_SCALE])
     cold_start(
-        belief, roads, route, work, epochs.fix[k], par.gnss_white_ratio, scale, lever, heading,
-        heading_sigma, rate, rate_sigma, par.drift_sigma if mode == WHEELS else 0.0, side,
-        par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+        belief, roads, route, work, 1.0, epochs.fix[k], factor * par.gnss_start,
+        factor * par.gnss_white_ratio, scale, lever, heading, heading_sigma, rate,
+        rate_sigma, par.drift_sigma if mode == WHEELS else 0.0, side, par.lane_sigma,
+        par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
     )  # fmt: skip
     clock = belief.clock
     clock[STARTED] = 1.0
@@ -168,7 +190,9 @@ def _begin(
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
-    gnss_root(belief, epochs.fix[k], -1.0, _SMOOTHING, work.root)
+    clock[SCALED_AT] = epochs.time[k]
+    clock[WIDE] = par.gnss_start**2
+    gnss_root(belief, epochs.fix[k], factor * factor, -1.0, _SMOOTHING, work.root)
     return heading_sigma < 10.0
 
 
@@ -186,26 +210,91 @@ def _count_motion(clock: Vector, moved: float, dt: float) -> None:
 
 
 @kernel
+def _learn_scale(
+    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, lever: Vector,
+    par: Parameters, white: float, moving: float,
+) -> None:  # fmt: skip
+    """From the fix of epoch k, the vehicle having moved for so many seconds since the last."""
+    clock = belief.clock
+    since = min(max(epochs.time[k] - clock[SCALED_AT], 0.0), _RECENT)
+    clock[SCALED_AT] = epochs.time[k]
+    adapt_scale(
+        belief, epochs.fix[k], work.root, white,
+        1.0 - math.exp(-2.0 * clock[STOOD] / par.gnss_time), scale, lever,
+        1.0 - math.exp(-since / par.gnss_adapt_time),
+        1.0 - math.exp(-min(moving, _RECENT) / (_SLOWER * par.gnss_adapt_time)), work.row,
+    )  # fmt: skip
+
+
+@kernel
+def _stand(
+    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
+    par: Parameters,
+) -> None:  # fmt: skip
+    """Standing still teaches nothing of the position, but of what the receiver is worth."""
+    clock = belief.clock
+    interval = max(epochs.time[k] - clock[LAST_FIX], 0.0)
+    gnss_root(belief, epochs.fix[k], clock[GNSS_SCALE], interval, _SMOOTHING, work.root)
+    white = math.sqrt(clock[GNSS_SCALE]) * par.gnss_white_ratio
+    if mode != CLOCK:
+        _learn_scale(belief, work, scale, epochs, k, lever, par, white, 0.0)
+    clock[LAST_FIX] = epochs.time[k]
+
+
+@kernel
+def _doubt(
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, side: float, lever: Vector, white: float, par: Parameters,
+) -> None:  # fmt: skip
+    """A fix far away: perhaps it is right, and all that was believed is wrong.
+
+    Beginnings at the fix are added with a small probability; what roads and fixes say from
+    here on decides between them and a receiver that has lost its way.
+    """
+    normalise(belief)
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    mean = belief.mean[top]
+    cov = belief.cov[top]
+    away = math.hypot(epochs.fix[k, 0] - mean[X], epochs.fix[k, 1] - mean[Y]) / scale
+    if away > _FAR:
+        cold_start(
+            belief, roads, route, work, par.gnss_lost, epochs.fix[k],
+            math.sqrt(belief.clock[GNSS_SCALE]), white, scale, lever, mean[H],
+            math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
+            par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+        )  # fmt: skip
+
+
+@kernel
 def _take_fix(
-    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int,
-    lever: Vector, par: Parameters,
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
+    k: int, mode: int, side: float, lever: Vector, par: Parameters,
 ) -> float:  # fmt: skip
     """GNSS position, course and speed of epoch k."""
     clock = belief.clock
     interval = epochs.time[k] - clock[LAST_FIX]
     if mode == CLOCK:
         interval *= min(1.0, max(clock[SPEED], 0.25))
-    for i in range(belief.size[0]):
-        age_gnss(belief.mean[i], belief.cov[i], clock[MOVING], par.gnss_time)
-    gnss_root(belief, epochs.fix[k], max(interval, 0.0), _SMOOTHING, work.root)
+    age_receiver(belief, clock[MOVING], par.gnss_time, par.gnss_fault_time)
+    factor = clock[GNSS_SCALE]
+    gnss_root(belief, epochs.fix[k], factor, max(interval, 0.0), _SMOOTHING, work.root)
+    since = epochs.time[k] - clock[LAST_FIX]
+    white = math.sqrt(factor) * par.gnss_white_ratio
+    if mode != CLOCK:  # nobody vouches for the motion that innovations are counted from
+        _learn_scale(belief, work, scale, epochs, k, lever, par, white, clock[MOVING])
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     thin = max(1.0, 1.0 / max(interval, 0.01))
     chi2 = observe_fix(
-        belief, epochs.fix[k], work.root, interval, scale, lever, par.gnss_white_ratio,
-        par.gnss_gate, work.row,
+        belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
+        mode != CLOCK and since < _RECENT, work.row,
     )  # fmt: skip
+    if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
+        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
@@ -326,11 +415,13 @@ def run(
                 _count_motion(clock, moved, dt / pieces)
             see_fix = fix and done and not begin
             if see_fix and (stands or (mode != CLOCK and clock[SINCE_FIX] <= 0.3)):
-                clock[LAST_FIX] = epochs.time[k]  # standing still teaches nothing
+                _stand(belief, work, scale, epochs, k, mode, lever, par)
                 see_fix = False
             if see_fix:
                 normalise(belief)
-                chi2 = _take_fix(belief, work, scale, epochs, k, mode, lever, par)
+                chi2 = _take_fix(
+                    belief, roads, route, work, scale, epochs, k, mode, side, lever, par
+                )  # fmt: skip
                 changed = True
             if changed:
                 normalise(belief)

@@ -9,12 +9,19 @@ import math
 from ._jit import Vector, kernel
 from .angles import wrap
 from .belief import (
+    GNSS_SCALE,
     GNSS_XX,
     GNSS_XY,
     GNSS_YY,
     GX,
     GY,
     OFF_ROAD,
+    QUICK_SCALE,
+    SLOW_SCALE,
+    USED_XX,
+    USED_XY,
+    USED_YY,
+    WIDE,
     Belief,
     H,
     K,
@@ -30,6 +37,10 @@ from .gaussian import (
     truncated_moments,
 )
 from .motion import age_gnss
+
+_FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
+_MOST = 9.0  # the most that one fix may say of the scale, in units of what is expected
+_STEP = 0.97  # of the scale of slow errors
 
 
 @kernel
@@ -59,42 +70,56 @@ def _fix_row(
 
 
 @kernel
-def gnss_root(belief: Belief, fix: Vector, interval: float, smoothing: float, root: Vector) -> None:
+def gnss_root(
+    belief: Belief, fix: Vector, factor: float, interval: float, smoothing: float, root: Vector
+) -> None:
     """Scale of the slow GNSS error: what receivers report, smoothed over time.
 
     Scaling it by each fix's own ellipse would let the ellipse's jitter measure the
-    error: a sigma that scatters by 5 % took the filter's ANEES from 0.9 to 1.4.  Where
-    the smoothed scale does change, the error is drawn anew in that proportion.
+    error: a sigma that scatters by 5 % took the filter's ANEES from 0.9 to 1.4.  The
+    scale moves in steps of 3 %, at which the error is drawn anew in that proportion.
 
     Args:
-        belief: Its clock keeps the smoothed covariance; γ is aged.
+        belief: Its clock keeps the covariance, smoothed and as used; γ is aged.
         fix: x, y, sigma_major, sigma_minor (m), heading of the major axis.
+        factor: Learnt, on reported variances.
         interval: Since the last fix, s; negative: begin with this one.
         smoothing: Time constant, s.
         root: Filled with the symmetric root: xx, xy, yy, m.
     """
     c = math.cos(fix[4])
     s = math.sin(fix[4])
-    a = fix[2] ** 2
-    b = fix[3] ** 2
+    a = factor * fix[2] ** 2
+    b = factor * fix[3] ** 2
     clock = belief.clock
     xx = a * c * c + b * s * s
     xy = (a - b) * c * s
     yy = a * s * s + b * c * c
-    if interval >= 0.0:
+    begin = interval < 0.0
+    if not begin:
         new = 1.0 - math.exp(-interval / smoothing)
-        before = clock[GNSS_XX] * clock[GNSS_YY] - clock[GNSS_XY] ** 2
         xx = clock[GNSS_XX] + new * (xx - clock[GNSS_XX])
         xy = clock[GNSS_XY] + new * (xy - clock[GNSS_XY])
         yy = clock[GNSS_YY] + new * (yy - clock[GNSS_YY])
-        ratio = math.sqrt(math.sqrt((xx * yy - xy * xy) / before))
-        keep = min(ratio, 1.0 / ratio)
-        if keep < 0.995:
-            for i in range(belief.size[0]):
-                age_gnss(belief.mean[i], belief.cov[i], -math.log(keep), 1.0)
     clock[GNSS_XX] = xx
     clock[GNSS_XY] = xy
     clock[GNSS_YY] = yy
+    used = clock[USED_XX] * clock[USED_YY] - clock[USED_XY] ** 2
+    if begin or used <= 0.0:
+        keep = 0.0
+    else:
+        ratio = math.sqrt(math.sqrt((xx * yy - xy * xy) / used))
+        keep = min(ratio, 1.0 / ratio)
+        if keep < _STEP:
+            for i in range(belief.size[0]):
+                age_gnss(belief.mean[i], belief.cov[i], -math.log(keep), 1.0)
+    if keep < _STEP:
+        clock[USED_XX] = xx
+        clock[USED_XY] = xy
+        clock[USED_YY] = yy
+    xx = clock[USED_XX]
+    xy = clock[USED_XY]
+    yy = clock[USED_YY]
     det = math.sqrt(max(xx * yy - xy * xy, 0.0))
     trace = math.sqrt(xx + yy + 2.0 * det)
     root[0] = (xx + det) / trace
@@ -112,14 +137,16 @@ def observe_fix(
     lever: Vector,
     white_ratio: float,
     gate: float,
+    jumps: bool,
     row: Vector,
 ) -> float:
     """Condition every hypothesis on a GNSS fix (the paper's Y₁), its error correlated.
 
     The white part is scaled with the interval, so that measuring ten times as often
     teaches nearly nothing more.  A fix that no hypothesis of weight explains within
-    the gate is given the variance that makes it fit the best one: it is weighed
-    down, never locked out, and alike for all.
+    the gate is given the variance that makes it fit the best one, alike for all.  Where
+    wheels and a fix a moment ago vouch for the motion, it is the receiver that has
+    jumped, and the variance goes to its slow error; else the fix is weighed down.
 
     Args:
         belief: In place.
@@ -130,10 +157,11 @@ def observe_fix(
         lever: Antenna ahead and left of M, m.
         white_ratio: White sigma over reported sigma for one fix a second.
         gate: Chi-square (two degrees) of a fix that is taken at its word.
+        jumps: Whether a misfit is the receiver's.
         row: Scratch, (N,).
 
     Returns:
-        The smallest chi-square before weighing down.
+        The smallest chi-square, before variance was added.
     """
     n = belief.size[0]
     thin = max(1.0, 1.0 / max(interval, 0.01))
@@ -159,6 +187,13 @@ def observe_fix(
             over = max(chi2 / gate - 1.0, 0.0)
             extra0 = s0 * over
             extra1 = s1 * over
+    if jumps and best > gate:
+        more = (extra0 + extra1) / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+        for i in range(n):
+            belief.cov[i, GX, GX] += more
+            belief.cov[i, GY, GY] += more
+        extra0 = 0.0
+        extra1 = 0.0
     for i in range(n):
         nu = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
         gain = condition(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
@@ -166,6 +201,88 @@ def observe_fix(
         gain += condition(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
         belief.log_weight[i] += gain
     return best
+
+
+@kernel
+def adapt_scale(
+    belief: Belief, fix: Vector, root: Vector, white: float, drifted: float, scale: float,
+    lever: Vector, gain: float, slow_gain: float, row: Vector,
+) -> None:  # fmt: skip
+    """Learn how much larger the GNSS errors are than reported (core.belief.GNSS_SCALE).
+
+    Expectation and maximisation with exponential forgetting, under the most probable
+    hypothesis, with innovations ν of variances s, of which the receiver's own part is
+    share · s, and γ the slow error with covariance P:
+
+        quick += η (λ² (1 + share (½ Σ ν² / s − 1)) − quick)
+        slow  += η' (λ² ½ (|γ|² + tr P) / v − slow)     v: as wide as a cold start made it
+        λ²     = max(1, quick, slow)
+
+    What is averaged is the expected energy of the error over the reported one.  The
+    second average sees an error so slow that no innovation shows it, but the roads do.
+
+    Args:
+        belief: Before it is conditioned on the fix.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        root: S, with λ in it.
+        white: White sigma over reported sigma, with λ in it.
+        drifted: Share (0 to 1) of the slow error's variance drawn anew while standing.
+        scale: Local scale of the plane.
+        lever: Antenna ahead and left of M, m.
+        gain: η.
+        slow_gain: η'.
+        row: Scratch, (N,).
+    """
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    mean = belief.mean[top]
+    cov = belief.cov[top]
+    c = math.cos(fix[4])
+    s = math.sin(fix[4])
+    for j in range(N):
+        row[j] = 0.0
+    chi2 = 0.0
+    share = 0.0
+    for axis in range(2):
+        if axis == 0:
+            nu = _fix_row(mean, row, fix, root, c, s, scale, lever)
+        else:
+            nu = _fix_row(mean, row, fix, root, -s, c, scale, lever)
+        gx = row[GX]
+        gy = row[GY]
+        r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)
+        own = r + gx * gx * cov[GX, GX] + 2.0 * gx * gy * cov[GX, GY] + gy * gy * cov[GY, GY]
+        variance = innovation_variance(cov, row, r)
+        chi2 += nu * nu / variance
+        share += min(own / variance, 1.0)
+    clock = belief.clock
+    factor = clock[GNSS_SCALE]
+    seen = factor * (1.0 + 0.5 * share * (min(0.5 * chi2, _MOST) - 1.0))
+    clock[QUICK_SCALE] += gain * (seen - clock[QUICK_SCALE])
+    slow = 0.5 * (mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY]) / clock[WIDE]
+    clock[SLOW_SCALE] += slow_gain * (factor * min(slow, _MOST) - clock[SLOW_SCALE])
+    clock[GNSS_SCALE] = min(max(clock[QUICK_SCALE], clock[SLOW_SCALE], 1.0), 400.0)
+
+
+@kernel
+def age_receiver(belief: Belief, time: float, correlation_time: float, fault_time: float) -> None:
+    """Let the GNSS error of every hypothesis wander over a time (s) spent moving.
+
+    An error far beyond its sigma is a receiver that has lost its way: it comes back when it
+    comes back, and not as small errors do.  That it is still lost costs the hypothesis
+    exp(−time / fault_time).
+    """
+    wide = belief.clock[WIDE]
+    belief.clock[WIDE] = 1.0 + (wide - 1.0) * math.exp(-2.0 * time / correlation_time)
+    for i in range(belief.size[0]):
+        mean = belief.mean[i]
+        size = math.sqrt(mean[GX] ** 2 + mean[GY] ** 2)
+        slower = correlation_time * max(1.0, size / 3.0)
+        age_gnss(mean, belief.cov[i], time, slower)
+        if size > _FAULT:
+            belief.log_weight[i] -= time / fault_time
 
 
 @kernel

@@ -1,8 +1,9 @@
 """The road network as the kernels see it: flat arrays and nothing else."""
 
+import math
 from typing import NamedTuple
 
-from ._jit import Bytes, Floats32, Ints, Ints32, Vector
+from ._jit import Bytes, Floats32, Ints, Ints32, Vector, kernel
 
 AGAINST_ONE_WAY = 1  # bit of `rule` and `succ_rule`
 TURN_BANNED = 2
@@ -30,6 +31,7 @@ class Roads(NamedTuple):
     to_node: Ints32  # (E,)
     opposite: Ints32  # (E,) the edge of the other direction, -1 when there is none
     lane: Floats32  # (E,) usual offset right of the centre line when driving on the right, m
+    lane_spread: Floats32  # (E,) sigma of the lane driven in, m; 0 where there is but one
     speed: Floats32  # (E,) usual speed, m/s
     service: Bytes  # (E,) 1 for service roads
     rule: Bytes  # (E,) bits: AGAINST_ONE_WAY, NO_ACCESS; 0 when driving here is legal
@@ -46,3 +48,9 @@ class Roads(NamedTuple):
     cell_edge: Ints32  # (G,) edge of the segment
     cell_vertex: Ints32  # (G,) first vertex of the segment
     curvature: float  # 1 / (4 R²), 1/m²
+
+
+@kernel
+def lane_sigma_of(roads: Roads, edge: int, lane_sigma: float) -> float:
+    """Sigma of the offset from the usual lane on an edge, m: the driver's and the lanes'."""
+    return math.hypot(lane_sigma, roads.lane_spread[edge])

@@ -143,7 +143,7 @@ def say(
     out[V_MAP_XY] = map_xy
     out[V_MAP_YY] = map_yy
     out[V_PROTECTION] = level + math.sqrt(mx * mx + my * my) / scale
-    out[V_GNSS_SCALE] = math.exp(0.5 * belief.clock[GNSS_SCALE])
+    out[V_GNSS_SCALE] = math.sqrt(belief.clock[GNSS_SCALE])
     out[V_XX] = xx
     out[V_XY] = xy
     out[V_XH] = xh

@@ -140,7 +140,7 @@ def begin(
     belief.clock[MISFITS] = 0.0
     belief.clock[LAST_FIX] = epochs.time[k]
     normalise(belief)
-    observe_fix(belief, fix, bench.no_bias, 1.0, scale, lever, 1.0, math.inf, bench.row)
+    observe_fix(belief, fix, bench.no_bias, 1.0, scale, lever, 1.0, math.inf, False, bench.row)
     switch(belief, roads, bench, scale, literal)
     return True
 
@@ -158,7 +158,7 @@ def observe_gnss(
         Chi-square of the fix under the hypothesis that fits it best.
     """
     chi2 = observe_fix(
-        belief, epochs.fix[k], bench.no_bias, 1.0, scale, lever, 1.0, math.inf, bench.row
+        belief, epochs.fix[k], bench.no_bias, 1.0, scale, lever, 1.0, math.inf, False, bench.row
     )
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if mode != WHEELS and epochs.course_sigma[k] < 1.0 and moving:

@@ -27,6 +27,10 @@ class Parameters(NamedTuple):
     gnss_white_ratio: float
     gnss_time: float
     gnss_gate: float
+    gnss_adapt_time: float
+    gnss_start: float
+    gnss_fault_time: float
+    gnss_lost: float
     off_road_leave: float
     off_road_return: float
     off_road_cost: float

@@ -9,11 +9,12 @@ import math
 
 from ._jit import kernel
 from .angles import wrap
-from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, Belief, H, Route, normalise
+from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, Belief, H, Route, X, Y, normalise
 from .gaussian import merge_moments
 from .switching import copy_hypothesis, enter
 
 _OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged
+_OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 
 
@@ -36,15 +37,25 @@ def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
         return float(0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj)))
-    worst = 0.0
-    for c in range(3):
-        gap = belief.mean[i, c] - belief.mean[j, c]
-        gap = wrap(gap) if c == H else gap / scale
-        vi = belief.cov[i, c, c]
-        vj = belief.cov[j, c, c]
-        v = (wi * vi + wj * vj) / w + shares * gap * gap
-        worst = max(worst, 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w))
-    return worst
+    gap = wrap(belief.mean[i, H] - belief.mean[j, H])
+    if abs(gap) > _OPPOSED:
+        return math.inf
+    vi = belief.cov[i, H, H]
+    vj = belief.cov[j, H, H]
+    v = (wi * vi + wj * vj) / w + shares * gap * gap
+    turned = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    dx = (belief.mean[i, X] - belief.mean[j, X]) / scale
+    dy = (belief.mean[i, Y] - belief.mean[j, Y]) / scale
+    ci = belief.cov[i]
+    cj = belief.cov[j]
+    xx = (wi * ci[X, X] + wj * cj[X, X]) / w + shares * dx * dx
+    xy = (wi * ci[X, Y] + wj * cj[X, Y]) / w + shares * dx * dy
+    yy = (wi * ci[Y, Y] + wj * cj[Y, Y]) / w + shares * dy * dy
+    vi = ci[X, X] * ci[Y, Y] - ci[X, Y] ** 2
+    vj = cj[X, X] * cj[Y, Y] - cj[X, Y] ** 2
+    v = xx * yy - xy * xy
+    apart = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    return max(turned, apart)
 
 
 @kernel

@@ -25,7 +25,7 @@ from .gaussian import (
     innovation_variance,
 )
 from .motion import age_map
-from .network import Roads
+from .network import Roads, lane_sigma_of
 from .segment import chord_heading, locate, project
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
@@ -100,8 +100,12 @@ def observe_roads(
     more_heading = 0.0
     for i in range(n):
         edge = belief.edge[i]
-        lane = 0.0 if edge == OFF_ROAD else side * roads.lane[edge]
-        age_map(belief.mean[i], belief.cov[i], lane, lane_keep, lane_sigma, map_keep, map_sigma)
+        lane = 0.0
+        sigma = lane_sigma
+        if edge != OFF_ROAD:
+            lane = side * roads.lane[edge]
+            sigma = lane_sigma_of(roads, edge, lane_sigma)
+        age_map(belief.mean[i], belief.cov[i], lane, lane_keep, sigma, map_keep, map_sigma)
         if edge == OFF_ROAD:
             continue
         lateral[i], tangent_x[i], tangent_y[i] = track(belief, roads, i, scale)

@@ -23,7 +23,7 @@ from .belief import (
 )
 from .gaussian import normal_cdf
 from .grid import near, vertex_at
-from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads
+from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads, lane_sigma_of
 from .segment import chord_heading, project
 from .switching import Work, copy_hypothesis, rescale
 
@@ -32,7 +32,7 @@ _HEADINGS = 8  # components of an off-road start whose heading is unknown
 
 @kernel
 def _fresh_state(
-    belief: Belief, i: int, fix: Vector, white: float, scale: float, lever: Vector,
+    belief: Belief, i: int, fix: Vector, slow: float, white: float, scale: float, lever: Vector,
     heading: float, heading_sigma: float, rate: float, rate_sigma: float,
     drift_sigma: float, lane: float, lane_sigma: float, map_sigma: float,
 ) -> None:  # fmt: skip
@@ -57,21 +57,22 @@ def _fresh_state(
     rxx = fix[2] * c * c + fix[3] * s * s
     ryy = fix[2] * s * s + fix[3] * c * c
     rxy = (fix[2] - fix[3]) * c * s
-    full = 1.0 + white * white
+    own = slow * slow
+    full = own + white * white
     cov[X, X] = full * (rxx * rxx + rxy * rxy)
     cov[Y, Y] = full * (ryy * ryy + rxy * rxy)
     cov[X, Y] = full * (rxx * rxy + rxy * ryy)
     cov[Y, X] = cov[X, Y]
-    cov[X, GX] = -rxx
-    cov[X, GY] = -rxy
-    cov[Y, GX] = -rxy
-    cov[Y, GY] = -ryy
-    cov[GX, X] = -rxx
-    cov[GY, X] = -rxy
-    cov[GX, Y] = -rxy
-    cov[GY, Y] = -ryy
-    cov[GX, GX] = 1.0
-    cov[GY, GY] = 1.0
+    cov[X, GX] = -own * rxx
+    cov[X, GY] = -own * rxy
+    cov[Y, GX] = -own * rxy
+    cov[Y, GY] = -own * ryy
+    cov[GX, X] = -own * rxx
+    cov[GY, X] = -own * rxy
+    cov[GX, Y] = -own * rxy
+    cov[GY, Y] = -own * ryy
+    cov[GX, GX] = own
+    cov[GY, GY] = own
     cov[H, H] = heading_sigma**2
     cov[K, K] = rate_sigma**2
     cov[B, B] = drift_sigma**2
@@ -82,22 +83,26 @@ def _fresh_state(
 
 @kernel
 def cold_start(
-    belief: Belief, roads: Roads, route: Route, work: Work, fix: Vector, white: float,
-    scale: float, lever: Vector, heading: float, heading_sigma: float, rate: float,
+    belief: Belief, roads: Roads, route: Route, work: Work, total: float, fix: Vector,
+    slow: float, white: float, scale: float, lever: Vector, heading: float, heading_sigma: float, rate: float,
     rate_sigma: float, drift_sigma: float, side: float, lane_sigma: float, map_sigma: float,
     search_radius: float, off_road: float, wrong_way: float,
 ) -> int:  # fmt: skip
     """Begin with every road near a position, both directions, and with none of them.
 
+    Or, for a belief that stands, add all of these as one more possibility.
+
     A road's prior is the Gaussian mass of the position along it, so that cutting a
     road into pieces changes nothing (the paper draws equal chances per segment).
 
     Args:
-        belief: Replaced.
+        belief: Normalised where it stands; replaced or added to.
         roads: The network.
         route: The tree of edges entered; the new roots follow the best old node.
         work: Scratch.
+        total: Probability of this beginning; 1 replaces what was believed.
         fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
+        slow: Sigma of the slow error over the reported one.
         white: White sigma over reported sigma.
         scale: Local scale of the plane.
         lever: Antenna ahead and left of M, m; zero when a pose of M is given.
@@ -121,14 +126,20 @@ def cold_start(
         if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
             best = i
     parent = belief.node[best] if best >= 0 else -1
-    sigma = math.sqrt(fix[2] ** 2 * (1.0 + white * white) + map_sigma**2)
+    sigma = math.sqrt(fix[2] ** 2 * (slow * slow + white * white) + map_sigma**2)
     radius = max(search_radius, 4.5 * sigma + lane_sigma)
     found = near(
         roads, fix[0], fix[1], radius, work.near_edge, work.near_s, work.near_lateral,
         work.near_distance,
     )  # fmt: skip
     known = heading_sigma < 10.0
-    n = 0
+    towards = 0.0  # of the nearest road
+    kept = 0
+    if total < 1.0:
+        kept = belief.size[0]
+        for i in range(kept):
+            rescale(belief, i, 1.0 - total)
+    n = kept
     for c in range(found):
         edge = work.near_edge[c]
         segment, s, _, _, _ = project(
@@ -143,35 +154,40 @@ def cold_start(
         if roads.service[edge]:
             mass *= 0.5
         along = chord_heading(roads, edge, segment, min(max(s, 0.0), length), 6.0)
+        if c == 0:
+            towards = along
         if mass < 1e-9 or n >= CAPACITY - 64:
             continue
         if known and abs(wrap(along - heading)) > 4.0 * heading_sigma + 0.6:
             continue
         _fresh_state(
-            belief, n, fix, white, scale, lever, heading if known else along,
+            belief, n, fix, slow, white, scale, lever, heading if known else along,
             heading_sigma if known else 0.12, rate, rate_sigma, drift_sigma,
-            side * roads.lane[edge], lane_sigma, map_sigma,
+            side * roads.lane[edge], lane_sigma_of(roads, edge, lane_sigma), map_sigma,
         )  # fmt: skip
         belief.edge[n] = edge
         belief.segment[n] = segment
         belief.stay[n] = max(normal_cdf((length - s) / sigma), 1e-6)
-        belief.log_weight[n] = math.log(mass * (1.0 - off_road))
+        belief.log_weight[n] = math.log(mass)
         n += 1
+    mass = 0.0
+    for i in range(kept, n):
+        mass += math.exp(belief.log_weight[i])
+    share = math.log(total * (1.0 - off_road) / mass) if mass > 0.0 else 0.0
+    for i in range(kept, n):
+        belief.log_weight[i] += share
     free = 1 if known else _HEADINGS
-    total = 0.0
-    for i in range(n):
-        total += math.exp(belief.log_weight[i])
+    free_share = math.log(total * (off_road if mass > 0.0 else 1.0) / free)
     for a in range(free):
-        at = heading if known else wrap(2.0 * math.pi * a / free)
+        at = heading if known else wrap(towards + 2.0 * math.pi * a / free)
         _fresh_state(
-            belief, n, fix, white, scale, lever, at, heading_sigma if known else 0.3, rate,
+            belief, n, fix, slow, white, scale, lever, at, heading_sigma if known else 0.3, rate,
             rate_sigma, drift_sigma, 0.0, lane_sigma, map_sigma,
         )  # fmt: skip
         belief.edge[n] = OFF_ROAD
-        share = off_road / max(1.0 - off_road, 1e-6) * total if total > 0.0 else 1.0
-        belief.log_weight[n] = math.log(max(share, 1e-300) / free)
+        belief.log_weight[n] = free_share
         n += 1
-    for i in range(n):
+    for i in range(kept, n):
         belief.fresh[i] = 1
         belief.node[i] = parent
     belief.size[0] = n
@@ -230,7 +246,9 @@ def _return(
 ) -> None:  # fmt: skip
     mean = belief.mean[i]
     cov = belief.cov[i]
-    sigma = math.sqrt(max(cov[X, X], cov[Y, Y]) + 2.0 * lane_sigma**2)
+    half = 0.5 * (cov[X, X] - cov[Y, Y])
+    worst = 0.5 * (cov[X, X] + cov[Y, Y]) + math.sqrt(half * half + cov[X, Y] ** 2)
+    sigma = math.sqrt(worst + 2.0 * lane_sigma**2)
     radius = min(max(search_radius, 2.5 * sigma), 150.0)
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
@@ -273,7 +291,7 @@ def _return(
         for j in range(N):
             belief.cov[child, D, j] = 0.0
             belief.cov[child, j, D] = 0.0
-        belief.cov[child, D, D] = lane_sigma**2
+        belief.cov[child, D, D] = lane_sigma_of(roads, edge, lane_sigma) ** 2
         belief.mean[child, D] = side * roads.lane[edge]
         belief.size[0] = child + 1
     if given > 0.0:
@@ -300,7 +318,7 @@ def _turned(
     for j in range(N):
         cov[D, j] = 0.0
         cov[j, D] = 0.0
-    cov[D, D] = lane_sigma**2
+    cov[D, D] = lane_sigma_of(roads, other, lane_sigma) ** 2
     mean[D] = side * roads.lane[other]
     cov[X, X] += 4.0
     cov[Y, Y] += 4.0

@@ -26,7 +26,7 @@ from .belief import (
 )
 from .gaussian import normal_cdf, reshape_along, truncated_moments
 from .motion import redraw_lane
-from .network import Roads
+from .network import Roads, lane_sigma_of
 from .road import track
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
@@ -184,7 +184,8 @@ def adopt(
             )
     redraw_lane(
         belief.mean[child], belief.cov[child], work.turn[d],
-        side * roads.lane[belief.edge[i]], side * roads.lane[edge], lane_sigma,
+        side * roads.lane[belief.edge[i]], side * roads.lane[edge],
+        lane_sigma_of(roads, edge, lane_sigma),
     )  # fmt: skip
 
 
@@ -264,7 +265,7 @@ def hand_over(
         if arc < 0.0:
             belief.stay[i] = now
             continue
-        share = 1.0 - min(1.0, now / max(belief.stay[i], 0.05))
+        share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
         if share * p < 0.3 * prune or belief.size[0] >= CAPACITY:
             belief.stay[i] = max(belief.stay[i], now)
             continue

@@ -159,6 +159,7 @@ class _Ways:
             rule_backward=np.array([r.backward for r in rows], dtype=np.uint8),
             speed=np.array([r.speed for r in rows]),
             lane=np.array([r.lane for r in rows]),
+            lane_spread=np.array([r.lane_spread for r in rows]),
             service=np.array([r.highway == "service" for r in rows], dtype=np.uint8),
             highway=Texts.of([r.highway for r in rows]),
             columns={"source_id": np.array(self.ids, dtype=np.int64), **_columns(self.tags, rows)},
@@ -172,8 +173,8 @@ class _Row:
     """The meaning of one way's tags."""
 
     __slots__ = (
-        "access", "backward", "forward", "highway", "lane", "lanes", "limit", "oneway", "ring",
-        "speed", "width",
+        "access", "backward", "forward", "highway", "lane", "lane_spread", "lanes", "limit",
+        "oneway", "ring", "speed", "width",
     )  # fmt: skip
 
     def __init__(self, tags: dict[str, str]) -> None:
@@ -191,6 +192,7 @@ class _Row:
         self.lane = meaning.lane_offset(
             self.highway, self.oneway == 0, self.lanes, self.width, self.ring
         )
+        self.lane_spread = meaning.lane_spread(self.highway, self.oneway == 0, self.lanes)
 
 
 def _columns(tags: list[dict[str, str]], rows: list[_Row]) -> dict[str, Column]:

@@ -216,7 +216,8 @@ def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Count
     return Streets(
         links.lat_deg, links.lon_deg, links.node_id, first, node,
         rule_forward=rules[:, 0].astype(np.uint8), rule_backward=rules[:, 1].astype(np.uint8),
-        speed=tags.speed, lane=tags.lane(oneway), service=(tags.service).astype(np.uint8),
+        speed=tags.speed, lane=tags.lane(oneway),
+        lane_spread=tags.lane_spread(oneway), service=(tags.service).astype(np.uint8),
         highway=Texts.of(tags.highway), columns=columns, skipped=dict(skipped),
     )  # fmt: skip
 
@@ -259,6 +260,11 @@ class _Tags:
         """Usual offset right of the centre line, m."""
         values = zip(self.highway, oneway == 0, self.lanes, self.width, self.ring, strict=True)
         return np.array([meaning.lane_offset(*v) for v in values], dtype=np.float64)
+
+    def lane_spread(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
+        """Sigma of the lane driven in, m."""
+        values = zip(self.highway, oneway == 0, self.lanes, strict=True)
+        return np.array([meaning.lane_spread(*v) for v in values], dtype=np.float64)
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""

@@ -25,6 +25,7 @@ CLASS_SPEED_KMH = {
     "service": 15.0,
 }
 DEFAULT_SPEED_KMH = 40.0
+WIDE = frozenset({"", "motorway", "trunk"})  # two lanes in a direction, unless told
 NARROW = frozenset({"residential", "living_street", "service"})
 
 OPEN, LIMITED, CLOSED = 0, 1, 2
@@ -145,3 +146,15 @@ def lane_offset(highway: str, both_ways: bool, lanes: float, width: float, ring:
             return width / 4.0
         return 1.2 if highway in NARROW else 1.75
     return 1.5 if lanes >= 2.0 and not ring else 0.0
+
+
+def lane_spread(highway: str, both_ways: bool, lanes: float) -> float:
+    """Sigma of which lane is driven in, m: w sqrt((n² − 1) / 12) for n lanes of w = 3.3 m.
+
+    Without a number of lanes, wide classes and unknown ones have two in a direction.
+    """
+    if lanes > 0.0:
+        n = max(min(lanes, 12.0) / (2.0 if both_ways else 1.0), 1.0)
+    else:
+        n = 2.0 if highway in WIDE else 1.0
+    return 3.3 * math.sqrt((n * n - 1.0) / 12.0)
