@@ -58,7 +58,7 @@ def _drives(drive: Any, vehicle: Vehicle | None, settings: Settings | None) -> l
             return list(drive)
         if all(isinstance(d, str | Path) for d in drive):
             return read_drive(list(drive), vehicle=vehicle, settings=settings)
-    return drive_from_table(drive)
+    return drive_from_table(drive, vehicle=vehicle, settings=settings)
 
 
 def _seconds(value: Any) -> float:

@@ -38,7 +38,10 @@ QUICK_SCALE, SLOW_SCALE = 15, 16  # what it is learnt from: innovations, the slo
 USED_XX, USED_XY, USED_YY = 17, 18, 19  # covariance that scales γ, m²
 WIDE = 21  # variance of γ that a cold start left, 1 in the long run
 SCALED_AT = 20  # time of the fix that the scale was last learnt from
-CLOCKS = 24
+ODOMETER_SPEED = 22  # m/s by the odometer, smoothed over a moment
+PULL = 23  # m/s², its change
+EVIDENCE = 24  # log-likelihood of all that was observed
+CLOCKS = 32
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch
@@ -110,7 +113,11 @@ def new_route(capacity: int) -> Route:
 
 @kernel
 def normalise(belief: Belief) -> float:
-    """Make the weights sum to one; returns the log of what they summed to."""
+    """Make the weights sum to one; returns the log of what they summed to.
+
+    That log is what the observations since the last call were worth: it adds to the
+    evidence that the clock keeps.
+    """
     n = belief.size[0]
     top = -math.inf
     for i in range(n):
@@ -120,6 +127,7 @@ def normalise(belief: Belief) -> float:
         belief.probability[i] = math.exp(belief.log_weight[i] - top)
         total += belief.probability[i]
     log_total = top + math.log(total)
+    belief.clock[EVIDENCE] += log_total
     for i in range(n):
         belief.log_weight[i] -= log_total
         belief.probability[i] /= total

@@ -13,7 +13,9 @@ from .belief import (
     MISFITS,
     MOVING,
     NOW,
+    ODOMETER_SPEED,
     OFF_ROAD,
+    PULL,
     QUICK_SCALE,
     SCALED_AT,
     SINCE_FIX,
@@ -39,6 +41,7 @@ from .gnss import (
     forward_only,
     gnss_root,
     observe_fix,
+    observe_rate,
     observe_state,
 )
 from .motion import arc_chord, predict_free
@@ -57,6 +60,9 @@ _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
 _SLOWER = 7.5  # times slower than from innovations the GNSS scale is learnt from slow errors
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
+_MOMENT = 0.3  # s, over which the odometer's speed is smoothed
+_LATENCY = 0.2  # s, between that and the receiver's Doppler speed
+_TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
@@ -197,6 +203,15 @@ def _begin(
 
 
 @kernel
+def _odometer_speed(clock: Vector, arc: float, dt: float) -> None:
+    """Smooth the odometer's speed, and see how fast it changes."""
+    if dt > 1e-6:
+        behind = arc / dt - clock[ODOMETER_SPEED]
+        clock[ODOMETER_SPEED] += behind * dt / (_MOMENT + dt)
+        clock[PULL] = behind / (_MOMENT + dt)
+
+
+@kernel
 def _count_motion(clock: Vector, moved: float, dt: float) -> None:
     """Distances and times that slow states and the map's spacing are measured by."""
     clock[TRAVELLED] += moved
@@ -300,6 +315,14 @@ def _take_fix(
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
         variance = (epochs.course_sigma[k] ** 2 + 0.0025) * thin
         observe_state(belief, H, epochs.course[k] - swing, variance, scale, work.row)
+    if mode != CLOCK and epochs.speed_sigma[k] < 5.0 and abs(clock[TURN_RATE]) < _TURNING:
+        odometer_speed = abs(clock[ODOMETER_SPEED])
+        if min(epochs.speed[k], odometer_speed) > 2.0:
+            late = _LATENCY * clock[PULL]
+            variance = (epochs.speed_sigma[k] ** 2 + 0.04 + late * late) * thin
+            observe_rate(
+                belief, odometer_speed, epochs.speed[k], variance, par.gnss_gate, scale, work.row
+            )
     if mode == CLOCK and epochs.speed_sigma[k] < 20.0:
         observe_state(
             belief, K, epochs.speed[k], (epochs.speed_sigma[k] ** 2 + 0.04) * thin, scale,
@@ -413,6 +436,8 @@ def run(
                         belief, roads, route, work, scale, epochs, k, dt, mode, side, par
                     )
                 _count_motion(clock, moved, dt / pieces)
+            if done and mode != CLOCK:
+                _odometer_speed(clock, epochs.arc[k], dt)
             see_fix = fix and done and not begin
             if see_fix and (stands or (mode != CLOCK and clock[SINCE_FIX] <= 0.3)):
                 _stand(belief, work, scale, epochs, k, mode, lever, par)

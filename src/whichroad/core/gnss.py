@@ -301,6 +301,39 @@ def observe_state(
 
 
 @kernel
+def observe_rate(
+    belief: Belief, odometer_speed: float, speed: float, variance: float, gate: float,
+    scale: float, row: Vector,
+) -> None:  # fmt: skip
+    """Condition the odometer's scale on a Doppler speed: v = κ v_odometer + e.
+
+    A speed that the most probable hypothesis does not explain is left out for all.
+
+    Args:
+        belief: In place, probabilities set.
+        odometer_speed: m/s by the odometer.
+        speed: m/s over ground, as the receiver says.
+        variance: Of e, m²/s².
+        gate: Chi-square.
+        scale: Local scale of the plane.
+        row: Scratch, (N,).
+    """
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    for j in range(N):
+        row[j] = 0.0
+    row[K] = odometer_speed
+    nu = speed - odometer_speed * belief.mean[top, K]
+    if nu * nu > gate * innovation_variance(belief.cov[top], row, variance):
+        return
+    for i in range(belief.size[0]):
+        nu = speed - odometer_speed * belief.mean[i, K]
+        belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, variance, scale)
+
+
+@kernel
 def forward_only(belief: Belief, row: Vector, scale: float) -> None:
     """Without odometry a vehicle drives forwards.
 

@@ -82,6 +82,7 @@ def say(
     mx = 0.0
     my = 0.0
     mh = 0.0
+    opposed = False
     ux = 0.0
     uy = 0.0
     for i in range(n):
@@ -94,11 +95,20 @@ def say(
         p = belief.probability[i]
         mx += p * (belief.mean[i, X] - x0)
         my += p * (belief.mean[i, Y] - y0)
-        mh += p * wrap(belief.mean[i, H] - h0)
+        turned = wrap(belief.mean[i, H] - h0)
+        mh += p * turned
+        opposed = opposed or abs(turned) > 1.0
         ux += p * belief.mean[i, MX]
         uy += p * belief.mean[i, MY]
         if belief.edge[i] == OFF_ROAD:
             off += p
+    if opposed:  # the mean direction: an angle of about pi has no sign
+        sine = 0.0
+        cosine = 0.0
+        for i in range(n):
+            sine += belief.probability[i] * math.sin(belief.mean[i, H] - h0)
+            cosine += belief.probability[i] * math.cos(belief.mean[i, H] - h0)
+        mh = math.atan2(sine, cosine)
     xx = 0.0
     xy = 0.0
     xh = 0.0
@@ -114,7 +124,7 @@ def say(
         cov = belief.cov[i]
         dx = (belief.mean[i, X] - x0 - mx) / scale
         dy = (belief.mean[i, Y] - y0 - my) / scale
-        dh = wrap(belief.mean[i, H] - h0) - mh
+        dh = wrap(belief.mean[i, H] - h0 - mh)
         cxx = cov[X, X]
         cxy = cov[X, Y]
         cyy = cov[Y, Y]

@@ -135,7 +135,7 @@ def reduce(
             continue
         while belief.edge[i] != NO_EDGE and _merge_edge(belief, i, limit, most, scale):
             dropped += 1
-    if dropped > 0:
+    if dropped > 0 or n > KEPT:
         m = 0
         for i in range(n):
             if belief.edge[i] != NO_EDGE:

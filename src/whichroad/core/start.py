@@ -262,9 +262,9 @@ def _return(
         s = work.near_s[c]
         along = chord_heading(roads, edge, vertex_at(roads, edge, s), s, 6.0)
         turned = abs(wrap(along - mean[H]))
-        fits = turned < min(2.5 * spread, 1.6) and (
-            work.near_distance[c] <= abs(work.near_lateral[c]) + 3.0
-        )
+        _, foot, _, _, _ = project(roads, edge, vertex_at(roads, edge, s), qx, qy)
+        beside = -3.0 < foot < roads.length[edge] + 3.0
+        fits = beside and turned < min(2.5 * spread, 1.6)
         if fits and work.near_distance[c] < 3.0 * sigma + 5.0:
             work.near_edge[count] = edge
             work.near_s[count] = s

@@ -229,8 +229,8 @@ def _network(
     service = streets.service[way]
     node_id = take(streets.node_id, places)
     graph = Graph(
-        from_node, to_node, opposite, heading_out, heading_in, service, rule, half.way[begin],
-        half.way[end],
+        from_node, to_node, opposite, heading_out, heading_in, service, rule, length,
+        half.way[begin], half.way[end],
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
     cells = grid.build(vx, vy, first, CELL_SIZE)

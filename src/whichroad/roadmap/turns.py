@@ -16,6 +16,8 @@ Floats32 = NDArray[np.float32]
 _STRAIGHT = np.radians(34.0)
 _SHARP = np.radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
+_TURN_ROUND_ON_THE_WAY = 1e-4  # where there is no junction
+_SERVED = 500.0  # m; of a shorter dead end fewer drives are bound for
 _INTO_SERVICE = 0.3
 WRONG_WAY = 2e-4
 
@@ -43,6 +45,7 @@ class Graph(NamedTuple):
     heading_in: Array  # rad, into the end
     service: Bytes
     rule: Bytes
+    length: Array  # m
     first_way: Ints32  # street on which the edge begins
     last_way: Ints32  # street on which it ends
 
@@ -98,7 +101,12 @@ def _priors(
     """Probability of each turn; those of one edge sum to one."""
     size = np.abs(angle)
     weight = np.where(size < _STRAIGHT, 1.0, np.where(size < _SHARP, _BEND, _HAIRPIN))
+    ways = np.diff(first)[origin]
+    dead_end = np.diff(first) == 1  # all that one can do at its end is turn round
+    dead_end &= graph.opposite >= 0
+    weight *= np.where(dead_end[edge], np.minimum(graph.length[edge] / _SERVED, 1.0), 1.0)
     weight[(broken & U_TURN) > 0] = _TURN_ROUND
+    weight[((broken & U_TURN) > 0) & (ways == 2)] = _TURN_ROUND_ON_THE_WAY
     weight[(graph.service[edge] > 0) & (graph.service[origin] == 0)] *= _INTO_SERVICE
     # who is on a closed road already does not break the rule again at each junction
     closed = graph.rule & NO_ACCESS > 0
