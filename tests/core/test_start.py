@@ -34,14 +34,14 @@ from whichroad.core.switching import hand_over
 
 def begin(
     roads: Roads, x: float, y: float, *, ellipse=(3.0, 3.0, 0.0), heading=0.0, sigma=math.inf,
-    off_road=0.05, lever=(0.0, 0.0),
+    off_road=0.05, lever=(0.0, 0.0), slow=1.0,
 ) -> Belief:  # fmt: skip
     """Start from a fix, its weights normalised."""
     belief = new_belief()
     call(
         cold_start, belief=belief, roads=roads, fix=np.array([x, y, *ellipse]),
         lever=np.array(lever), heading=heading, heading_sigma=sigma, rate=1.0, rate_sigma=0.012,
-        off_road=off_road,
+        off_road=off_road, slow=slow,
     )  # fmt: skip
     normalise(belief)
     return belief
@@ -103,19 +103,24 @@ def test_far_from_every_road_a_vehicle_is_on_none():
     assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0})
 
 
-@given(st.floats(1.0, 12.0), st.floats(1.0, 12.0), st.floats(-4.0, 4.0), st.floats(-3.0, 3.0))
-def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(major, minor, angle, heading):
-    """Position and GNSS error, conditioned on z = p + R a + S γ + white."""
+@given(
+    st.floats(1.0, 12.0), st.floats(1.0, 12.0), st.floats(-4.0, 4.0), st.floats(-3.0, 3.0),
+    st.sampled_from([1.0, 2.0, 5.0]),
+)  # fmt: skip
+def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(
+    major, minor, angle, heading, slow
+):
+    """Position and GNSS error γ of sigma `slow`, conditioned on z = p + R a + S γ + white."""
     lever = np.array([1.2, -0.4])
     belief = begin(
         network(parallel_roads(12.0)), 1000.0, 500.0, ellipse=(major, minor, angle),
-        heading=heading, sigma=0.05, lever=tuple(lever),
+        heading=heading, sigma=0.05, lever=tuple(lever), slow=slow,
     )  # fmt: skip
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     s = turn @ np.diag([major, minor]) @ turn.T
     c, q = math.cos(heading), math.sin(heading)
     arm = np.array([[c, -q], [q, c]]) @ lever
-    prior = np.diag([1e12, 1e12, 1.0, 1.0])
+    prior = np.diag([1e12, 1e12, slow**2, slow**2])
     rows = np.hstack([np.eye(2), s])
     mean, cov, _ = textbook.condition(
         np.zeros(4), prior, rows, np.array([1000.0, 500.0]) - arm, 0.25 * s @ s

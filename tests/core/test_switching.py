@@ -15,6 +15,7 @@ from whichroad.core.along import advance_along
 from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y
 from whichroad.core.network import Roads
 from whichroad.core.switching import hand_over, new_work, reachable
+from whichroad.settings import Settings
 
 # eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back
 CROSS = network(
@@ -171,7 +172,7 @@ def test_the_lane_is_drawn_anew_round_the_corner_and_kept_ahead():
         for e, m, c in zip(belief.edge[:5], belief.mean, belief.cov, strict=False)
     }
     assert lane[2] == pytest.approx((4.0, 0.04))
-    assert lane[4] == pytest.approx((1.75, 1.8**2))
+    assert lane[4] == pytest.approx((1.75, Settings().lane_sigma ** 2))
 
 
 def test_driving_along_roads_turns_with_them_and_keeps_the_lane():

@@ -63,11 +63,11 @@ class OneRoad:
         mean[[X, Y, H, K, D]] = fix[0], fix[1], heading, 1.0, LANE
         sigma = fix[2]
         spread = np.zeros(N)
-        spread[[X, Y]] = sigma * math.sqrt(1.0 + par.gnss_white_ratio**2)
+        spread[[X, Y]] = sigma * math.hypot(par.gnss_start, par.gnss_white_ratio)
         spread[[H, K, B, D]] = heading_sigma, par.scale_sigma, par.drift_sigma, par.lane_sigma
-        spread[[MX, MY, GX, GY]] = par.map_sigma, par.map_sigma, 1.0, 1.0
+        spread[[MX, MY, GX, GY]] = par.map_sigma, par.map_sigma, par.gnss_start, par.gnss_start
         cov = np.diag(spread**2)
-        cov[[X, GX, Y, GY], [GX, X, GY, Y]] = -sigma
+        cov[[X, GX, Y, GY], [GX, X, GY, Y]] = -sigma * par.gnss_start**2
         self.joint = Joint(mean, cov)
 
     def move(self, mean: Array, arc: float, dt: float) -> None:
@@ -85,9 +85,10 @@ class OneRoad:
         self.travelled += arc
         self.moving += dt
 
-    def see_fix(self, fix: Array) -> None:
-        """Age the GNSS error, then observe both axes."""
-        phi = math.exp(-self.moving / self.par.gnss_time)
+    def see_fix(self, mean: Array, fix: Array) -> None:
+        """Age the GNSS error, one beyond three sigmas more slowly, then observe both axes."""
+        lasts = self.par.gnss_time * max(1.0, math.hypot(mean[GX], mean[GY]) / 3.0)
+        phi = math.exp(-self.moving / lasts)
         self.joint.move(*aged({GX: phi, GY: phi}, {}, {}))
         self.moving = 0.0
         for axis, state in ((X, GX), (Y, GY)):
