@@ -1,11 +1,17 @@
-"""How exact the exact posteriors are: 200 random networks against oracles that share no code."""
+"""How exact the exact posteriors are, and how near to them the filter's reduction comes.
+
+The exact posteriors of random networks are held against oracles that share no code with
+them; the reduction, with the settings as they are, against the exact posteriors.
+"""
 
 import importlib.util
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from tests.oracles.enumeration import enumerate_network, enumerate_window
+from tests.oracles.reduced import SUITES, exact_modes, model_of, reduced_modes, window_of
 from tests.oracles.switching import incinerator, random_network, random_switching
 from tests.oracles.textbook import mixture_moments
 
@@ -39,7 +45,31 @@ def run(options: Options) -> list[Figure]:
                     n=len(differences), seeds=seeds_text(seeds),
                 )
             )  # fmt: skip
-    return [*figures, _incinerator()]
+    return [*figures, _incinerator(), *_reduction(options)]
+
+
+def _reduction(options: Options) -> list[Figure]:
+    """Total variation of P(S_t), every suite with and without GNSS, all steps."""
+    seeds, settings = options.seeds or range(20), options.settings()
+    rows, everything = [], []
+    for (name, make), fixes in itertools.product(SUITES.items(), (False, True)):
+        apart = []
+        for seed in seeds:
+            suite = make(seed, fixes)
+            models = model_of(suite)
+            window = window_of(suite, models, seed)
+            reduced, _ = reduced_modes(suite, models, window, settings)
+            apart.append(0.5 * np.abs(reduced - exact_modes(models, window)).sum(axis=1))
+        everything += apart
+        title = f"reduction, {name}{', GNSS' if fixes else ''}: total variation, largest"
+        options.say(f"{title}: {np.max(apart):.1e}")
+        rows.append(_variation(title, np.max(apart), "<= 1e-3", seeds))
+    mean = float(np.concatenate(everything).mean())
+    return [*rows, _variation("reduction: total variation, mean", mean, "<= 1e-4", seeds)]
+
+
+def _variation(title: str, value: float, goal: str, seeds: range) -> Figure:
+    return Figure(title, float(value), goal, n=len(seeds), seeds=seeds_text(seeds))
 
 
 def _windows(seeds: range) -> Iterator[tuple[float, float, float]]:

@@ -22,7 +22,8 @@ def random_switching(
     """A model of K ≤ 4 modes and D ≤ 4 dimensions, and a window of T ≤ 7 slices of it.
 
     Some sensors are silent in some slices, some transitions impossible, and in every
-    third model the motion noise is singular where that is wanted.  The observations are drawn from the model.
+    third model the motion noise is singular where that is wanted.  The observations are
+    drawn from the model.
     """
     rng = np.random.default_rng([seed, 77])
     k, length, d = int(rng.integers(2, 5)), int(rng.integers(2, 8)), int(rng.integers(1, 5))
