@@ -24,6 +24,9 @@ from .segment import locate
 from .switching import Work, adopt, destinations, leave_map, rescale
 
 
+_ACROSS = 0.015  # m²/m; nobody follows the line of a map to the inch
+
+
 @kernel
 def _move_to(
     belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
@@ -50,6 +53,11 @@ def _move_to(
     predict_along(
         mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
     )
+    across = _ACROSS * abs(odometer * mean[K])
+    cov[X, X] += across * ny * ny
+    cov[Y, Y] += across * nx * nx
+    cov[X, Y] -= across * nx * ny
+    cov[Y, X] = cov[X, Y]
     shrink = variance / (sigma * sigma)
     if shrink < 0.9999:
         row = work.row
@@ -116,8 +124,10 @@ def advance_along(
         now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
         share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
         p = belief.probability[i]
+        end = 1e9
         if share * p >= 0.3 * prune and belief.size[0] < CAPACITY:
             changed = True
+            end = length
             given = 0.0
             count, total = destinations(roads, work, edge, s, sigma, share * p, prune)
             if total <= 0.0:
@@ -140,7 +150,7 @@ def advance_along(
                 )  # fmt: skip
             rescale(belief, i, 1.0 - given)
         _move_to(
-            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, length, odometer,
+            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, end, odometer,
             scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
         )  # fmt: skip
     return changed
