@@ -166,7 +166,7 @@ def test_beside_a_parallel_road_both_are_kept_until_the_doubt_is_over(figure_10)
     doubted = 0
     for r in figure_10:
         behind = (r.past >= 0.0) & (r.past < 400.0)
-        doubt = behind & (r.right < 0.99)
+        doubt = behind & (r.right < SURE)
         doubted += bool(doubt.any())
         assert (r.wrong[doubt] > 0.0).all()
         assert (r.right + r.wrong)[behind].min() > 0.98
