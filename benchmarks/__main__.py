@@ -25,6 +25,8 @@ BENCHMARKS = {
     "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
     "diagnosis": ("scenes.diagnosis.run", "three-hour drives: are wrong settings noticed?"),
     "comma": ("comma.run", "real wheels and a map, GNSS masked: drift"),
+    "nagoya": ("nagoya.run", "city GNSS: do the adapted ellipses hold the fixes?"),
+    "hsl": ("hsl.run", "bus odometers and a map, GNSS hidden for a minute"),
     "speed": ("speed.run", "epochs a second on recorded drives"),
     "online": ("speed.online", "time of one Localizer.update"),
     "map": ("speed.map_files", "compiling and opening a road map"),

@@ -51,7 +51,7 @@ class Task(NamedTuple):
 def version() -> str:
     """Digest of all code that results depend on: what another version did is not remembered."""
     home = Path(whichroad.__file__).parent
-    files = [*home.glob("core/*.py"), *home.glob("simulate/*.py"), *home.glob("roadmap/*.py")]
+    files = [*home.glob("core/*.py"), *home.glob("simulate/**/*.py"), *home.glob("roadmap/*.py")]
     files += [home / "localizer.py", home / "settings.py", *Path(__file__).parent.glob("*.py")]
     parts = [f.name.encode() + f.read_bytes() for f in sorted(files) if f.name not in _TELLING]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]

@@ -25,10 +25,10 @@ def network(lines, size=10.0, curvature=0.0):
     zeros, edges = np.zeros(len(lines), np.int32), len(lines)
     return Roads(
         x, y, s, first, s[first[1:] - 1], zeros, zeros, zeros,
-        np.zeros(edges, np.float32), np.zeros(edges, np.float32), np.ones(edges, np.float32), zeros.astype(np.uint8),
-        zeros.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE, NONE.astype(np.float32),
-        NONE.astype(np.float32), NONE.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE,
-        size, *grid.build(x, y, first, size), curvature,
+        np.zeros(edges, np.float32), np.zeros(edges, np.float32), np.ones(edges, np.float32),
+        zeros.astype(np.uint8), zeros.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE,
+        NONE.astype(np.float32), NONE.astype(np.float32), NONE.astype(np.uint8),
+        np.zeros(edges + 1, np.int32), NONE, size, *grid.build(x, y, first, size), curvature,
     )  # fmt: skip
 
 

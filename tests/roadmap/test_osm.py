@@ -28,8 +28,12 @@ def test_a_cross_has_four_streets_in_both_directions(osm, check):
     assert np.all(roads.arrays.rule == 0)
 
 
+# arms that lead on, to a ring through their ends
+RING = [*ARMS, (50, [2, 3, 4, 5, 2], {})]
+
+
 def test_turns_have_the_angles_and_priors_of_the_model(osm, turn):
-    roads = osm(CROSS, ARMS)
+    roads = osm(CROSS, RING)
     straight, left, right, back = (turn(roads, 4, 1, n) for n in (2, 3, 5, 4))
     assert straight[1] == pytest.approx(0, abs=1e-4)
     assert left[1] == pytest.approx(math.pi / 2, abs=1e-4)
@@ -44,6 +48,24 @@ def test_turns_have_the_angles_and_priors_of_the_model(osm, turn):
 def test_a_dead_end_leaves_nothing_but_turning_round(osm, turn):
     roads = osm(CROSS, ARMS)
     assert turn(roads, 1, 2, 1)[0] == 1
+
+
+def test_into_a_dead_end_one_turns_as_often_as_it_is_long(osm, turn):
+    """Of those shorter than 500 m fewer drives are bound for; a stub of 1 m changes nothing."""
+    nodes = {**CROSS, 3: (0, 1), 5: (0, -250), 6: (500, 0), 7: (900, 0)}
+    roads = osm(nodes, [(10, [1, 6, 7], {}), *ARMS[1:]])
+    stub, middle, on = (turn(roads, 4, 1, n)[0] for n in (3, 5, 7))
+    assert middle / on == pytest.approx(0.5 * 0.5, rel=1e-3)  # round a corner
+    assert stub / on == pytest.approx(0.5 / 500.0, rel=1e-2)
+
+
+def test_where_there_is_no_junction_one_hardly_turns_round(osm, turn):
+    """A street of another class goes on: a node of two ways."""
+    nodes = {1: (0, 0), 2: (600, 0), 3: (1200, 0)}
+    roads = osm(nodes, [(10, [1, 2], {}), (20, [2, 3], {"highway": "tertiary"})])
+    back, _, broken = turn(roads, 1, 2, 1)
+    assert broken == U_TURN
+    assert back / turn(roads, 1, 2, 3)[0] == pytest.approx(1e-4, rel=1e-4)
 
 
 def test_turning_into_a_service_road_is_less_likely_from_a_street_only(osm, turn):
@@ -196,8 +218,26 @@ def test_a_loop_at_the_end_of_a_street_is_two_edges(osm, check):
     assert (a.from_node == a.to_node).sum() == 2
 
 
+@pytest.mark.parametrize(
+    ("values", "spread"),
+    [
+        ({}, 0.0),
+        ({"lanes": "2"}, 0.0),
+        ({"lanes": "4"}, 1.65),
+        ({"lanes": "2", "oneway": "yes"}, 1.65),
+        ({"highway": "motorway"}, 1.65),
+        ({"highway": "motorway_link"}, 0.0),
+    ],
+)
+def test_a_road_of_several_lanes_spreads_the_vehicle_over_them_in_both_directions(
+    osm, values, spread
+):
+    roads = osm(CROSS, [(10, [4, 1, 2], values)])
+    assert roads.arrays.lane_spread.tolist() == pytest.approx([spread, spread])
+
+
 def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm, edge, turn):
-    nodes = {**CROSS, 6: (0, 200)}
+    nodes = {**CROSS, 5: (0, -200), 6: (0, 200)}
     closed = {"access": "private"}
     roads = osm(
         nodes, [*ARMS[:1], *ARMS[2:], (20, [1, 3], closed), (50, [3, 6], {"motor_vehicle": "no"})]

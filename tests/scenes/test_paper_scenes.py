@@ -166,7 +166,7 @@ def test_beside_a_parallel_road_both_are_kept_until_the_doubt_is_over(figure_10)
     doubted = 0
     for r in figure_10:
         behind = (r.past >= 0.0) & (r.past < 400.0)
-        doubt = behind & (r.right < 0.99)
+        doubt = behind & (r.right < SURE)
         doubted += bool(doubt.any())
         assert (r.wrong[doubt] > 0.0).all()
         assert (r.right + r.wrong)[behind].min() > 0.98
@@ -272,7 +272,7 @@ def unsteady(truth: Truth, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("where", ["road", "town"])
 def test_the_receivers_own_sigma_for_each_fix_beats_a_fixed_one(where: str):
-    """The paper's GST.  Better in 12 of 16 seeds: by chance once in 25 times."""
+    """The paper's GST.  Better in 60 of 100 seeds: by chance once in 35 times."""
     streets, corners = straight_road(2500.0), [[100.0, -1.75], [2300.0, -1.75]]
     if where == "town":
         streets = grid_town()
@@ -280,7 +280,7 @@ def test_the_receivers_own_sigma_for_each_fix_beats_a_fixed_one(where: str):
     roads, truth = network(streets), drive_along(corners)
     at = np.arange(0, len(truth.time), ONCE_A_SECOND)
     errors = []
-    for seed in range(16):
+    for seed in range(100):
         pair = []
         for fix in unsteady(truth, seed):
             value = localize(roads, epochs_of(truth, fix, at, course=0.1)).output.value
@@ -288,7 +288,7 @@ def test_the_receivers_own_sigma_for_each_fix_beats_a_fixed_one(where: str):
         errors.append(pair)
     told, fixed = np.array(errors).T
     assert rms(told) < rms(fixed)
-    assert (told < fixed).sum() >= 12
+    assert (told < fixed).sum() >= 60
 
 
 def leave_at_45_degrees(metres: float) -> Truth:
