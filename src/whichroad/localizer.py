@@ -23,7 +23,6 @@ from .core.belief import (
     SLOW_SCALE,
     SPEED,
     STARTED,
-    WIDE,
     Belief,
     D,
     H,
@@ -125,7 +124,7 @@ def _start_at(
     belief.clock[LAST_FIX] = -math.inf
     belief.clock[STARTED] = 1.0
     belief.clock[GNSS_XX] = belief.clock[GNSS_YY] = settings.default_sigma_m**2
-    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE, WIDE]] = 1.0
+    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE]] = 1.0
 
 
 def localize_recorded(

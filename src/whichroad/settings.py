@@ -32,11 +32,11 @@ class Settings:
     scale_sigma: float = _number(0.012, 1e-5, 0.5, "", "odometer scale, before it is learnt")
     drift_sigma: float = _number(3e-4, 0, 0.1, "rad/m", "heading drift per metre, before learnt")
     lane_sigma: float = _number(
-        0.75, 0.01, 50, "m", "offset from the usual lane; more where there are several"
+        0.6, 0.01, 50, "m", "offset from the usual lane; more where there are several"
     )
     lane_length: float = _number(150, 1, 1e5, "m", "distance over which that offset persists")
     map_sigma: float = _number(
-        4.1, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %)"
+        4.6, 0.01, 100, "m", "absolute map error per axis (paper: 10 m, 95 %: 4.1; erring large)"
     )
     map_length: float = _number(1000, 10, 1e6, "m", "distance over which the map error persists")
     relative_sigma: float = _number(0.7, 0.01, 20, "m", "relative map error (paper: 1 m, 95 %)")
@@ -56,7 +56,7 @@ class Settings:
         40, 1, 1e12, "s", "in which the scale of reported sigmas is learnt"
     )
     gnss_start: float = _number(
-        2, 1, 100, "", "GNSS error at a cold start, over what is reported"
+        1.5, 1, 100, "", "GNSS sigmas over the reported ones, until fixes have shown"
     )
     gnss_fault_time: float = _number(
         60, 1, 1e9, "s", "how long a receiver that has lost its way stays lost"

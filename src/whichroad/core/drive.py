@@ -10,6 +10,7 @@ from .along import advance_along
 from .belief import (
     GNSS_SCALE,
     LAST_FIX,
+    LEARNT,
     MISFITS,
     MOVING,
     NOW,
@@ -26,7 +27,6 @@ from .belief import (
     STOOD,
     TRAVELLED,
     TURN_RATE,
-    WIDE,
     Belief,
     H,
     K,
@@ -58,10 +58,11 @@ WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, d
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
-_SLOWER = 7.5  # times slower than from innovations the GNSS scale is learnt from slow errors
+_PRIOR = 5.0  # s of fixes that the first guess of the GNSS scale is worth
+_SLOW, _SLOW_PRIOR = 300.0, 60.0  # s; the same from slow errors
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
-_MOMENT = 0.3  # s, over which the odometer's speed is smoothed
-_LATENCY = 0.2  # s, between that and the receiver's Doppler speed
+_MOMENT = 0.1  # s, over which the odometer's speed is smoothed
+_LATENCY = 0.15  # s, between that and the receiver's Doppler speed
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
@@ -179,13 +180,13 @@ def _begin(
         rate = epochs.speed[k] if epochs.speed_sigma[k] < 10.0 else 6.0
         rate_sigma = min(epochs.speed_sigma[k], 8.0)
     if belief.clock[GNSS_SCALE] == 0.0:
-        belief.clock[GNSS_SCALE] = 1.0
-        belief.clock[QUICK_SCALE] = 1.0
-        belief.clock[SLOW_SCALE] = 1.0
+        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+        belief.clock[GNSS_SCALE] = least * par.gnss_start**2
+        belief.clock[QUICK_SCALE] = least * par.gnss_start**2
+        belief.clock[SLOW_SCALE] = least
     factor = math.sqrt(belief.clock[GNSS_SCALE])
     cold_start(
-        belief, roads, route, work, 1.0, epochs.fix[k], factor * par.gnss_start,
-        factor * par.gnss_white_ratio, scale, lever, heading, heading_sigma, rate,
+        belief, roads, route, work, 1.0, epochs.fix[k], factor, factor * par.gnss_white_ratio, scale, lever, heading, heading_sigma, rate,
         rate_sigma, par.drift_sigma if mode == WHEELS else 0.0, side, par.lane_sigma,
         par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
     )  # fmt: skip
@@ -197,7 +198,7 @@ def _begin(
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     clock[SCALED_AT] = epochs.time[k]
-    clock[WIDE] = par.gnss_start**2
+    clock[LEARNT] = 0.0
     gnss_root(belief, epochs.fix[k], factor * factor, -1.0, _SMOOTHING, work.root)
     return heading_sigma < 10.0
 
@@ -226,18 +227,26 @@ def _count_motion(clock: Vector, moved: float, dt: float) -> None:
 
 @kernel
 def _learn_scale(
-    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, lever: Vector,
+    belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters, white: float, moving: float,
 ) -> None:  # fmt: skip
     """From the fix of epoch k, the vehicle having moved for so many seconds since the last."""
     clock = belief.clock
     since = min(max(epochs.time[k] - clock[SCALED_AT], 0.0), _RECENT)
     clock[SCALED_AT] = epochs.time[k]
+    clock[LEARNT] += since
+    gain = since / (_PRIOR + clock[LEARNT])
+    gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
+    if mode == CLOCK:  # nobody vouches for the motion that innovations are counted from
+        clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
+        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
+        return
+    moving = min(moving, _RECENT)
+    slow_gain = max(moving / (_SLOW_PRIOR + clock[LEARNT]), 1.0 - math.exp(-moving / _SLOW))
     adapt_scale(
         belief, epochs.fix[k], work.root, white,
-        1.0 - math.exp(-2.0 * clock[STOOD] / par.gnss_time), scale, lever,
-        1.0 - math.exp(-since / par.gnss_adapt_time),
-        1.0 - math.exp(-min(moving, _RECENT) / (_SLOWER * par.gnss_adapt_time)), work.row,
+        1.0 - math.exp(-2.0 * clock[STOOD] / par.gnss_time), scale, lever, gain,
+        slow_gain, 1.0 / (1.0 + par.gnss_white_ratio**2), work.row,
     )  # fmt: skip
 
 
@@ -251,8 +260,7 @@ def _stand(
     interval = max(epochs.time[k] - clock[LAST_FIX], 0.0)
     gnss_root(belief, epochs.fix[k], clock[GNSS_SCALE], interval, _SMOOTHING, work.root)
     white = math.sqrt(clock[GNSS_SCALE]) * par.gnss_white_ratio
-    if mode != CLOCK:
-        _learn_scale(belief, work, scale, epochs, k, lever, par, white, 0.0)
+    _learn_scale(belief, work, scale, epochs, k, mode, lever, par, white, 0.0)
     clock[LAST_FIX] = epochs.time[k]
 
 
@@ -298,8 +306,7 @@ def _take_fix(
     gnss_root(belief, epochs.fix[k], factor, max(interval, 0.0), _SMOOTHING, work.root)
     since = epochs.time[k] - clock[LAST_FIX]
     white = math.sqrt(factor) * par.gnss_white_ratio
-    if mode != CLOCK:  # nobody vouches for the motion that innovations are counted from
-        _learn_scale(belief, work, scale, epochs, k, lever, par, white, clock[MOVING])
+    _learn_scale(belief, work, scale, epochs, k, mode, lever, par, white, clock[MOVING])
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]

@@ -21,7 +21,6 @@ from .belief import (
     USED_XX,
     USED_XY,
     USED_YY,
-    WIDE,
     Belief,
     H,
     K,
@@ -206,7 +205,7 @@ def observe_fix(
 @kernel
 def adapt_scale(
     belief: Belief, fix: Vector, root: Vector, white: float, drifted: float, scale: float,
-    lever: Vector, gain: float, slow_gain: float, row: Vector,
+    lever: Vector, gain: float, slow_gain: float, least: float, row: Vector,
 ) -> None:  # fmt: skip
     """Learn how much larger the GNSS errors are than reported (core.belief.GNSS_SCALE).
 
@@ -215,8 +214,8 @@ def adapt_scale(
     share · s, and γ the slow error with covariance P:
 
         quick += η (λ² (1 + share (½ Σ ν² / s − 1)) − quick)
-        slow  += η' (λ² ½ (|γ|² + tr P) / v − slow)     v: as wide as a cold start made it
-        λ²     = max(1, quick, slow)
+        slow  += η' (λ² ½ (|γ|² + tr P) − slow)
+        λ²     = max(least, quick, slow)
 
     What is averaged is the expected energy of the error over the reported one.  The
     second average sees an error so slow that no innovation shows it, but the roads do.
@@ -231,6 +230,7 @@ def adapt_scale(
         lever: Antenna ahead and left of M, m.
         gain: η.
         slow_gain: η'.
+        least: λ² where slow and white error together are as large as reported.
         row: Scratch, (N,).
     """
     top = 0
@@ -261,9 +261,9 @@ def adapt_scale(
     factor = clock[GNSS_SCALE]
     seen = factor * (1.0 + 0.5 * share * (min(0.5 * chi2, _MOST) - 1.0))
     clock[QUICK_SCALE] += gain * (seen - clock[QUICK_SCALE])
-    slow = 0.5 * (mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY]) / clock[WIDE]
+    slow = 0.5 * (mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY])
     clock[SLOW_SCALE] += slow_gain * (factor * min(slow, _MOST) - clock[SLOW_SCALE])
-    clock[GNSS_SCALE] = min(max(clock[QUICK_SCALE], clock[SLOW_SCALE], 1.0), 400.0)
+    clock[GNSS_SCALE] = min(max(clock[QUICK_SCALE], clock[SLOW_SCALE], least), 400.0)
 
 
 @kernel
@@ -274,8 +274,6 @@ def age_receiver(belief: Belief, time: float, correlation_time: float, fault_tim
     comes back, and not as small errors do.  That it is still lost costs the hypothesis
     exp(−time / fault_time).
     """
-    wide = belief.clock[WIDE]
-    belief.clock[WIDE] = 1.0 + (wide - 1.0) * math.exp(-2.0 * time / correlation_time)
     for i in range(belief.size[0]):
         mean = belief.mean[i]
         size = math.sqrt(mean[GX] ** 2 + mean[GY] ** 2)
