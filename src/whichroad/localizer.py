@@ -17,7 +17,6 @@ from .core.belief import (
     GNSS_YY,
     LAST_FIX,
     NOW,
-    OFF_ROAD,
     QUICK_SCALE,
     SCALED_AT,
     SLOW_SCALE,
@@ -25,11 +24,8 @@ from .core.belief import (
     STARTED,
     WIDE,
     Belief,
-    D,
     H,
     Route,
-    X,
-    Y,
     new_belief,
     new_route,
     normalise,
@@ -37,15 +33,18 @@ from .core.belief import (
 from .core.drive import CLOCK, DISTANCE, WHEELS, new_epochs, run
 from .core.motion import arc_chord
 from .core.output import (
+    V_GNSS_SCALE,
     V_H,
     V_HH,
     V_LATERAL,
     V_OFF,
     V_P,
+    V_PROTECTION,
     V_S,
     V_X,
     V_XX,
     V_Y,
+    V_YY,
     Output,
     new_output,
 )
@@ -54,14 +53,13 @@ from .core.start import cold_start
 from .core.switching import new_work
 from .epochs import Timeline
 from .errors import DriveError
+from .reasons import STATUS, far_off
 from .records import (
     Array,
     Distance,
     Estimate,
     GeoFix,
-    Hypothesis,
     Observation,
-    Pose,
     SpeedYaw,
     StartPose,
     WheelSpeed,
@@ -70,8 +68,7 @@ from .records import (
 from .roadmap import RoadMap
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
-
-STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
+from .snapshot import Snapshot, pose_at
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _LATE = 1.0  # s; an observation later than this is refused
@@ -259,6 +256,7 @@ class Localizer:
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
         self._mode = CLOCK
         self._start = StartPose.of(start)
+        self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation and say where the vehicle is.
@@ -366,6 +364,14 @@ class Localizer:
         e.speed[0], e.speed_sigma[0] = fix.speed, fix.sigma_speed
         e.course[0], e.course_sigma[0] = course, sigma
         self._run()
+        self._far_fix = (time, self._disbelieved(e.fix[0].tolist()))
+
+    def _disbelieved(self, fix: list[float]) -> float:
+        """How far away (m) the fix of this epoch lies, if it is not believed, else 0."""
+        value = self._output.value[0].tolist()
+        away = math.hypot(fix[0] - value[V_X], fix[1] - value[V_Y])
+        sigma = math.sqrt((fix[2] * max(value[V_GNSS_SCALE], 1.0)) ** 2 + value[V_XX] + value[V_YY])
+        return away if far_off(away, sigma) else 0.0
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._belief.clock[STARTED]:
@@ -391,50 +397,15 @@ class Localizer:
     def _estimate(self) -> Estimate:
         value = self._output.value[0].tolist()
         edge = int(self._output.edge[0])
-        status = STATUS[int(self._output.status[0])]
+        answered = self._output.live[0] > 0
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(self._belief.clock[NOW]), self._pose(value[V_X], value[V_Y], value[V_H]),
+            float(self._belief.clock[NOW]),
+            pose_at(self.roads.plane, value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
-            edge if edge >= 0 else None, value[V_P], value[V_OFF], status, reason(status),
-            value[V_S], value[V_LATERAL], self._snapshot(),
+            edge if edge >= 0 else None, value[V_P], value[V_OFF],
+            STATUS[int(self._output.status[0])], value[V_S], value[V_LATERAL],
+            value[V_PROTECTION] if answered else math.inf,
+            value[V_GNSS_SCALE] if answered else 1.0,
+            Snapshot(self._belief, self._output, value, self.roads, self._far_fix),
         )  # fmt: skip
-
-    def _snapshot(self) -> Callable[[], tuple[Hypothesis, ...]]:
-        """Keep what the hypotheses are now; they are put into words when asked for."""
-        b = self._belief
-        n = int(b.size[0])
-        p, edge, s = b.probability[:n].copy(), b.edge[:n].copy(), b.abscissa[:n].copy()
-        mean, cov = b.mean[:n].copy(), b.cov[:n, :3, :3].copy()
-
-        def tell() -> tuple[Hypothesis, ...]:
-            return tuple(
-                Hypothesis(
-                    float(p[i]), int(edge[i]) if edge[i] != OFF_ROAD else None,
-                    self._pose(float(mean[i, X]), float(mean[i, Y]), float(mean[i, H])), cov[i],
-                    float(s[i]) if edge[i] != OFF_ROAD else 0.0,
-                    float(mean[i, D]) if edge[i] != OFF_ROAD else 0.0,
-                )
-                for i in np.argsort(-p)
-            )  # fmt: skip
-
-        return tell
-
-    def _pose(self, x: float, y: float, heading: float) -> Pose:
-        lat, lon, bearing = self.roads.plane.pose(x, y, heading)
-        return Pose(x, y, heading, lat, lon, bearing)
-
-
-_REASONS = {
-    "on_road": "",
-    "ambiguous": "several roads fit",
-    "off_road": "no mapped road fits",
-    "outage": "no GNSS fix for a while: dead reckoning and map",
-    "stopped": "the vehicle stands",
-    "lost": "fixes fit no hypothesis, or none has come yet",
-}
-
-
-def reason(status: str) -> str:
-    """Why an estimate has its status, for people."""
-    return _REASONS[status]
