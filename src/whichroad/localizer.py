@@ -12,17 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.belief import (
-    GNSS_SCALE,
-    GNSS_XX,
-    GNSS_YY,
-    LAST_FIX,
     NOW,
-    QUICK_SCALE,
-    SCALED_AT,
-    SLOW_SCALE,
     SPEED,
     STARTED,
-    WIDE,
     Belief,
     H,
     Route,
@@ -66,6 +58,7 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
+from .search import is_vague, search, set_clock
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
 from .snapshot import Snapshot, pose_at
@@ -118,11 +111,7 @@ def _start_at(
         belief.cov[:n, state, state] = 1.0
     normalise(belief)
     reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    belief.clock[[NOW, SCALED_AT]] = time
-    belief.clock[LAST_FIX] = -math.inf
-    belief.clock[STARTED] = 1.0
-    belief.clock[GNSS_XX] = belief.clock[GNSS_YY] = settings.default_sigma_m**2
-    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE, WIDE]] = 1.0
+    set_clock(belief.clock, time, settings)
 
 
 def localize_recorded(
@@ -131,7 +120,7 @@ def localize_recorded(
     *,
     vehicle: Vehicle | None = None,
     settings: Settings | None = None,
-    start: StartPose | None = None,
+    start: StartPose | str | None = None,
     poses: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Recorded:
@@ -142,7 +131,9 @@ def localize_recorded(
         timeline: The drive in epochs.
         vehicle: The car.
         settings: The model's numbers.
-        start: A known pose at the first epoch; else the first fix starts the filter.
+        start: A known pose at the first epoch, or "map": anywhere on it (also a pose with
+            a sigma of more than 40 m or 45 degrees is searched for by wheels and map); else
+            the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
         progress: Told how many epochs are done, now and then.
 
@@ -158,16 +149,21 @@ def localize_recorded(
     if start is None and not epochs.has_fix.any():
         raise DriveError(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
-            "give start=(lat, lon, bearing)"
+            'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
     belief, work, route = new_belief(), new_work(), new_route(1 << 15)
     output = new_output(n, poses)
-    if start is not None:
+    done = 0
+    if is_vague(start, timeline.mode):
+        done, route = search(
+            roads, timeline, belief, output, vehicle=vehicle, settings=settings,
+            start=start if isinstance(start, StartPose) else None, progress=progress,
+        )  # fmt: skip
+    elif isinstance(start, StartPose):
         _start_at(
             belief, roads, route, start, float(epochs.time[0]), timeline.mode, settings, vehicle
         )
     par = settings.parameters()
-    done = 0
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(
