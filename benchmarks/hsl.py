@@ -5,8 +5,12 @@ off, which the filter learns on the way; nothing measures the heading.  There is
 but the fixes that were hidden, so that the ellipses compared with them hold the fix's own
 noise too, which is set to 4 m.
 
-The windows are a minute in every two, from the fourth minute on and on the part of the
+The windows are a minute in every two, after the first kilometre and on the part of the
 line that the map shows; each trip is driven four times, with the windows 30 s later each.
+
+Between 2,990 and 3,270 m, at a stop below a station, the receivers of five trips fall 30 to
+100 m behind for half a minute.  What was hidden there is wrong itself; it counts, and the
+figures without it stand beside.
 """
 
 from datetime import datetime
@@ -22,7 +26,9 @@ from . import Figure, Options, interval
 
 SIGMA = 4.0  # m per axis, of every fix
 MAPPED = 6350.0  # odometer metres; the map ends there
-HIDDEN, PERIOD, FIRST = 60.0, 120.0, 240.0  # s
+HIDDEN, PERIOD = 60.0, 120.0  # s
+LEARNT = 1000.0  # odometer metres before the first window
+STATION = (2990.0, 3270.0)  # odometer metres; the fixes lag behind
 PHASES = (0.0, 30.0, 60.0, 90.0)  # s
 CRS = "EPSG:3067"
 INSIDE = 5.991
@@ -71,13 +77,16 @@ def trips(options: Options) -> list[tuple[Drive, Array]]:
 
 def hidden(
     drive: Drive, place: Array, phase: float, roads: whichroad.RoadMap, options: Options
-) -> tuple[Array, Array]:
-    """Distance of the estimate to each hidden fix (m), and its chi-square, noise included."""
+) -> Array:
+    """Of each hidden fix: distance of the estimate (m), its chi-square, odometer (m)."""
     from pyproj import Transformer
 
     assert drive.fixes is not None
+    assert isinstance(drive.odometry, Odometer)
     since = drive.fixes.time - drive.fixes.time[0]
-    begins = np.arange(FIRST + phase, since[-1] - HIDDEN, PERIOD)
+    gone = drive.odometry.distance - drive.odometry.distance[0]
+    first = float(np.interp(LEARNT, gone, since)) + phase
+    begins = np.arange(first, since[-1] - HIDDEN, PERIOD)
     points = whichroad.match(
         drive,
         roads,
@@ -95,34 +104,47 @@ def hidden(
     ee, en, nn = (said[name].to_numpy() for name in ("cov_ee_m2", "cov_en_m2", "cov_nn_m2"))
     ee, nn = ee + SIGMA**2, nn + SIGMA**2
     chi2 = nn * error[:, 0] ** 2 - 2.0 * en * error[:, 0] * error[:, 1] + ee * error[:, 1] ** 2
-    return np.hypot(error[:, 0], error[:, 1]), chi2 / (ee * nn - en**2)
+    far = np.hypot(error[:, 0], error[:, 1])
+    return np.column_stack([far, chi2 / (ee * nn - en**2), gone[inside]])
+
+
+def held(rows: Array) -> float:
+    """Share of the hidden fixes in their ellipse, %."""
+    return 100.0 * float((rows[:, 1] < INSIDE).mean())
 
 
 def run(options: Options) -> list[Figure]:
     """Median distance and coverage, over all hidden fixes and by trip."""
     roads = whichroad.RoadMap.from_edges(options.need("hsl", "link.csv"), crs=CRS)
-    rows, distance, chi2 = [], [], []
+    each = []
     for drive, place in trips(options):
-        parts = [hidden(drive, place, phase, roads, options) for phase in PHASES]
-        far = np.concatenate([part[0] for part in parts])
-        chi = np.concatenate([part[1] for part in parts])
-        rows.append((100.0 * (chi < INSIDE).sum(), len(far)))
-        distance.append(far)
-        chi2.append(chi)
+        rows = np.concatenate([hidden(drive, place, phase, roads, options) for phase in PHASES])
+        each.append(rows)
         options.say(
-            f"{drive.drive_id}: {len(far)} hidden fixes, median {np.median(far):.1f} m, "
-            f"95 % {np.quantile(far, 0.95):.0f} m, {100 * (chi < INSIDE).mean():.0f} % inside"
+            f"{drive.drive_id}: {len(rows)} hidden fixes, median {np.median(rows[:, 0]):.1f} m, "
+            f"95 % {np.quantile(rows[:, 0], 0.95):.0f} m, {held(rows):.0f} % inside"
         )
-    far, chi = np.concatenate(distance), np.concatenate(chi2)
-    table = np.array(rows)
-    held = 100.0 * float((chi < INSIDE).mean())
+    rows = np.concatenate(each)
+    n = len(rows)
+    station = (rows[:, 2] > STATION[0]) & (rows[:, 2] < STATION[1])
+    share = np.array([((r[:, 1] < INSIDE).sum(), len(r)) for r in each], float)
+    medians = np.array([[np.median(r[:, 0])] for r in each])
     return [
-        Figure("median distance to the hidden fixes", float(np.median(far)), "<= 8", "m", len(far)),
         Figure(
-            "hidden fixes in the 95 % ellipse", held, "90..98", "%", len(far),
-            interval(lambda v: float(v[:, 0].sum() / v[:, 1].sum()), table),
+            "median distance to the hidden fixes", float(np.median(rows[:, 0])), "<= 8", "m", n,
+            interval(lambda v: float(v.mean()), medians),
         ),
-        Figure("distance that 95 % stay below", float(np.quantile(far, 0.95)), "", "m", len(far)),
-        Figure("worst trip: median distance", max(float(np.median(d)) for d in distance), "", "m"),
-        Figure("worst trip: in the ellipse", float((table[:, 0] / table[:, 1]).min()), "", "%"),
+        Figure(
+            "hidden fixes in the 95 % ellipse", held(rows), "90..98", "%", n,
+            interval(lambda v: 100.0 * float(v[:, 0].sum() / v[:, 1].sum()), share),
+        ),
+        Figure("distance that 95 % stay below", float(np.quantile(rows[:, 0], 0.95)), "", "m", n),
+        Figure(
+            "median distance, without the station", float(np.median(rows[~station, 0])), "", "m",
+            int((~station).sum()),
+        ),
+        Figure("in the ellipse, without the station", held(rows[~station]), "", "%",
+               int((~station).sum())),
+        Figure("worst trip: median distance", float(medians.max()), "", "m"),
+        Figure("worst trip: in the ellipse", min(held(r) for r in each), "", "%"),
     ]  # fmt: skip

@@ -12,23 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.belief import (
-    GNSS_SCALE,
-    GNSS_XX,
-    GNSS_YY,
-    LAST_FIX,
     NOW,
-    OFF_ROAD,
-    QUICK_SCALE,
-    SCALED_AT,
-    SLOW_SCALE,
     SPEED,
     STARTED,
     Belief,
-    D,
     H,
     Route,
-    X,
-    Y,
     new_belief,
     new_route,
     normalise,
@@ -36,15 +25,18 @@ from .core.belief import (
 from .core.drive import CLOCK, DISTANCE, WHEELS, new_epochs, run
 from .core.motion import arc_chord
 from .core.output import (
+    V_GNSS_SCALE,
     V_H,
     V_HH,
     V_LATERAL,
     V_OFF,
     V_P,
+    V_PROTECTION,
     V_S,
     V_X,
     V_XX,
     V_Y,
+    V_YY,
     Output,
     new_output,
 )
@@ -53,24 +45,23 @@ from .core.start import cold_start
 from .core.switching import new_work
 from .epochs import Timeline
 from .errors import DriveError
+from .reasons import STATUS, far_off
 from .records import (
     Array,
     Distance,
     Estimate,
     GeoFix,
-    Hypothesis,
     Observation,
-    Pose,
     SpeedYaw,
     StartPose,
     WheelSpeed,
     WheelTicks,
 )
 from .roadmap import RoadMap
+from .search import is_vague, search, set_clock
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
-
-STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
+from .snapshot import Snapshot, pose_at
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _LATE = 1.0  # s; an observation later than this is refused
@@ -120,11 +111,7 @@ def _start_at(
         belief.cov[:n, state, state] = 1.0
     normalise(belief)
     reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    belief.clock[[NOW, SCALED_AT]] = time
-    belief.clock[LAST_FIX] = -math.inf
-    belief.clock[STARTED] = 1.0
-    belief.clock[GNSS_XX] = belief.clock[GNSS_YY] = settings.default_sigma_m**2
-    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE]] = 1.0
+    set_clock(belief.clock, time, settings)
 
 
 def localize_recorded(
@@ -133,7 +120,7 @@ def localize_recorded(
     *,
     vehicle: Vehicle | None = None,
     settings: Settings | None = None,
-    start: StartPose | None = None,
+    start: StartPose | str | None = None,
     poses: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Recorded:
@@ -144,7 +131,9 @@ def localize_recorded(
         timeline: The drive in epochs.
         vehicle: The car.
         settings: The model's numbers.
-        start: A known pose at the first epoch; else the first fix starts the filter.
+        start: A known pose at the first epoch, or "map": anywhere on it (also a pose with
+            a sigma of more than 40 m or 45 degrees is searched for by wheels and map); else
+            the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
         progress: Told how many epochs are done, now and then.
 
@@ -160,16 +149,21 @@ def localize_recorded(
     if start is None and not epochs.has_fix.any():
         raise DriveError(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
-            "give start=(lat, lon, bearing)"
+            'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
     belief, work, route = new_belief(), new_work(), new_route(1 << 15)
     output = new_output(n, poses)
-    if start is not None:
+    done = 0
+    if is_vague(start, timeline.mode):
+        done, route = search(
+            roads, timeline, belief, output, vehicle=vehicle, settings=settings,
+            start=start if isinstance(start, StartPose) else None, progress=progress,
+        )  # fmt: skip
+    elif isinstance(start, StartPose):
         _start_at(
             belief, roads, route, start, float(epochs.time[0]), timeline.mode, settings, vehicle
         )
     par = settings.parameters()
-    done = 0
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(
@@ -258,6 +252,7 @@ class Localizer:
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
         self._mode = CLOCK
         self._start = StartPose.of(start)
+        self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation and say where the vehicle is.
@@ -365,6 +360,14 @@ class Localizer:
         e.speed[0], e.speed_sigma[0] = fix.speed, fix.sigma_speed
         e.course[0], e.course_sigma[0] = course, sigma
         self._run()
+        self._far_fix = (time, self._disbelieved(e.fix[0].tolist()))
+
+    def _disbelieved(self, fix: list[float]) -> float:
+        """How far away (m) the fix of this epoch lies, if it is not believed, else 0."""
+        value = self._output.value[0].tolist()
+        away = math.hypot(fix[0] - value[V_X], fix[1] - value[V_Y])
+        sigma = math.sqrt((fix[2] * max(value[V_GNSS_SCALE], 1.0)) ** 2 + value[V_XX] + value[V_YY])
+        return away if far_off(away, sigma) else 0.0
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._belief.clock[STARTED]:
@@ -390,50 +393,15 @@ class Localizer:
     def _estimate(self) -> Estimate:
         value = self._output.value[0].tolist()
         edge = int(self._output.edge[0])
-        status = STATUS[int(self._output.status[0])]
+        answered = self._output.live[0] > 0
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(self._belief.clock[NOW]), self._pose(value[V_X], value[V_Y], value[V_H]),
+            float(self._belief.clock[NOW]),
+            pose_at(self.roads.plane, value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
-            edge if edge >= 0 else None, value[V_P], value[V_OFF], status, reason(status),
-            value[V_S], value[V_LATERAL], self._snapshot(),
+            edge if edge >= 0 else None, value[V_P], value[V_OFF],
+            STATUS[int(self._output.status[0])], value[V_S], value[V_LATERAL],
+            value[V_PROTECTION] if answered else math.inf,
+            value[V_GNSS_SCALE] if answered else 1.0,
+            Snapshot(self._belief, self._output, value, self.roads, self._far_fix),
         )  # fmt: skip
-
-    def _snapshot(self) -> Callable[[], tuple[Hypothesis, ...]]:
-        """Keep what the hypotheses are now; they are put into words when asked for."""
-        b = self._belief
-        n = int(b.size[0])
-        p, edge, s = b.probability[:n].copy(), b.edge[:n].copy(), b.abscissa[:n].copy()
-        mean, cov = b.mean[:n].copy(), b.cov[:n, :3, :3].copy()
-
-        def tell() -> tuple[Hypothesis, ...]:
-            return tuple(
-                Hypothesis(
-                    float(p[i]), int(edge[i]) if edge[i] != OFF_ROAD else None,
-                    self._pose(float(mean[i, X]), float(mean[i, Y]), float(mean[i, H])), cov[i],
-                    float(s[i]) if edge[i] != OFF_ROAD else 0.0,
-                    float(mean[i, D]) if edge[i] != OFF_ROAD else 0.0,
-                )
-                for i in np.argsort(-p)
-            )  # fmt: skip
-
-        return tell
-
-    def _pose(self, x: float, y: float, heading: float) -> Pose:
-        lat, lon, bearing = self.roads.plane.pose(x, y, heading)
-        return Pose(x, y, heading, lat, lon, bearing)
-
-
-_REASONS = {
-    "on_road": "",
-    "ambiguous": "several roads fit",
-    "off_road": "no mapped road fits",
-    "outage": "no GNSS fix for a while: dead reckoning and map",
-    "stopped": "the vehicle stands",
-    "lost": "fixes fit no hypothesis, or none has come yet",
-}
-
-
-def reason(status: str) -> str:
-    """Why an estimate has its status, for people."""
-    return _REASONS[status]

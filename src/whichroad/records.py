@@ -5,8 +5,8 @@ outside the filter.  A quantity that a sensor did not report has an infinite sig
 never a NaN.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,6 +185,22 @@ class Hypothesis:
     lateral: float  # m right of the centre line in the map's frame; 0 off road
 
 
+class Detail(Protocol):
+    """What an estimate puts into words only when asked."""
+
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All living hypotheses, most probable first."""
+
+    def reason(self) -> str:
+        """Why the status is what it is."""
+
+    def map_pose(self) -> Pose:
+        """The pose in the map's frame."""
+
+    def map_cov(self) -> Array:
+        """Covariance of the position there, (2, 2), m²."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """What the localizer says of one epoch."""
@@ -196,12 +212,28 @@ class Estimate:
     p_road: float
     p_off_road: float
     status: str
-    reason: str
     abscissa: float
     lateral: float
-    snapshot: Callable[[], tuple[Hypothesis, ...]] = field(repr=False, compare=False)
+    protection_level: float  # m, at `Settings.protection_risk`; inf before the first answer
+    gnss_scale: float  # GNSS errors over what is reported, as learnt
+    detail: Detail = field(repr=False, compare=False)
+
+    @property
+    def reason(self) -> str:
+        """Why the status is what it is, for people; the competing roads where it is ambiguous."""
+        return self.detail.reason()
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """All living hypotheses, most probable first; made when asked for."""
-        return self.snapshot()
+        return self.detail.hypotheses()
+
+    @property
+    def map_pose(self) -> Pose:
+        """The pose in the map's frame: what to draw on the map."""
+        return self.detail.map_pose()
+
+    @property
+    def map_cov(self) -> Array:
+        """Covariance of the position in the map's frame, (2, 2), m²."""
+        return self.detail.map_cov()

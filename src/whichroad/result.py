@@ -1,17 +1,20 @@
 """What a matched drive says, as tables: points, path, summary."""
 
 import math
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from .core.belief import OFF_ROAD
+from .core.belief import NO_EDGE, OFF_ROAD
 from .core.drive import Epochs
 from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from .core.output import (
+    AMBIGUOUS,
+    V_GNSS_SCALE,
     V_H,
     V_HH,
     V_LATERAL,
@@ -21,6 +24,7 @@ from .core.output import (
     V_MATCH_Y,
     V_OFF,
     V_P,
+    V_PROTECTION,
     V_S,
     V_SPEED,
     V_X,
@@ -30,7 +34,8 @@ from .core.output import (
     V_YY,
     Output,
 )
-from .localizer import STATUS, Recorded, reason
+from .localizer import Recorded
+from .reasons import RECENT, STATUS, far_off, reason
 from .records import Array
 from .roadmap import RoadMap
 from .route import Traversal, traversals
@@ -165,8 +170,10 @@ def points_table(
         "p_road": _nullable(v[:, V_P], none),
         "p_off_road": _nullable(v[:, V_OFF], none),
         "status": pa.array(status),
-        "reason": pa.array(np.array([reason(s) for s in STATUS])[output.status]),
+        "reason": _reasons(epochs, output, roads),
         "alternatives": _alternatives(output),
+        "protection_level_m": _nullable(v[:, V_PROTECTION], none),
+        "gnss_scale": _nullable(v[:, V_GNSS_SCALE], none | (v[:, V_GNSS_SCALE] == 0.0)),
     }
     table = pa.table(columns).cast(POINTS)
     if attributes:
@@ -212,6 +219,55 @@ def _alternatives(output: Output) -> pa.Array:
         names=["edge_id", "p"],
     )
     return pa.ListArray.from_arrays(pa.array(ends), rows)
+
+
+def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
+    """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
+    n, status = len(epochs.time), output.status
+    if not n:
+        return pa.array([], pa.string())
+    away = np.rint(_disbelieved(epochs, output))
+    scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
+    scale[away > 0.0] = 0.0
+    own = np.where(status == AMBIGUOUS, np.arange(n) + 1, 0)  # the roads that compete
+    key = np.column_stack([output.live > 0, status, away, scale, own])
+    _, first, at = np.unique(key, axis=0, return_index=True, return_inverse=True)
+
+    @cache
+    def name(edge: int) -> str | None:
+        return cast(str | None, roads.attributes(edge).get("name"))
+
+    texts = [
+        reason(
+            STATUS[status[k]],
+            roads=_shares(output, k),
+            name=name,
+            disbelieved=away[k],
+            scale=0.1 * scale[k],
+            answered=output.live[k] > 0,
+        )
+        for k in first
+    ]
+    return pa.array(texts, pa.string()).take(pa.array(at.ravel()))
+
+
+def _shares(output: Output, k: int) -> list[tuple[int, float]]:
+    """The alternatives of epoch k and their P."""
+    pairs = zip(output.alt_edge[k].tolist(), output.alt_p[k].tolist(), strict=True)
+    return [(edge, p) for edge, p in pairs if edge != NO_EDGE]
+
+
+def _disbelieved(epochs: Epochs, output: Output) -> Array:
+    """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
+    v, k = output.value, np.flatnonzero(epochs.has_fix)
+    if not len(k):
+        return np.zeros(len(v))
+    away = np.hypot(epochs.fix[k, 0] - v[k, V_X], epochs.fix[k, 1] - v[k, V_Y])
+    own = epochs.fix[k, 2] * np.maximum(v[k, V_GNSS_SCALE], 1.0)
+    far = far_off(away, np.sqrt(own**2 + v[k, V_XX] + v[k, V_YY])) & (output.live[k] > 0)
+    last = np.searchsorted(k, np.arange(len(v)), side="right") - 1
+    recent = (last >= 0) & (epochs.time - epochs.time[k[last]] <= RECENT)
+    return np.where(recent, np.where(far, away, 0.0)[last], 0.0)
 
 
 def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap) -> pa.Table:

@@ -19,14 +19,15 @@ from .core.output import (
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .literal import localize_literal
-from .localizer import localize_recorded
+from .localizer import Recorded, localize_recorded
 from .readers import drive_from_table, read_drive, read_vehicle
 from .records import Drive, StartPose
 from .result import Result, path_table, points_table, summary_of
 from .roadmap import RoadMap
+from .search import MAP
 from .settings import Settings, Vehicle
 
-Start = StartPose | tuple[float, float, float] | None
+Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
 
 _FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
@@ -84,6 +85,16 @@ def _tuned(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
     return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
 
 
+def _start(start: Start, model: str) -> StartPose | str | None:
+    if not isinstance(start, str):
+        return StartPose.of(start)
+    if start != MAP:
+        raise SettingError(f'start is {start!r}; a pose or "{MAP}" was expected')
+    if model == "paper":
+        raise SettingError(f'start is "{MAP}"; the paper\'s method needs a fix or a start pose')
+    return start
+
+
 def match(
     drive: Any,
     roads: RoadMap | str | Path,
@@ -106,7 +117,9 @@ def match(
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
         settings: The model's numbers.
         model: "default"; "paper" is the literal method, for comparison.
-        start: A known pose (lat, lon, bearing in degrees); else the first fix starts.
+        start: A known pose (lat, lon, bearing in degrees), or a vague one (a `StartPose` with
+            a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
+            both wheels tell; else the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
         lag: None: every epoch is answered by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
@@ -124,6 +137,7 @@ def match(
     """
     if model not in MODELS:
         raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
+    pose = _start(start, model)
     if lag is not None:
         raise SettingError(
             f"lag is {lag!r}; None was expected: looking back is not there yet, every epoch is "
@@ -141,7 +155,7 @@ def match(
         try:
             parts.append(
                 _match_one(
-                    one, road_map, vehicle or Vehicle(), tuned, model, StartPose.of(start), windows,
+                    one, road_map, vehicle or Vehicle(), tuned, model, pose, windows,
                     attributes, hypotheses, progress,
                 )
             )  # fmt: skip
@@ -159,13 +173,13 @@ MODELS = ("default", "paper")
 
 def _match_one(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
-    start: StartPose | None, mask: list[tuple[float, float]], attributes: bool,
+    start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
     hypotheses: bool, progress: Callable[[str, int, int], None] | None,
 ) -> Result:  # fmt: skip
     _check_distance(drive, roads)
     timeline = build_timeline(drive, roads.plane, vehicle, mask)
     n = len(timeline.epochs.time)
-    localize = localize_literal if model == "paper" else localize_recorded
+    localize: Callable[..., Recorded] = localize_literal if model == "paper" else localize_recorded
     recorded = localize(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,

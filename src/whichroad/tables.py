@@ -43,6 +43,8 @@ POINTS = pa.schema(
         ("status", pa.string()),
         ("reason", pa.string()),
         ("alternatives", pa.list_(pa.struct([("edge_id", pa.int64()), ("p", pa.float64())]))),
+        ("protection_level_m", pa.float64()),
+        ("gnss_scale", pa.float64()),
     ]
 )
 """One row per epoch."""

@@ -27,6 +27,7 @@ from .belief import (
     STOOD,
     TRAVELLED,
     TURN_RATE,
+    WANDER_SCALE,
     Belief,
     H,
     K,
@@ -183,6 +184,7 @@ def _begin(
         least = 1.0 / (1.0 + par.gnss_white_ratio**2)
         belief.clock[GNSS_SCALE] = least * par.gnss_start**2
         belief.clock[QUICK_SCALE] = least * par.gnss_start**2
+        belief.clock[WANDER_SCALE] = least
         belief.clock[SLOW_SCALE] = least
     factor = math.sqrt(belief.clock[GNSS_SCALE])
     cold_start(
@@ -226,6 +228,12 @@ def _count_motion(clock: Vector, moved: float, dt: float) -> None:
 
 
 @kernel
+def _vouched(epochs: Epochs, k: int, mode: int) -> bool:
+    """Whether something else than positions tells the motion: an odometer, or Doppler."""
+    return bool(mode != CLOCK or epochs.speed_sigma[k] < 1.0)
+
+
+@kernel
 def _learn_scale(
     belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters, white: float, moving: float,
@@ -237,7 +245,7 @@ def _learn_scale(
     clock[LEARNT] += since
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
-    if mode == CLOCK:  # nobody vouches for the motion that innovations are counted from
+    if not _vouched(epochs, k, mode):
         clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
         clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
         return
@@ -313,7 +321,7 @@ def _take_fix(
     thin = max(1.0, 1.0 / max(interval, 0.01))
     chi2 = observe_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
-        mode != CLOCK and since < _RECENT, work.row,
+        _vouched(epochs, k, mode) and since < _RECENT, work.row,
     )  # fmt: skip
     if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
         _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)

@@ -21,6 +21,8 @@ from .belief import (
     USED_XX,
     USED_XY,
     USED_YY,
+    WANDER,
+    WANDER_SCALE,
     Belief,
     H,
     K,
@@ -39,6 +41,7 @@ from .motion import age_gnss
 
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
 _MOST = 9.0  # the most that one fix may say of the scale, in units of what is expected
+_PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _STEP = 0.97  # of the scale of slow errors
 
 
@@ -214,11 +217,13 @@ def adapt_scale(
     share · s, and γ the slow error with covariance P:
 
         quick += η (λ² (1 + share (½ Σ ν² / s − 1)) − quick)
+        wander: the same with the mean of the last five innovations in place of ν
         slow  += η' (λ² ½ (|γ|² + tr P) − slow)
-        λ²     = max(least, quick, slow)
+        λ²     = max(least, quick, wander, slow)
 
     What is averaged is the expected energy of the error over the reported one.  The
-    second average sees an error so slow that no innovation shows it, but the roads do.
+    second average sees an error that wanders under the noise of single fixes, the third one
+    so slow that no innovation shows it, but the roads do.
 
     Args:
         belief: Before it is conditioned on the fix.
@@ -243,8 +248,10 @@ def adapt_scale(
     s = math.sin(fix[4])
     for j in range(N):
         row[j] = 0.0
+    clock = belief.clock
     chi2 = 0.0
     share = 0.0
+    wander = 0.0
     for axis in range(2):
         if axis == 0:
             nu = _fix_row(mean, row, fix, root, c, s, scale, lever)
@@ -256,14 +263,21 @@ def adapt_scale(
         own = r + gx * gx * cov[GX, GX] + 2.0 * gx * gy * cov[GX, GY] + gy * gy * cov[GY, GY]
         variance = innovation_variance(cov, row, r)
         chi2 += nu * nu / variance
+        mean_nu = clock[WANDER + axis]
+        mean_nu = _PERSISTS * mean_nu + (1.0 - _PERSISTS) * nu / math.sqrt(variance)
+        clock[WANDER + axis] = mean_nu
+        wander += mean_nu * mean_nu
         share += min(own / variance, 1.0)
-    clock = belief.clock
+    wander *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
     factor = clock[GNSS_SCALE]
     seen = factor * (1.0 + 0.5 * share * (min(0.5 * chi2, _MOST) - 1.0))
     clock[QUICK_SCALE] += gain * (seen - clock[QUICK_SCALE])
+    seen = factor * (1.0 + 0.5 * share * (min(0.5 * wander, _MOST) - 1.0))
+    clock[WANDER_SCALE] += gain * (seen - clock[WANDER_SCALE])
     slow = 0.5 * (mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY])
     clock[SLOW_SCALE] += slow_gain * (factor * min(slow, _MOST) - clock[SLOW_SCALE])
-    clock[GNSS_SCALE] = min(max(clock[QUICK_SCALE], clock[SLOW_SCALE], least), 400.0)
+    learnt = max(clock[QUICK_SCALE], clock[WANDER_SCALE], clock[SLOW_SCALE])
+    clock[GNSS_SCALE] = min(max(learnt, least), 400.0)
 
 
 @kernel

@@ -1,0 +1,109 @@
+"""Where a vehicle may be at the start: pieces of road, each with a prior."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..core.population import places, turnings
+from ..errors import DriveError
+from ..records import Array, StartPose
+from ..roadmap import RoadMap
+from ..settings import Settings
+
+KNOWN = 45.0  # degrees; a bearing with a larger sigma is not looked at
+DROP = 1e-3  # share of the average weight below which a hypothesis is dropped
+
+_PIECE = 150.0  # m, longest piece of road that one Gaussian stands for
+_BEND = 0.5  # rad, most that it turns within
+_SHORTEST = 20.0  # m
+_SPREAD = 0.35  # sigma of a piece over its length; even at the joints
+_MOST = 400_000  # pieces, about a gigabyte
+
+
+class Pieces(NamedTuple):
+    """Where a vehicle may be: pieces of road, (n,) each."""
+
+    edge: NDArray[np.int32]
+    s: Array  # abscissa of the middle, m
+    spread: Array  # its sigma, m
+    log_weight: Array  # sums to one
+    x: Array  # plane m
+    y: Array
+
+
+def pieces_of(roads: RoadMap, settings: Settings, start: StartPose | None) -> Pieces:
+    """Cut the roads, those near the start if there is one, and weigh them.
+
+    Args:
+        roads: The map.
+        settings: For the weight of wrong ways.
+        start: Where the vehicle may be; a bearing with a large sigma is not looked at.
+
+    Returns:
+        Pieces and their prior: length, less on service roads, next to nothing against
+        one-ways, times the Gaussian of the start.
+
+    Raises:
+        DriveError: No road is near, or the roads are more than can be searched.
+    """
+    arrays = roads.arrays
+    longest = _PIECE if start is None else min(_PIECE, max(2.0 * start.sigma_m, _SHORTEST))
+    turns = np.zeros(len(arrays.length))
+    turnings(arrays, turns)
+    wanted = np.maximum(arrays.length / longest, turns / _BEND)
+    count = np.ceil(np.clip(wanted, 1.0, np.maximum(arrays.length / _SHORTEST, 1.0))).astype(int)
+    weight = np.where(arrays.rule & AGAINST_ONE_WAY, settings.wrong_way, 1.0)
+    weight *= np.where(arrays.rule & NO_ACCESS, 0.1, 1.0) * np.where(arrays.service, 0.5, 1.0)
+    weight *= arrays.length / count
+    count[weight <= 0.0] = 0
+    if start is not None:
+        count[~_near_start(roads, start)] = 0
+    if count.sum() > _MOST:
+        raise DriveError(
+            f"the map has {arrays.length[count > 0].sum() / 2e6:,.0f} thousand km of roads; at "
+            f"most about {_MOST * _PIECE / 4e6:,.0f} can be searched for a start; "
+            "give start=StartPose(..., sigma_m=...) or a smaller extract"
+        )
+    edge = np.repeat(np.arange(len(count), dtype=np.int32), count)
+    nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    length = (arrays.length / np.maximum(count, 1))[edge]
+    s, spread, log_weight = length * (nth + 0.5), _SPREAD * length, np.log(weight[edge])
+    x, y, heading = np.zeros((3, len(edge)))
+    places(arrays, edge, s, spread, x, y, heading)
+    if start is not None:
+        log_weight += _log_prior(roads, start, x, y, heading)
+    if len(edge) == 0 or log_weight.max() < -1e4:
+        raise DriveError("no road of the map is near the start; is it the right map?")
+    log_weight -= log_weight.max()
+    log_weight -= math.log(np.exp(log_weight).sum())
+    keep = log_weight > math.log(DROP / len(edge))
+    return Pieces(edge[keep], s[keep], spread[keep], log_weight[keep], x[keep], y[keep])
+
+
+def _place(roads: RoadMap, start: StartPose) -> tuple[float, float, float]:
+    """The start in the plane: x, y, heading."""
+    x, y = roads.plane.from_geodetic(start.lat_deg, start.lon_deg)
+    heading = math.pi / 2 - math.radians(start.bearing_deg) + roads.plane.convergence(x, y)
+    return x, y, heading
+
+
+def _near_start(roads: RoadMap, start: StartPose) -> NDArray[np.bool_]:
+    """Edges with a vertex, or a stretch between two, that may be near the start."""
+    a = roads.arrays
+    x, y, _ = _place(roads, start)
+    away = np.hypot(a.x - x, a.y - y)
+    reach = np.maximum(np.diff(a.s, append=0.0), np.diff(a.s, prepend=0.0))
+    least = np.minimum.reduceat(away - np.maximum(reach, 0.0), a.first[:-1])
+    return np.asarray(least < 4.5 * start.sigma_m + 30.0)
+
+
+def _log_prior(roads: RoadMap, start: StartPose, x: Array, y: Array, heading: Array) -> Array:
+    x0, y0, heading0 = _place(roads, start)
+    log_prior: Array = -0.5 * ((x - x0) ** 2 + (y - y0) ** 2) / start.sigma_m**2
+    if start.sigma_bearing_deg <= KNOWN:
+        turned = np.arctan2(np.sin(heading - heading0), np.cos(heading - heading0))
+        log_prior -= 0.5 * turned**2 / (math.radians(start.sigma_bearing_deg) ** 2 + 0.015)
+    return log_prior

@@ -1,0 +1,285 @@
+"""What a receiver is worth: the scale of its errors, its jumps, its faults, its speed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from oracles import textbook
+from scenes import On, belief_on, call, network, straight_road
+from strategies import UNITS, random_gaussian, seeds
+from whichroad.core.belief import (
+    GNSS_SCALE,
+    GX,
+    GY,
+    OFF_ROAD,
+    QUICK_SCALE,
+    SLOW_SCALE,
+    WIDE,
+    Belief,
+    K,
+    N,
+    X,
+    Y,
+    normalise,
+)
+from whichroad.core.gaussian import condition
+from whichroad.core.gnss import adapt_scale, age_receiver, gnss_root, observe_fix, observe_rate
+from whichroad.core.motion import age_gnss
+from whichroad.settings import Settings
+
+SET = Settings()
+ROAD = network(straight_road())
+SECONDS = 600  # of a stream of fixes, one a second
+QUICK, SLOW = (1.0 - math.exp(-1.0 / t) for t in (SET.gnss_adapt_time, 300.0))
+
+ellipses = st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0), st.floats(-4.0, 4.0))
+
+
+def turned(angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def root_of(major: float, minor: float, angle: float) -> np.ndarray:
+    """Symmetric root of an ellipse's covariance, (2, 2)."""
+    return turned(angle) @ np.diag([major, minor]) @ turned(angle).T
+
+
+def flat(root: np.ndarray) -> np.ndarray:
+    """xx, xy, yy, as the kernels keep it."""
+    return root[[0, 0, 1], [0, 1, 1]]
+
+
+def receiver_on(places: list[On], scale: float = 1.0) -> Belief:
+    """A belief whose receiver is `scale` times worse (in variance) than it says."""
+    belief = belief_on(ROAD, places)
+    belief.clock[[GNSS_SCALE, QUICK_SCALE, SLOW_SCALE]] = scale
+    belief.clock[WIDE] = 1.0
+    return belief
+
+
+def random_receiver(seed: int, n: int, scale: float = 1.0) -> Belief:
+    """Hypotheses off the roads that are correlated in every state."""
+    rng = np.random.default_rng(seed)
+    belief = receiver_on([On(OFF_ROAD, p=float(p)) for p in rng.dirichlet(np.ones(n))], scale)
+    for i in range(n):
+        belief.mean[i], belief.cov[i] = random_gaussian(rng)
+    return belief
+
+
+@given(seeds, ellipses, st.floats(1.0, 9.0), st.floats(0.0, 1.0))
+def test_the_scale_is_learnt_from_the_expected_energy_of_the_error(seed, ellipse, scale, drifted):
+    """The equations of the kernel in matrices, under the more probable of two hypotheses."""
+    belief = random_receiver(seed, 2, scale)
+    belief.probability[:2] = 0.3, 0.7
+    fix = np.array([*np.random.default_rng(seed).normal(0.0, 9.0, 2), *ellipse])
+    s, white = root_of(*ellipse) * math.sqrt(scale), 0.5 * math.sqrt(scale)
+    mean, cov = belief.mean[1], belief.cov[1]
+    axes = turned(ellipse[2]).T
+    rows = np.zeros((2, N))
+    rows[:, [X, Y]], rows[:, [GX, GY]] = axes, axes @ s
+    slow = rows[:, [GX, GY]]
+    noise = (white * np.array(ellipse[:2])) ** 2 + drifted * (slow**2).sum(axis=1)
+    variance = np.diag(rows @ cov @ rows.T) + noise
+    gamma = cov[np.ix_([GX, GY], [GX, GY])]
+    share = np.minimum((np.diag(slow @ gamma @ slow.T) + noise) / variance, 1.0).mean()
+    chi2 = ((axes @ fix[:2] - rows @ mean) ** 2 / variance).sum()
+    quick = scale * (1.0 + share * (min(chi2 / 2.0, 9.0) - 1.0))
+    energy = 0.5 * ((mean[[GX, GY]] ** 2).sum() + np.trace(gamma))
+    quick = scale + 0.1 * (quick - scale)
+    slow_one = scale + 0.02 * (scale * min(energy, 9.0) - scale)
+    call(
+        adapt_scale, belief=belief, fix=fix, root=flat(s), white=white, drifted=drifted, gain=0.1,
+        slow_gain=0.02,
+    )  # fmt: skip
+    assert belief.clock[QUICK_SCALE] == pytest.approx(quick, rel=1e-9)
+    assert belief.clock[SLOW_SCALE] == pytest.approx(slow_one, rel=1e-9)
+    assert belief.clock[GNSS_SCALE] == pytest.approx(max(quick, slow_one, 1.0), rel=1e-9)
+
+
+def learnt(seed: int, under: float, anchored: bool) -> np.ndarray:
+    """Scale (of sigmas) over a stream of fixes whose errors are `under` times the reported.
+
+    The vehicle's motion is known; where it is anchored, so is its place, to a metre.
+    """
+    rng = np.random.default_rng(seed)
+    belief = receiver_on([On(OFF_ROAD, sigma=5.0)])
+    keep, reported = math.exp(-1.0 / SET.gnss_time), 3.0
+    place, slow, root = rng.normal(0.0, 5.0, 2), rng.normal(0.0, 1.0, 2), np.zeros(3)
+    row, scale = np.zeros(N), np.zeros(SECONDS)
+    for k in range(SECONDS):
+        slow = keep * slow + math.sqrt(1.0 - keep**2) * rng.normal(0.0, 1.0, 2)
+        error = under * reported * (slow + 0.5 * rng.normal(0.0, 1.0, 2))
+        fix = np.array([*(place + error), reported, reported, 0.0])
+        factor = belief.clock[GNSS_SCALE]
+        white = 0.5 * math.sqrt(factor)
+        age_receiver(belief, float(k > 0), SET.gnss_time, SET.gnss_fault_time)
+        gnss_root(belief, fix, factor, 1.0 if k else -1.0, 15.0, root)
+        adapt_scale(belief, fix, root, white, 0.0, 1.0, np.zeros(2), QUICK, SLOW, row)
+        normalise(belief)
+        observe_fix(belief, fix, root, 1.0, 1.0, np.zeros(2), white, SET.gnss_gate, True, row)
+        for state in (X, Y) if anchored else ():
+            belief.cov[0, state, state] += 0.1
+            row[:] = 0.0
+            row[state] = 1.0
+            seen = place[state] + rng.normal() - belief.mean[0, state]
+            condition(belief.mean[0], belief.cov[0], row, seen, 1.0, 1.0)
+        scale[k] = math.sqrt(belief.clock[GNSS_SCALE])
+    return scale
+
+
+@pytest.mark.parametrize("anchored", [True, False])
+@pytest.mark.parametrize("under", [1.0, 1.5, 2.0, 3.0])
+def test_a_receiver_that_under_reports_is_found_out_and_an_honest_one_is_believed(under, anchored):
+    """From five time constants on, over 24 streams.
+
+    The greater of two averages with standard deviations a = sqrt(η/2) = 0.11 and
+    b = sqrt(T/2T') = 0.26 of λ² (of the error's energy, which is correlated over T = 40 s,
+    over T' = 300 s) is greater than the truth by (a + b)/sqrt(2 π) = 0.15 at most, so that
+    λ is by 7 %; with three standard errors of the mean of 24, 0.14/sqrt(24) each, 16 %.
+    """
+    scale = np.array([learnt(seed, under, anchored)[200:] for seed in range(24)])
+    assert under * (1.0 - 0.09) <= scale.mean() <= under * (1.0 + 0.16)
+
+
+def test_a_receiver_that_is_better_than_it_says_is_taken_at_its_word():
+    assert (learnt(0, 0.2, True) == 1.0).all()
+
+
+@given(seeds, ellipses, st.floats(0.0, 1e4), st.floats(0.0, 1.0), st.floats(1.0, 400.0))
+def test_whatever_a_fix_says_the_scale_is_never_below_one_nor_beyond_twenty(
+    seed, ellipse, away, gain, scale
+):
+    belief = random_receiver(seed, 3, scale)
+    for fix in (np.array([away, 0.0, *ellipse]), np.array([0.0, 0.0, *ellipse])):
+        call(
+            adapt_scale, belief=belief, fix=fix, root=flat(root_of(*ellipse)), drifted=0.0,
+            gain=gain, slow_gain=gain,
+        )  # fmt: skip
+        assert 1.0 <= belief.clock[GNSS_SCALE] <= 20.0**2
+
+
+def settled(ellipse: tuple[float, float, float]) -> Belief:
+    """A vehicle whose fixes have told it the same place for a while."""
+    belief = receiver_on([On(0, 500.0)])
+    for _ in range(10):
+        see(belief, (500.0, 0.0), ellipse)
+    return belief
+
+
+def see(belief: Belief, place: tuple[float, float], ellipse: tuple[float, float, float]) -> float:
+    normalise(belief)
+    return call(
+        observe_fix, belief=belief, fix=np.array([*place, *ellipse]), interval=1.0, jumps=True,
+        root=flat(root_of(*ellipse)),
+    )  # fmt: skip
+
+
+@given(ellipses, st.floats(-math.pi, math.pi))
+def test_a_jump_of_the_receiver_is_the_receivers_and_its_return_restores_all(ellipse, way):
+    """200 m away and back: the place is kept, the slow error goes there and comes back."""
+    belief = settled(ellipse)
+    place, error = belief.mean[0, :2].copy(), belief.mean[0, [GX, GY]].copy()
+    sigma = np.sqrt(np.diag(belief.cov[0])[:2])
+    jump = 200.0 * np.array([math.cos(way), math.sin(way)])
+    for target in (jump, np.zeros(2)):
+        at = (500.0 + target[0], target[1])
+        assert see(belief, at, ellipse) > 9.0
+        assert (np.abs(belief.mean[0, :2] - place) < 0.1 * sigma).all()
+        expected = error + np.linalg.solve(root_of(*ellipse), target)
+        np.testing.assert_allclose(belief.mean[0, [GX, GY]], expected, atol=0.5)
+        assert see(belief, at, ellipse) < 9.0  # it is where it was said to be
+        assert (np.abs(belief.mean[0, :2] - place) < 0.1 * sigma).all()
+    np.testing.assert_allclose(belief.mean[0, [GX, GY]], error, atol=0.2)
+
+
+@given(ellipses, st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
+def test_within_the_gate_it_does_not_matter_who_would_be_blamed(ellipse, x, y):
+    root = flat(root_of(*ellipse))
+    fix = np.array([500.0 + x, y, *ellipse])
+    told = []
+    for jumps in (True, False):
+        belief = receiver_on([On(0, 500.0, 0.6), On(1, 3500.0, 0.4)])
+        given = {"fix": fix, "root": root, "interval": 1.0, "jumps": jumps}
+        assume(call(observe_fix, belief=belief, **given) <= 9.0)
+        told.append(belief)
+    np.testing.assert_array_equal(told[0].mean, told[1].mean)
+    np.testing.assert_array_equal(told[0].cov, told[1].cov)
+    np.testing.assert_array_equal(told[0].log_weight, told[1].log_weight)
+
+
+def grow_older(belief: Belief, time: float) -> None:
+    age_receiver(belief, time, SET.gnss_time, SET.gnss_fault_time)
+
+
+@given(seeds, st.floats(0.0, 3.0), st.floats(0.0, 300.0))
+def test_a_small_error_wanders_as_receivers_errors_do_and_costs_nothing(seed, size, time):
+    belief = random_receiver(seed, 1)
+    belief.mean[0, [GX, GY]] = size * math.cos(seed), size * math.sin(seed)
+    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
+    before = belief.log_weight[0]
+    age_gnss(mean, cov, time, SET.gnss_time)
+    grow_older(belief, time)
+    np.testing.assert_allclose(belief.mean[0] / UNITS, mean / UNITS, atol=1e-12)
+    np.testing.assert_allclose(belief.cov[0], cov, atol=1e-12)
+    assert belief.log_weight[0] == before
+
+
+@given(st.floats(7.0, 100.0), st.floats(-math.pi, math.pi), st.integers(1, 40))
+def test_that_a_lost_receiver_is_still_lost_costs_a_share_for_each_second(size, way, seconds):
+    """Of two hypotheses the one whose receiver is lost loses exp(-t/T), in whatever steps."""
+    belief = receiver_on([On(0, 500.0, 0.5), On(1, 3500.0, 0.5)])
+    belief.mean[0, [GX, GY]] = size * math.cos(way), size * math.sin(way)
+    for _ in range(seconds):
+        if math.hypot(*belief.mean[0, [GX, GY]]) <= 6.0:
+            break
+        grow_older(belief, 1.0)
+    else:
+        odds = belief.log_weight[0] - belief.log_weight[1]
+        assert odds == pytest.approx(-seconds / SET.gnss_fault_time)
+
+
+@given(st.floats(7.0, 100.0))
+def test_a_lost_receiver_does_not_come_back_as_small_errors_do(size: float):
+    """At thirty sigmas ten times more slowly: what it errs in a second is always the same."""
+    belief = receiver_on([On(0, 500.0)])
+    belief.mean[0, GX] = size
+    grow_older(belief, 1.0)
+    assert size - belief.mean[0, GX] == pytest.approx(3.0 / SET.gnss_time, rel=0.01)
+
+
+@pytest.mark.parametrize("start", [1.0, 2.0, 5.0])
+def test_how_wide_a_start_left_the_error_is_forgotten_as_the_error_is(start: float):
+    belief = receiver_on([On(0, 500.0)])
+    belief.clock[WIDE] = belief.cov[0, GX, GX] = start**2
+    for _ in range(50):
+        grow_older(belief, 3.0)
+        assert belief.clock[WIDE] == pytest.approx(belief.cov[0, GX, GX])
+
+
+@given(seeds, st.floats(2.0, 40.0), st.floats(-2.0, 2.0))
+def test_a_doppler_speed_is_the_textbook_s_update_on_the_odometer_s_scale(seed, speed, more):
+    belief = random_receiver(seed, 1)
+    belief.cov[0] *= 1e-2
+    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
+    before = belief.log_weight[0]
+    row = np.zeros((1, N))
+    row[0, K] = speed
+    seen = speed * mean[K] + more * 0.3
+    told = textbook.condition(mean, cov, row, seen - row @ mean, np.array([[0.09]]))
+    call(observe_rate, belief=belief, odometer_speed=speed, speed=seen, variance=0.09)
+    np.testing.assert_allclose(belief.mean[0] / UNITS, told[0] / UNITS, atol=1e-9)
+    np.testing.assert_allclose(belief.cov[0], told[1], atol=1e-9)
+    assert belief.log_weight[0] - before == pytest.approx(told[2], abs=1e-9)
+
+
+def test_a_doppler_speed_that_the_best_hypothesis_does_not_explain_is_left_out_for_all():
+    belief = receiver_on([On(0, 500.0, 0.7), On(1, 3500.0, 0.3)])
+    belief.mean[:2, K] = 1.0, 1.5  # the lighter one would explain it
+    before = belief.mean[:2].copy(), belief.cov[:2].copy(), belief.log_weight[:2].copy()
+    call(observe_rate, belief=belief, odometer_speed=10.0, speed=15.0, variance=0.09)
+    for now, then in zip((belief.mean, belief.cov, belief.log_weight), before, strict=True):
+        np.testing.assert_array_equal(now[:2], then)

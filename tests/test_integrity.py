@@ -1,0 +1,168 @@
+"""What users are told beside the pose: competing roads, protection, fixes not believed."""
+
+import math
+
+import numpy as np
+import pytest
+
+from whichroad.epochs import build_timeline
+from whichroad.frames import Plane
+from whichroad.localizer import Localizer, localize_recorded
+from whichroad.reasons import STATUS, reason
+from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
+from whichroad.result import points_table
+from whichroad.roadmap import RoadMap
+from whichroad.settings import Settings, Vehicle
+
+PLANE = Plane(49.4, 8.7)
+CAR = Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)
+SIGMA = 3.0
+
+
+@pytest.fixture(scope="module")
+def roads() -> RoadMap:
+    """Two parallel streets 20 m apart, named, 1.4 km long."""
+    import geopandas
+    from shapely import LineString
+
+    lines = []
+    for y in (0.0, 20.0):
+        lat, lon = PLANE.to_geodetic(np.array([0.0, 1400.0]), np.array([y, y]))
+        lines.append(LineString(np.column_stack([lon, lat])))
+    table = {"name": ["South Street", "North Street"], "oneway": ["yes", "yes"]}
+    return RoadMap.from_edges(geopandas.GeoDataFrame(table, geometry=lines, crs="EPSG:4326"))
+
+
+def fixes(x: np.ndarray, y: np.ndarray, time: np.ndarray) -> Fixes:
+    """Fixes of 3 m, their course said with the first one only."""
+    n = len(x)
+    course = np.full(n, np.inf)
+    course[0] = 6.0
+    return Fixes(
+        time, *PLANE.to_geodetic(x, y), np.full(n, SIGMA**2), np.zeros(n), np.full(n, SIGMA**2),
+        np.full(n, 10.0), np.full(n, np.inf), np.full(n, 90.0), course, np.zeros(n, np.uint8),
+    )  # fmt: skip
+
+
+def drive(y: float, jump: float = 0.0) -> Drive:
+    """A minute eastwards at 10 m/s and this y; fixes jump north from second 40 to 50."""
+    time = np.arange(0.0, 60.0, 0.1)
+    ticks = np.round(1000.0 * time)
+    at = time[::10]
+    aside = np.where((at >= 40.0) & (at < 50.0), jump, 0.0)
+    log = fixes(100.0 + 10.0 * at, y + aside, at)
+    return Drive("one", log, WheelCounts(time, ticks, ticks))
+
+
+def told(roads: RoadMap, one: Drive, **settings: float) -> dict[str, list]:
+    """The points of a drive, column by column."""
+    tuned = Settings(**settings)
+    timeline = build_timeline(one, roads.plane, CAR)
+    output = localize_recorded(roads, timeline, vehicle=CAR, settings=tuned).output
+    return points_table("one", timeline.epochs, output, roads).to_pydict()
+
+
+def on_line(roads: RoadMap, one: Drive) -> list[Estimate]:
+    """The same on line, wheels before fixes."""
+    localizer = Localizer(roads, vehicle=CAR)
+    assert one.fixes is not None
+    names = [n for n in Fixes.__slots__ if n != "flags"]
+    columns = [getattr(one.fixes, n).tolist() for n in names]
+    records = [GeoFix(*row) for row in zip(*columns, strict=True)]
+    counts = one.odometry
+    assert isinstance(counts, WheelCounts)
+    rows = zip(counts.time.tolist(), counts.left.tolist(), counts.right.tolist(), strict=True)
+    both = sorted([*(WheelTicks(*row) for row in rows), *records], key=lambda r: r.time)
+    return [localizer.update(r) for r in both]
+
+
+def test_where_roads_compete_the_reason_names_them(roads: RoadMap):
+    points = told(roads, drive(10.0))
+    ambiguous = [r for r, s in zip(points["reason"], points["status"], strict=True)
+                 if s == "ambiguous"]  # fmt: skip
+    assert len(ambiguous) > 100
+    assert all("South Street, edge " in r and "North Street, edge " in r for r in ambiguous)
+    first = ambiguous[50]
+    assert first.count("(0.") == first.count(" or ") + 1
+
+
+def test_on_line_the_same_roads_are_named(roads: RoadMap):
+    estimate = on_line(roads, drive(10.0))[-1]
+    assert estimate.status == "ambiguous"
+    assert "South Street, edge " in estimate.reason
+    assert "North Street, edge " in estimate.reason
+
+
+def test_a_receiver_that_jumps_is_said_not_to_be_believed(roads: RoadMap):
+    points = told(roads, drive(0.0, jump=200.0))
+    during = points["reason"][420]
+    assert "fixes 200 m away are not believed" in during or "fixes 199 m away" in during
+    assert not any("believed" in r for r in points["reason"][:400])
+    assert "believed" not in points["reason"][-1]
+    estimates = {e.time: e for e in on_line(roads, drive(0.0, jump=200.0))}
+    assert (
+        "m away are not believed" in estimates[min(estimates, key=lambda t: abs(t - 42.0))].reason
+    )
+
+
+def test_the_protection_level_is_null_before_the_first_answer_and_no_less_than_the_ellipse(
+    roads: RoadMap,
+):
+    late = drive(0.0)
+    assert late.fixes is not None
+    late = Drive(
+        "one", Fixes(*(getattr(late.fixes, n)[5:] for n in Fixes.__slots__)), late.odometry
+    )
+    points = told(roads, late)
+    assert points["protection_level_m"][0] is None
+    assert points["gnss_scale"][0] is None
+    assert points["reason"][0] == "no fix has come yet"
+    known = [(p, a) for p, a in zip(points["protection_level_m"], points["ellipse_major_m"],
+                                    strict=True) if p is not None]  # fmt: skip
+    assert len(known) > 500
+    assert all(p > 3.0 * a for p, a in known)  # 1e-3 of a Gaussian lies beyond 3.7 sigma
+
+
+def test_a_smaller_risk_asks_for_a_larger_protection_level(roads: RoadMap):
+    usual, strict = (
+        np.array(told(roads, drive(0.0), protection_risk=r)["protection_level_m"][10:], float)
+        for r in (1e-3, 1e-7)
+    )
+    assert (strict > usual).all()
+
+
+def test_on_line_and_recorded_say_the_same_protection_and_scale(roads: RoadMap):
+    one = drive(0.0)
+    assert one.fixes is not None
+    between = Drive("one", Fixes(one.fixes.time + 0.05, *(getattr(one.fixes, n)
+                                 for n in Fixes.__slots__[1:])), one.odometry)  # fmt: skip
+    points = told(roads, between)
+    estimates = on_line(roads, between)
+    assert len(estimates) == len(points["time"])
+    assert math.isinf(estimates[0].protection_level)
+    for k in (1, 100, 400, 600):
+        assert estimates[k].protection_level == pytest.approx(points["protection_level_m"][k])
+        assert estimates[k].gnss_scale == pytest.approx(points["gnss_scale"][k])
+
+
+def test_on_line_the_pose_in_the_map_s_frame_is_near_the_road(roads: RoadMap):
+    estimate = on_line(roads, drive(3.0))[-1]
+    lat, _ = roads.plane.to_geodetic(0.0, 0.0)
+    assert math.isfinite(lat)
+    assert estimate.map_cov.shape == (2, 2)
+    assert np.linalg.eigvalsh(estimate.map_cov)[0] > 0.0
+    assert estimate.map_pose.heading == estimate.pose.heading
+
+
+@pytest.mark.parametrize("status", STATUS)
+def test_every_status_has_words_and_adapted_noise_is_added_to_them(status: str):
+    assert status == "on_road" or reason(status)
+    larger = reason(status, scale=2.3)
+    assert larger.endswith("GNSS errors 2.3 times what is reported") == (status != "outage")
+
+
+def test_a_third_road_is_named_only_when_it_counts():
+    few = reason("ambiguous", roads=[(1, 0.7), (-1, 0.27), (3, 0.03)])
+    assert few == "edge 1 (0.70) or off the roads (0.27)"
+    many = reason("ambiguous", roads=[(1, 0.5), (2, 0.3), (3, 0.2)])
+    assert many == "edge 1 (0.50) or edge 2 (0.30) or edge 3 (0.20)"
