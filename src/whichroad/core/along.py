@@ -24,6 +24,9 @@ from .segment import locate
 from .switching import Work, adopt, destinations, leave_map, rescale
 
 
+_CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
+_CORNER_RADIUS = 12.0  # m
+_CORNER_DOUBT = 3.0  # m/rad
 _ACROSS = 0.015  # m²/m; nobody follows the line of a map to the inch
 
 
@@ -44,6 +47,12 @@ def _move_to(
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
     turn = wrap(heading - math.atan2(ty, tx))
+    bent = min(abs(turn), 1.6)
+    if bent > _CORNER:  # a corner on the map is an arc on the ground, and shorter
+        cut += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        segment, cx, cy, nx, ny = locate(roads, edge, segment, cut)
+    doubt = (_CORNER_DOUBT * bent) ** 2
+    variance += doubt
     if roads.first[edge + 1] - roads.first[edge] > 2:
         _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
         _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
@@ -51,14 +60,15 @@ def _move_to(
     if min(cut, roads.length[edge] - cut) < node_radius:
         heading_variance += node_variance
     predict_along(
-        mean, cov, odometer, turn, heading, nx, ny, q_along, q_rate, q_cross, heading_variance
-    )
+        mean, cov, odometer, turn, heading, nx, ny, q_along + doubt, q_rate, q_cross,
+        heading_variance,
+    )  # fmt: skip
     across = _ACROSS * abs(odometer * mean[K])
     cov[X, X] += across * ny * ny
     cov[Y, Y] += across * nx * nx
     cov[X, Y] -= across * nx * ny
     cov[Y, X] = cov[X, Y]
-    shrink = variance / (sigma * sigma)
+    shrink = (variance - doubt) / (sigma * sigma)
     if shrink < 0.9999:
         row = work.row
         for j in range(N):
