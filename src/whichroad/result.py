@@ -229,9 +229,9 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
     away = np.rint(_disbelieved(epochs, output))
     scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
     scale[away > 0.0] = 0.0
-    own = np.where(status == AMBIGUOUS, np.arange(n) + 1, 0)  # the roads that compete
-    key = np.column_stack([output.live > 0, status, away, scale, own])
-    _, first, at = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    key = (1e3 * away + scale) * 20.0 + 2.0 * status + (output.live > 0)
+    key = np.where(status == AMBIGUOUS, -1.0 - np.arange(n), key)  # the roads that compete
+    _, first, at = np.unique(key, return_index=True, return_inverse=True)
 
     @cache
     def name(edge: int) -> str | None:
@@ -248,7 +248,7 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
         )
         for k in first
     ]
-    return pa.array(texts, pa.string()).take(pa.array(at.ravel()))
+    return pa.array(texts, pa.string()).take(pa.array(at))
 
 
 def _shares(output: Output, k: int) -> list[tuple[int, float]]:
