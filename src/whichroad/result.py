@@ -34,6 +34,7 @@ from .core.output import (
     V_YY,
     Output,
 )
+from .diagnosis import Finding
 from .localizer import Recorded
 from .reasons import RECENT, STATUS, far_off, reason
 from .records import Array
@@ -59,6 +60,7 @@ class Result:
         path: Path, one row per traversed edge.
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
+        diagnosis: Settings that do not fit the data.
     """
 
     def __init__(
@@ -67,10 +69,12 @@ class Result:
         path: pa.Table,
         summary: dict[str, Any],
         hypotheses: dict[str, NDArray[Any]] | None = None,
+        diagnosis: tuple[Finding, ...] = (),
     ) -> None:
         self._points, self._path = points, path
         self.summary = summary
         self.hypotheses = hypotheses
+        self.diagnosis = diagnosis
 
     @property
     def points(self) -> Any:
