@@ -1,26 +1,34 @@
-"""How exact the exact posteriors are, and how near to them the filter's reduction comes.
+"""How exact the exact posteriors are, and how near to exact the filter is.
 
 The exact posteriors of random networks are held against oracles that share no code with
-them; the reduction, with the settings as they are, against the exact posteriors.
+them; the filter's reduction, where transitions are fixed, against the exact posteriors;
+the filter on road scenes, where they are not, against particles that never merge.
 """
 
 import importlib.util
 import itertools
+import sys
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from tests.oracles.enumeration import enumerate_network, enumerate_window
-from tests.oracles.reduced import SUITES, exact_modes, model_of, reduced_modes, window_of
-from tests.oracles.switching import incinerator, random_network, random_switching
-from tests.oracles.textbook import mixture_moments
 
 from whichroad.exact import Posterior, infer, infer_window
 
-from . import Figure, Options, seeds_text
+from . import ROOT, Figure, Options, seeds_text
+
+sys.path.append(str(ROOT / "tests"))
+
+from oracles.enumeration import enumerate_network, enumerate_window
+from oracles.particles import Particles
+from oracles.reduced import SUITES, exact_modes, model_of, reduced_modes, window_of
+from oracles.road_scenes import SCENES, apart, filtered, plain
+from oracles.switching import incinerator, random_network, random_switching
+from oracles.textbook import mixture_moments
 
 _POSSIBLE = 1e-13  # of a mode less probable than this nothing is said
 _SEEDS = range(200)
+_PARTICLES = 20_000
 
 
 def run(options: Options) -> list[Figure]:
@@ -45,7 +53,7 @@ def run(options: Options) -> list[Figure]:
                     n=len(differences), seeds=seeds_text(seeds),
                 )
             )  # fmt: skip
-    return [*figures, _incinerator(), *_reduction(options)]
+    return [*figures, _incinerator(), *_reduction(options), *_roads(options)]
 
 
 def _reduction(options: Options) -> list[Figure]:
@@ -66,6 +74,28 @@ def _reduction(options: Options) -> list[Figure]:
         rows.append(_variation(title, np.max(apart), "<= 1e-3", seeds))
     mean = float(np.concatenate(everything).mean())
     return [*rows, _variation("reduction: total variation, mean", mean, "<= 1e-4", seeds)]
+
+
+def _roads(options: Options) -> list[Figure]:
+    """Total variation of P(road) on road scenes, all epochs, and the particles' own error."""
+    seeds, settings = options.seeds or range(5), plain(options.settings())
+    rows, own = [], [0.0]
+    for name, make in SCENES.items():
+        far = []
+        for seed in seeds:
+            scene = make(seed)
+            one, other = (
+                list(Particles(scene.roads, scene.epochs, settings, _PARTICLES, chance).run())
+                for chance in (0, 1)
+            )
+            own += [apart(a, b) for a, b in zip(one, other, strict=True)]
+            far += [apart(a, b) for a, b in zip(filtered(scene, settings)[0], one, strict=True)]
+        options.say(f"{name}: {max(far):.1e}, on average {np.mean(far):.1e}")
+        rows.append(
+            _variation(f"roads, {name}: total variation, largest", max(far), "<= 0.01", seeds)
+        )
+    title = f"roads: of one another's {_PARTICLES:,} particles, largest"
+    return [*rows, _variation(title, max(own), "<= 0.001", seeds)]
 
 
 def _variation(title: str, value: float, goal: str, seeds: range) -> Figure:
@@ -92,7 +122,7 @@ def _gtsam(seeds: range) -> Iterator[tuple[float, float, float]]:
     """Against gtsam, which knows no singular noise and gives no likelihood of the evidence."""
     if not importlib.util.find_spec("gtsam"):
         return
-    from tests.oracles.gtsam_hybrid import eliminate_window
+    from oracles.gtsam_hybrid import eliminate_window
 
     for seed in seeds:
         model, window = random_switching(seed, singular=False)

@@ -38,6 +38,7 @@ PUBLIC = [
     "read_drive",
     "read_vehicle",
     "simulate_drive",
+    "diagnose",
     "Result",
     "WhichroadError",
     "ReadError",

@@ -14,17 +14,18 @@ from whichroad.core.output import V_H, V_OFF, V_X, V_XX, V_Y, V_YY
 from whichroad.localizer import STATUS
 
 from ..__main__ import setting
-from .drives import drive, localize, version
+from .drives import drive, localize
 from .score import Row
 
 
 def wrong_ones(memory: Path, name: str, noise: str) -> list[int]:
-    """Numbers of the drives that declared a wrong road."""
+    """Numbers of the drives that declared a wrong road, in the file's newest version."""
     found: list[int] = []
     base = sqlite3.connect(memory)
+    newest = base.execute("select key from work order by rowid desc limit 1").fetchone()[0]
     for key, blob in base.execute("select key, rows from work"):
         words = key.split(" ")
-        if words[:3] == [version(), name, noise] and not words[4]:
+        if words[:3] == [newest.split(" ")[0], name, noise] and not words[4]:
             rows = Row(*np.frombuffer(blob, np.float32).reshape(-1, len(Row._fields)).T)
             found += (int(words[3].split(":")[0]) + np.flatnonzero(rows.wrong)).tolist()
     return sorted(found)

@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .diagnosis import diagnose
     from .errors import (
         DriveError,
         MapError,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from .simulate import simulate_drive
 
 _ROOMS = {
+    "diagnosis": ("diagnose",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
@@ -59,7 +61,7 @@ __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by room, as a reader looks for them
     "match", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
     "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
-    "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive",
+    "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 

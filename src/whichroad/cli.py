@@ -9,7 +9,7 @@ import sys
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -247,12 +247,22 @@ def _say(result: "Result") -> None:
             typer.echo(f"skipped: {count} {reason}", err=True)
         for note in figures.pop("notes", ()):
             typer.echo(f"note: {note}", err=True)
+        for finding in figures.pop("diagnosis", ()):
+            typer.echo(_told(finding), err=True)
         title = str(figures.pop("drive_id", "drive"))
         shares = figures.get("status", {})
         figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
         say_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)
+
+
+def _told(finding: dict[str, Any]) -> str:
+    """One setting that does not fit, as a line."""
+    from .diagnosis import Finding
+
+    told = Finding(**finding)
+    return f"{told.level}: {told}"
 
 
 @app.command()

@@ -6,6 +6,7 @@ The localizer owns the belief; nothing else remembers.
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ from .core.output import (
 from .core.reduction import reduce
 from .core.start import cold_start
 from .core.switching import new_work
+from .diagnosis import Finding, Watch, findings_of
 from .epochs import Timeline
 from .errors import DriveError
 from .reasons import STATUS, far_off
@@ -74,6 +76,12 @@ class Recorded(NamedTuple):
     route_edge: NDArray[np.int32]  # edges of the most probable route, OFF_ROAD between
     route_time: Array  # when each was entered, s
     route_abscissa: Array
+    diagnose: Callable[[], tuple[Finding, ...]] = tuple
+
+    @property
+    def diagnosis(self) -> tuple[Finding, ...]:
+        """Settings that do not fit the data; looked for when asked."""
+        return self.diagnose()
 
 
 def _side(vehicle: Vehicle) -> float:
@@ -175,7 +183,8 @@ def localize_recorded(
             route = _tidy(route, belief)
         if progress is not None:
             progress(done)
-    return Recorded(output, *_best_route(route, belief))
+    findings = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
+    return Recorded(output, *_best_route(route, belief), findings)
 
 
 def _tidy(route: Route, belief: Belief) -> Route:
@@ -253,6 +262,7 @@ class Localizer:
         self._mode = CLOCK
         self._start = StartPose.of(start)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
+        self._watch = Watch(self.settings, self.vehicle)
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation and say where the vehicle is.
@@ -276,7 +286,14 @@ class Localizer:
             self._take_fix(observation, max(late, 0.0))
         else:
             self._take_odometry(observation)
+        if self._mode != CLOCK:
+            self._watch.look(self._epoch, self._output)
         return self._estimate()
+
+    @property
+    def diagnosis(self) -> tuple[Finding, ...]:
+        """Settings that do not fit the data so far; nothing without odometry."""
+        return self._watch.findings()
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.

@@ -34,6 +34,7 @@ from .core.output import (
     V_YY,
     Output,
 )
+from .diagnosis import Finding
 from .localizer import Recorded
 from .reasons import RECENT, STATUS, far_off, reason
 from .records import Array
@@ -59,6 +60,7 @@ class Result:
         path: Path, one row per traversed edge.
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
+        diagnosis: Settings that do not fit the data.
     """
 
     def __init__(
@@ -67,10 +69,12 @@ class Result:
         path: pa.Table,
         summary: dict[str, Any],
         hypotheses: dict[str, NDArray[Any]] | None = None,
+        diagnosis: tuple[Finding, ...] = (),
     ) -> None:
         self._points, self._path = points, path
         self.summary = summary
         self.hypotheses = hypotheses
+        self.diagnosis = diagnosis
 
     @property
     def points(self) -> Any:
@@ -229,9 +233,9 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
     away = np.rint(_disbelieved(epochs, output))
     scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
     scale[away > 0.0] = 0.0
-    own = np.where(status == AMBIGUOUS, np.arange(n) + 1, 0)  # the roads that compete
-    key = np.column_stack([output.live > 0, status, away, scale, own])
-    _, first, at = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    key = (1e3 * away + scale) * 20.0 + 2.0 * status + (output.live > 0)
+    key = np.where(status == AMBIGUOUS, -1.0 - np.arange(n), key)  # the roads that compete
+    _, first, at = np.unique(key, return_index=True, return_inverse=True)
 
     @cache
     def name(edge: int) -> str | None:
@@ -248,7 +252,7 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
         )
         for k in first
     ]
-    return pa.array(texts, pa.string()).take(pa.array(at.ravel()))
+    return pa.array(texts, pa.string()).take(pa.array(at))
 
 
 def _shares(output: Output, k: int) -> list[tuple[int, float]]:

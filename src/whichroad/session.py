@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -189,14 +189,16 @@ def _match_one(
     )
     path = path_table(drive.drive_id, timeline.epochs, recorded, roads)
     summary = summary_of(timeline.epochs, recorded.output, path, timeline.masked)
+    diagnosis = recorded.diagnosis
     summary |= {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),
         "skipped": dict(drive.skipped),
         "notes": list(drive.notes),
+        "diagnosis": [asdict(finding) for finding in diagnosis],
     }
     poses = _poses(recorded.output, timeline) if hypotheses else None
-    return Result(points, path, summary, poses)
+    return Result(points, path, summary, poses, diagnosis)
 
 
 def _check_distance(drive: Drive, roads: RoadMap) -> None:
@@ -261,4 +263,5 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         pa.concat_tables([p.path_arrow() for p in parts]),
         summary,
         parts[0].hypotheses if len(parts) == 1 else None,
+        tuple(finding for p in parts for finding in p.diagnosis),
     )

@@ -91,10 +91,11 @@ def test_quiet_fixes_of_a_standing_vehicle_make_no_receiver_worse(seed: int, mod
 
 
 @pytest.mark.xfail(strict=True, reason="an error that stays while one stands passes for none")
-def test_quiet_fixes_of_a_standing_vehicle_make_no_receiver_better():
+@pytest.mark.parametrize("seed", range(3))
+def test_quiet_fixes_of_a_standing_vehicle_make_no_receiver_better(seed: int):
     """Its error stays as it was: what is seen of it is the white part alone."""
-    scale, at = stop(1, 2.0, WHEELS)
-    assert scale[at] > 1.8
+    scale, at = stop(seed, 2.0, WHEELS)
+    assert scale[at] > 1.5
     assert scale[11 * at - 10] > 0.9 * scale[at]
 
 

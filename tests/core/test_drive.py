@@ -20,7 +20,7 @@ from scenes import (
     untouched,
 )
 from strategies import UNITS
-from whichroad.core.belief import OFF_ROAD, K, X
+from whichroad.core.belief import EVIDENCE, OFF_ROAD, K, X
 from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 from whichroad.settings import Settings
@@ -362,3 +362,5 @@ def test_a_drive_between_two_roads_is_the_joint_gaussian_solved_at_once():
     odds = {int(e): belief.log_weight[i] for i, e in enumerate(belief.edge[:2])}
     assert 0.01 < math.exp(odds[2]) < 0.99
     assert odds[0] - odds[2] == pytest.approx(answers[0][2] - answers[2][2], abs=1e-6)
+    evidence = np.logaddexp(answers[0][2], answers[2][2]) + math.log(0.5)  # equal at first
+    assert belief.clock[EVIDENCE] == pytest.approx(evidence, abs=1e-5)

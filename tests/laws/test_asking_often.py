@@ -18,6 +18,9 @@ A_HUNDREDTH = 0.01  # what the model promises
 TWO_PERCENT = 0.02
 TOWN = grid_town()
 
+# reported sigmas taken at their word, and every fix: the filter is all but linear
+LINEAR = Settings(gnss_adapt_time=1e12, gnss_gate=1e6, gnss_lost=0.0)
+
 
 def second(truth: Truth, every: int = 10) -> np.ndarray:
     return np.arange(0, len(truth.time), every)
@@ -31,7 +34,14 @@ def assert_same(one: Said, other: Said, rows: tuple, p: float, sigma: float) -> 
     np.testing.assert_allclose(other.sigma[b], one.sigma[a], rtol=sigma)
 
 
-@MOVING
+@pytest.mark.parametrize(
+    "mode",
+    [
+        pytest.param(WHEELS, marks=pytest.mark.xfail(
+            strict=True, reason="the map's errors are fresh at each look, not over distance")),
+        DISTANCE,
+    ],
+)  # fmt: skip
 @given(seed=seeds)
 @law
 def test_the_map_looked_at_every_4_m_or_every_8_says_the_same(mode: int, seed: int):
@@ -84,13 +94,16 @@ def test_a_receiver_without_an_error_asked_ten_times_as_often_teaches_nothing_mo
 @given(seed=seeds)
 @law
 def test_on_one_road_a_receiver_asked_ten_times_as_often_leaves_sigma_as_it_is(mode, seed):
-    """Whatever it says: on one straight road the filter is all but linear."""
+    """Whatever it says, where the scale of its sigmas is not learnt from what it says."""
     truth = drive_along([[300.0, -1.75], [1300.0, -1.75]])
     fix = slow_error(truth, seed, np.random.default_rng(seed).uniform(2.0, 6.0), white=0.5)
     slow, fast = (
-        said(network(straight_road()), sensed(truth, fix, second(truth, n), mode), mode=mode)
+        said(
+            network(straight_road()), sensed(truth, fix, second(truth, n), mode), mode=mode,
+            settings=LINEAR,
+        )
         for n in (10, 1)
-    )
+    )  # fmt: skip
     at = second(truth)[1:]
     np.testing.assert_allclose(fast.sigma[at], slow.sigma[at], rtol=TWO_PERCENT)
 
@@ -99,9 +112,9 @@ def test_on_one_road_a_receiver_asked_ten_times_as_often_leaves_sigma_as_it_is(m
 def test_over_many_drives_ten_times_as_many_fixes_tell_parallel_roads_apart_as_often(mode: int):
     """One drive may differ: its ten samples of fresh noise are not its one.
 
-    Over 40 drives these differences, 0.06 each, average out to 0.01.
+    Over 40 drives these differences, 0.06 each in P and in sigma, average out to 0.01.
     """
-    gain = []
+    gain, wider = [], []
     for seed in range(40):
         truth, _ = between_parallels(seed, 12.0, length=400.0, offset=-1.75)
         fix = slow_error(truth, seed, 3.0, white=0.5)
@@ -112,7 +125,9 @@ def test_over_many_drives_ten_times_as_many_fixes_tell_parallel_roads_apart_as_o
         )  # fmt: skip
         at = second(truth)[1:]
         gain.append((fast.p[at, 0] - slow.p[at, 0]).mean())
+        wider.append(np.log(fast.sigma[at] / slow.sigma[at]).mean())
     assert abs(np.mean(gain)) <= TWO_PERCENT
+    assert abs(np.mean(wider)) <= TWO_PERCENT
 
 
 def at_both_rates(seed: int, way: np.ndarray, speed: float, mode: int):

@@ -19,6 +19,7 @@ from scenes import (
     straight_road,
 )
 from strategies import seeds
+from whichroad.core.belief import K
 from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_XX, V_YY
 from whichroad.epochs import Timeline
@@ -31,9 +32,10 @@ MOVING = pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 # nothing but the roads, and every fix taken at its word: all but linear
 ALONE = Settings(
     off_road_start=0.0, off_road_leave=0.0, off_road_return=0.0, u_turn_rate=0.0, prune=1e-6,
-    gnss_gate=1e6,
+    gnss_gate=1e6, gnss_adapt_time=1e12, gnss_lost=0.0, gnss_start=1.0,
 )  # fmt: skip
 ROUNDING = 1e-9
+SECOND_ORDER = 1e-6  # of a variance: a milliradian squared
 TOWN = grid_town()
 
 
@@ -41,7 +43,11 @@ TOWN = grid_town()
 @given(seed=seeds)
 @law
 def test_along_a_straight_road_the_map_makes_no_hypothesis_surer(mode: int, seed: int):
-    """Two roads side by side in any direction, half a minute of fixes, then a kilometre of none."""
+    """Two roads side by side in any direction, half a minute of fixes, then a kilometre of none.
+
+    Moving on by δ alone makes it var s + 2 δ cov(s, κ) + δ² var κ; a look at the map may take
+    from that only what a heading of a milliradian beside the road's tells of the way along.
+    """
     rng = np.random.default_rng(seed)
     a = rng.uniform(-math.pi, math.pi)
     along = np.array([math.cos(a), math.sin(a)])
@@ -51,20 +57,25 @@ def test_along_a_straight_road_the_map_makes_no_hypothesis_surer(mode: int, seed
     last = 300
     epochs = sensed(truth, fix, np.arange(0, last, 10), mode)
     roads = network([line @ turn for line in parallel_roads(rng.uniform(8.0, 30.0))])
-    before: dict[int, float] = {}
+    before: dict[int, tuple[float, float]] = {}
+    first: dict[int, float] = {}
     for k, belief, _ in steps(roads, epochs, mode=mode, settings=ALONE):
         n = belief.size[0]
         if k < last:
             continue
-        now = {
-            int(e): float(along @ cov[:2, :2] @ along)
-            for e, cov in zip(belief.edge[:n], belief.cov[:n], strict=True)
-        }
+        now = {}
+        for edge, cov in zip(belief.edge[:n].tolist(), belief.cov[:n], strict=True):
+            driven = float(along @ cov[:2, K] * epochs.arc[k]), float(cov[K, K])
+            now[edge] = float(along @ cov[:2, :2] @ along), 2.0 * driven[0] + driven[1]
         assert len(now) == n
         for edge in now.keys() & before.keys():
-            assert now[edge] >= before[edge] * (1.0 - ROUNDING), (k, edge)
+            moved = sum(before[edge])  # by the odometer's scale, arcs being 1 m
+            assert now[edge][0] >= moved * (1.0 - SECOND_ORDER), (k, edge)
+        first = first or {edge: v for edge, (v, _) in now.items()}
         before = now
     assert before
+    for edge in before.keys() & first.keys():
+        assert before[edge][0] > first[edge]
 
 
 def floor(looks: int, start: float, par: Settings) -> float:
@@ -83,7 +94,7 @@ def floor(looks: int, start: float, par: Settings) -> float:
 
 
 @MOVING
-@pytest.mark.parametrize("sigma", [2.0, 10.0, 100.0])
+@pytest.mark.parametrize("sigma", [2.0, 10.0])
 def test_across_a_straight_road_the_map_makes_nobody_surer_than_lane_and_map_allow(mode, sigma):
     """From a given pose, without a fix.  A look each 5 m, the first one at the start.
 
@@ -118,6 +129,7 @@ def test_on_one_road_a_fix_less_never_makes_the_position_surer(mode: int, seed: 
     rng = np.random.default_rng(seed)
     truth = drive_along([[300.0, -1.75], [1300.0, -1.75]])
     fix = gnss(truth, sigma=rng.uniform(2.0, 6.0), seed=seed)
+    fix[:, 2:4] *= 2.0  # better than it says: its error never looks like a fault
     epochs = sensed(truth, fix, np.arange(0, len(truth.time), 10), mode)
     gone = np.zeros(len(truth.time), bool)
     before = np.zeros((len(truth.time), 2))

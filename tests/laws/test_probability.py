@@ -9,7 +9,7 @@ from laws.geodetic import CAR, degrees, drive, fixes, road_map
 from scenes import Truth, drive_along, gnss, grid_town, network, steps
 from strategies import seeds
 from whichroad import Localizer
-from whichroad.core.belief import CAPACITY, KEPT
+from whichroad.core.belief import KEPT
 from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
 from whichroad.records import GeoFix
 
@@ -76,13 +76,13 @@ def test_with_more_candidates_than_there_is_room_for_they_still_have_one_between
     for k, belief, _ in steps(DENSE, epochs, mode=mode):
         n = belief.size[0]
         most = max(most, n)
-        assert n <= CAPACITY, k
+        assert n <= KEPT, k
         assert belief.probability[:n].min() >= 0.0, k
         assert abs(belief.probability[:n].sum() - 1.0) <= EXACT, k
         np.testing.assert_allclose(
             np.exp(belief.log_weight[:n]), belief.probability[:n], atol=EXACT
         )
-    assert most > KEPT
+    assert most == KEPT
 
 
 @given(seeds)

@@ -42,15 +42,7 @@ def test_ten_minutes_anywhere_in_a_town_change_neither_roads_nor_sigma(mode: int
     assert told.sigma[after] == pytest.approx(told.sigma[before], rel=0.05)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        WHEELS,
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at the crossing at every reading")),
-        CLOCK,
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 @pytest.mark.parametrize("where", [870.0, 880.0, 890.0])
 def test_ten_minutes_before_a_crossing_do_not_push_the_vehicle_back_from_it(mode, where):
     """Nothing was measured, so nothing at all may change: 1 mm is rounding."""

@@ -85,7 +85,6 @@ def table(log: Drive, order: list[int], wrap: int | None = None) -> pa.Table:
     )
 
 
-@pytest.mark.xfail(strict=True, reason="a table in memory is read without the vehicle")
 @given(seeds, st.sampled_from([8, 12]))
 @law
 def test_counters_that_wrap_give_the_same_answer_as_those_that_do_not(seed: int, bits: int):

@@ -80,34 +80,36 @@ def assert_moved(there: Output, here: Output, turn: np.ndarray, shift: np.ndarra
     np.testing.assert_allclose(there.value[sure, V_S], here.value[sure, V_S], **close)
 
 
-@given(seeds)
+@MODES
+@given(seed=seeds)
 @law
-def test_the_world_moved_and_turned_moves_and_turns_the_answer(seed: int):
+def test_the_world_moved_and_turned_moves_and_turns_the_answer(mode: int, seed: int):
     truth, fix, at = random_drive(seed)
     rng = np.random.default_rng(seed)
     a = rng.uniform(-math.pi, math.pi)
     turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
     shift = rng.uniform(-5000.0, 5000.0, 2)
-    here = localize(network(TOWN), sensed(truth, fix, at, WHEELS)).output
+    here = localize(network(TOWN), sensed(truth, fix, at, mode), mode=mode).output
     there = localize(
         network([line @ turn.T + shift for line in TOWN]),
-        sensed(*moved(truth, fix, turn, shift), at, WHEELS),
+        sensed(*moved(truth, fix, turn, shift), at, mode),
+        mode=mode,
     ).output
     assert_moved(there, here, turn, shift, EXACT)
 
 
-@pytest.mark.xfail(strict=True, reason="roads are looked for as far as the plane's axes say")
-@given(seeds)
+@MODES
+@given(seed=seeds)
 @law
-def test_the_world_mirrored_and_driven_on_the_other_side_mirrors_the_answer(seed: int):
+def test_the_world_mirrored_and_driven_on_the_other_side_mirrors_the_answer(mode: int, seed: int):
     truth, fix, at = random_drive(seed)
     a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
     mirror = np.array([[math.cos(a), math.sin(a)], [math.sin(a), -math.cos(a)]])
     shift = np.zeros(2)
-    here = localize(network(TOWN), sensed(truth, fix, at, WHEELS)).output
+    here = localize(network(TOWN), sensed(truth, fix, at, mode), mode=mode).output
     there = localize(
         network([line @ mirror.T for line in TOWN]),
-        sensed(*moved(truth, fix, mirror, shift), at, WHEELS), side="left",
+        sensed(*moved(truth, fix, mirror, shift), at, mode), mode=mode, side="left",
     ).output  # fmt: skip
     assert_moved(there, here, mirror, shift, EXACT)
 
@@ -130,7 +132,15 @@ def test_streets_in_any_order_and_drawn_either_way_give_the_same_answer(mode: in
     assert_moved(there, here._replace(edge=edge), np.eye(2), np.zeros(2), EXACT)
 
 
-@MODES
+@pytest.mark.parametrize(
+    "mode",
+    [
+        WHEELS,
+        pytest.param(DISTANCE, marks=pytest.mark.xfail(
+            strict=True, reason="of two equal hypotheses the first teaches the GNSS scale")),
+        CLOCK,
+    ],
+)  # fmt: skip
 @given(seed=seeds)
 @law
 def test_rows_of_the_table_in_any_order_and_drawn_either_way_give_the_same_answer(mode, seed):
@@ -198,7 +208,6 @@ def wandering(seed: int, roads: Roads, turn: np.ndarray) -> Belief:
     return belief
 
 
-@pytest.mark.xfail(strict=True, reason="the candidate radius is that of the plane's x or y axis")
 @given(seeds)
 @law
 def test_turning_the_world_changes_nothing_in_who_comes_back_to_which_road(seed: int):
@@ -213,7 +222,6 @@ def test_turning_the_world_changes_nothing_in_who_comes_back_to_which_road(seed:
     assert shares[1] == pytest.approx(shares[0], abs=EXACT)
 
 
-@pytest.mark.xfail(strict=True, reason="the cost of merging is that along the plane's axes")
 @given(seeds)
 @law
 def test_turning_the_world_changes_nothing_in_what_merges_off_the_roads(seed: int):

@@ -132,6 +132,17 @@ def test_rows_of_both_directions_make_one_street_with_two_ids(line, check):
         assert rule(roads, "c", False) == AGAINST_ONE_WAY
 
 
+def test_a_column_of_lanes_tells_how_far_a_vehicle_may_be_from_its_usual_one(town):
+    """Two one-way lanes and four in both directions are two in each; one is one."""
+    roads = RoadMap.from_edges(town.assign(lanes=[4, 2, 2, 1, 1]))
+    spread = {
+        roads.source(e, 1.0)[0]: float(roads.arrays.lane_spread[e])
+        for e in range(len(roads))
+        if roads.source(e, 1.0)[1]
+    }
+    assert {k: spread[k] for k in (7, 8, 9, 10)} == pytest.approx({7: 1.65, 8: 1.65, 9: 0, 10: 0})
+
+
 def test_one_may_say_whether_rows_are_directions(line):
     table = geopandas.GeoDataFrame({"id": [1]}, geometry=[line((0, 0), (100, 0))], crs=4326)
     assert np.all(RoadMap.from_edges(table).arrays.rule == 0)
