@@ -74,8 +74,8 @@ class Settings:
     u_turn_rate: float = _number(1e-3, 0, 0.1, "1/s", "of turning round, for a slow vehicle")
     search_radius: float = _number(30, 1, 5000, "m", "smallest candidate radius (paper: 30 m)")
     prune: float = _number(1e-4, 0, 0.1, "", "hypotheses below this probability are dropped")
-    merge: float = _number(0.05, 0, 100, "nats", "Runnalls cost below which two are merged")
-    components: float = _number(2, 1, 8, "", "Gaussians kept per directed edge")
+    merge: float = _number(1e-4, 0, 100, "nats", "Runnalls cost below which two are merged")
+    components: float = _number(4, 1, 8, "", "Gaussians kept per directed edge")
     lost_after: float = _number(8, 1, 1e4, "", "fixes in a row that fit nothing: start again")
 
     protection_risk: float = _number(

@@ -25,7 +25,7 @@ from .switching import Work, adopt, destinations, leave_map, rescale
 
 
 _CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
-_CORNER_RADIUS = 12.0  # m
+_CORNER_RADIUS = 15.0  # m
 _CORNER_DOUBT = 3.0  # m/rad
 _ACROSS = 0.015  # m²/m; nobody follows the line of a map to the inch
 
@@ -44,6 +44,8 @@ def _move_to(
     mean = belief.mean[i]
     cov = belief.cov[i]
     cut, variance = truncated_moments(s, sigma, low, high)
+    shift = cut - s
+    shrink = variance / (sigma * sigma)
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
     turn = wrap(heading - math.atan2(ty, tx))
@@ -68,7 +70,6 @@ def _move_to(
     cov[Y, Y] += across * nx * nx
     cov[X, Y] -= across * nx * ny
     cov[Y, X] = cov[X, Y]
-    shrink = (variance - doubt) / (sigma * sigma)
     if shrink < 0.9999:
         row = work.row
         for j in range(N):
@@ -77,7 +78,7 @@ def _move_to(
         row[Y] = ny
         row[MX] = nx
         row[MY] = ny
-        reshape_along(mean, cov, row, cut - s, shrink, scale)
+        reshape_along(mean, cov, row, shift, shrink, scale)
     mean[X] = cx + scale * (lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-lateral * nx - mean[MY])
     belief.segment[i] = segment

@@ -67,6 +67,8 @@ _LATENCY = 0.15  # s, between that and the receiver's Doppler speed
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
+_BLIND = 500.0  # times more merging without a heading sensor
+_YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
 _MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
 
@@ -321,7 +323,7 @@ def _take_fix(
     thin = max(1.0, 1.0 / max(interval, 0.01))
     chi2 = observe_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
-        _vouched(epochs, k, mode) and since < _RECENT, work.row,
+        _vouched(epochs, k, mode) and since < _RECENT and clock[LEARNT] > _YOUNG, work.row,
     )  # fmt: skip
     if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
         _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
@@ -494,7 +496,12 @@ def run(
                 clock[TRAVELLED] = 0.0
                 changed = True
             if changed:
-                reduce(belief, route, scale, par.prune, par.merge, int(par.components))
+                limit = par.merge
+                most = int(par.components)
+                if mode != WHEELS:  # without a heading there is less to keep apart
+                    limit *= _BLIND
+                    most = (most + 1) // 2
+                reduce(belief, route, scale, par.prune, limit, most)
         clock[SPEED] = _speed(belief, epochs, k, dt, mode)
         say(belief, roads, output, k, scale, outage_after, ambiguous_below, par.protection_risk, chi2)
     return last

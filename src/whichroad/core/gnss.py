@@ -18,6 +18,7 @@ from .belief import (
     OFF_ROAD,
     QUICK_SCALE,
     SLOW_SCALE,
+    STOOD,
     USED_XX,
     USED_XY,
     USED_YY,
@@ -42,6 +43,7 @@ from .motion import age_gnss
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
 _MOST = 9.0  # the most that one fix may say of the scale, in units of what is expected
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
+_LONG = 10.0  # s of standing, from which on the error is taken to stand as well
 _STEP = 0.97  # of the scale of slow errors
 
 
@@ -212,8 +214,8 @@ def adapt_scale(
 ) -> None:  # fmt: skip
     """Learn how much larger the GNSS errors are than reported (core.belief.GNSS_SCALE).
 
-    Expectation and maximisation with exponential forgetting, under the most probable
-    hypothesis, with innovations ν of variances s, of which the receiver's own part is
+    Expectation and maximisation with exponential forgetting, averaged over the hypotheses
+    by what they are worth after the fix, with innovations ν of variances s, of which the receiver's own part is
     share · s, and γ the slow error with covariance P:
 
         quick += η (λ² (1 + share (½ Σ ν² / s − 1)) − quick)
@@ -238,44 +240,69 @@ def adapt_scale(
         least: λ² where slow and white error together are as large as reported.
         row: Scratch, (N,).
     """
-    top = 0
-    for i in range(belief.size[0]):
-        if belief.probability[i] > belief.probability[top]:
-            top = i
-    mean = belief.mean[top]
-    cov = belief.cov[top]
+    clock = belief.clock
+    stands = slow_gain == 0.0 and clock[STOOD] > _LONG
+    factor = clock[GNSS_SCALE]
     c = math.cos(fix[4])
     s = math.sin(fix[4])
     for j in range(N):
         row[j] = 0.0
-    clock = belief.clock
-    chi2 = 0.0
-    share = 0.0
+    total = 0.0
+    quick = 0.0
     wander = 0.0
-    for axis in range(2):
-        if axis == 0:
-            nu = _fix_row(mean, row, fix, root, c, s, scale, lever)
+    slow = 0.0
+    first = 0.0
+    second = 0.0
+    for i in range(belief.size[0]):
+        if belief.probability[i] < 0.01:
+            continue
+        mean = belief.mean[i]
+        cov = belief.cov[i]
+        chi2 = 0.0
+        share = 0.0
+        spread = 1.0
+        drift = 0.0
+        for axis in range(2):
+            if axis == 0:
+                nu = _fix_row(mean, row, fix, root, c, s, scale, lever)
+            else:
+                nu = _fix_row(mean, row, fix, root, -s, c, scale, lever)
+            gx = row[GX]
+            gy = row[GY]
+            r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)
+            own = r + gx * gx * cov[GX, GX] + 2.0 * gx * gy * cov[GX, GY] + gy * gy * cov[GY, GY]
+            variance = innovation_variance(cov, row, r)
+            chi2 += nu * nu / variance
+            share += 0.5 * min(own / variance, 1.0)
+            spread *= variance
+            side = nu / math.sqrt(variance)
+            stays = _PERSISTS * clock[WANDER + axis] + (1.0 - _PERSISTS) * side
+            drift += stays * stays
+            if axis == 0:
+                side_0 = side
+        worth = belief.probability[i] * math.exp(-0.5 * min(chi2, 1e3)) / math.sqrt(spread)
+        worth = max(worth, 1e-250)  # when nothing fits, all are worth the same
+        drift *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
+        energy = mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY]
+        lost = mean[GX] ** 2 + mean[GY] ** 2 > _FAULT**2
+        total += worth
+        if stands and chi2 < 9.0:  # the error stands as well, and looks like none
+            quick += worth * clock[QUICK_SCALE] / factor
         else:
-            nu = _fix_row(mean, row, fix, root, -s, c, scale, lever)
-        gx = row[GX]
-        gy = row[GY]
-        r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)
-        own = r + gx * gx * cov[GX, GX] + 2.0 * gx * gy * cov[GX, GY] + gy * gy * cov[GY, GY]
-        variance = innovation_variance(cov, row, r)
-        chi2 += nu * nu / variance
-        mean_nu = clock[WANDER + axis]
-        mean_nu = _PERSISTS * mean_nu + (1.0 - _PERSISTS) * nu / math.sqrt(variance)
-        clock[WANDER + axis] = mean_nu
-        wander += mean_nu * mean_nu
-        share += min(own / variance, 1.0)
-    wander *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
-    factor = clock[GNSS_SCALE]
-    seen = factor * (1.0 + 0.5 * share * (min(0.5 * chi2, _MOST) - 1.0))
-    clock[QUICK_SCALE] += gain * (seen - clock[QUICK_SCALE])
-    seen = factor * (1.0 + 0.5 * share * (min(0.5 * wander, _MOST) - 1.0))
-    clock[WANDER_SCALE] += gain * (seen - clock[WANDER_SCALE])
-    slow = 0.5 * (mean[GX] ** 2 + cov[GX, GX] + mean[GY] ** 2 + cov[GY, GY])
-    clock[SLOW_SCALE] += slow_gain * (factor * min(slow, _MOST) - clock[SLOW_SCALE])
+            quick += worth * (1.0 + share * (min(0.5 * chi2, _MOST) - 1.0))
+        wander += worth * (1.0 + share * (min(0.5 * drift, _MOST) - 1.0))
+        slow += worth * (clock[SLOW_SCALE] / factor if lost else min(0.5 * energy, _MOST))
+        first += worth * side_0
+        second += worth * side
+    if total == 0.0:
+        return
+    new = (1.0 - _PERSISTS) / total
+    if not stands:
+        clock[WANDER_SCALE] += gain * (factor * wander / total - clock[WANDER_SCALE])
+    clock[WANDER] += new * first - (1.0 - _PERSISTS) * clock[WANDER]
+    clock[WANDER + 1] += new * second - (1.0 - _PERSISTS) * clock[WANDER + 1]
+    clock[QUICK_SCALE] += gain * (factor * quick / total - clock[QUICK_SCALE])
+    clock[SLOW_SCALE] += slow_gain * (factor * slow / total - clock[SLOW_SCALE])
     learnt = max(clock[QUICK_SCALE], clock[WANDER_SCALE], clock[SLOW_SCALE])
     clock[GNSS_SCALE] = min(max(learnt, least), 400.0)
 

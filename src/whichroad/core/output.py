@@ -74,6 +74,8 @@ def say(
 
         P(error > r) <= sum w_i exp(-(r - d_i)^2 / 2 a_i^2) <= risk
         r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
+
+    (for the heaviest d is left for last, which makes r larger by as much).
     """
     n = belief.size[0]
     out = output.value[k]

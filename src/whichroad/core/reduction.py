@@ -14,12 +14,14 @@ from .gaussian import merge_moments
 from .switching import copy_hypothesis, enter
 
 _OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged
+_CLEAR = 1e-3  # probability of all other edges, below which
+_CLEAR_LIMIT = 0.02  # nats, relative, are little to lose by merging
 _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 
 
 @kernel
-def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
+def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> float:
     """Runnalls' bound on what merging two hypotheses loses, along the road only, nats.
 
         B = ½ (W log v − w_i log v_i − w_j log v_j)
@@ -36,7 +38,26 @@ def _merge_cost(belief: Belief, i: int, j: int, scale: float) -> float:
         vj = belief.spread[j] ** 2
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        return float(0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj)))
+        along = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        if along > best:
+            return float(along)  # dearer than another pair, whatever the rest
+        gap = wrap(belief.mean[i, H] - belief.mean[j, H])
+        vi = belief.cov[i, H, H]
+        vj = belief.cov[j, H, H]
+        v = (wi * vi + wj * vj) / w + shares * gap * gap
+        turned = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        nx = math.sin(belief.mean[i, H])
+        ny = -math.cos(belief.mean[i, H])
+        dx = belief.mean[i, X] - belief.mean[j, X]
+        dy = belief.mean[i, Y] - belief.mean[j, Y]
+        gap = (nx * dx + ny * dy) / scale
+        ci = belief.cov[i]
+        cj = belief.cov[j]
+        vi = nx * nx * ci[X, X] + 2.0 * nx * ny * ci[X, Y] + ny * ny * ci[Y, Y]
+        vj = nx * nx * cj[X, X] + 2.0 * nx * ny * cj[X, Y] + ny * ny * cj[Y, Y]
+        v = (wi * vi + wj * vj) / w + shares * gap * gap
+        across = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        return max(along, turned, across)
     gap = wrap(belief.mean[i, H] - belief.mean[j, H])
     if abs(gap) > _OPPOSED:
         return math.inf
@@ -92,7 +113,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
         for j in range(i + 1, n):
             if belief.edge[j] != edge:
                 continue
-            cost = _merge_cost(belief, i, j, scale)
+            cost = _merge_cost(belief, i, j, best, scale)
             if cost < best:
                 best, best_i, best_j = cost, i, j
     if best_i < 0 or (best > limit and count <= most):
@@ -103,6 +124,20 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
         best_j = copy_from
     _merge_into(belief, best_i, best_j, scale)
     return True
+
+
+@kernel
+def _is_clear(belief: Belief) -> bool:
+    """Whether one edge has nearly all the probability: then little hangs on its parts."""
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    rest = 1.0
+    for i in range(belief.size[0]):
+        if belief.edge[i] == belief.edge[top]:
+            rest -= belief.probability[i]
+    return rest < _CLEAR
 
 
 @kernel
@@ -124,6 +159,8 @@ def reduce(
     """
     normalise(belief)
     n = belief.size[0]
+    if _is_clear(belief):
+        limit = max(limit, _CLEAR_LIMIT)
     dropped = 0
     for i in range(n):
         low = 1e-3 * prune if belief.edge[i] == OFF_ROAD else prune

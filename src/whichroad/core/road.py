@@ -30,6 +30,7 @@ from .segment import chord_heading, locate, project
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
+_LOOK = 5.0  # m travelled between two looks at the road whose errors are those of one
 _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 
 
@@ -124,8 +125,9 @@ def observe_roads(
     if on > 0.0:
         more_lateral /= on
         more_heading /= on
-    r_lateral = relative_sigma**2 + more_lateral
-    r_heading = heading_sigma**2 + more_heading
+    thin = min(max(_LOOK / travelled, 0.5), 4.0) if travelled > 0.0 else 1.0
+    r_lateral = thin * (relative_sigma**2 + more_lateral)
+    r_heading = thin * (heading_sigma**2 + more_heading)
     log_s = 0.0
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:

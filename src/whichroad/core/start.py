@@ -178,7 +178,7 @@ def cold_start(
         belief.log_weight[i] += share
     free = 1 if known else _HEADINGS
     free_share = math.log(total * (off_road if mass > 0.0 else 1.0) / free)
-    for a in range(free):
+    for a in range(min(free, CAPACITY - n)):
         at = heading if known else wrap(towards + 2.0 * math.pi * a / free)
         _fresh_state(
             belief, n, fix, slow, white, scale, lever, at, heading_sigma if known else 0.3, rate,
@@ -221,7 +221,7 @@ def leave_and_return(
     for i in range(n):
         p = belief.probability[i]
         if belief.edge[i] != OFF_ROAD:
-            if p > 0.02 and belief.size[0] < CAPACITY:
+            if p > 1e-3 and belief.size[0] < CAPACITY:
                 child = belief.size[0]
                 copy_hypothesis(belief, i, child)
                 belief.edge[child] = OFF_ROAD
@@ -373,7 +373,7 @@ def turn_with_heading(belief: Belief, roads: Roads, side: float, lane_sigma: flo
     """With a heading sensor: a vehicle athwart its road may be turning round."""
     for i in range(belief.size[0]):
         edge = belief.edge[i]
-        if edge == OFF_ROAD or belief.probability[i] < 0.01 or roads.opposite[edge] < 0:
+        if edge == OFF_ROAD or belief.probability[i] < 1e-4 or roads.opposite[edge] < 0:
             continue
         s = min(max(belief.abscissa[i], 0.0), roads.length[edge])
         along = chord_heading(roads, edge, belief.segment[i], s, 6.0)

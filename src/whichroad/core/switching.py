@@ -223,7 +223,7 @@ def hand_over(
 ) -> bool:  # fmt: skip
     """Give the part of every hypothesis that has passed its edge's end to what follows.
 
-        P(stay) = Φ((L − s₁)/σ₁) / max(Φ((L − s₀)/σ₀), 0.05), at most 1
+        P(stay) = Φ((L − s₁)/σ₁) / Φ((L − s₀)/σ₀), at most 1
 
     with s₀ when last looked at: a standing car leaks nothing.  In reverse the part
     that passed the start goes to the edges before.

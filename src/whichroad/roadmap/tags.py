@@ -144,7 +144,7 @@ def lane_offset(highway: str, both_ways: bool, lanes: float, width: float, ring:
     if both_ways:
         if width > 0.0:
             return width / 4.0
-        return 1.2 if highway in NARROW else 1.75
+        return 1.2 if highway in NARROW else 1.75 * max(lanes / 2.0, 1.0)
     return 1.5 if lanes >= 2.0 and not ring else 0.0
 
 

@@ -102,7 +102,7 @@ class _Search:
         self.scale = 1.0 + self.arrays.curvature * (x * x + y * y)
         lay_out(
             self.population, self.arrays, p.edge[:1], p.s[:1], p.spread[:1],
-            np.array([math.log(self.settings.off_road_start)]), self.scale, self.side, self.par,
+            np.array([math.log(max(self.settings.off_road_start, 1e-300))]), self.scale, self.side, self.par,
         )  # fmt: skip
         mean, cov = self.population.mean[0], self.population.cov[0]
         mean[X], mean[Y], mean[H] = x, y, 0.0
