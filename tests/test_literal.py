@@ -18,7 +18,7 @@ from scenes import (
     straight_road,
 )  # fmt: skip
 from whichroad.core.belief import NO_EDGE
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.output import LOST, OUTAGE, V_H, V_OFF, V_P, V_X, V_XX, V_Y
 from whichroad.epochs import Timeline
 from whichroad.errors import DriveError

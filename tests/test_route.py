@@ -7,7 +7,7 @@ import pytest
 
 from scenes import drive_along, epochs_of, gnss, grid_town, localize, network
 from whichroad.core.belief import OFF_ROAD
-from whichroad.core.drive import DISTANCE, WHEELS
+from whichroad.core.epoch import DISTANCE, WHEELS
 from whichroad.route import Traversal, traversals
 
 ROADS = network(grid_town())

@@ -16,7 +16,7 @@ import numpy as np
 import whichroad
 from whichroad import Settings, Vehicle
 from whichroad.core import output as said
-from whichroad.core.drive import CLOCK, WHEELS, Epochs
+from whichroad.core.epoch import CLOCK, WHEELS, Epochs
 from whichroad.epochs import Timeline
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.simulate import SimulationSettings

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .core.drive import CLOCK, Epochs
+from .core.epoch import CLOCK, Epochs
 from .core.output import (
     V_GNSS_SCALE,
     V_H,

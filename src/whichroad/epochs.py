@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from .core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from .errors import DriveError
 from .frames import Plane
 from .records import Array, Drive

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.belief import LAST_FIX, NO_EDGE, NOW, STARTED, Belief, H, K, X, Y, new_belief
-from .core.drive import CLOCK
+from .core.epoch import CLOCK
 from .core.output import V_S, new_output
 from .core.paper import STEPPED, Literal, new_bench
 from .core.paper_drive import run_paper

@@ -23,7 +23,8 @@ from .core.belief import (
     new_route,
     normalise,
 )
-from .core.drive import CLOCK, DISTANCE, WHEELS, new_epochs, run
+from .core.drive import run
+from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
 from .core.motion import arc_chord
 from .core.output import (
     V_GNSS_SCALE,

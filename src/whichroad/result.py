@@ -10,7 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .core.belief import NO_EDGE, OFF_ROAD
-from .core.drive import Epochs
+from .core.epoch import Epochs
 from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from .core.output import (
     AMBIGUOUS,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.belief import OFF_ROAD
-from .core.drive import Epochs
+from .core.epoch import Epochs
 from .core.network import Roads
 from .core.output import (
     V_S,

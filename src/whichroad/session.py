@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from .core.belief import NO_EDGE, OFF_ROAD
-from .core.drive import Epochs
+from .core.epoch import Epochs
 from .core.output import (
     ALTERNATIVES,
     Output,

@@ -16,7 +16,7 @@ from scenes import (
     parallel_roads,
     straight_road,
 )
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_GNSS_SCALE, V_HH, V_PROTECTION, V_X, V_Y, Output
 from whichroad.settings import Settings
 

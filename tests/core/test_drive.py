@@ -21,7 +21,7 @@ from scenes import (
 )
 from strategies import UNITS
 from whichroad.core.belief import EVIDENCE, OFF_ROAD, K, X
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 from whichroad.settings import Settings
 

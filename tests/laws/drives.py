@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenes import Truth, drive_along, epochs_of, gnss, steps
 from whichroad.core.belief import OFF_ROAD
-from whichroad.core.drive import CLOCK, WHEELS, Epochs
+from whichroad.core.epoch import CLOCK, WHEELS, Epochs
 from whichroad.core.network import Roads
 from whichroad.core.output import V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.settings import Settings

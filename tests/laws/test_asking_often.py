@@ -9,7 +9,7 @@ from hypothesis import given
 from laws.drives import Said, between_parallels, law, said, sensed, way_through
 from scenes import Truth, drive_along, grid_town, network, parallel_roads, straight_road
 from strategies import seeds
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.settings import Settings
 
 EACH = [[0], [1], [2], [3]]  # both roads, both ways

@@ -21,7 +21,7 @@ from scenes import (
 )
 from strategies import bent_lines, seeds
 from whichroad.core.belief import OFF_ROAD
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.network import U_TURN, Roads
 from whichroad.core.start import leave_and_return
 

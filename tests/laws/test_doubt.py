@@ -20,7 +20,7 @@ from scenes import (
 )
 from strategies import seeds
 from whichroad.core.belief import K
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_XX, V_YY
 from whichroad.epochs import Timeline
 from whichroad.frames import Plane

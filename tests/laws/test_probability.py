@@ -10,7 +10,7 @@ from scenes import Truth, drive_along, gnss, grid_town, network, steps
 from strategies import seeds
 from whichroad import Localizer
 from whichroad.core.belief import KEPT
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.records import GeoFix
 
 TOWN = grid_town()

@@ -7,7 +7,7 @@ from hypothesis import given
 from laws.drives import law, said, sensed, way_through
 from scenes import Truth, drive_along, gnss, grid_town, network
 from strategies import seeds
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 
 STANDING = 6000  # epochs: ten minutes
 SETTLED = 50  # epochs after which a receiver alone knows that it stands

@@ -13,7 +13,7 @@ from laws.geodetic import CAR, degrees, drive, fixes, road_map
 from scenes import drive_along, gnss, grid_town
 from strategies import seeds
 from whichroad import Localizer, match
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.epochs import build_timeline
 from whichroad.localizer import STATUS, localize_recorded

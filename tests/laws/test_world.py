@@ -24,7 +24,7 @@ from scenes import (
 )
 from strategies import seeds
 from whichroad.core.belief import GX, MX, OFF_ROAD, Belief, H, N, X
-from whichroad.core.drive import CLOCK, DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.network import Roads
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_XX, V_XY, V_YY, Output
 from whichroad.core.reduction import reduce

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenes import drive_along, epochs_of, gnss, grid_town, network, steps
-from whichroad.core.drive import Epochs
+from whichroad.core.epoch import Epochs
 from whichroad.core.network import Roads
 from whichroad.settings import Settings
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whichroad.core.drive import Epochs
+from whichroad.core.epoch import Epochs
 
 Array = NDArray[np.float64]
 

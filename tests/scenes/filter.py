@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from whichroad.core.belief import Belief, new_route
-from whichroad.core.drive import WHEELS, Epochs, run
+from whichroad.core.drive import run
+from whichroad.core.epoch import WHEELS, Epochs
 from whichroad.core.network import Roads
 from whichroad.core.output import (
     Output,

@@ -23,7 +23,6 @@ from .road import track
 from .segment import locate
 from .switching import Work, adopt, destinations, leave_map, rescale
 
-
 _CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 _CORNER_RADIUS = 15.0  # m
 _CORNER_DOUBT = 3.0  # m/rad

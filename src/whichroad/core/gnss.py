@@ -215,8 +215,8 @@ def adapt_scale(
     """Learn how much larger the GNSS errors are than reported (core.belief.GNSS_SCALE).
 
     Expectation and maximisation with exponential forgetting, averaged over the hypotheses
-    by what they are worth after the fix, with innovations ν of variances s, of which the receiver's own part is
-    share · s, and γ the slow error with covariance P:
+    by what they are worth after the fix, with innovations ν of variances s, of which the
+    receiver's own part is share · s, and γ the slow error with covariance P:
 
         quick += η (λ² (1 + share (½ Σ ν² / s − 1)) − quick)
         wander: the same with the mean of the last five innovations in place of ν

@@ -30,7 +30,7 @@ from .belief import (
     Y,
     normalise,
 )
-from .drive import CLOCK, DISTANCE, WHEELS, Epochs
+from .epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from .gnss import forward_only, observe_fix, observe_state
 from .grid import near, vertex_at
 from .motion import predict_free

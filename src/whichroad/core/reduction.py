@@ -14,8 +14,8 @@ from .gaussian import merge_moments
 from .switching import copy_hypothesis, enter
 
 _OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged
-_CLEAR = 1e-3  # probability of all other edges, below which
-_CLEAR_LIMIT = 0.02  # nats, relative, are little to lose by merging
+_CLEAR = 1e-4  # probability of all other edges, below which
+_CLEAR_LIMIT = 0.003  # nats, relative, are little to lose by merging
 _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 
@@ -57,7 +57,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vj = nx * nx * cj[X, X] + 2.0 * nx * ny * cj[X, Y] + ny * ny * cj[Y, Y]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
         across = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
-        return max(along, turned, across)
+        return float(max(along, turned, across))
     gap = wrap(belief.mean[i, H] - belief.mean[j, H])
     if abs(gap) > _OPPOSED:
         return math.inf
@@ -76,7 +76,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vj = cj[X, X] * cj[Y, Y] - cj[X, Y] ** 2
     v = xx * yy - xy * xy
     apart = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
-    return max(turned, apart)
+    return float(max(turned, apart))
 
 
 @kernel

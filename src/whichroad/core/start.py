@@ -57,22 +57,21 @@ def _fresh_state(
     rxx = fix[2] * c * c + fix[3] * s * s
     ryy = fix[2] * s * s + fix[3] * c * c
     rxy = (fix[2] - fix[3]) * c * s
-    own = slow * slow
-    full = own + white * white
+    full = slow * slow + white * white
     cov[X, X] = full * (rxx * rxx + rxy * rxy)
     cov[Y, Y] = full * (ryy * ryy + rxy * rxy)
     cov[X, Y] = full * (rxx * rxy + rxy * ryy)
     cov[Y, X] = cov[X, Y]
-    cov[X, GX] = -own * rxx
-    cov[X, GY] = -own * rxy
-    cov[Y, GX] = -own * rxy
-    cov[Y, GY] = -own * ryy
-    cov[GX, X] = -own * rxx
-    cov[GY, X] = -own * rxy
-    cov[GX, Y] = -own * rxy
-    cov[GY, Y] = -own * ryy
-    cov[GX, GX] = own
-    cov[GY, GY] = own
+    cov[X, GX] = -slow * rxx
+    cov[X, GY] = -slow * rxy
+    cov[Y, GX] = -slow * rxy
+    cov[Y, GY] = -slow * ryy
+    cov[GX, X] = -slow * rxx
+    cov[GY, X] = -slow * rxy
+    cov[GX, Y] = -slow * rxy
+    cov[GY, Y] = -slow * ryy
+    cov[GX, GX] = 1.0
+    cov[GY, GY] = 1.0
     cov[H, H] = heading_sigma**2
     cov[K, K] = rate_sigma**2
     cov[B, B] = drift_sigma**2
@@ -84,8 +83,8 @@ def _fresh_state(
 @kernel
 def cold_start(
     belief: Belief, roads: Roads, route: Route, work: Work, total: float, fix: Vector,
-    slow: float, white: float, scale: float, lever: Vector, heading: float, heading_sigma: float, rate: float,
-    rate_sigma: float, drift_sigma: float, side: float, lane_sigma: float, map_sigma: float,
+    slow: float, white: float, scale: float, lever: Vector, heading: float,
+    heading_sigma: float, rate: float, rate_sigma: float, drift_sigma: float, side: float, lane_sigma: float, map_sigma: float,
     search_radius: float, off_road: float, wrong_way: float,
 ) -> int:  # fmt: skip
     """Begin with every road near a position, both directions, and with none of them.

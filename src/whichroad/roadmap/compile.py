@@ -238,7 +238,8 @@ def _network(
     lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
     roads = Roads(
         vx, vy, s, first, length, from_node, to_node, opposite,
-        lane.astype(np.float32), streets.lane_spread[way].astype(np.float32), (length / time).astype(np.float32), service, rule,
+        lane.astype(np.float32), streets.lane_spread[way].astype(np.float32),
+        (length / time).astype(np.float32), service, rule,
         turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
         turns.pred_first, turns.pred, CELL_SIZE, *cells, plane.curvature,
     )  # fmt: skip

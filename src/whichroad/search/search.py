@@ -18,10 +18,10 @@ from ..core.belief import (
     QUICK_SCALE,
     SCALED_AT,
     SLOW_SCALE,
-    WANDER_SCALE,
     SPEED,
     STARTED,
     TRAVELLED,
+    WANDER_SCALE,
     Belief,
     H,
     Route,
@@ -31,7 +31,8 @@ from ..core.belief import (
     new_route,
     normalise,
 )
-from ..core.drive import WHEELS, Epochs, _roll, new_epochs
+from ..core.drive import _roll
+from ..core.epoch import WHEELS, Epochs, new_epochs
 from ..core.output import Output, say
 from ..core.population import collect, hand_over_all, lay_out, new_population, sum_up
 from ..core.road import observe_roads
@@ -102,7 +103,8 @@ class _Search:
         self.scale = 1.0 + self.arrays.curvature * (x * x + y * y)
         lay_out(
             self.population, self.arrays, p.edge[:1], p.s[:1], p.spread[:1],
-            np.array([math.log(max(self.settings.off_road_start, 1e-300))]), self.scale, self.side, self.par,
+            np.array([math.log(max(self.settings.off_road_start, 1e-300))]),
+            self.scale, self.side, self.par,
         )  # fmt: skip
         mean, cov = self.population.mean[0], self.population.cov[0]
         mean[X], mean[Y], mean[H] = x, y, 0.0

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.drive import Epochs
+from ..core.epoch import Epochs
 from ..core.motion import arc_chord
 
 _LONGEST = 6.0  # m, in which wheels are followed

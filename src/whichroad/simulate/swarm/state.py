@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core._jit import Bytes, Ints32, Matrix, Vector
-from ...core.drive import Epochs, new_epochs
+from ...core.epoch import Epochs, new_epochs
 from ..settings import SimulationSettings
 
 LONGEST = 6000  # points of a line, about metres
