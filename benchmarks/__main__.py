@@ -21,6 +21,7 @@ BENCHMARKS = {
     "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),
+    "nostart": ("search.run", "wheels and the map alone: until the road is known"),
     "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
     "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
     "diagnosis": ("scenes.diagnosis.run", "three-hour drives: are wrong settings noticed?"),
@@ -76,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
-    command.add_argument("--classes", metavar="A,B*", help="honesty: only these classes")
+    command.add_argument("--classes", metavar="A,B*", help="honesty, nostart: only these classes")
     command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
     command.add_argument("--drives", type=int, metavar="N", help="honesty: per class and noise")
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")

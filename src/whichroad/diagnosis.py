@@ -38,16 +38,20 @@ _TURNS = 1  # the lag at which turns are looked at
 _BREAK = 0.5  # rad, a change of heading in one epoch that no wheel has seen
 _WARM = 30.0  # s of moving before anything counts
 _WHEELS = 1e-3  # m² per m driven, variance of what wheels and heading say was driven
+_BENT = 9.0  # the same for each (gain of turns − 1)²: headings are wrong after a turn
 _MOST = 20.0  # times what is expected a pair may say
 _GRID = np.geomspace(1 / 16, 16, 65)  # of σ² and T over what the settings say
-_ABOVE, _BELOW = 0.3, 1.0  # log σ² over and under the scale that the filter has learnt
+_ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
+_WEIGHT = 0.04  # of log D for each pair and 1/s of lag, beside these
 
 _ENOUGH = 3000.0  # s of moving from which on the bands are as they are
 _LEAST = 600.0  # and below which there is no verdict
-_TIME = 1.65  # T over the setting, or under it
+_TIME = 1.55  # T over the setting, or under it
+_SURELY = 3.5  # the same where the sigma's being too large would explain it as well
 _SIGMA = 1.18  # σ over what is reported, T being right
 _SIGMA_TOO = 1.25  # the same where T is not
 _SMALL = 0.7  # σ below which the receiver says too much
+_FEW_TURNS = 20.0  # rad², as the sum of squares
 _SCALE = 4.0  # sigmas of the settings' scale and drift
 _GAIN = 0.035  # of turns
 _MAP = 1.25  # mean square map error over what the settings say
@@ -144,7 +148,7 @@ class Watch:
         self._driven = 0j  # m, by the odometer as the filter corrects it
         self._state = np.zeros(5)  # moving s, heading, turn, arc, breaks
         self._recent = _Fixes(*(np.zeros(0, complex if i == 1 else float) for i in range(6)))
-        self._pairs = np.zeros((len(LAGS), 4))  # number, D, what wheels err in it, lag
+        self._pairs = np.zeros((len(LAGS), 4))  # number, D, m driven over variance, lag
         self._turning = np.zeros(5)  # sums of turn², turn arc, arc², turn heading, arc heading
         self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
         self._metres = np.zeros(2)  # by the filter, by the odometer
@@ -209,11 +213,11 @@ class Watch:
             near &= every.breaks[at] == every.breaks[np.maximum(back, 0)]
             a, b = back[near], at[near]
             variance = reported[near]
-            wheels = 0.5 * _WHEELS * (every.arc[b] - every.arc[a]) / variance
-            expected = self._expected(apart[near]) + wheels
+            driven = (every.arc[b] - every.arc[a]) / variance
+            expected = self._expected(apart[near]) + 0.5 * _WHEELS * driven
             seen = 0.25 * np.abs(every.error[b] - every.error[a]) ** 2 / variance
             self._pairs[number] += [
-                len(a), np.minimum(seen, _MOST * expected).sum(), wheels.sum(), apart[near].sum(),
+                len(a), np.minimum(seen, _MOST * expected).sum(), driven.sum(), apart[near].sum(),
             ]  # fmt: skip
             if number == _TURNS:
                 swing, turn, arc = (every[i][b] - every[i][a] for i in (2, 3, 4))
@@ -251,10 +255,10 @@ class Watch:
         The most probable ones given D(L), and given that the filter's own scale is seldom
         less than it should be.
         """
-        number, seen, wheels, lag = self._pairs.T
+        number, seen, _, lag = self._pairs.T
         used = number > 0
         n = number[used]
-        level = np.maximum((seen[used] - wheels[used]) / n, 1e-3)
+        level = np.maximum((seen - self._wheel_errors())[used] / n, 1e-3)
         lags = lag[used] / n / self.settings.gnss_time
         learnt = self._errors[1] / self._errors[0]
         time, size = np.meshgrid(_GRID, _GRID, indexing="ij")
@@ -263,9 +267,10 @@ class Watch:
             white = np.maximum(level[0] - slow[..., :1], 0.01)
         else:
             white = np.full((1, 1, 1), self.settings.gnss_white_ratio**2)
-        weight = n / (4.0 * np.array(LAGS)[used])
+        weight = _WEIGHT * n / np.array(LAGS)[used]
         miss = (np.log(level / (white + slow)) ** 2 * weight).sum(axis=-1)
         least = np.minimum(white[..., 0] / self.settings.gnss_white_ratio**2, learnt)
+        least = np.sqrt(least * learnt)  # what is learnt is never less than 1
         miss += (np.maximum(np.log(size / learnt), 0.0) / _ABOVE) ** 2
         miss += (np.minimum(np.log(size / least), 0.0) / _BELOW) ** 2
         i, j = np.unravel_index(np.argmin(miss), miss.shape)
@@ -273,13 +278,29 @@ class Watch:
         w2 = float(np.broadcast_to(white, (*miss.shape, 1))[i, j, 0])
         return w2, float(_GRID[j]), float(_GRID[i]), float(_GRID[right])
 
+    def _wheel_errors(self) -> Array:
+        """What wheels err in the sums of D, one a lag."""
+        gain, _ = self._turns()
+        variance = _WHEELS + _BENT * (gain - 1.0) ** 2
+        return np.asarray(0.5 * variance * self._pairs[:, 2])
+
+    def _turns(self) -> tuple[float, float]:
+        """Turns as the filter corrects them over those of the odometer, and drift, rad/m."""
+        tt, ta, aa, th, ah = self._turning
+        if tt < _FEW_TURNS or tt * aa <= ta * ta:
+            return 1.0, 0.0
+        rest = tt * aa - ta * ta
+        return float((th * aa - ah * ta) / rest), float((ah * tt - th * ta) / rest)
+
     def _gnss(self) -> list[Finding]:
         found = []
-        number, seen, wheels, _ = self._pairs.sum(axis=0)
-        if number == 0 or wheels > 0.5 * seen:
+        seen, wheels = self._pairs[:, 1].sum(), self._wheel_errors().sum()
+        if seen == 0.0 or wheels > 0.5 * seen:
             return []  # fixes as good as the wheels are not judged by them
-        _, size, time, size_if_right = self.errors()
+        white, size, time, size_if_right = self.errors()
         band = self._wider(_TIME)
+        if time > 1.0 and white <= size_if_right * self.settings.gnss_white_ratio**2:
+            band = self._wider(_SURELY)
         time_off = not 1.0 / band <= time <= band
         if time_off:
             right = time * self.settings.gnss_time
@@ -324,11 +345,7 @@ class Watch:
                     "or the speed's unit",
                 )
             )  # fmt: skip
-        tt, ta, aa, th, ah = self._turning
-        if tt < 20.0 or tt * aa <= ta * ta:
-            return found
-        gain = (th * aa - ah * ta) / (tt * aa - ta * ta)
-        drift = (ah * tt - th * ta) / (tt * aa - ta * ta)
+        gain, drift = self._turns()
         band = max(_GAIN, 2.5 * s.turn_noise)
         if abs(gain - 1.0) > band and not (scale_off and abs(gain - scale) < 1.5 * band):
             width = self._track / gain

@@ -257,9 +257,10 @@ def collect(
 ) -> None:
     """Copy the rows that are kept, and merge neighbours on an edge that are hardly two.
 
-    Runnalls' cost along the road, here relative to the weight of the pair:
+    Runnalls' cost along the road, as if both were of one weight: a light one far from a
+    heavy one may yet win.
 
-        B = ½ (log v − (w_i log v_i + w_j log v_j) / (w_i + w_j))
+        B = ½ log v − ¼ (log v_i + log v_j),    v = ½ (v_i + v_j) + ¼ (s_i − s_j)²
 
     Args:
         population: Normalised.
@@ -281,13 +282,13 @@ def collect(
             vi = population.spread[i] ** 2
             vj = kept.spread[j] ** 2
             gap = population.abscissa[i] - kept.abscissa[j]
-            v = share * vj + (1.0 - share) * vi + share * (1.0 - share) * gap * gap
-            rest = share * math.log(vj) + (1.0 - share) * math.log(vi)
-            if 0.5 * (math.log(v) - rest) < limit:
+            v = 0.5 * (vi + vj) + 0.25 * gap * gap
+            if 0.5 * math.log(v) - 0.25 * math.log(vi * vj) < limit:
                 merge_moments(
                     kept.mean[j], kept.cov[j], population.mean[i], population.cov[i], share, scale
                 )
                 kept.abscissa[j] += (1.0 - share) * gap
+                v = share * vj + (1.0 - share) * vi + share * (1.0 - share) * gap * gap
                 kept.spread[j] = math.sqrt(v)
                 kept.stay[j] = share * kept.stay[j] + (1.0 - share) * population.stay[i]
                 kept.probability[j] = wi + wj

@@ -8,7 +8,7 @@ One more hypothesis, on none of the mapped roads, is as wide as the place looked
 vehicle may come on to any road, so where nothing fits the search begins again.
 """
 
+from .follow import MAP, is_vague, search, set_clock
 from .pieces import Pieces, pieces_of
-from .search import MAP, is_vague, search, set_clock
 
 __all__ = ["MAP", "Pieces", "is_vague", "pieces_of", "search", "set_clock"]

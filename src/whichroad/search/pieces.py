@@ -16,10 +16,10 @@ from ..settings import Settings
 KNOWN = 45.0  # degrees; a bearing with a larger sigma is not looked at
 DROP = 1e-3  # share of the average weight below which a hypothesis is dropped
 
-_PIECE = 150.0  # m, longest piece of road that one Gaussian stands for
-_BEND = 0.5  # rad, most that it turns within
-_SHORTEST = 20.0  # m
-_SPREAD = 0.35  # sigma of a piece over its length; even at the joints
+_PIECE = 40.0  # m, longest piece of road that one Gaussian stands for
+_BEND = 0.3  # rad, most that it turns within
+_SHORTEST = 12.0  # m
+_SPREAD = 0.4  # sigma of a piece over its length; even at the joints
 _MOST = 400_000  # pieces, about a gigabyte
 
 
@@ -63,9 +63,8 @@ def pieces_of(roads: RoadMap, settings: Settings, start: StartPose | None) -> Pi
         count[~_near_start(roads, start)] = 0
     if count.sum() > _MOST:
         raise DriveError(
-            f"the map has {arrays.length[count > 0].sum() / 2e6:,.0f} thousand km of roads; at "
-            f"most about {_MOST * _PIECE / 4e6:,.0f} can be searched for a start; "
-            "give start=StartPose(..., sigma_m=...) or a smaller extract"
+            f"the roads give {count.sum():,} places to start from; at most {_MOST:,} can be "
+            "searched; give start=StartPose(..., sigma_m=...), or a smaller extract"
         )
     edge = np.repeat(np.arange(len(count), dtype=np.int32), count)
     nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)

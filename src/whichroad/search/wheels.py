@@ -1,7 +1,7 @@
 """The wheels' epochs, joined or cut to steps of the map's spacing."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +25,16 @@ class Step(NamedTuple):
     measured: bool
 
 
-def steps(epochs: Epochs, spacing: float) -> Iterator[Step]:
-    """Join epochs, or cut them, to steps of about one map spacing, up to the first fix."""
+def steps(epochs: Epochs, least: Callable[[], float]) -> Iterator[Step]:
+    """Join epochs, or cut them, to steps, up to the first fix.
+
+    Args:
+        epochs: The drive.
+        least: Says how many metres a step should have at least; 0: no epochs are joined.
+
+    Yields:
+        Steps in time order; the first epoch is where the wheels begin to count.
+    """
     x = y = turn = arc = metres = 0.0
     measured = True
     fixes = np.flatnonzero(epochs.has_fix)
@@ -43,7 +51,7 @@ def steps(epochs: Epochs, spacing: float) -> Iterator[Step]:
             turn, arc, metres = turn + piece_turn, arc + piece_arc, metres + abs(piece_arc)
             measured = measured and bool(epochs.moved[k])
             whole = piece == pieces - 1
-            if metres >= spacing or (whole and k == last - 1):
+            if metres >= least() or (whole and k == last - 1):
                 yield Step(k, whole, x, y, turn, arc, metres, measured)
                 x = y = turn = arc = metres = 0.0
                 measured = True

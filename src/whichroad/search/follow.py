@@ -49,8 +49,15 @@ MAP = "map"
 """The start that is anywhere on the map."""
 
 _MERGE = 0.05  # nats
+_SWING = 10.0  # m, over which the wheels' turns are summed
+_STRAIGHT = 0.15  # rad; less is a bend, which centre lines tell
+_LOOSE = 3.0  # 1/rad
+_FEW = 500  # hypotheses that are followed epoch by epoch
 _DECIDED = 1e-3  # of the weight left out, when the ordinary belief takes over
-_AGAIN = 50.0  # m between two beginnings of those that were off the roads
+_LANE, _LANE_LENGTH = 1.5, 60.0  # m; one evasion must not lose to 100,000 other roads
+_PROBATION = 500.0  # m for which it must have been small, lest the search be in vain
+_AGAIN = 25.0  # m until those that began off the roads may come on to any
+_LESS_OFTEN = 1.1  # times as far until they may the next time
 _NEAR = 40.0  # m; a pose known better than this needs no search
 _FITS = 25.0  # chi-square of a fix that a hypothesis can explain
 
@@ -79,7 +86,11 @@ class _Search:
         self, roads: RoadMap, vehicle: Vehicle, settings: Settings, start: StartPose | None,
         time: float,
     ) -> None:  # fmt: skip
-        self.arrays, self.settings, self.par = roads.arrays, settings, settings.parameters()
+        self.arrays, self.settings = roads.arrays, settings
+        par = settings.parameters()
+        self.par = par._replace(
+            lane_sigma=max(par.lane_sigma, _LANE), lane_length=min(par.lane_length, _LANE_LENGTH)
+        )
         self.side = 1.0 if vehicle.driving_side == "right" else -1.0
         self.pieces = pieces_of(roads, settings, start)
         self.part, self.work = new_belief(), new_work()
@@ -90,7 +101,8 @@ class _Search:
         self.spare = new_population(room, self.clock)
         self.route = new_route(max(1 << 16, 16 * len(self.pieces.edge)))
         self.one = new_epochs(1)
-        self.since_beginning = 0.0
+        self.since_beginning, self.again = 0.0, _AGAIN
+        self.swing = 0.0  # rad, turned of late
         self._centre(start, roads)
         self._begin(1.0 - settings.off_road_start)
         self._reduce()
@@ -137,22 +149,37 @@ class _Search:
         one.arc[0], one.turn[0], one.moved[0] = step.arc, step.turn, step.measured
         one.forward[0], one.left[0] = step.forward, step.left
         _roll(self.population, self.scale, one, 0, 1, par)
-        floor = self._floor()
-        hand_over_all(
+        self._hand_over(step.arc)
+        self.clock[TRAVELLED] += step.metres
+        self.swing = self.swing * math.exp(-step.metres / _SWING) + abs(step.turn)
+        if self.clock[TRAVELLED] >= par.map_spacing:
+            self._observe()
+        self._reduce()
+
+    def _hand_over(self, arc: float) -> None:
+        while not hand_over_all(
             self.population, self.spare, self.part, self.arrays, self.route, self.work,
-            self.scale, step.arc, self.side, par.lane_sigma, floor,
-        )  # fmt: skip
+            self.scale, arc, self.side, self.par.lane_sigma, self._floor(),
+        ):  # fmt: skip
+            self._reduce(2 * self.size // 3)
         self.population, self.spare = self.spare, self.population
-        self._leave_and_return(step.metres)
-        self.clock[TRAVELLED] = step.metres
+
+    def _observe(self) -> None:
+        par = self.par
+        self._leave_and_return(float(self.clock[TRAVELLED]))
+        loose = min(max(_LOOSE * (self.swing - _STRAIGHT), 0.0), 1.0)
         observe_roads(
-            self.population, self.arrays, self.scale, self.side, True, par.relative_sigma,
-            par.edge_heading_sigma, par.node_radius, par.node_sigma, par.node_heading_sigma,
-            par.lane_sigma, par.lane_length, par.map_sigma, par.map_length, par.off_road_cost,
-            self.work.row,
+            self.population, self.arrays, self.scale, self.side, True,
+            math.hypot(par.relative_sigma, loose * par.node_sigma),
+            math.hypot(par.edge_heading_sigma, loose * par.node_heading_sigma), par.node_radius,
+            par.node_sigma, par.node_heading_sigma, par.lane_sigma, par.lane_length,
+            par.map_sigma, par.map_length, par.off_road_cost, self.work.row,
         )  # fmt: skip
         self.clock[TRAVELLED] = 0.0
-        self._reduce()
+
+    def least(self) -> float:
+        """How far to go in one step, m; 0: epoch by epoch."""
+        return self.par.map_spacing if self.size > _FEW else 0.0
 
     def _floor(self) -> float:
         return min(DROP / max(self.size, 1), 0.1 * self.par.prune)
@@ -168,38 +195,61 @@ class _Search:
         p_off += leave * (1.0 - p_off)
         self.since_beginning += metres
         share = p_off * min(self.par.off_road_return * self.since_beginning, 0.5)
-        if self.since_beginning >= _AGAIN and share > 1e-3:
+        if self.since_beginning >= self.again and share > 1e-3:
             p_off -= share
             self._begin(share)
+            self.again *= _LESS_OFTEN
         self.population.log_weight[off] = math.log(max(p_off, 1e-300))
         normalise(self.population)
 
-    def _reduce(self) -> None:
+    def _reduce(self, most: int | None = None) -> None:
+        """Drop what is too light, or all but so many; merge what is close; tidy up."""
         normalise(self.population)
         evidence = self.clock[EVIDENCE]
         n = self.size
         p, edge = self.population.probability[:n], self.population.edge[:n]
         keep = np.flatnonzero((p > self._floor()) | (edge == OFF_ROAD))
+        if most is not None:
+            keep = self.heaviest()[:most]
         order = keep[np.lexsort((self.population.abscissa[keep], edge[keep]))]
         collect(self.population, self.spare, self.route, order, _MERGE, self.scale)
         self.population, self.spare = self.spare, self.population
         normalise(self.population)
         self.clock[EVIDENCE] = evidence
+        if self.route.size[0] > 0.8 * len(self.route.edge):
+            self._tidy()
+
+    def _tidy(self) -> None:
+        """Keep the nodes that living hypotheses descend from."""
+        route, node = self.route, self.population.node[: self.size]
+        keep = np.zeros(int(route.size[0]) + 1, bool)
+        front = np.unique(node)
+        while len(front):
+            keep[front] = True
+            front = np.unique(route.parent[front])
+            front = front[(front >= 0) & ~keep[front]]
+        kept = np.flatnonzero(keep[:-1])
+        number = np.full(len(keep), -1, np.int64)
+        number[kept] = np.arange(len(kept))
+        for column in (route.edge, route.time, route.abscissa):
+            column[: len(kept)] = column[kept]
+        route.parent[: len(kept)] = number[route.parent[kept]]
+        route.size[0] = len(kept)
+        node[:] = number[node]
 
     def heaviest(self) -> NDArray[np.int64]:
-        """All rows, the off-road one and the heaviest first."""
+        """All rows, the off-road one first, then those of most weight."""
         p = self.population.probability[: self.size].copy()
         p[self.off] = 2.0
-        if len(p) < KEPT:
-            return np.arange(len(p))
-        order: NDArray[np.int64] = np.argpartition(-p, KEPT - 2)
-        return order
+        return np.argsort(-p)
 
-    def left_out(self) -> float:
-        """Weight that the ordinary belief would not hold."""
-        order = self.heaviest()
-        p = self.population.probability
-        return float(p[order[KEPT - 1 :]].sum() + p[self.off])
+    def decided(self) -> bool:
+        """Whether the ordinary belief holds what is left, in few Gaussians on each edge."""
+        p, edge = self.population.probability[: self.size], self.population.edge[: self.size]
+        if len(p) > _FEW or 1.0 - p[self.heaviest()[1:KEPT]].sum() > _DECIDED:
+            return False
+        counts = np.unique(edge[p > self.par.prune], return_counts=True)[1]
+        return bool(counts.max() <= self.par.components)
 
     def tell(self, output: Output, k: int) -> None:
         """Answer epoch k."""
@@ -253,7 +303,7 @@ def search(
 
     Returns:
         The first epoch that is not answered, and the tree of edges entered.  The belief is
-        empty when the drive ends undecided, or when a fix comes that fits nothing.
+        empty when the drive ends undecided, or a fix comes that fits nothing.
 
     Raises:
         DriveError: The drive tells no turns, or the map is too large to search.
@@ -269,8 +319,8 @@ def search(
     if epochs.has_fix[0]:
         return _meet(search, belief, epochs, 0)
     search.tell(output, 0)
-    done = 1
-    for step in steps(epochs, settings.map_spacing):
+    done, firm = 1, 0.0
+    for step in steps(epochs, search.least):
         k = step.epoch
         _repeat(output, done, k)
         search.clock[NOW] = epochs.time[k]
@@ -279,13 +329,18 @@ def search(
         if step.whole:
             search.tell(output, k)
             done = k + 1
-            if search.left_out() < _DECIDED:
-                rows = search.heaviest()[: KEPT - 1]
-                search.settle(belief, rows[rows != search.off])
+            firm = firm + step.metres if search.decided() else 0.0
+            if firm > _PROBATION:
+                search.settle(belief, search.heaviest()[1:KEPT])
                 return done, search.route
         if progress is not None:
             progress(done)
-    return _meet(search, belief, epochs, done) if done < n else (n, search.route)
+    if done < n:
+        return _meet(search, belief, epochs, done)
+    rows = search.heaviest()[1:KEPT]
+    if search.population.probability[rows].sum() > 0.5:
+        search.settle(belief, rows)
+    return n, search.route
 
 
 def _repeat(output: Output, first: int, last: int) -> None:

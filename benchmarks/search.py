@@ -1,0 +1,138 @@
+"""Starting without a fix and without a pose: wheels and the map alone.
+
+Simulated drives whose every fix is taken away, in Heidelberg (28,000 directed edges), there
+with a vague pose (500 m, no bearing), and in the drawn town.  The first declaration of a
+drive is its first P > 0.95 that holds for 10 m; it is right if that edge is driven within
+10 m of travel.  After so many metres: what the last 50 m declared.
+"""
+
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from whichroad.core.output import V_OFF, V_P
+from whichroad.epochs import build_timeline
+from whichroad.localizer import localize_recorded
+from whichroad.records import StartPose
+from whichroad.roadmap import RoadMap
+from whichroad.settings import Settings
+from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
+
+from . import Figure, Options
+from .scenes.drives import SURE, Row, Table, each, world
+from .town import right_edges
+
+SEEDS = range(10_000, 10_040)
+LENGTH_M = 5_600.0
+AFTER_M = (500, 1000, 2000, 5000)
+VAGUE_M = 500.0  # sigma of the vague pose, drawn about the truth
+_HOLDS_M = 10.0
+_LAST_M = 50.0
+
+
+def prepare(map_file: Path | None) -> None:
+    """The map of this process; None: the drawn town."""
+    if map_file is None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "town.osm"
+            path.write_text(draw_town(), encoding="utf-8")
+            world["roads"] = RoadMap.from_osm(path)
+    else:
+        world["roads"] = RoadMap.from_osm(map_file)
+    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
+
+
+def vague_pose(drive: SimulatedDrive, seed: int) -> StartPose:
+    """A pose off by its sigma, without a bearing."""
+    off = np.random.default_rng(seed).normal(0.0, VAGUE_M, 2)
+    plane = world["roads"].plane
+    lat, lon = plane.to_geodetic(drive.truth.x[:1] + off[0], drive.truth.y[:1] + off[1])
+    return StartPose(float(lat[0]), float(lon[0]), 0.0, VAGUE_M, 180.0)
+
+
+def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Settings) -> Row:
+    """A drive in the dark, and when its road was known."""
+    roads = world["roads"]
+    drive = simulate_drive(
+        roads, seed=seed, length_m=length_m, scenario=scenario, allowed=world["allowed"]
+    )
+    truth = drive.truth
+    unseen = drive.drive.__class__(drive.drive.drive_id, None, drive.drive.odometry)
+    timeline = build_timeline(unseen, roads.plane, drive.vehicle)
+    start = vague_pose(drive, seed) if vague else "map"
+    begun = time.process_time()
+    output = localize_recorded(
+        roads, timeline, vehicle=drive.vehicle, settings=settings, start=start
+    ).output
+    spent = time.process_time() - begun
+    at = np.searchsorted(timeline.epochs.time, truth.time - 1e-3)
+    at = np.minimum(at, len(timeline.epochs.time) - 1)
+    p, off = output.value[at, V_P], output.value[at, V_OFF]
+    right, travelled = right_edges(drive, output.edge[at]), truth.travelled
+    row: Row = {"seconds": spent, "off": float(off[travelled > 100.0].mean())}
+    sure = p > SURE
+    first = _first_held(sure, output.edge[at], travelled)
+    row["declared"] = float(first is not None)
+    if first is not None:
+        row |= {"right": float(right[first]), "metres": float(travelled[first])}
+    for metres in AFTER_M:
+        if metres > travelled[-1]:
+            continue
+        last = sure & (travelled > metres - _LAST_M) & (travelled <= metres)
+        row[f"right after {metres}"] = float(right[last].mean() > 0.5) if last.any() else 0.0
+        row[f"wrong after {metres}"] = float(right[last].mean() <= 0.5) if last.any() else 0.0
+        row[f"undecided after {metres}"] = float(not last.any())
+    known = first is not None and travelled > travelled[first]
+    row |= {
+        "later": float(np.sum(known & sure)),
+        "later wrong": float(np.sum(known & sure & ~right)),
+    }
+    return row
+
+
+def _first_held(sure: np.ndarray, edge: np.ndarray, travelled: np.ndarray) -> int | None:
+    """The first row from which the same edge, or its followers, stay sure for some metres."""
+    for k in np.flatnonzero(sure & np.append(True, ~sure[:-1])):
+        ahead = (travelled >= travelled[k]) & (travelled < travelled[k] + _HOLDS_M)
+        if sure[ahead].all():
+            return int(k)
+    return None
+
+
+def run(options: Options) -> list[Figure]:
+    """All three, one after the other."""
+    seeds = options.seeds or SEEDS
+    heidelberg = options.need("maps", "heidelberg.osm.pbf")
+    wanted = options.more.get("classes", "heidelberg,vague,town").split(",")
+    figures = []
+    for name, map_file in (("heidelberg", heidelberg), ("vague", heidelberg), ("town", None)):
+        if name not in wanted:
+            continue
+        work = partial(
+            one, vague=name == "vague", scenario=options.more.get("preset", "good"),
+            length_m=options.more.get("metres", LENGTH_M), settings=options.settings(),
+        )  # fmt: skip
+        table = Table(each(work, seeds, options, prepare, (map_file,)), seeds)
+        figures += _figures(name, table)
+    return figures
+
+
+def _figures(name: str, table: Table) -> list[Figure]:
+    figures = [
+        table.share(f"{name}: declared at all", "declared"),
+        table.share(f"{name}: first declaration right", "right"),
+        table.quantile(f"{name}: metres until then, median", "metres", 0.5),
+        table.quantile(f"{name}: metres until then, 90 %", "metres", 0.9),
+        table.share(f"{name}: declared epochs wrong", "later wrong", "later"),
+        table.share(f"{name}: P(off-road) on average", "off"),
+    ]
+    for metres in AFTER_M:
+        for what in ("right", "wrong", "undecided"):
+            if any(f"{what} after {metres}" in row for row in table.rows):
+                figures.append(
+                    table.share(f"{name}: {what} after {metres} m", f"{what} after {metres}")
+                )
+    return [*figures, table.quantile(f"{name}: CPU time", "seconds", 0.5, unit="s")]

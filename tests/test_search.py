@@ -1,0 +1,385 @@
+"""A start from wheels and the map alone: it finds the road, and does not pretend before."""
+
+import importlib
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import whichroad
+from scenes import On, Town, belief_on, drive_along, grid_town, network, straight_road
+from whichroad.core.belief import OFF_ROAD, H, X, Y, new_belief, new_route, normalise
+from whichroad.core.drive import DISTANCE, WHEELS, Epochs, new_epochs
+from whichroad.core.motion import arc_chord
+from whichroad.core.output import AMBIGUOUS, V_OFF, V_P, V_XX, V_YY
+from whichroad.core.population import collect, copy_row, hand_over_all, new_population, sum_up
+from whichroad.core.switching import new_work
+from whichroad.epochs import Timeline, build_timeline
+from whichroad.errors import DriveError, SettingError
+from whichroad.frames import Plane
+from whichroad.localizer import Recorded, localize_recorded
+from whichroad.records import Drive, Fixes, StartPose
+from whichroad.search import is_vague, pieces_of
+from whichroad.search.wheels import steps
+from whichroad.settings import Settings
+from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
+
+PLANE = Plane(49.4, 8.7)
+SURE = 0.95
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> whichroad.RoadMap:
+    """The drawn town, some 20 km of streets."""
+    path = tmp_path_factory.mktemp("town") / "town.osm"
+    path.write_text(draw_town(), encoding="utf-8")
+    return whichroad.RoadMap.from_osm(path)
+
+
+def driven(town: whichroad.RoadMap, seed: int, length_m: float = 2000.0) -> SimulatedDrive:
+    allowed = drivable(town.arrays, np.random.default_rng(0))
+    return simulate_drive(town, seed=seed, length_m=length_m, scenario="good", allowed=allowed)
+
+
+def in_the_dark(drive: SimulatedDrive) -> Drive:
+    return replace(drive.drive, fixes=None)
+
+
+def searched(
+    town: whichroad.RoadMap, drive: SimulatedDrive, start: StartPose | str = "map"
+) -> tuple[Recorded, np.ndarray, np.ndarray]:
+    """The answer, and at its epochs the true edge and the distance travelled."""
+    timeline = build_timeline(in_the_dark(drive), town.plane, drive.vehicle)
+    recorded = localize_recorded(town, timeline, vehicle=drive.vehicle, start=start)
+    at = np.searchsorted(drive.truth.time, timeline.epochs.time - 1e-3)
+    at = np.minimum(at, len(drive.truth) - 1)
+    return recorded, drive.truth.edge[at], drive.truth.travelled[at]
+
+
+def first_sure(recorded: Recorded, travelled: np.ndarray) -> float:
+    return float(travelled[np.argmax(recorded.output.value[:, V_P] > SURE)])
+
+
+# The whole
+
+
+def test_turns_tell_where_a_drive_without_any_fix_is(town: whichroad.RoadMap):
+    right, sure, epochs = 0, 0, 0
+    for seed in range(4):
+        recorded, edge, travelled = searched(town, driven(town, seed))
+        late = travelled > 1000.0
+        declared = late & (recorded.output.value[:, V_P] > SURE)
+        epochs += int(late.sum())
+        sure += int(declared.sum())
+        right += int((declared & (recorded.output.edge == edge)).sum())
+    assert sure > 0.8 * epochs
+    assert right > 0.97 * sure
+
+
+def test_until_it_knows_it_says_ambiguous_and_its_ellipse_spans_the_town(town: whichroad.RoadMap):
+    recorded, _, travelled = searched(town, driven(town, 1))
+    output = recorded.output
+    early = travelled < min(100.0, 0.5 * first_sure(recorded, travelled))
+    assert early.sum() > 10
+    assert (output.status[early] == AMBIGUOUS).all()
+    assert (np.sqrt(output.value[early][:, [V_XX, V_YY]].sum(axis=1)) > 500.0).all()
+    assert (output.live[early] > 100).all()
+
+
+def test_the_probabilities_of_an_epoch_never_sum_to_more_than_one(town: whichroad.RoadMap):
+    recorded, _, _ = searched(town, driven(town, 1))
+    output = recorded.output
+    assert (output.value[:, V_P] + output.value[:, V_OFF] < 1.0 + 1e-9).all()
+    assert (output.alt_p.sum(axis=1) < 1.0 + 1e-5).all()
+    assert (output.live > 0).all()
+
+
+def test_the_path_begins_where_the_drive_did(town: whichroad.RoadMap):
+    """Found late, the route is known from its start."""
+    drive = driven(town, 1)
+    recorded, edge, _ = searched(town, drive)
+    route = recorded.route_edge[recorded.route_edge != OFF_ROAD]
+    driven_edges = edge[np.flatnonzero(np.diff(edge, prepend=-1))]
+    assert route[0] == driven_edges[0]
+    assert set(driven_edges[:-1]) <= set(route)
+
+
+def test_a_drive_too_short_to_know_stays_ambiguous(town: whichroad.RoadMap):
+    recorded, _, _ = searched(town, driven(town, 2, length_m=60.0))
+    assert (recorded.output.status == AMBIGUOUS).all()
+    assert len(recorded.route_edge) == 0
+
+
+def test_of_equal_blocks_none_is_declared():
+    """A grid without borders in sight: the turns fit many corners alike."""
+    roads = network(grid_town(8, 8, 100.0), curvature=PLANE.curvature)
+    truth = drive_along([[330.0, 308.0], [400.0, 308.0], [405.0, 380.0]])
+    recorded = localize_recorded(Town(roads, PLANE), wheels_of(truth), start="map")
+    assert recorded.output.value[-1, V_P] < 0.5
+    assert recorded.output.value[-1, V_OFF] < 0.5
+
+
+def test_a_vague_pose_is_found_out_sooner_than_the_whole_map(town: whichroad.RoadMap):
+    drive = driven(town, 1)
+    lat, lon = town.plane.to_geodetic(drive.truth.x[:1] + 60.0, drive.truth.y[:1] - 60.0)
+    pose = StartPose(float(lat[0]), float(lon[0]), 0.0, 100.0, 180.0)
+    anywhere, edge, travelled = searched(town, drive)
+    near, _, _ = searched(town, drive, pose)
+    assert near.output.live[0] < anywhere.output.live[0]
+    assert first_sure(near, travelled) < first_sure(anywhere, travelled)
+    k = np.argmax(near.output.value[:, V_P] > SURE)
+    assert near.output.edge[k] == edge[k]
+
+
+def wheels_of(truth: object) -> Timeline:
+    """Perfect wheels as epochs."""
+    epochs = new_epochs(len(truth.time))
+    arc, turn = np.diff(truth.s, prepend=truth.s[0]), np.diff(truth.heading, prepend=0.0)
+    turn[0] = 0.0
+    epochs.time[:], epochs.arc[:], epochs.turn[:] = truth.time, arc, turn
+    pairs = [arc_chord(a, t) for a, t in zip(arc, turn, strict=True)]
+    epochs.forward[:], epochs.left[:] = np.array(pairs).T
+    epochs.moved[:] = 1
+    return Timeline(epochs, WHEELS, 0)
+
+
+def test_a_car_that_comes_from_an_unmapped_yard_is_found_on_the_road(town: whichroad.RoadMap):
+    """Circles of 7 m that no street has, and then the drive."""
+    drive = driven(town, 1, 2500.0)
+    timeline = build_timeline(in_the_dark(drive), town.plane, drive.vehicle)
+    n = 150
+    yard = new_epochs(n)
+    yard.time[:] = timeline.epochs.time[0] - 0.1 * np.arange(n, 0, -1)
+    yard.arc[:], yard.turn[:], yard.moved[:] = 1.0, 1.0 / 7.0, 1
+    yard.forward[:], yard.left[:] = arc_chord(1.0, 1.0 / 7.0)
+    both = Epochs(*(np.concatenate(c) for c in zip(yard, timeline.epochs, strict=True)))
+    output = localize_recorded(
+        town, Timeline(both, WHEELS, 0), vehicle=drive.vehicle, start="map"
+    ).output
+    assert output.value[n - 1, V_OFF] > 0.5
+    assert output.value[-1, V_P] > SURE
+    at = np.searchsorted(drive.truth.time, both.time[-1] - 1e-3)
+    assert output.edge[-1] == drive.truth.edge[min(at, len(drive.truth) - 1)]
+
+
+# A fix on the way
+
+
+def with_a_fix(drive: SimulatedDrive, at_m: float, east_m: float = 0.0) -> Drive:
+    """The drive with one fix of 3 m where so much was travelled."""
+    fixes = drive.drive.fixes
+    time = drive.truth.time[np.searchsorted(drive.truth.travelled, at_m)]
+    k = np.searchsorted(fixes.time, time)
+    one = Fixes(*(getattr(fixes, name)[k : k + 1].copy() for name in Fixes.__slots__))
+    one.lon_deg[0] += east_m / (111_320.0 * math.cos(math.radians(one.lat_deg[0])))
+    return replace(drive.drive, fixes=one)
+
+
+def test_a_fix_ends_the_search(town: whichroad.RoadMap):
+    drive = driven(town, 1)
+    timeline = build_timeline(with_a_fix(drive, 100.0), town.plane, drive.vehicle)
+    output = localize_recorded(town, timeline, vehicle=drive.vehicle, start="map").output
+    k = int(np.flatnonzero(timeline.epochs.has_fix)[0])
+    assert output.live[k - 1] > 100
+    assert output.live[k] < 50
+    at = np.searchsorted(drive.truth.time, timeline.epochs.time[k] - 1e-3)
+    error = output.value[k, [0, 1]] - [drive.truth.x[at], drive.truth.y[at]]
+    assert np.hypot(*error) < 3.0 * np.sqrt(output.value[k, V_XX] + output.value[k, V_YY])
+
+
+def test_a_fix_that_fits_nothing_starts_the_filter_anew(town: whichroad.RoadMap):
+    drive = driven(town, 1)
+    timeline = build_timeline(with_a_fix(drive, 100.0, 9_000.0), town.plane, drive.vehicle)
+    output = localize_recorded(town, timeline, vehicle=drive.vehicle, start="map").output
+    k = int(np.flatnonzero(timeline.epochs.has_fix)[0])
+    assert output.value[k, V_OFF] > 0.99
+    assert np.hypot(*(output.value[k, [0, 1]] - timeline.epochs.fix[k, :2])) < 10.0
+
+
+# What cannot be
+
+
+def test_a_drive_that_tells_no_turns_is_refused(town: whichroad.RoadMap):
+    epochs = new_epochs(10)
+    with pytest.raises(DriveError, match="no odometry that tells turns"):
+        localize_recorded(town, Timeline(epochs, DISTANCE, 0), start="map")
+
+
+def test_roads_without_end_are_refused(town: whichroad.RoadMap, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(importlib.import_module("whichroad.search.pieces"), "_MOST", 100)
+    with pytest.raises(DriveError, match="at most 100 can be searched"):
+        pieces_of(town, Settings(), None)
+
+
+def test_a_vague_pose_off_the_map_is_refused(town: whichroad.RoadMap):
+    with pytest.raises(DriveError, match="no road of the map is near the start"):
+        pieces_of(town, Settings(), StartPose(0.0, 0.0, 0.0, 200.0))
+
+
+def test_only_poses_and_the_map_are_starts(town: whichroad.RoadMap):
+    drive = in_the_dark(driven(town, 1, 100.0))
+    with pytest.raises(SettingError, match='a pose or "map" was expected'):
+        whichroad.match(drive, town, start="home")
+    with pytest.raises(SettingError, match="the paper's method needs a fix"):
+        whichroad.match(drive, town, start="map", model="paper")
+
+
+def test_match_starts_from_the_map(town: whichroad.RoadMap):
+    drive = driven(town, 1, 800.0)
+    result = whichroad.match(in_the_dark(drive), town, vehicle=drive.vehicle, start="map")
+    assert result.summary["epochs_without_answer"] == 0
+    assert result.summary["fixes"] == 0
+
+
+@pytest.mark.parametrize(
+    ("start", "mode", "vague"),
+    [
+        ("map", WHEELS, True),
+        ("map", DISTANCE, True),  # and refused
+        (StartPose(0.0, 0.0, 0.0), WHEELS, False),
+        (StartPose(0.0, 0.0, 0.0, 300.0), WHEELS, True),
+        (StartPose(0.0, 0.0, 0.0, 5.0, 180.0), WHEELS, True),
+        (StartPose(0.0, 0.0, 0.0, 300.0), DISTANCE, False),
+        (None, WHEELS, False),
+    ],
+)
+def test_what_must_be_searched_for(start: StartPose | str | None, mode: int, vague: bool):
+    assert is_vague(start, mode) == vague
+
+
+# Its parts
+
+
+def test_a_prior_is_length_however_a_road_is_cut():
+    """Ten edges of 100 m are one of 1,000 m; each direction has a half."""
+    whole = Town(network(straight_road(1000.0)), PLANE)
+    cut = Town(network([[[x, 0.0], [x + 100.0, 0.0]] for x in range(0, 1000, 100)]), PLANE)
+    for town in (whole, cut):
+        pieces = pieces_of(town, Settings(), None)
+        p = np.exp(pieces.log_weight)
+        assert p.sum() == pytest.approx(1.0, abs=1e-12)
+        west = pieces.x < 500.0
+        assert p[west].sum() == pytest.approx(0.5, abs=0.05)
+        forward = pieces.edge % 2 == 0
+        assert p[forward].sum() == pytest.approx(0.5, abs=1e-12)
+        at = np.linspace(50.0, 950.0, 200)
+        density = (p / pieces.spread) @ np.exp(
+            -0.5 * ((at - pieces.x[:, None]) / pieces.spread[:, None]) ** 2
+        )
+        assert density.std() < 0.1 * density.mean()
+
+
+def test_joined_epochs_lead_where_the_epochs_did():
+    truth = drive_along([[0.0, 0.0], [80.0, 0.0], [80.0, 90.0]])
+    epochs = wheels_of(truth).epochs
+    x = y = heading = arc = 0.0
+    last = 0
+    for step in steps(epochs, lambda: 5.0):
+        c, s = math.cos(heading), math.sin(heading)
+        x, y = x + c * step.forward - s * step.left, y + s * step.forward + c * step.left
+        heading, arc, last = heading + step.turn, arc + step.arc, step.epoch
+    assert last == len(epochs.time) - 1
+    assert arc == pytest.approx(truth.s[-1] - truth.s[0])
+    assert heading == pytest.approx(truth.heading[-1] - truth.heading[0])
+    c, s = math.cos(truth.heading[0]), math.sin(truth.heading[0])
+    dx, dy = truth.x[-1] - truth.x[0], truth.y[-1] - truth.y[0]
+    assert np.hypot(c * dx + s * dy - x, c * dy - s * dx - y) < 0.2
+
+
+def test_an_epoch_of_many_metres_is_cut_into_arcs_of_the_same_circle():
+    epochs = new_epochs(2)
+    epochs.arc[1], epochs.turn[1] = 30.0, 1.2
+    epochs.forward[1], epochs.left[1] = arc_chord(30.0, 1.2)
+    parts = list(steps(epochs, lambda: 5.0))
+    assert len(parts) == 5
+    assert [p.whole for p in parts] == [False] * 4 + [True]
+    assert sum(p.turn for p in parts) == pytest.approx(1.2)
+    assert sum(p.arc for p in parts) == pytest.approx(30.0)
+
+
+def test_steps_end_before_the_first_fix():
+    epochs = new_epochs(10)
+    epochs.arc[:] = 2.0
+    epochs.has_fix[6] = 1
+    assert [s.epoch for s in steps(epochs, lambda: 0.0)] == [1, 2, 3, 4, 5]
+    assert [s.epoch for s in steps(epochs, lambda: 5.0)] == [3, 5]
+
+
+ROADS = network(straight_road(1000.0))
+
+
+def population_on(places: list[On], room: int = 200):
+    belief = belief_on(ROADS, places)
+    population = new_population(room, belief.clock)
+    for i in range(len(places)):
+        copy_row(belief, i, population, i)
+    population.size[0] = len(places)
+    return population
+
+
+def test_a_light_hypothesis_far_from_a_heavy_one_on_its_edge_is_kept():
+    """Merged by their weights, as Runnalls' cost would have it, it was lost for good."""
+    population = population_on([On(0, 100.0, 0.999), On(0, 200.0, 0.001), On(0, 101.0, 1e-9)])
+    kept = new_population(10, population.clock)
+    order = np.array([0, 2, 1])
+    collect(population, kept, new_route(64), order, 0.05, 1.0)
+    assert kept.size[0] == 2
+    assert kept.probability[:2] == pytest.approx([0.999, 0.001])
+    assert kept.abscissa[1] == 200.0
+
+
+def test_collecting_keeps_weights_and_the_mean():
+    places = [On(0, 100.0 + 0.5 * i, 0.02 * (i + 1)) for i in range(9)] + [On(1, 50.0, 0.1)]
+    population = population_on(places)
+    kept = new_population(20, population.clock)
+    collect(population, kept, new_route(64), np.arange(10), 0.05, 1.0)
+    m = int(kept.size[0])
+    assert m < 10
+    assert kept.probability[:m].sum() == pytest.approx(1.0)
+    before = population.probability[:10] @ population.mean[:10]
+    np.testing.assert_allclose(kept.probability[:m] @ kept.mean[:m], before, atol=1e-9)
+
+
+def test_what_is_summed_up_has_the_moments_of_all():
+    places = [On(0, 80.0 * i, 0.1, sigma=5.0) for i in range(10)]
+    population = population_on(places)
+    part = new_belief()
+    order = np.arange(10)[::-1].copy()
+    sum_up(population, part, order, 3, 1.0)
+    assert part.size[0] == 4
+    normalise(part)
+    p, mean = part.probability[:4], part.mean[:4]
+    assert p == pytest.approx([0.1, 0.1, 0.1, 0.7])
+    x = population.mean[:10, X]
+    assert p @ mean[:, X] == pytest.approx(x.mean())
+    variance = p @ (part.cov[:4, X, X] + (mean[:, X] - x.mean()) ** 2)
+    assert variance == pytest.approx(25.0 + x.var())
+    assert p @ part.cov[:4, Y, Y] == pytest.approx(25.0)
+
+
+def test_a_population_is_handed_over_whole():
+    """Two hundred hypotheses near the ends of their edges: no weight is lost."""
+    roads = network(grid_town())
+    places = [On(i % 60, 110.0, 1.0 / 200.0) for i in range(200)]
+    source = belief_on(roads, places[:100])
+    population = new_population(200, source.clock)
+    for i in range(200):
+        copy_row(source, i % 100, population, i)
+    population.size[0] = 200
+    population.log_weight[:200], population.probability[:200] = np.log(0.005), 0.005
+    passed = new_population(2000, source.clock)
+    room = hand_over_all(
+        population, passed, new_belief(), roads, new_route(1 << 12), new_work(), 1.0, 5.0, 1.0,
+        0.75, 1e-9,
+    )  # fmt: skip
+    m = int(passed.size[0])
+    assert room
+    assert m > 300
+    assert np.exp(passed.log_weight[:m]).sum() == pytest.approx(1.0)
+    small = new_population(250, source.clock)
+    assert not hand_over_all(
+        population, small, new_belief(), roads, new_route(1 << 12), new_work(), 1.0, 5.0, 1.0,
+        0.75, 1e-9,
+    )  # fmt: skip
+    assert np.isfinite(passed.mean[:m, H]).all()
