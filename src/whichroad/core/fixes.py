@@ -103,6 +103,8 @@ def _learn_scale(
     since = min(max(epochs.time[k] - clock[SCALED_AT], 0.0), _RECENT)
     clock[SCALED_AT] = epochs.time[k]
     clock[LEARNT] += since
+    if par.gnss_adapt_time > 1e9:
+        return
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not _vouched(epochs, k, mode):

@@ -84,8 +84,8 @@ def _fresh_state(
 def cold_start(
     belief: Belief, roads: Roads, route: Route, work: Work, total: float, fix: Vector,
     slow: float, white: float, scale: float, lever: Vector, heading: float,
-    heading_sigma: float, rate: float, rate_sigma: float, drift_sigma: float, side: float, lane_sigma: float, map_sigma: float,
-    search_radius: float, off_road: float, wrong_way: float,
+    heading_sigma: float, rate: float, rate_sigma: float, drift_sigma: float, side: float,
+    lane_sigma: float, map_sigma: float, search_radius: float, off_road: float, wrong_way: float,
 ) -> int:  # fmt: skip
     """Begin with every road near a position, both directions, and with none of them.
 
