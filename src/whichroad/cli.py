@@ -4,6 +4,7 @@ Rooms are imported inside the commands, so that asking for help costs nothing.
 Answers go to the standard output; progress, warnings and errors to the other.
 """
 
+import math
 import os
 import sys
 from datetime import UTC, datetime
@@ -18,6 +19,7 @@ from .errors import DriveError, WhichroadError
 from .terminal import progress_line, say_table
 
 if TYPE_CHECKING:
+    from .records import StartPose
     from .result import Result
 
 app = typer.Typer(
@@ -167,7 +169,12 @@ def match(
     dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
     vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
     start: Annotated[
-        str | None, typer.Option(metavar="LAT,LON,BEARING", help="A known pose, in degrees.")
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,BEARING",
+            help="A known pose, in degrees; or `map`: anywhere on it, found by the turns that both "
+            "wheels tell; or `map:LAT,LON,METRES`: about so far from there.",
+        ),
     ] = None,
     mask: Annotated[
         list[str] | None,
@@ -336,22 +343,30 @@ def warmup() -> None:
     typer.echo("ready")
 
 
-def _start(text: str | None) -> tuple[float, float, float] | None:
-    """`LAT,LON,BEARING` as three numbers."""
-    if text is None:
-        return None
+def _start(text: str | None) -> "StartPose | tuple[float, float, float] | str | None":
+    """`LAT,LON,BEARING` as three numbers, `map`, or `map:LAT,LON,METRES` as a vague pose."""
+    if text is None or text == "map":
+        return text
+    vague = text.startswith("map:")
+    third, most = ("METRES", 1e6) if vague else ("BEARING", 360.0)
     try:
-        lat, lon, bearing = (float(part) for part in text.split(","))
+        lat, lon, last = (float(part) for part in text.removeprefix("map:").split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"--start is {text!r}; three numbers LAT,LON,BEARING in degrees were expected"
+            f"--start is {text!r}; map, or three numbers LAT,LON,{third} were expected, "
+            "the place in degrees"
         ) from None
-    if not (abs(lat) <= 90 and abs(lon) <= 180 and abs(bearing) <= 360):
+    if not (abs(lat) <= 90 and abs(lon) <= 180 and abs(last) <= most and (last > 0 or not vague)):
         raise typer.BadParameter(
-            f"--start is {text!r}; a latitude within 90, a longitude within 180 and a bearing "
-            "within 360 degrees were expected"
+            f"--start is {text!r}; a latitude within 90, a longitude within 180 degrees and "
+            + ("some metres" if vague else "a bearing within 360 degrees")
+            + " were expected"
         )
-    return lat, lon, bearing
+    if not vague:
+        return lat, lon, last
+    from .records import StartPose
+
+    return StartPose(lat, lon, 0.0, last, math.inf)
 
 
 def _window(text: str) -> tuple[Moment, Moment]:
