@@ -227,6 +227,11 @@ def test_only_poses_and_the_map_are_starts(town: whichroad.RoadMap):
         whichroad.match(drive, town, start="map", model="paper")
 
 
+def test_on_line_there_is_no_start_from_the_map(town: whichroad.RoadMap):
+    with pytest.raises(SettingError, match="only a recorded drive can start from the map"):
+        whichroad.Localizer(town, start="map")
+
+
 def test_match_starts_from_the_map(town: whichroad.RoadMap):
     drive = driven(town, 1, 800.0)
     result = whichroad.match(in_the_dark(drive), town, vehicle=drive.vehicle, start="map")

@@ -11,6 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import SettingError
+
 Array = NDArray[np.float64]
 
 FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
@@ -154,7 +156,16 @@ class StartPose:
 
     @classmethod
     def of(cls, start: "StartPose | tuple[float, float, float] | None") -> "StartPose | None":
-        """A start pose from itself, from (lat, lon, bearing) in degrees, or none."""
+        """A start pose from itself, from (lat, lon, bearing) in degrees, or none.
+
+        Raises:
+            SettingError: It is something else.
+        """
+        if isinstance(start, str):
+            raise SettingError(
+                f"start is {start!r}; a pose or (lat, lon, bearing) was expected: only a recorded "
+                "drive can start from the map"
+            )
         if start is None or isinstance(start, StartPose):
             return start
         lat, lon, bearing = start

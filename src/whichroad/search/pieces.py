@@ -20,7 +20,7 @@ _PIECE = 40.0  # m, longest piece of road that one Gaussian stands for
 _BEND = 0.3  # rad, most that it turns within
 _SHORTEST = 12.0  # m
 _SPREAD = 0.4  # sigma of a piece over its length; even at the joints
-_MOST = 400_000  # pieces, about a gigabyte
+_MOST = 250_000  # pieces, about 1.5 GB
 
 
 class Pieces(NamedTuple):
