@@ -45,7 +45,7 @@ from .core.output import (
 from .core.reduction import reduce
 from .core.start import cold_start
 from .core.switching import new_work
-from .diagnosis import Finding, Watch, findings_of
+from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
 from .errors import DriveError
 from .reasons import STATUS, far_off
@@ -65,6 +65,7 @@ from .search import is_vague, search, set_clock
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
 from .snapshot import Snapshot, pose_at
+from .watch import Watch
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _LATE = 1.0  # s; an observation later than this is refused
@@ -184,8 +185,8 @@ def localize_recorded(
             route = _tidy(route, belief)
         if progress is not None:
             progress(done)
-    findings = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
-    return Recorded(output, *_best_route(route, belief), findings)
+    told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
+    return Recorded(output, *_best_route(route, belief), told)
 
 
 def _tidy(route: Route, belief: Belief) -> Route:
@@ -294,7 +295,7 @@ class Localizer:
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Settings that do not fit the data so far; nothing without odometry."""
-        return self._watch.findings()
+        return findings(self._watch)
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.
