@@ -89,8 +89,8 @@ def begin_at(
 
 @kernel
 def _vouched(epochs: Epochs, k: int, mode: int) -> bool:
-    """Whether something else than positions tells the motion: an odometer, or Doppler."""
-    return bool(mode != CLOCK or epochs.speed_sigma[k] < 1.0)
+    """Whether something else than positions tells the motion in the plane: wheels, or Doppler."""
+    return bool(mode == WHEELS or epochs.speed_sigma[k] < 1.0)
 
 
 @kernel
@@ -192,7 +192,7 @@ def take_fix(
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
         variance = (epochs.course_sigma[k] ** 2 + 0.0025) * thin
         observe_state(belief, H, epochs.course[k] - swing, variance, scale, work.row)
-    if mode != CLOCK and epochs.speed_sigma[k] < 5.0 and abs(clock[TURN_RATE]) < _TURNING:
+    if mode == WHEELS and epochs.speed_sigma[k] < 5.0 and abs(clock[TURN_RATE]) < _TURNING:
         odometer_speed = abs(clock[ODOMETER_SPEED])
         if min(epochs.speed[k], odometer_speed) > 2.0:
             late = _LATENCY * clock[PULL]
