@@ -86,17 +86,22 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 @pytest.mark.parametrize("seed", range(3))
 def test_quiet_fixes_of_a_standing_vehicle_make_no_receiver_worse(seed: int, mode: int):
+    """It learns for ten seconds more, as sharply as ever (a sigma of 0.14); then not at all."""
     scale, at = stop(seed, 1.0, mode)
-    assert scale[at : 11 * at].max() <= max(scale[at], 1.0)
+    later = at + at // 60 * 12
+    assert scale[at:later].max() <= max(scale[at], 1.0) + 3.0 * 0.14
+    assert scale[later : 11 * at].max() <= scale[later]
 
 
-@pytest.mark.xfail(strict=True, reason="an error that stays while one stands passes for none")
 @pytest.mark.parametrize("seed", range(3))
 def test_quiet_fixes_of_a_standing_vehicle_make_no_receiver_better(seed: int):
-    """Its error stays as it was: what is seen of it is the white part alone."""
+    """Its error stays as it was: what is seen of it is the white part alone.
+
+    Ten seconds and a fix of that are learnt from, and take exp(-11 / 40) of λ² at most.
+    """
     scale, at = stop(seed, 2.0, WHEELS)
     assert scale[at] > 1.5
-    assert scale[11 * at - 10] > 0.9 * scale[at]
+    assert scale[11 * at - 10] > math.exp(-0.5 * 11.0 / Settings().gnss_adapt_time) * scale[at]
 
 
 ROUTE = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]
@@ -131,10 +136,6 @@ def test_a_receiver_that_is_away_for_half_a_minute_takes_nobody_with_it(seed: in
     assert (error <= output.value[:, V_PROTECTION]).all()
 
 
-FED = pytest.mark.xfail(strict=True, reason="the error of a lost receiver feeds the scale of fixes")
-
-
-@FED
 @pytest.mark.parametrize("seed", range(2))
 def test_one_wrong_fix_does_not_outweigh_four_minutes_of_right_ones(seed: int):
     """150 m too far along a road that is the same everywhere: nothing but fixes tells."""
@@ -144,7 +145,10 @@ def test_one_wrong_fix_does_not_outweigh_four_minutes_of_right_ones(seed: int):
     assert (away(output, AHEAD)[2400:] < 15.0).all()
 
 
-@FED
+FED = "the error of a lost receiver feeds the scale of fixes"
+
+
+@pytest.mark.xfail(strict=True, reason=FED)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_receiver_that_has_lost_its_way_says_nothing_of_the_scale(seed: int):
     fix = gnss(AHEAD, seed=seed)

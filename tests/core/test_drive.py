@@ -159,16 +159,33 @@ PARALLEL = network(parallel_roads(12.0))
 BESIDE = drive_along([[200.0, -1.75], [1400.0, -1.75]])
 
 
+def seldom_and_often(seed: int, settings: Settings) -> list[Output]:
+    """With a fix each second, and with ten."""
+    fix = slow_error_only(BESIDE, seed)
+    return [
+        localize(
+            PARALLEL, epochs_of(BESIDE, fix, second(BESIDE, every), course=0.1), settings=settings
+        ).output
+        for every in (10, 1)
+    ]
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_receiver_asked_ten_times_as_often_teaches_nearly_nothing_more(seed: int):
-    fix = slow_error_only(BESIDE, seed)
-    slow, fast = (
-        localize(PARALLEL, epochs_of(BESIDE, fix, second(BESIDE, every), course=0.1)).output
-        for every in (10, 1)
-    )
+    """Of the place; what it teaches of itself is another question."""
+    slow, fast = seldom_and_often(seed, Settings(gnss_adapt_time=1e12))
     at = second(BESIDE)[1:]
     np.testing.assert_allclose(p_of(fast, 0)[at], p_of(slow, 0)[at], atol=0.02)
     np.testing.assert_allclose(sigma(fast)[at], sigma(slow)[at], rtol=0.02)
+
+
+@pytest.mark.xfail(strict=True, reason="innovations are averaged over fixes, not over seconds")
+def test_a_receiver_asked_ten_times_as_often_is_not_thought_less_of():
+    """Nothing but learning is sensitive to it: the sigmas are up to 14 % larger at 10 Hz."""
+    at = second(BESIDE)[1:]
+    for seed in range(3):
+        slow, fast = seldom_and_often(seed, Settings())
+        np.testing.assert_allclose(sigma(fast)[at], sigma(slow)[at], rtol=0.02)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -114,7 +114,7 @@ def test_far_from_every_road_a_vehicle_is_on_none():
 def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(
     major, minor, angle, heading, slow
 ):
-    """Position and GNSS error γ of sigma `slow`, conditioned on z = p + R a + S γ + white."""
+    """Position and GNSS error γ, conditioned on z = p + R a + S γ + white, S = slow · reported."""
     lever = np.array([1.2, -0.4])
     belief = begin(
         network(parallel_roads(12.0)), 1000.0, 500.0, ellipse=(major, minor, angle),
@@ -124,8 +124,8 @@ def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(
     s = turn @ np.diag([major, minor]) @ turn.T
     c, q = math.cos(heading), math.sin(heading)
     arm = np.array([[c, -q], [q, c]]) @ lever
-    prior = np.diag([1e12, 1e12, slow**2, slow**2])
-    rows = np.hstack([np.eye(2), s])
+    prior = np.diag([1e12, 1e12, 1.0, 1.0])
+    rows = np.hstack([np.eye(2), slow * s])
     mean, cov, _ = textbook.condition(
         np.zeros(4), prior, rows, np.array([1000.0, 500.0]) - arm, 0.25 * s @ s
     )

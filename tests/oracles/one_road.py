@@ -61,13 +61,14 @@ class OneRoad:
         self.travelled = self.moving = 0.0
         mean = np.zeros(N)
         mean[[X, Y, H, K, D]] = fix[0], fix[1], heading, 1.0, LANE
-        sigma = fix[2]
+        self.worse = par.gnss_start / math.hypot(1.0, par.gnss_white_ratio)  # slow and white
+        sigma = self.worse * fix[2]
         spread = np.zeros(N)
-        spread[[X, Y]] = sigma * math.hypot(par.gnss_start, par.gnss_white_ratio)
+        spread[[X, Y]] = sigma * math.hypot(1.0, par.gnss_white_ratio)
         spread[[H, K, B, D]] = heading_sigma, par.scale_sigma, par.drift_sigma, par.lane_sigma
-        spread[[MX, MY, GX, GY]] = par.map_sigma, par.map_sigma, par.gnss_start, par.gnss_start
+        spread[[MX, MY, GX, GY]] = par.map_sigma, par.map_sigma, 1.0, 1.0
         cov = np.diag(spread**2)
-        cov[[X, GX, Y, GY], [GX, X, GY, Y]] = -sigma * par.gnss_start**2
+        cov[[X, GX, Y, GY], [GX, X, GY, Y]] = -sigma
         self.joint = Joint(mean, cov)
 
     def move(self, mean: Array, arc: float, dt: float) -> None:
@@ -91,14 +92,16 @@ class OneRoad:
         phi = math.exp(-self.moving / lasts)
         self.joint.move(*aged({GX: phi, GY: phi}, {}, {}))
         self.moving = 0.0
+        sigma = self.worse * fix[2]
         for axis, state in ((X, GX), (Y, GY)):
             row = np.zeros(N)
-            row[axis], row[state] = 1.0, fix[2]
-            self.joint.see(row, fix[axis], (self.par.gnss_white_ratio * fix[2]) ** 2)
+            row[axis], row[state] = 1.0, sigma
+            self.joint.see(row, fix[axis], (self.par.gnss_white_ratio * sigma) ** 2)
 
     def see_road(self) -> None:
-        """Age lane and map, then observe offset and heading."""
+        """Age lane and map, then observe offset and heading, whose errors last 5 m."""
         par = self.par
+        thin = min(max(5.0 / self.travelled, 0.5), 4.0) if self.travelled else 1.0
         lane, far = (math.exp(-self.travelled / a) for a in (par.lane_length, par.map_length))
         spread = {D: par.lane_sigma, MX: par.map_sigma, MY: par.map_sigma}
         self.joint.move(*aged({D: lane, MX: far, MY: far}, {D: LANE}, spread))
@@ -106,5 +109,5 @@ class OneRoad:
         lateral, heading = np.zeros(N), np.zeros(N)
         lateral[[Y, MY]], lateral[D] = -1.0, -1.0
         heading[H] = 1.0
-        self.joint.see(lateral, -self.y, par.relative_sigma**2)
-        self.joint.see(heading, 0.0, par.edge_heading_sigma**2)
+        self.joint.see(lateral, -self.y, thin * par.relative_sigma**2)
+        self.joint.see(heading, 0.0, thin * par.edge_heading_sigma**2)

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from scenes.filter import steps
 from scenes.kernels import call
-from whichroad.core import drive
+from whichroad.core import drive, fixes
 from whichroad.core._jit import Vector, kernel
 from whichroad.core.belief import (
+    GNSS_SCALE,
     LAST_FIX,
     MOVING,
     NOW,
@@ -38,6 +39,7 @@ from whichroad.core.belief import (
     new_route,
     normalise,
 )
+from whichroad.core.epoch import Epochs
 from whichroad.core.gnss import age_receiver, gnss_root, observe_fix
 from whichroad.core.network import Roads
 from whichroad.core.road import observe_roads
@@ -167,7 +169,7 @@ class Particles:
     """
 
     def __init__(
-        self, roads: Roads, epochs: drive.Epochs, settings: Settings, most: int, seed: int
+        self, roads: Roads, epochs: Epochs, settings: Settings, most: int, seed: int
     ) -> None:
         self.roads, self.epochs, self.most = roads, epochs, most
         self.par = settings.parameters()
@@ -238,13 +240,14 @@ class Particles:
         clock, par, fix = self.crowd.clock, self.par, self.epochs.fix[k]
         interval = self.epochs.time[k] - clock[LAST_FIX]
         age_receiver(self.crowd, clock[MOVING], par.gnss_time, par.gnss_fault_time)
-        gnss_root(self.crowd, fix, 1.0, interval, drive._SMOOTHING, self.work.root)
+        factor = clock[GNSS_SCALE]
+        gnss_root(self.crowd, fix, factor, interval, fixes._SMOOTHING, self.work.root)
         clock[MOVING] = clock[SINCE_FIX] = 0.0
         clock[LAST_FIX] = self.epochs.time[k]
         normalise(self.crowd)
         self._call(
             observe_fix, fix=fix, root=self.work.root, interval=interval, scale=scale,
-            white_ratio=par.gnss_white_ratio, gate=par.gnss_gate, jumps=False,
+            white_ratio=math.sqrt(factor) * par.gnss_white_ratio, gate=par.gnss_gate, jumps=False,
         )  # fmt: skip
         normalise(self.crowd)
 
