@@ -49,6 +49,13 @@ def test_a_turn_costs_the_same_doubt_however_often_the_gyro_is_read(interval: fl
     assert variance[-1] - variance[0] == pytest.approx(corner, rel=1e-6)
 
 
+def with_doppler(epochs: Epochs, truth: Truth) -> Epochs:
+    """The receiver tells its speed as well, to 0.3 m/s."""
+    n = len(truth.time)
+    speed = np.gradient(truth.s, truth.time)
+    return epochs._replace(speed=speed, speed_sigma=np.full(n, 0.3))
+
+
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 @pytest.mark.parametrize("under", [1.0, 2.0])
 def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under: float):
@@ -58,8 +65,23 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
         fix = gnss(BESIDE, sigma=3.0 * under, seed=seed, constant=Settings().gnss_time)
         fix[:, 2:4] = 3.0
         epochs = epochs_of(BESIDE, fix, once_a_second(BESIDE), course=0.1)
+        if mode == DISTANCE:
+            epochs = with_doppler(epochs, BESIDE)
         scale.append(localize(PARALLEL, epochs, mode=mode).output.value[2000:, V_GNSS_SCALE])
     assert under * (1.0 - 0.09) <= np.mean(scale) <= under * (1.0 + 0.16)
+
+
+@pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
+def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mode: int):
+    """What was guessed at the start is forgotten within three minutes."""
+    fix = gnss(BESIDE, sigma=6.0, seed=0, constant=Settings().gnss_time)
+    fix[:, 2:4] = 3.0
+    every = once_a_second(BESIDE)
+    epochs = epochs_of(BESIDE, fix, every, course=0.1)
+    if mode == CLOCK:
+        epochs = Epochs(*(column[every] for column in epochs))
+    scale = localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE]
+    assert scale[len(scale) // 2 :] == pytest.approx(1.0, abs=0.01)
 
 
 def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
@@ -76,8 +98,7 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
     epochs = epochs_of(stood, fix, once_a_second(stood), course=0.1)
     every = 1
     if mode == CLOCK:
-        speed = np.gradient(stood.s, stood.time)
-        epochs = epochs._replace(speed=speed, speed_sigma=np.full(len(rows), 0.3))
+        epochs = with_doppler(epochs, stood)
         every = 10
         epochs = Epochs(*(column[::every] for column in epochs))
     return localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE], at // every
