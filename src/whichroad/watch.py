@@ -69,7 +69,7 @@ class Row(NamedTuple):
 
 
 _SAID = np.array([V_SPEED, V_H, V_GNSS_SCALE, V_X, V_Y, V_MAP_X, V_MAP_Y])
-_BLOCK = 512  # epochs that are looked at together on line
+_BLOCK = 2048  # epochs that are looked at together on line
 
 
 class GnssErrors(NamedTuple):
@@ -137,8 +137,10 @@ class Watch:
         row = self._block[self._waiting]
         row[0], row[1], row[2] = epochs.time[0], epochs.arc[0], epochs.turn[0]
         row[3:10] = output.value[0, _SAID]
-        row[10] = epochs.has_fix[0]
-        row[11:] = epochs.fix[0, :4]
+        fixed = epochs.has_fix[0]
+        row[10] = fixed
+        if fixed:
+            row[11:] = epochs.fix[0, :4]
         self._waiting += 1
         if self._waiting == _BLOCK:
             self._flush()
