@@ -1,12 +1,22 @@
 """Looking more often at the same thing teaches (nearly) nothing more."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 
-from laws.drives import Said, between_parallels, law, said, sensed, way_through
+from laws.drives import (
+    AS_REPORTED,
+    LEARNT,
+    Said,
+    between_parallels,
+    law,
+    said,
+    sensed,
+    way_through,
+)
 from scenes import Truth, drive_along, grid_town, network, parallel_roads, straight_road
 from strategies import seeds
 from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
@@ -35,22 +45,26 @@ def assert_same(one: Said, other: Said, rows: tuple, p: float, sigma: float) -> 
 
 
 @pytest.mark.parametrize(
-    "mode",
+    ("mode", "par"),
     [
-        pytest.param(WHEELS, marks=pytest.mark.xfail(
-            strict=True, reason="the map's errors are fresh at each look, not over distance")),
-        DISTANCE,
+        (WHEELS, AS_REPORTED),
+        (DISTANCE, AS_REPORTED),
+        (DISTANCE, LEARNT),
+        pytest.param(WHEELS, LEARNT, marks=pytest.mark.xfail(
+            strict=True, reason="the slow error's scale moves in steps of 3 %, and drives cross a "
+            "step at different fixes: P differs by up to 0.04 in 4 drives of 120, else by 0.002")),
     ],
 )  # fmt: skip
+@example(seed=24)  # one of those
 @given(seed=seeds)
 @law
-def test_the_map_looked_at_every_4_m_or_every_8_says_the_same(mode: int, seed: int):
+def test_the_map_looked_at_every_4_m_or_every_8_says_the_same(mode: int, par: Settings, seed: int):
     """Compared where both have just looked, once the start is 50 m behind."""
     gap = np.random.default_rng(seed).uniform(8.0, 30.0)
     truth, fix = between_parallels(seed, gap)
     roads, epochs = network(parallel_roads(gap)), sensed(truth, fix, second(truth), mode)
     often, seldom = (
-        said(roads, epochs, EACH, mode=mode, settings=Settings(map_spacing=spacing))
+        said(roads, epochs, EACH, mode=mode, settings=replace(par, map_spacing=spacing))
         for spacing in (4.0, 8.0)
     )
     at = slice(48, None, 8)
@@ -72,9 +86,20 @@ def slow_error(truth: Truth, seed: int, sigma: float, white: float = 0.0) -> np.
 
 
 @MOVING
+@pytest.mark.parametrize(
+    "par",
+    [
+        AS_REPORTED,
+        pytest.param(LEARNT, marks=pytest.mark.xfail(
+            strict=True, reason="that it errs less than it says is learnt sooner: sigma differs by "
+            "up to 2.4 % (P by 0.004); without learning by 0.4 %")),
+    ],
+)  # fmt: skip
+@example(seed=38)  # the worst of 40 with wheels
+@example(seed=25)  # with an odometer
 @given(seed=seeds)
 @law
-def test_a_receiver_without_an_error_asked_ten_times_as_often_teaches_nothing_more(mode, seed):
+def test_a_receiver_without_an_error_asked_ten_times_as_often_teaches_nothing_more(mode, par, seed):
     """What it says is the same thing; only how sure one is of it could differ."""
     rng = np.random.default_rng(seed)
     gap = rng.uniform(8.0, 30.0)
@@ -83,7 +108,7 @@ def test_a_receiver_without_an_error_asked_ten_times_as_often_teaches_nothing_mo
     fix[:, 2:4] = rng.uniform(2.0, 6.0)
     slow, fast = (
         said(network(parallel_roads(gap)), sensed(truth, fix, second(truth, n), mode), EACH,
-             mode=mode)
+             mode=mode, settings=par)
         for n in (10, 1)
     )  # fmt: skip
     at = second(truth)[1:]
@@ -162,7 +187,8 @@ def test_odometry_read_five_times_as_often_says_the_same_beside_a_parallel_road(
     [
         WHEELS,
         pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at a junction at every reading")),
+            strict=True, reason="the Gaussian is cut at a junction at every reading: sigma differs "
+            "by up to 21 % (P by 0.015 on average); cut once for all, one real drive went wrong")),
     ],
 )  # fmt: skip
 @given(seed=seeds)

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 
-from laws.drives import between_parallels, law, said, sensed, way_through
+from laws.drives import AS_REPORTED, LEARNT, between_parallels, law, said, sensed, way_through
 from laws.geodetic import answer, degrees, drive, fixes, road_map
 from scenes import (
     On,
@@ -24,6 +24,7 @@ from whichroad.core.belief import OFF_ROAD
 from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.network import U_TURN, Roads
 from whichroad.core.start import leave_and_return
+from whichroad.settings import Settings
 
 TOWN = grid_town()
 LENGTH = 2000.0  # m, of the parallel roads
@@ -109,32 +110,49 @@ def with_nodes(cuts: np.ndarray, gap: float) -> tuple[Roads, list]:
 
 
 @pytest.mark.parametrize(
-    "mode",
+    ("mode", "par"),
     [
-        pytest.param(WHEELS, marks=pytest.mark.xfail(
-            strict=True, reason="a node relaxes the rows though it is no junction")),
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at a node again and again")),
-        pytest.param(CLOCK, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at a node again and again")),
+        (WHEELS, AS_REPORTED),
+        pytest.param(WHEELS, LEARNT, marks=pytest.mark.xfail(
+            strict=True, reason="a node relaxes the rows though it is no junction, and the scale "
+            "learnt may then take another step: P differs by up to 0.062, median 0.0016")),
+        pytest.param(DISTANCE, LEARNT, marks=pytest.mark.xfail(
+            strict=True, reason="the Gaussian is cut at a node at every reading: P differs by up "
+            "to 0.107, median 0.017; cut once for all, one real drive went wrong")),
+        pytest.param(CLOCK, LEARNT, marks=pytest.mark.xfail(
+            strict=True, reason="the Gaussian is cut at a node at every reading: P differs by up "
+            "to 0.033, median 0.002")),
     ],
 )  # fmt: skip
+@example(seed=29)  # the worst of 40 of each mode
+@example(seed=32)
+@example(seed=12)
 @given(seed=seeds)
 @law
-def test_nodes_along_one_of_two_parallel_roads_change_its_probability_by_a_hundredth(mode, seed):
+def test_nodes_along_one_of_two_parallel_roads_change_its_probability_by_a_hundredth(
+    mode: int, par: Settings, seed: int
+):
     rng = np.random.default_rng(seed)
     gap = rng.uniform(8.0, 30.0)
     truth, fix = between_parallels(seed, gap)
     epochs = sensed(truth, fix, np.arange(0, len(truth.time), 10), mode)
     roads, groups = with_nodes(np.sort(rng.uniform(1.0, LENGTH - 1.0, 9)), gap)
-    whole = said(network(parallel_roads(gap)), epochs, [[0], [1], [2], [3]], mode=mode)
-    cut = said(roads, epochs, groups, mode=mode)
+    whole = said(
+        network(parallel_roads(gap)), epochs, [[0], [1], [2], [3]], mode=mode, settings=par
+    )
+    cut = said(roads, epochs, groups, mode=mode, settings=par)
     np.testing.assert_allclose(cut.p, whole.p, rtol=0.0, atol=A_HUNDREDTH)
     np.testing.assert_allclose(cut.off, whole.off, rtol=0.0, atol=A_HUNDREDTH)
 
 
 @MODES
-@pytest.mark.xfail(strict=True, reason="turning round is as likely at a stub as at a crossing")
+@pytest.mark.xfail(
+    strict=True,
+    reason="turning round is as likely at a stub as at a crossing: P differs by up to 0.08, 0.15 "
+    "and 0.18, medians 0.004, 0.016 and 0.004",
+)
+@example(seed=24)  # the worst of 30 of each mode
+@example(seed=13)
 @given(seed=seeds)
 @law
 def test_stubs_along_one_of_two_parallel_roads_change_the_others_probability_by_a_hundredth(
@@ -158,9 +176,9 @@ def test_stubs_along_one_of_two_parallel_roads_change_the_others_probability_by_
     "node",
     [
         pytest.param(0.0, marks=pytest.mark.xfail(
-            strict=True, reason="both sides of a node close by are counted as roads")),
+            strict=True, reason="both sides of a node within 3 m count as roads: 2/3 to 1/3")),
         pytest.param(2.0, marks=pytest.mark.xfail(
-            strict=True, reason="both sides of a node close by are counted as roads")),
+            strict=True, reason="both sides of a node within 3 m count as roads: 2/3 to 1/3")),
         10.0, 40.0,
     ],
 )  # fmt: skip

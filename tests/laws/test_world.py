@@ -132,15 +132,7 @@ def test_streets_in_any_order_and_drawn_either_way_give_the_same_answer(mode: in
     assert_moved(there, here._replace(edge=edge), np.eye(2), np.zeros(2), EXACT)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        WHEELS,
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="of two equal hypotheses the first teaches the GNSS scale")),
-        CLOCK,
-    ],
-)  # fmt: skip
+@MODES
 @given(seed=seeds)
 @law
 def test_rows_of_the_table_in_any_order_and_drawn_either_way_give_the_same_answer(mode, seed):
