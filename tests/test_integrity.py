@@ -1,10 +1,14 @@
 """What users are told beside the pose: competing roads, protection, fixes not believed."""
 
+import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import whichroad
+from whichroad import cli
 from whichroad.epochs import build_timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Localizer, localize_recorded
@@ -13,6 +17,7 @@ from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, Wheel
 from whichroad.result import points_table
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle
+from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive
 
 PLANE = Plane(49.4, 8.7)
 CAR = Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)
@@ -62,18 +67,22 @@ def told(roads: RoadMap, one: Drive, **settings: float) -> dict[str, list]:
     return points_table("one", timeline.epochs, output, roads).to_pydict()
 
 
-def on_line(roads: RoadMap, one: Drive) -> list[Estimate]:
-    """The same on line, wheels before fixes."""
-    localizer = Localizer(roads, vehicle=CAR)
+def one_by_one(one: Drive) -> list[GeoFix | WheelTicks]:
+    """A drive's records in time order, wheels before fixes."""
+    counts = one.odometry
     assert one.fixes is not None
+    assert isinstance(counts, WheelCounts)
     names = [n for n in Fixes.__slots__ if n != "flags"]
     columns = [getattr(one.fixes, n).tolist() for n in names]
-    records = [GeoFix(*row) for row in zip(*columns, strict=True)]
-    counts = one.odometry
-    assert isinstance(counts, WheelCounts)
+    fixed = [GeoFix(*row) for row in zip(*columns, strict=True)]
     rows = zip(counts.time.tolist(), counts.left.tolist(), counts.right.tolist(), strict=True)
-    both = sorted([*(WheelTicks(*row) for row in rows), *records], key=lambda r: r.time)
-    return [localizer.update(r) for r in both]
+    return sorted([*(WheelTicks(*row) for row in rows), *fixed], key=lambda r: r.time)
+
+
+def on_line(roads: RoadMap, one: Drive) -> list[Estimate]:
+    """The same on line."""
+    localizer = Localizer(roads, vehicle=CAR)
+    return [localizer.update(r) for r in one_by_one(one)]
 
 
 def test_where_roads_compete_the_reason_names_them(roads: RoadMap):
@@ -166,3 +175,61 @@ def test_a_third_road_is_named_only_when_it_counts():
     assert few == "edge 1 (0.70) or off the roads (0.27)"
     many = reason("ambiguous", roads=[(1, 0.5), (2, 0.3), (3, 0.2)])
     assert many == "edge 1 (0.50) or edge 2 (0.30) or edge 3 (0.20)"
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> RoadMap:
+    """The paper's town."""
+    path = tmp_path_factory.mktemp("town") / "town.osm"
+    path.write_text(draw_town(), "utf-8")
+    return RoadMap.from_osm(path)
+
+
+@pytest.fixture(scope="module")
+def ignorant(town: RoadMap) -> SimulatedDrive:
+    """Half an hour whose user believes in wheels an eighth smaller than they are."""
+    one = simulate_drive(town, seed=5, length_m=15_000.0)
+    ticks = one.vehicle.metres_per_tick_left
+    believed = replace(
+        one.vehicle, metres_per_tick_left=0.88 * ticks, metres_per_tick_right=0.88 * ticks
+    )
+    return replace(one, vehicle=believed)
+
+
+def test_a_matched_drive_says_what_does_not_fit_and_its_summary_is_json(
+    town: RoadMap, ignorant: SimulatedDrive
+):
+    result = whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle)
+    assert [f.what for f in whichroad.diagnose(result)] == ["wheels: scale"]
+    assert result.diagnosis[0].statistic == pytest.approx(1.0 / 0.88, abs=0.03)
+    [told] = json.loads(json.dumps(result.summary["diagnosis"]))
+    assert told["what"] == "wheels: scale"
+    assert told["advice"] == result.diagnosis[0].advice
+
+
+def test_on_line_the_diagnosis_is_that_of_the_recorded_drive(
+    town: RoadMap, ignorant: SimulatedDrive
+):
+    localizer = Localizer(town, vehicle=ignorant.vehicle)
+    for record in one_by_one(ignorant.drive):
+        localizer.update(record)
+    assert [f.what for f in whichroad.diagnose(localizer)] == ["wheels: scale"]
+
+
+def test_a_drive_by_gnss_alone_or_by_the_paper_is_not_judged(
+    town: RoadMap, ignorant: SimulatedDrive
+):
+    alone = replace(ignorant.drive, odometry=None)
+    assert whichroad.match(alone, town).diagnosis == ()
+    literal = whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle, model="paper")
+    assert literal.diagnosis == ()
+
+
+def test_the_command_line_tells_what_does_not_fit_beside_the_answer(
+    town: RoadMap, ignorant: SimulatedDrive, capsys: pytest.CaptureFixture[str]
+):
+    cli._say(whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle))
+    said = capsys.readouterr()
+    assert "warning: wheels: scale: 1.1" in said.err
+    assert "correct metres_per_tick" in said.err
+    assert "diagnosis" not in said.out
