@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from strategies import seeds
@@ -75,6 +75,7 @@ def test_epochs_are_in_time_order_and_hold_every_fix_once(seed: int):
     rng = np.random.default_rng(seed)
     time = np.sort(rng.uniform(0.0, 20.0, 30))
     at = np.sort(rng.choice(np.concatenate([time, rng.uniform(0.0, 20.0, 30)]), 12, replace=False))
+    assume(np.diff(at).min() > 2e-4)  # closer ones share an epoch
     e = timeline(odometer(time.tolist(), time.tolist()), fixes_at(at.tolist(), at.tolist())).epochs
     assert (np.diff(e.time) > 0).all()
     with_fix = e.has_fix == 1
