@@ -44,6 +44,7 @@ from .core.output import (
 )
 from .core.reduction import reduce
 from .core.start import cold_start
+from .core.routes import new_search
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
@@ -162,6 +163,7 @@ def localize_recorded(
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
     belief, work, route = new_belief(), new_work(), new_route(1 << 15)
+    finder = new_search()
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -177,8 +179,8 @@ def localize_recorded(
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(
-            belief, roads.arrays, route, work, epochs, output, done, target, timeline.mode,
-            _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
+            belief, roads.arrays, route, work, finder, epochs, output, done, target,
+            timeline.mode, _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
             settings.ambiguous_below, False,
         )  # fmt: skip
         if done < target or len(route.edge) - route.size[0] < 4096:
@@ -253,6 +255,7 @@ class Localizer:
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
+        self._search = new_search()
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
@@ -404,8 +407,8 @@ class Localizer:
 
     def _run(self) -> None:
         run(
-            self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
-            0, 1, self._mode, self._side, self._lever, self._par,
+            self._belief, self.roads.arrays, self._route, self._work, self._search,
+            self._epoch, self._output, 0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
         )  # fmt: skip
 

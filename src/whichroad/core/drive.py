@@ -35,7 +35,9 @@ from .parameters import Parameters
 from .reduction import reduce
 from .road import observe_roads
 from .start import leave_and_return, turn_round, turn_with_heading
+from .routes import Search
 from .switching import Work, hand_over
+from .travel import settle, travel
 
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed
@@ -43,7 +45,8 @@ _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matte
 _MOMENT = 0.1  # s, over which the odometer's speed is smoothed
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _BLIND = 500.0  # times more merging without a heading sensor
-_MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
+_SPARSE = 2.5  # s; fixes farther apart are joined by routes
+_MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
 
 
 @kernel
@@ -153,8 +156,8 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
 
 @kernel
 def run(
-    belief: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs, output: Output,
-    first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
+    belief: Belief, roads: Roads, route: Route, work: Work, search: Search, epochs: Epochs,
+    output: Output, first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
     outage_after: float, ambiguous_below: float, cut: bool,
 ) -> int:  # fmt: skip
     """Localize over epochs first … last − 1: the paper's Figure 7, once per epoch.
@@ -167,6 +170,7 @@ def run(
         roads: The network.
         route: Tree of edges entered.
         work: Scratch.
+        search: Scratch of the route search.
         epochs: What the sensors said.
         output: Filled for the same rows.
         first: First epoch.
@@ -205,6 +209,7 @@ def run(
             and epochs.speed[k] < _STANDING
             and clock[SPEED] < 3.0 * _STANDING
         )
+        sparse = mode == CLOCK and fix and dt > _SPARSE and not begin and not stands
         with_heading = mode == WHEELS
         changed = begin
         chi2 = 0.0
@@ -227,6 +232,11 @@ def run(
                         clock[TURN_RATE] = epochs.turn[k] / dt
                 elif stands:
                     moved = 0.0
+                elif sparse:
+                    moved = travel(
+                        belief, roads, route, work, search, scale, epochs.fix[k],
+                        epochs.time[k], dt, side, par,
+                    )  # fmt: skip
                 else:
                     moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
                     changed = _move_along(
@@ -245,9 +255,15 @@ def run(
                     belief, roads, route, work, scale, epochs, k, mode, side, lever, par
                 )  # fmt: skip
                 changed = True
+            if sparse:
+                settle(belief, roads, work, scale)
+                forward_only(belief, work.row, scale)
+                clock[TRAVELLED] = 0.0
             if changed:
                 normalise(belief)
-            if arc != 0.0 or see_fix:
+            if sparse:
+                clock[SINCE_LEFT] = 0.0
+            elif arc != 0.0 or see_fix:
                 changed = (
                     hand_over(
                         belief, roads, route, work, scale, arc, side, par.lane_sigma, par.prune,
