@@ -39,6 +39,17 @@ class Search(NamedTuple):
     pair_goal: Ints32  # (256,)
     pair_score: Vector  # (256,) nats
     pair_cost: Vector  # (256,) nats
+    tune: Vector
+
+
+def _tune():
+    import os
+    d = [5.0, 22.0, 0.7, 9.0, 0.5, 4.0, 5.0, 0.1, 0.0, 0.5, 5.0, 0.15, 1.0, 20.0]
+    names = ['speed_sigma', 'speed_time', 'usual', 'worth', 'tail', 'detour', 'excess', 'excess_share', 'excess_rate', 'return', 'uturn', 'fastw', 'norm', 'vmax']
+    for kv in os.environ.get("WR_TUNE", "").split():
+        k, v = kv.split("=")
+        d[names.index(k)] = float(v)
+    return np.array(d)
 
 
 def new_search() -> Search:
@@ -49,7 +60,7 @@ def new_search() -> Search:
         np.zeros(LABELS, np.int32), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
         np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS, np.int32),
         np.zeros(LABELS), np.zeros(256, np.int32), np.zeros(256, np.int32),
-        np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256),
+        np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256), _tune(),
     )  # fmt: skip
 
 
@@ -225,7 +236,7 @@ def find_routes(
             best = max(best, float(roads.succ_prior[t]))
         for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
             p = max(float(roads.succ_prior[t]), 1e-12)
-            turn_cost = 0.0 if p >= best else math.log(best / p)
+            turn_cost = -math.log(p) + search.tune[12] * math.log(best)
             n = _label(
                 roads, search, n, roads.succ[t], label, cost + turn_cost, length, time,
                 turn + roads.succ_turn[t], x, y, radius, per_metre, longest, limit,
