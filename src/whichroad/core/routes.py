@@ -44,8 +44,8 @@ class Search(NamedTuple):
 
 def _tune():
     import os
-    d = [5.0, 22.0, 0.7, 9.0, 0.5, 4.0, 5.0, 0.1, 0.0, 0.5, 5.0, 0.15, 1.0, 20.0]
-    names = ['speed_sigma', 'speed_time', 'usual', 'worth', 'tail', 'detour', 'excess', 'excess_share', 'excess_rate', 'return', 'uturn', 'fastw', 'norm', 'vmax']
+    d = [5.0, 22.0, 0.7, 9.0, 0.5, 4.0, 5.0, 0.0, 1.8, 0.5, 5.0, 0.15, 0.7, 20.0, .1, 120.0, .5]
+    names = ['speed_sigma', 'speed_time', 'usual', 'worth', 'tail', 'detour', 'excess', 'excess_share', 'excess_rate', 'return', 'uturn', 'fastw', 'norm', 'vmax', 'leave', 'cap', 'slow']
     for kv in os.environ.get("WR_TUNE", "").split():
         k, v = kv.split("=")
         d[names.index(k)] = float(v)

@@ -112,7 +112,7 @@ def _arrive(
     at = distance - length  # where the speed would have it
     variance = _along_variance(belief, i, tx, ty, old, far)
     off = work.near_s[goal] - at
-    heavy = max(T[4] * off * off - variance, 0.0)  # it stood a while, or hurried
+    heavy = max((T[4] if off > 0.0 else T[16]) * off * off - variance, 0.0)  # it stood a while, or hurried
     variance += heavy
     far += heavy
     segment, foot, _, nx, ny = project(
@@ -206,7 +206,7 @@ def _collect(
         spread = math.sqrt(variance)
         rate = belief.mean[i, K]
         straight = math.hypot(belief.mean[i, X] - x, belief.mean[i, Y] - y) / scale
-        per_metre = 1.0 / (T[6] + T[7] * straight + T[8] * dt)
+        per_metre = 1.0 / (T[6] + T[7] * straight + min(T[8] * dt, T[15]))
         longest = max(
             old * rate + 1.3 * float(roads.speed[edge]) * (dt - old) + 4.0 * spread,
             1.5 * straight,
@@ -249,7 +249,7 @@ def _collect(
             if fast > 1.0:  # nobody drives that fast
                 cost += 0.5 * ((fast - 1.0) / T[11]) ** 2
             off = went - usual * (dt - old) - rate * old
-            wide = max(variance, T[4] * off * off) + sigma * sigma
+            wide = max(variance, (T[4] if off > 0.0 else T[16]) * off * off) + sigma * sigma
             score = (
                 belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
                 - 0.5 * (work.near_distance[goal] / sigma) ** 2
@@ -429,7 +429,7 @@ def travel(
         elif i == top and belief.size[0] < CAPACITY:  # left the roads on the way
             child = belief.size[0]
             copy_hypothesis(belief, i, child)
-            rescale(belief, child, min(par.off_road_leave * (moved + 10.0), 0.3))
+            rescale(belief, child, min(search.tune[14] * par.off_road_leave * (moved + 10.0), 0.3))
             belief.edge[child] = OFF_ROAD
             belief.fresh[child] = 1
             _fly(belief, search, child, fix[0], fix[1], dt, scale)
