@@ -43,8 +43,8 @@ from .core.output import (
     new_output,
 )
 from .core.reduction import reduce
-from .core.start import cold_start
 from .core.routes import new_search
+from .core.start import cold_start
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline

@@ -34,8 +34,8 @@ from .output import Output, say
 from .parameters import Parameters
 from .reduction import reduce
 from .road import observe_roads
-from .start import leave_and_return, turn_round, turn_with_heading
 from .routes import Search
+from .start import leave_and_return, turn_round, turn_with_heading
 from .switching import Work, hand_over
 from .travel import settle, travel
 

@@ -23,7 +23,7 @@ class Search(NamedTuple):
     stamp: Ints  # (_SLOTS,) search that wrote it
     goal: Ints32  # (_GOALS,) number of the goal
     goal_stamp: Ints  # (_GOALS,)
-    count: Ints  # (4,) searches, steps, labels used, goals hit by the last search
+    counts: Ints  # (4,) searches, steps, labels used, goals hit by the last search
     edge: Ints32  # (LABELS,)
     parent: Ints32  # (LABELS,) label that it was reached from, -1: the origin
     cost: Vector  # (LABELS,) nats
@@ -39,17 +39,6 @@ class Search(NamedTuple):
     pair_goal: Ints32  # (256,)
     pair_score: Vector  # (256,) nats
     pair_cost: Vector  # (256,) nats
-    tune: Vector
-
-
-def _tune():
-    import os
-    d = [5.0, 22.0, 0.7, 9.0, 0.5, 4.0, 5.0, 0.0, 1.8, 0.5, 5.0, 0.15, 0.7, 20.0, .1, 120.0, .5]
-    names = ['speed_sigma', 'speed_time', 'usual', 'worth', 'tail', 'detour', 'excess', 'excess_share', 'excess_rate', 'return', 'uturn', 'fastw', 'norm', 'vmax', 'leave', 'cap', 'slow']
-    for kv in os.environ.get("WR_TUNE", "").split():
-        k, v = kv.split("=")
-        d[names.index(k)] = float(v)
-    return np.array(d)
 
 
 def new_search() -> Search:
@@ -60,22 +49,23 @@ def new_search() -> Search:
         np.zeros(LABELS, np.int32), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
         np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS, np.int32),
         np.zeros(LABELS), np.zeros(256, np.int32), np.zeros(256, np.int32),
-        np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256), _tune(),
+        np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256),
     )  # fmt: skip
 
 
 @kernel
 def _place(edge: int, slots: int) -> int:
     """Where the table is looked into first."""
-    return ((edge * 2654435761) >> 7) & (slots - 1)
+    place: int = ((edge * 2654435761) >> 7) & (slots - 1)
+    return place
 
 
 @kernel
 def set_goals(search: Search, edges: Ints, n: int) -> None:
     """Begin a step: forget all labels, and note the edges that are looked for."""
-    search.count[1] += 1
-    search.count[2] = 0
-    step = search.count[1]
+    search.counts[1] += 1
+    search.counts[2] = 0
+    step = search.counts[1]
     for c in range(n):
         place = _place(edges[c], _GOALS)
         while search.goal_stamp[place] == step:
@@ -87,7 +77,7 @@ def set_goals(search: Search, edges: Ints, n: int) -> None:
 @kernel
 def goal_of(search: Search, edges: Ints, edge: int) -> int:
     """Number of the goal that an edge is, or -1."""
-    step = search.count[1]
+    step = search.counts[1]
     place = _place(edge, _GOALS)
     while search.goal_stamp[place] == step:
         if edges[search.goal[place]] == edge:
@@ -99,7 +89,7 @@ def goal_of(search: Search, edges: Ints, edge: int) -> int:
 @kernel
 def _slot_of(search: Search, edge: int) -> int:
     """The edge's slot in this search's table, or the free one where it belongs."""
-    now = search.count[0]
+    now = search.counts[0]
     place = _place(edge, _SLOTS)
     while search.stamp[place] == now and search.edge[search.slot[place]] != edge:
         place = (place + 1) & (_SLOTS - 1)
@@ -162,16 +152,16 @@ def _label(
     if key > limit or length + away > longest:
         return n
     place = _slot_of(search, edge)
-    if search.stamp[place] == search.count[0]:
+    if search.stamp[place] == search.counts[0]:
         label = search.slot[place]
         if search.done[label] == 1 or search.cost[label] <= cost:
             return n
     else:
-        label = search.count[2]
+        label = search.counts[2]
         if label >= LABELS or n >= LABELS - 1:
             return n
-        search.count[2] = label + 1
-        search.stamp[place] = search.count[0]
+        search.counts[2] = label + 1
+        search.stamp[place] = search.counts[0]
         search.slot[place] = label
     search.edge[label] = edge
     search.parent[label] = parent
@@ -186,7 +176,8 @@ def _label(
 @kernel
 def find_routes(
     roads: Roads, search: Search, goals: Ints, edge: int, s: float, x: float, y: float,
-    radius: float, per_metre: float, u_turn: float, longest: float, slack: float, most: int,
+    radius: float, per_metre: float, u_turn: float, longest: float, limit: float, slack: float,
+    most: int,
 ) -> int:  # fmt: skip
     """The cheapest routes from abscissa s of an edge to the goals around a point.
 
@@ -206,17 +197,17 @@ def find_routes(
         per_metre: nats/m.
         u_turn: Cost of turning round at once, nats; infinite: never.
         longest: Routes longer than this are not followed, m.
+        limit: Routes that cost more are not followed, nats.
         slack: Goals that cost this much more than the cheapest one are not looked for, nats.
         most: Labels that may be used.
 
     Returns:
         How many goals were hit.
     """
-    search.count[0] += 1
-    first_label = search.count[2]
+    search.counts[0] += 1
+    first_label = search.counts[2]
     hits = 0
     n = 0
-    limit = math.inf
     left = roads.length[edge] - s
     other = roads.opposite[edge]
     if other >= 0 and u_turn < 1e6:
@@ -236,13 +227,13 @@ def find_routes(
             best = max(best, float(roads.succ_prior[t]))
         for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
             p = max(float(roads.succ_prior[t]), 1e-12)
-            turn_cost = -math.log(p) + search.tune[12] * math.log(best)
+            turn_cost = 0.0 if p >= best else math.log(best / p)
             n = _label(
                 roads, search, n, roads.succ[t], label, cost + turn_cost, length, time,
                 turn + roads.succ_turn[t], x, y, radius, per_metre, longest, limit,
             )  # fmt: skip
         while True:
-            if n == 0 or search.count[2] - first_label >= most:
+            if n == 0 or search.counts[2] - first_label >= most:
                 return hits
             n = _pop(search, n)
             if search.key[n] > limit:
@@ -254,7 +245,7 @@ def find_routes(
         current = search.edge[label]
         if hits < len(search.hit) and goal_of(search, goals, current) >= 0:
             if hits == 0:
-                limit = search.key[n] + slack
+                limit = min(limit, search.key[n] + slack)
             search.hit[hits] = label
             hits += 1
         cost = search.cost[label] + per_metre * roads.length[current]

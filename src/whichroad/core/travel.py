@@ -12,14 +12,14 @@ from .angles import wrap
 from .belief import (
     CAPACITY,
     GNSS_SCALE,
+    GX,
+    GY,
     MX,
     MY,
     NOW,
     OFF_ROAD,
     Belief,
     D,
-    GX,
-    GY,
     H,
     K,
     N,
@@ -29,43 +29,27 @@ from .belief import (
 )
 from .gaussian import condition, normal_cdf, reshape_along, truncated_moments
 from .grid import near, vertex_at
+from .legs import (
+    SPEED_SIGMA,
+    USUAL,
+    choose_legs,
+    heavy_tail,
+    spread_of,
+    usual_speed,
+    variance_along,
+)
 from .motion import age_map, decay, predict_along, redraw_lane
 from .network import Roads, lane_sigma_of
 from .parameters import Parameters
 from .road import track
-from .routes import Search, find_routes, goal_of, set_goals
+from .routes import Search, set_goals
 from .segment import locate, project
 from .switching import Work, copy_hypothesis, enter, rescale
 
+_LEAVE = 0.1  # of the usual rate roads are left at between such fixes
+_RETURN = 0.5  # of what was off the roads is back on one at the next fix
 _MOST = 24  # routes that become hypotheses
 _WIDE = 30.0  # m, across the road before the road is observed
-
-
-@kernel
-def _spread(dt: float, T: Vector) -> tuple[float, float, float, float]:
-    """Ornstein-Uhlenbeck speed over dt: what is kept, seconds of the old speed in the distance,
-    variance of the distance (m2), its covariance with the new speed (m2/s)."""
-    keep = math.exp(-dt / T[1])
-    old = T[1] * (1.0 - keep)
-    v = T[0] * T[0]
-    far = v * T[1]**2 * (2.0 * dt / T[1] - 3.0 + 4.0 * keep - keep * keep)
-    cross = v * T[1] * (1.0 - keep) ** 2
-    return keep, old, max(far, 0.0), cross
-
-
-@kernel
-def _along_variance(belief: Belief, i: int, tx: float, ty: float, old: float, far: float) -> float:
-    """Variance of the abscissa after the step, m2."""
-    cov = belief.cov[i]
-    cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
-    return max(belief.spread[i] ** 2 + old * (2.0 * cross + old * cov[K, K]) + far, 1.0)
-
-
-@kernel
-def _usual_speed(T: Vector, roads: Roads, length: float, time: float, edge: int) -> float:
-    if time > 0.5 and length > 1.0:
-        return T[2] * length / time
-    return T[2] * float(roads.speed[edge])
 
 
 @kernel
@@ -90,29 +74,28 @@ def _arrive(
     scale: float, zx: float, zy: float, dt: float, since: float, side: float, par: Parameters,
 ) -> None:  # fmt: skip
     """Append a child of hypothesis i that has taken the route of a pair."""
-    T = search.tune
     label = search.pair_label[pair]
     goal = search.pair_goal[pair]
     edge = work.near_edge[goal]
     child = belief.size[0]
-    lateral, tx, ty = track(belief, roads, i, scale)
+    _, tx, ty = track(belief, roads, i, scale)
     copy_hypothesis(belief, i, child)
     mean = belief.mean[child]
     cov = belief.cov[child]
-    keep, old, far, cross = _spread(dt, search.tune)
+    keep, old, far, cross = spread_of(dt)
     if label >= 0:
         length = search.length[label]
         turn = search.turn[label]
-        usual = _usual_speed(search.tune, roads, length, search.time[label], edge)
+        usual = usual_speed(roads, length, search.time[label], edge)
     else:
         length = -belief.abscissa[i]
         turn = 0.0
-        usual = T[2] * float(roads.speed[edge])
+        usual = USUAL * float(roads.speed[edge])
     distance = usual * (dt - old) + mean[K] * old
     at = distance - length  # where the speed would have it
-    variance = _along_variance(belief, i, tx, ty, old, far)
+    variance = variance_along(belief, i, tx, ty, old, far)
     off = work.near_s[goal] - at
-    heavy = max((T[4] if off > 0.0 else T[16]) * off * off - variance, 0.0)  # it stood a while, or hurried
+    heavy = heavy_tail(variance, off) - variance
     variance += heavy
     far += heavy
     segment, foot, _, nx, ny = project(
@@ -127,7 +110,7 @@ def _arrive(
         mean, cov, old, bent, heading, nx, ny, far, 0.0, 0.0,
         par.edge_heading_sigma**2 + 0.02,
     )  # fmt: skip
-    decay(mean, cov, K, usual, keep, T[0]**2)
+    decay(mean, cov, K, usual, keep, SPEED_SIGMA * SPEED_SIGMA)
     cov[X, K] += cross * nx
     cov[Y, K] += cross * ny
     cov[K, X] = cov[X, K]
@@ -186,103 +169,11 @@ def _enter_chain(
 
 
 @kernel
-def _collect(
-    belief: Belief, roads: Roads, work: Work, search: Search, found: int, scale: float,
-    x: float, y: float, radius: float, sigma: float, dt: float, par: Parameters,
-) -> int:  # fmt: skip
-    """Routes from all hypotheses to the roads near the fix; how many pairs."""
-    T = search.tune
-    pairs = 0
-    best = -math.inf
-    cheapest = T[5]
-    keep, old, far, cross = _spread(dt, search.tune)
-    for i in range(belief.size[0]):
-        edge = belief.edge[i]
-        if edge == OFF_ROAD or belief.log_weight[i] < best - T[3]:
-            continue
-        lateral, tx, ty = track(belief, roads, i, scale)
-        s = min(max(belief.abscissa[i], 0.0), roads.length[edge])
-        variance = _along_variance(belief, i, tx, ty, old, far)
-        spread = math.sqrt(variance)
-        rate = belief.mean[i, K]
-        straight = math.hypot(belief.mean[i, X] - x, belief.mean[i, Y] - y) / scale
-        per_metre = 1.0 / (T[6] + T[7] * straight + min(T[8] * dt, T[15]))
-        longest = max(
-            old * rate + 1.3 * float(roads.speed[edge]) * (dt - old) + 4.0 * spread,
-            1.5 * straight,
-        ) + 100.0
-        u_turn = math.inf
-        if roads.opposite[edge] >= 0:
-            u_turn = T[10]
-            if roads.rule[roads.opposite[edge]]:
-                u_turn = T[10] + 5.0
-        stay = goal_of(search, work.near_edge, edge)
-        hits = find_routes(
-            roads, search, work.near_edge, edge, s, x, y, radius * scale, per_metre, u_turn,
-            longest, T[3], 3000,
-        )  # fmt: skip
-        for h in range(-1, hits):
-            label = -1
-            cost = 0.0
-            length = -s
-            usual = T[2] * float(roads.speed[edge])
-            if h < 0:
-                if stay < 0:
-                    continue
-                goal = stay
-            else:
-                label = search.hit[h]
-                goal = goal_of(search, work.near_edge, search.edge[label])
-                cost = search.cost[label]
-                length = search.length[label]
-                usual = _usual_speed(search.tune, roads, length, search.time[label], search.edge[label])
-            to = work.near_s[goal]
-            went = length + to
-            if went < -4.0 * sigma:
-                continue
-            cost += per_metre * (max(to, 0.0) if h >= 0 else max(to - s, 0.0))
-            cost -= per_metre * straight
-            cheapest = min(cheapest, cost)
-            fast = went / max(dt, 1.0) / max(
-                1.3 * usual / T[2], 1.3 * rate, T[13], 1.15 * straight / max(dt, 1.0)
-            )
-            if fast > 1.0:  # nobody drives that fast
-                cost += 0.5 * ((fast - 1.0) / T[11]) ** 2
-            off = went - usual * (dt - old) - rate * old
-            wide = max(variance, (T[4] if off > 0.0 else T[16]) * off * off) + sigma * sigma
-            score = (
-                belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
-                - 0.5 * (work.near_distance[goal] / sigma) ** 2
-            )  # fmt: skip
-            if score < best - T[3] or pairs >= len(search.pair_score):
-                continue
-            best = max(best, score)
-            search.pair_source[pairs] = i
-            search.pair_label[pairs] = label
-            search.pair_goal[pairs] = goal
-            search.pair_score[pairs] = score
-            search.pair_cost[pairs] = cost
-            pairs += 1
-    kept = 0
-    for p in range(pairs):
-        if search.pair_score[p] < best - T[3]:
-            continue
-        search.pair_source[kept] = search.pair_source[p]
-        search.pair_label[kept] = search.pair_label[p]
-        search.pair_goal[kept] = search.pair_goal[p]
-        search.pair_score[kept] = search.pair_score[p]
-        search.pair_cost[kept] = search.pair_cost[p] - cheapest
-        kept += 1
-    return kept
-
-
-@kernel
-def _fly(belief: Belief, search: Search, i: int, x: float, y: float, dt: float, scale: float) -> None:
+def _fly(belief: Belief, i: int, x: float, y: float, dt: float, scale: float) -> None:
     """Off the roads anything may have happened in between."""
-    T = search.tune
     mean = belief.mean[i]
     cov = belief.cov[i]
-    keep, old, far, cross = _spread(dt, search.tune)
+    keep, _, far, _ = spread_of(dt)
     reach = max(mean[K], 5.0) * dt
     spread = 0.5 * reach * reach + far
     heading = math.atan2(y - mean[Y], x - mean[X])
@@ -293,24 +184,23 @@ def _fly(belief: Belief, search: Search, i: int, x: float, y: float, dt: float, 
     mean[H] = heading
     cov[X, X] += spread
     cov[Y, Y] += spread
-    decay(mean, cov, K, 8.0, keep, T[0]**2)
+    decay(mean, cov, K, 8.0, keep, SPEED_SIGMA * SPEED_SIGMA)
 
 
 @kernel
 def _come_back(
-    belief: Belief, roads: Roads, work: Work, search: Search, i: int, found: int, sigma: float, scale: float,
+    belief: Belief, roads: Roads, work: Work, i: int, found: int, sigma: float, scale: float,
     side: float, par: Parameters,
 ) -> None:  # fmt: skip
     """Children of an off-road hypothesis on the roads near the fix, in proportion to length."""
-    T = search.tune
     total = 0.0
     for c in range(found):
         total += _mass(roads, work, c, sigma, par)
     if total <= 0.0:
         return
-    rescale(belief, i, 1.0 - T[9])
+    rescale(belief, i, 1.0 - _RETURN)
     for c in range(found):
-        share = T[9] / (1.0 - T[9]) * _mass(roads, work, c, sigma, par) / total
+        share = _RETURN / (1.0 - _RETURN) * _mass(roads, work, c, sigma, par) / total
         if belief.probability[i] * share < 1e-5 or belief.size[0] >= CAPACITY:
             continue
         edge = work.near_edge[c]
@@ -393,9 +283,7 @@ def travel(
     set_goals(search, work.near_edge, found)
     pairs = 0
     if found > 0:
-        pairs = _collect(
-            belief, roads, work, search, found, scale, x, y, radius, sigma, dt, par
-        )
+        pairs = choose_legs(belief, roads, work, search, found, scale, x, y, radius, sigma, dt)
     children = 0
     since = belief.clock[NOW] - dt
     while children < _MOST and pairs > 0 and belief.size[0] < CAPACITY:
@@ -409,9 +297,7 @@ def travel(
         own = belief.mean[i]
         zx = fix[0] + scale * (own[MX] - age * (root[0] * own[GX] + root[1] * own[GY]))
         zy = fix[1] + scale * (own[MY] - age * (root[1] * own[GX] + root[2] * own[GY]))
-        _arrive(
-            belief, roads, route, work, search, i, best, scale, zx, zy, dt, since, side, par
-        )
+        _arrive(belief, roads, route, work, search, i, best, scale, zx, zy, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
     off = 0
@@ -423,16 +309,16 @@ def travel(
         belief.fresh[top] = 1
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:
-            _fly(belief, search, i, fix[0], fix[1], dt, scale)
+            _fly(belief, i, fix[0], fix[1], dt, scale)
             if found > 0 and belief.probability[i] > 1e-5:
-                _come_back(belief, roads, work, search, i, found, sigma, scale, side, par)
+                _come_back(belief, roads, work, i, found, sigma, scale, side, par)
         elif i == top and belief.size[0] < CAPACITY:  # left the roads on the way
             child = belief.size[0]
             copy_hypothesis(belief, i, child)
-            rescale(belief, child, min(search.tune[14] * par.off_road_leave * (moved + 10.0), 0.3))
+            rescale(belief, child, min(_LEAVE * par.off_road_leave * (moved + 10.0), 0.3))
             belief.edge[child] = OFF_ROAD
             belief.fresh[child] = 1
-            _fly(belief, search, child, fix[0], fix[1], dt, scale)
+            _fly(belief, child, fix[0], fix[1], dt, scale)
             belief.size[0] = child + 1
     m = 0
     for i in range(belief.size[0]):

@@ -83,8 +83,8 @@ def _epochs_of_ours(
     side = 1.0 if car.driving_side == "right" else -1.0
     for k in range(n):
         run(
-            belief, roads, route, work, search, timeline.epochs, output, k, k + 1, timeline.mode, side,
-            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
+            belief, roads, route, work, search, timeline.epochs, output, k, k + 1,
+            timeline.mode, side, lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
         )  # fmt: skip
         yield _seen_of_ours(belief, route, roads.length)
 
