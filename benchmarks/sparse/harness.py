@@ -96,7 +96,7 @@ def heidelberg(options: Options, seed: int, count: int = 20) -> tuple[Any, list[
 
 
 def real_map(options: Options) -> tuple[Path, Path]:
-    """The usable real tracks' networks as one extract, and their truth, as the harness joins them."""
+    """The usable real tracks as one extract, and their truth, as the harness joins them."""
     where = cache(options) / "maps"
     pbf, truth = where / "kubicka-dev.osm.pbf", where / "kubicka-dev.truth.json"
     if not (pbf.exists() and truth.exists()):

@@ -96,8 +96,8 @@ def _say_worst(rows: dict[int, Any], count: int) -> None:
     for n in cost[:count]:
         s, b, _ = rows[n]
         print(
-            f"    track {n:2}  {100 * _wrong(s) / s['d0']:6.2f} % (missed {s['d_minus']:6.0f} m, extra "
-            f"{s['d_plus']:6.0f} m of {s['d0'] / 1e3:5.1f} km)   {b['peer']:9} "
+            f"    track {n:2}  {100 * _wrong(s) / s['d0']:6.2f} % (missed {s['d_minus']:6.0f} m, "
+            f"extra {s['d_plus']:6.0f} m of {s['d0'] / 1e3:5.1f} km)   {b['peer']:9} "
             f"{100 * _wrong(b) / b['d0']:5.2f} %   {_wrong(b) - _wrong(s):+7.0f} m"
         )
     for n, (_, _, wrong) in rows.items():
