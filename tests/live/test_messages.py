@@ -6,24 +6,13 @@ from typing import get_args, get_type_hints
 import numpy as np
 import pytest
 
-from whichroad import GeoFix, Localizer, RoadMap, simulate_drive
+from whichroad import GeoFix, Localizer
 from whichroad.live.messages import Around, EstimateMessage, Messages, iso
-from whichroad.simulate import draw_town
 
 
 @pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
-
-
-@pytest.fixture(scope="module")
-def fixes(town):
-    drive = simulate_drive(town, seed=3, length_m=400.0).drive
-    f = drive.fixes
-    columns = (f.time, f.lat_deg, f.lon_deg, f.cov_ee, f.cov_en, f.cov_nn)
-    return [GeoFix(*map(float, row)) for row in zip(*columns, strict=True)]
+def fixes(observations):
+    return [one for one in observations if isinstance(one, GeoFix)]
 
 
 def follows(value, kind):
