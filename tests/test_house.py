@@ -22,6 +22,7 @@ DOCUMENTS += sorted((ROOT / "benchmarks").rglob("*.md"))
 
 PUBLIC = [
     "match",
+    "match_many",
     "RoadMap",
     "Localizer",
     "Estimate",

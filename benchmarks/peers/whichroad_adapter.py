@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+WIDE = 3.0  # degrees of longitude; an extract up to this is one map
 APART = 0.02  # degrees of longitude without any road: another region
 
 
@@ -125,8 +126,9 @@ def _regions(pbf: str, folder: Path) -> list[tuple[float, float, str]]:
             merged[-1][1] = max(merged[-1][1], east)
         else:
             merged.append([west, east])
-    if len(merged) == 1:
-        return [(merged[0][0], merged[0][1], pbf)]
+    west, east = merged[0][0], merged[-1][1]
+    if len(merged) == 1 or east - west <= WIDE:
+        return [(west, east, pbf)]
     return _cut(pbf, merged, folder)
 
 

@@ -69,6 +69,26 @@ PATH = pa.schema(
 )
 """One row per traversed edge; consecutive rows share a node unless the rule broken is `gap`."""
 
+DRIVES = pa.schema(
+    [
+        ("drive_id", pa.string()),
+        ("answered", pa.bool_()),
+        ("reason", pa.string()),  # why there is no answer
+        ("epochs", pa.int64()),
+        ("fixes", pa.int64()),
+        ("epochs_without_answer", pa.int64()),
+        ("duration_s", pa.float64()),
+        ("path_m", pa.float64()),
+        ("edges", pa.int64()),
+        ("gaps", pa.int64()),
+        ("mean_p_road", pa.float64()),
+        ("mean_p_off_road", pa.float64()),
+        ("skipped", pa.map_(pa.string(), pa.int64())),  # rows, by reason
+        ("notes", pa.list_(pa.string())),
+    ]
+)
+"""One row per trip of many, also where it has no answer."""
+
 _WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 
 

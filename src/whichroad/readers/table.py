@@ -98,11 +98,15 @@ def drive_from_table(
         ReadError: It is no table, or holds no time or nothing that locates a drive.
     """
     source = _Source("table", "drive", ())
-    return _drives(_in_memory(table), source, Counter(), vehicle, settings, crs)
+    return _drives(in_memory(table), source, Counter(), vehicle, settings, crs)
 
 
-def _in_memory(table: Any) -> Seen:
-    """Any table in memory as Arrow."""
+def in_memory(table: Any) -> Seen:
+    """The used columns of any table in memory as Arrow, and the names of all.
+
+    Raises:
+        ReadError: It is no table.
+    """
     import pyarrow as pa
 
     try:
