@@ -170,3 +170,22 @@ def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[Parcel]:
         first.append(first[-1] + part.num_rows)
     if parts:
         yield Parcel(pa.concat_tables(parts, promote_options="permissive"), names, first)
+
+
+def are_many(path: str | PathLike[str]) -> bool:
+    """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips."""
+    path = Path(path)
+    if not path.is_dir() and path.suffix.lower() not in _FILES:
+        return False
+    seen: set[str] = set()
+    try:
+        for batch in _of_path(path, "drive_id"):
+            if "drive_id" not in find(batch.schema.names):
+                return False
+            column = batch.column(find(batch.schema.names)["drive_id"].place)
+            seen.update(map(str, column.unique().to_pylist()))
+            if len(seen) > 1:
+                return True
+    except (ReadError, OSError, ValueError):  # whoever reads it next says what is wrong
+        return False
+    return False
