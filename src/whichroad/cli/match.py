@@ -8,6 +8,7 @@ import typer
 from ..errors import DriveError
 from ..terminal import progress_line, say_table
 from .arguments import Force, MapOption, Model, read_start, read_window
+from .many import match_trips
 
 if TYPE_CHECKING:
     from ..result import Result
@@ -63,7 +64,14 @@ def match(
             writers.check(output, force=force)
     from .. import session
     from ..readers import read_drive, read_vehicle
+    from ..readers.trips import are_many
 
+    plain = not (can or dbc or start or mask) and model is Model.default
+    if len(drive) == 1 and plain and are_many(drive[0]):
+        return match_trips(
+            drive[0], roads, out=out, path_out=path_out, every=every, force=force,
+            vehicle=vehicle, attributes=attributes,
+        )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
