@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.feather as feather
 from numpy.typing import NDArray
 
 TIME = pa.timestamp("us", tz="UTC")
+RECORDING = {b"whichroad": b"recording"}
+"""Marks Arrow streams that grow while a vehicle drives: their last batch may be torn."""
 
 POINTS = pa.schema(
     [
@@ -186,3 +189,23 @@ def thinned(points: pa.Table, every: float) -> pa.Table:
     began = micros[np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))]
     cell = (micros - began) // round(every * 1e6)
     return points.filter(pa.array(new | np.append(True, np.diff(cell) != 0)))
+
+
+def read_arrow(data: bytes) -> tuple[pa.Table, bool]:
+    """An Arrow file or stream, and whether it was whole; only a recording may be torn.
+
+    Raises:
+        pa.ArrowException: It is neither, or damaged.
+    """
+    if data[:6] in (b"ARROW1", b"FEA1\0\0") or data[:4] == b"FEA1":
+        return feather.read_table(pa.BufferReader(data)), True
+    reader = pa.ipc.open_stream(pa.BufferReader(data))
+    batches, whole = [], True
+    try:
+        for batch in reader:
+            batches.append(batch)
+    except (pa.ArrowException, OSError):
+        if RECORDING.items() - (reader.schema.metadata or {}).items():
+            raise
+        whole = False
+    return pa.Table.from_batches(batches, reader.schema), whole
