@@ -13,6 +13,7 @@ import typer
 from .. import __version__
 from ..errors import WhichroadError
 from .live import live
+from .live import live
 from .maps import map_app
 from .match import match
 from .show import replay, report
