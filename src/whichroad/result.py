@@ -313,6 +313,9 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
     x, y, first = roads.edge_lines(edges, enter, leave)
     lat, lon = roads.plane.to_geodetic(x, y)
     wkb = line_wkb(lon, lat, first) if rows else pa.array([], pa.binary())
+    duration = np.array([r.exit_time - r.enter_time for r in rows])
+    passed = duration > 0.0
+    speed = np.divide(leave - enter, duration, out=np.zeros(len(rows)), where=passed)
     arrays = roads.arrays
     columns = {
         "drive_id": pa.array([drive_id] * len(rows), pa.string()),
@@ -326,6 +329,8 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
         "exit_time": times(np.array([r.exit_time for r in rows])),
         "enter_m": pa.array(enter, pa.float64()),
         "exit_m": pa.array(leave, pa.float64()),
+        "duration_s": pa.array(duration, pa.float64()),
+        "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array([r.p for r in rows], pa.float64()),
         "broken_rule": pa.array(
             [_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()
