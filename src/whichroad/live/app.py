@@ -222,7 +222,7 @@ def _match(engine: Engine, body: bytes, suffix: str) -> bytes:
         {
             "version": 1,
             "points": json.loads(_rows(result.points.drop(columns="geometry"))),
-            "path": json.loads(path_frame.to_json(drop_id=True)) if len(path_frame) else None,
+            "path": json.loads(path_frame.to_json(drop_id=True, default=str)) if len(path_frame) else None,
             "summary": {k: v for k, v in result.summary.items() if k != "sources"},
         },
         default=str,

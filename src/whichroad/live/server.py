@@ -118,11 +118,15 @@ def serve(plan: Plan) -> None:
     """
     sys.setswitchinterval(0.0005)  # a thread that draws tiles must not hold the filter up
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_Run(plan).run())
+        asyncio.run(Run(plan).run())
 
 
-class _Run:
-    """One run of the service."""
+class Run:
+    """One run of the service.
+
+    Args:
+        plan: What is to be done.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -139,8 +143,15 @@ class _Run:
         self.writer = ThreadPoolExecutor(1)
         self.player: Player | None = None
         self.broken: BaseException | None = None
+        self._server: uvicorn.Server | None = None
+
+    def stop(self) -> None:
+        """End soon; from the loop's own thread."""
+        if self._server is not None:
+            self._server.should_exit = True
 
     async def run(self) -> None:
+        """Serve until stopped."""
         plan = self.plan
         self._resume()
         inputs = self._inputs()
@@ -156,20 +167,20 @@ class _Run:
             limit_concurrency=2000, timeout_keep_alive=10, server_header=False,
             timeout_graceful_shutdown=1, h11_max_incomplete_event_size=16_384,
         )  # fmt: skip
-        server = uvicorn.Server(config)
+        server = self._server = uvicorn.Server(config)
         for talker in plan.talkers:
             await _opened(talker.start(), f"--nmea-out {talker.host}:{talker.port}")
             self.engine.sinks.append(talker.send)
         sock = self._bound(config)
         gc.collect()
         gc.freeze()
-        tasks = [asyncio.create_task(self._guard(one, server)) for one in inputs]
-        tasks += [asyncio.create_task(self._guard(self._clock(), server))]
+        tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
+        tasks += [asyncio.create_task(self._guard(self._clock()))]
         if self.player is not None:
             self.engine.least = _FAST if plan.speed is None else self.engine.least
-            tasks.append(asyncio.create_task(self._guard(self.player.run(), server)))
+            tasks.append(asyncio.create_task(self._guard(self.player.run())))
             if plan.once:
-                tasks.append(asyncio.create_task(self._until_end(self.player, server)))
+                tasks.append(asyncio.create_task(self._until_end(self.player)))
         plan.ready(sock.getsockname()[1])
         try:
             await server.serve(sockets=[sock])
@@ -241,18 +252,18 @@ class _Run:
                 jobs = [one.taken() for one in (recorder, self.checkpoint) if one is not None]
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
-    async def _until_end(self, player: Player, server: uvicorn.Server) -> None:
+    async def _until_end(self, player: Player) -> None:
         await player.ended.wait()
         await asyncio.sleep(0.2)
-        server.should_exit = True
+        self.stop()
 
-    async def _guard(self, work: Coroutine[Any, Any, None], server: uvicorn.Server) -> None:
+    async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
         """Whatever breaks ends the service with its reason."""
         try:
             await work
         except Exception as error:
             self.broken = self.broken or _named(error)
-            server.should_exit = True
+            self.stop()
 
     def _bound(self, config: uvicorn.Config) -> Any:
         import socket
@@ -262,6 +273,7 @@ class _Run:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             sock.bind((self.plan.host, self.plan.port))
+            sock.listen(512)
         except OSError as error:
             sock.close()
             raise SettingError(
