@@ -127,12 +127,14 @@ def test_a_token_is_asked_of_everybody(files):
 
 
 def test_a_large_or_talkative_websocket_is_closed_or_slowed(served):
-    socket_ = connect(f"ws://127.0.0.1:{served.port}/ws")
-    socket_.send("x" * 10_000)
+    def shout():
+        with connect(f"ws://127.0.0.1:{served.port}/ws") as socket_:
+            socket_.send("x" * 10_000)
+            for _ in range(1000):
+                socket_.recv(timeout=10)
+
     with pytest.raises(ConnectionClosed):
-        for _ in range(1000):
-            socket_.recv(timeout=10)
-    socket_.close()
+        shout()
     assert served.get("/health")["answered"]
 
 

@@ -217,12 +217,13 @@ def _match(engine: Engine, body: bytes, suffix: str) -> bytes:
             result = match(drives, engine.roads, vehicle=car, settings=settings)
         except WhichroadError as error:
             raise HTTPException(422, str(error).replace(f"{folder}/", "")) from None
-    path_frame = result.path
+    path = result.path
+    line = json.loads(path.to_json(drop_id=True, default=str)) if len(path) else None
     return json.dumps(
         {
             "version": 1,
             "points": json.loads(_rows(result.points.drop(columns="geometry"))),
-            "path": json.loads(path_frame.to_json(drop_id=True, default=str)) if len(path_frame) else None,
+            "path": line,
             "summary": {k: v for k, v in result.summary.items() if k != "sources"},
         },
         default=str,
