@@ -43,7 +43,6 @@ from .core.output import (
     new_output,
 )
 from .core.reduction import reduce
-from .core.routes import new_search
 from .core.start import cold_start
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
@@ -163,7 +162,6 @@ def localize_recorded(
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
     belief, work, route = new_belief(), new_work(), new_route(1 << 15)
-    finder = new_search()
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -179,7 +177,7 @@ def localize_recorded(
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(
-            belief, roads.arrays, route, work, finder, epochs, output, done, target,
+            belief, roads.arrays, route, work, epochs, output, done, target,
             timeline.mode, _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
             settings.ambiguous_below, False,
         )  # fmt: skip
@@ -255,7 +253,6 @@ class Localizer:
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
-        self._search = new_search()
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
@@ -420,7 +417,7 @@ class Localizer:
 
     def _run(self) -> None:
         run(
-            self._belief, self.roads.arrays, self._route, self._work, self._search,
+            self._belief, self.roads.arrays, self._route, self._work,
             self._epoch, self._output, 0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
         )  # fmt: skip

@@ -34,7 +34,6 @@ from .output import Output, say
 from .parameters import Parameters
 from .reduction import reduce
 from .road import observe_roads
-from .routes import Search
 from .start import leave_and_return, turn_round, turn_with_heading
 from .switching import Work, hand_over
 from .travel import settle, travel
@@ -156,8 +155,8 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
 
 @kernel
 def run(
-    belief: Belief, roads: Roads, route: Route, work: Work, search: Search, epochs: Epochs,
-    output: Output, first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
+    belief: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs, output: Output,
+    first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
     outage_after: float, ambiguous_below: float, cut: bool,
 ) -> int:  # fmt: skip
     """Localize over epochs first … last − 1: the paper's Figure 7, once per epoch.
@@ -170,7 +169,6 @@ def run(
         roads: The network.
         route: Tree of edges entered.
         work: Scratch.
-        search: Scratch of the route search.
         epochs: What the sensors said.
         output: Filled for the same rows.
         first: First epoch.
@@ -234,7 +232,7 @@ def run(
                     moved = 0.0
                 elif sparse:
                     moved = travel(
-                        belief, roads, route, work, search, scale, epochs.fix[k],
+                        belief, roads, route, work, scale, epochs.fix[k],
                         epochs.time[k], dt, side, par,
                     )  # fmt: skip
                 else:

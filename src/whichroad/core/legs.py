@@ -6,7 +6,7 @@ from ._jit import kernel
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .network import Roads
 from .road import track
-from .routes import Search, find_routes, goal_of
+from .routes import find_routes, goal_of
 from .switching import Work
 
 SPEED_SIGMA = 5.0  # m/s, about the usual speed of the roads
@@ -64,7 +64,7 @@ def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
 
 @kernel
 def choose_legs(
-    belief: Belief, roads: Roads, work: Work, search: Search, found: int, scale: float,
+    belief: Belief, roads: Roads, work: Work, found: int, scale: float,
     x: float, y: float, radius: float, sigma: float, dt: float,
 ) -> int:  # fmt: skip
     """Routes from all hypotheses to the roads near a fix, by what they may be worth.
@@ -72,8 +72,8 @@ def choose_legs(
     Args:
         belief: Normalised.
         roads: The network.
-        work: Its `near_edge, near_s, near_distance` are the roads near the fix.
-        search: Told these as goals; `pair_*` are filled.
+        work: Its `near_edge, near_s, near_distance` are the roads near the fix, its search
+            has been told them as goals and gets `pair_*` filled.
         found: How many roads are near.
         scale: Local scale of the plane.
         x: Where the fix would be on the map, plane.
@@ -85,6 +85,7 @@ def choose_legs(
     Returns:
         How many pairs of a hypothesis and a road are worth taking.
     """
+    search = work.search
     pairs = 0
     best = -math.inf
     cheapest = _DETOUR

@@ -56,8 +56,7 @@ def new_search() -> Search:
 @kernel
 def _place(edge: int, slots: int) -> int:
     """Where the table is looked into first."""
-    place: int = ((edge * 2654435761) >> 7) & (slots - 1)
-    return place
+    return (edge * 2654435761 >> 7) & (slots - 1)
 
 
 @kernel
@@ -81,7 +80,7 @@ def goal_of(search: Search, edges: Ints, edge: int) -> int:
     place = _place(edge, _GOALS)
     while search.goal_stamp[place] == step:
         if edges[search.goal[place]] == edge:
-            return search.goal[place]
+            return int(search.goal[place])
         place = (place + 1) & (_GOALS - 1)
     return -1
 

@@ -70,10 +70,11 @@ def _on_line(
 
 @kernel
 def _arrive(
-    belief: Belief, roads: Roads, route: Route, work: Work, search: Search, i: int, pair: int,
+    belief: Belief, roads: Roads, route: Route, work: Work, i: int, pair: int,
     scale: float, zx: float, zy: float, dt: float, since: float, side: float, par: Parameters,
 ) -> None:  # fmt: skip
     """Append a child of hypothesis i that has taken the route of a pair."""
+    search = work.search
     label = search.pair_label[pair]
     goal = search.pair_goal[pair]
     edge = work.near_edge[goal]
@@ -242,7 +243,7 @@ def _mass(roads: Roads, work: Work, c: int, sigma: float, par: Parameters) -> fl
 
 @kernel
 def travel(
-    belief: Belief, roads: Roads, route: Route, work: Work, search: Search, scale: float,
+    belief: Belief, roads: Roads, route: Route, work: Work, scale: float,
     fix: Vector, time: float, dt: float, side: float, par: Parameters,
 ) -> float:  # fmt: skip
     """Take every hypothesis along the routes to the roads near a fix.
@@ -252,7 +253,6 @@ def travel(
         roads: The network.
         route: The tree of edges entered.
         work: Scratch; its root is that of the last fix.
-        search: Scratch.
         scale: Local scale of the plane.
         fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
         time: Of the fix, s.
@@ -280,10 +280,11 @@ def travel(
     found = near(
         roads, x, y, radius, work.near_edge, work.near_s, work.near_lateral, work.near_distance
     )
+    search = work.search
     set_goals(search, work.near_edge, found)
     pairs = 0
     if found > 0:
-        pairs = choose_legs(belief, roads, work, search, found, scale, x, y, radius, sigma, dt)
+        pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, dt)
     children = 0
     since = belief.clock[NOW] - dt
     while children < _MOST and pairs > 0 and belief.size[0] < CAPACITY:
@@ -297,7 +298,7 @@ def travel(
         own = belief.mean[i]
         zx = fix[0] + scale * (own[MX] - age * (root[0] * own[GX] + root[1] * own[GY]))
         zy = fix[1] + scale * (own[MY] - age * (root[1] * own[GX] + root[2] * own[GY]))
-        _arrive(belief, roads, route, work, search, i, best, scale, zx, zy, dt, since, side, par)
+        _arrive(belief, roads, route, work, i, best, scale, zx, zy, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
     off = 0

@@ -16,7 +16,6 @@ from ..core.drive import run
 from ..core.output import new_output
 from ..core.paper import Literal, new_bench
 from ..core.paper_drive import run_paper
-from ..core.routes import new_search
 from ..core.switching import new_work
 from ..epochs import Timeline, build_timeline
 from ..settings import Settings
@@ -77,13 +76,13 @@ def _epochs_of_ours(
 ) -> Iterator[list[Seen]]:
     roads, settings, car = scene.roads.arrays, Settings(), drive.vehicle
     n = len(timeline.epochs.time)
-    belief, route, work, search = new_belief(), new_route(1 << 15), new_work(), new_search()
+    belief, route, work = new_belief(), new_route(1 << 15), new_work()
     output, parameters = new_output(n, False), settings.parameters()
     lever = np.array([car.antenna_forward, car.antenna_left])
     side = 1.0 if car.driving_side == "right" else -1.0
     for k in range(n):
         run(
-            belief, roads, route, work, search, timeline.epochs, output, k, k + 1,
+            belief, roads, route, work, timeline.epochs, output, k, k + 1,
             timeline.mode, side, lever, parameters, settings.outage_after_s,
             settings.ambiguous_below, False,
         )  # fmt: skip
