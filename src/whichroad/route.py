@@ -69,7 +69,7 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> list[Travers
     rows: list[Traversal] = []
     known = np.flatnonzero(recorded.output.live > 0)
     last_epoch = int(known[-1]) if len(known) else n - 1
-    for i, (edge, node) in enumerate(chain):
+    for i, (edge, _) in enumerate(chain):
         lo = int(starts[i])
         hi = int(starts[i + 1]) if i + 1 < len(chain) else last_epoch + 1
         on = lo + np.flatnonzero(recorded.output.edge[lo:hi] == edge)
@@ -78,7 +78,7 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> list[Travers
         last = i + 1 == len(chain)
         gap_after = not last and not _joins(roads, edge, chain[i + 1][0])
         s = recorded.output.value[on, V_S]
-        first_s = min(float(recorded.route_abscissa[node]), length)
+        first_s = float(s[0]) if len(on) else 0.0
         last_s = float(s[-1]) if len(on) else length
         p = float(np.mean(_probability(recorded, on, edge))) if len(on) else 0.0
         leave = float(epochs.time[min(hi, n - 1)])
