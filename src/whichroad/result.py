@@ -35,12 +35,13 @@ from .core.output import (
     V_YY,
     Output,
 )
+from .core.passage import turn_rules
 from .diagnosis import Finding
 from .localizer import Recorded
 from .reasons import RECENT, STATUS, far_off, reason
 from .records import Array
 from .roadmap import RoadMap
-from .route import Traversal, traversals
+from .route import Traversals, traversals
 from .sensors.gnss import ellipse
 from .tables import PATH, POINTS, geo_frame, line_wkb, times
 from .writers import write_table
@@ -51,6 +52,7 @@ _RULES = (
     (NO_ACCESS, "no_access"),
     (U_TURN, "u_turn"),
 )
+_GAP = 1 << 20  # beyond all rules
 
 
 class Result:
@@ -305,53 +307,52 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
     Returns:
         A table with the columns of `tables.PATH`.
     """
-    rows = traversals(epochs, recorded, roads.arrays)
-    edges = np.array([r.edge for r in rows], np.int64)
-    middle = np.array([0.5 * (r.enter_m + r.exit_m) for r in rows])
-    source, forward = _sources(roads, edges, middle, np.zeros(len(rows), bool))
-    enter, leave = np.array([r.enter_m for r in rows]), np.array([r.exit_m for r in rows])
+    way = traversals(epochs, recorded, roads.arrays)
+    edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
+    source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
     x, y, first = roads.edge_lines(edges, enter, leave)
     lat, lon = roads.plane.to_geodetic(x, y)
-    wkb = line_wkb(lon, lat, first) if rows else pa.array([], pa.binary())
-    duration = np.array([r.exit_time - r.enter_time for r in rows])
+    duration = way.exit_time - way.enter_time
     passed = duration > 0.0
-    speed = np.divide(leave - enter, duration, out=np.zeros(len(rows)), where=passed)
+    speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
     arrays = roads.arrays
     columns = {
-        "drive_id": pa.array([drive_id] * len(rows), pa.string()),
-        "seq": pa.array(np.arange(len(rows))),
+        "drive_id": pa.array([drive_id] * rows, pa.string()),
+        "seq": pa.array(np.arange(rows)),
         "edge_id": pa.array(edges, pa.int64()),
         "source_id": source,
         "from_node": pa.array(arrays.from_node[edges].astype(np.int64)),
         "to_node": pa.array(arrays.to_node[edges].astype(np.int64)),
         "forward": forward,
-        "enter_time": times(np.array([r.enter_time for r in rows])),
-        "exit_time": times(np.array([r.exit_time for r in rows])),
-        "enter_m": pa.array(enter, pa.float64()),
-        "exit_m": pa.array(leave, pa.float64()),
-        "duration_s": pa.array(duration, pa.float64()),
+        "enter_time": times(way.enter_time),
+        "exit_time": times(way.exit_time),
+        "enter_m": pa.array(enter),
+        "exit_m": pa.array(leave),
+        "duration_s": pa.array(duration),
         "mean_speed_mps": _nullable(speed, ~passed),
-        "p": pa.array([r.p for r in rows], pa.float64()),
-        "broken_rule": pa.array(
-            [_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()
-        ),
-        "geometry": wkb,
+        "p": pa.array(way.p),
+        "broken_rule": _broken(way, roads),
+        "geometry": line_wkb(lon, lat, first) if rows else pa.array([], pa.binary()),
     }
     return pa.table(columns).cast(PATH)
 
 
-def _broken(row: Traversal, before: Traversal | None, roads: RoadMap) -> str | None:
-    """Names of the rules that driving this row broke, or `gap`, or None."""
-    if row.gap:
+def _broken(way: Traversals, roads: RoadMap) -> pa.Array:
+    """Names of the rules that driving each edge broke, or `gap`, or None."""
+    a, rows = roads.arrays, len(way.edge)
+    bits = a.rule[way.edge].astype(np.int64)
+    if rows:
+        turn_rules(a, way.edge, bits)
+    bits[way.gap] = _GAP
+    unique, at = np.unique(bits, return_inverse=True)
+    words = [_rule_names(int(b)) for b in unique]
+    return pa.array(words, pa.string()).take(pa.array(at))
+
+
+def _rule_names(bits: int) -> str | None:
+    if bits == _GAP:
         return "gap"
-    a = roads.arrays
-    bits = int(a.rule[row.edge])
-    if before is not None:
-        for t in range(a.succ_first[before.edge], a.succ_first[before.edge + 1]):
-            if a.succ[t] == row.edge:
-                bits |= int(a.succ_rule[t])
-    names = [name for bit, name in _RULES if bits & bit]
-    return ",".join(names) or None
+    return ",".join(name for bit, name in _RULES if bits & bit) or None
 
 
 def summary_of(epochs: Epochs, output: Output, path: pa.Table, masked: int) -> dict[str, Any]:
