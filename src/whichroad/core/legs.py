@@ -49,9 +49,13 @@ def variance_along(belief: Belief, i: int, tx: float, ty: float, old: float, far
 
 
 @kernel
-def heavy_tail(variance: float, off: float) -> float:
-    """Variance of a distance that is `off` longer than expected: cars stand, and hurry."""
-    return max(variance, (_TAIL if off > 0.0 else _SLOW_TAIL) * off * off)
+def heavy_tail(variance: float, off: float, sigma: float) -> float:
+    """Variance of a distance that is `off` longer than expected: cars stand, and hurry.
+
+    What the fix's own sigma explains is not counted.
+    """
+    beyond = max(abs(off) - 2.0 * sigma, 0.0)
+    return max(variance, (_TAIL if off > 0.0 else _SLOW_TAIL) * beyond * beyond)
 
 
 @kernel
@@ -159,7 +163,7 @@ def choose_legs(
             if fast > 1.0:  # nobody drives that fast
                 cost += 0.5 * ((fast - 1.0) / _FASTER) ** 2
             off = went - usual * (dt - old) - rate * old
-            wide = heavy_tail(variance, off) + sigma * sigma
+            wide = heavy_tail(variance, off, sigma) + sigma * sigma
             score = (
                 belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
                 - 0.5 * (work.near_distance[goal] / sigma) ** 2

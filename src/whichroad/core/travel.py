@@ -46,6 +46,7 @@ from .routes import Search, set_goals
 from .segment import locate, project
 from .switching import Work, copy_hypothesis, enter, rescale
 
+_BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
 _RETURN = 0.5  # of what was off the roads is back on one at the next fix
 _MOST = 24  # routes that become hypotheses
@@ -71,7 +72,8 @@ def _on_line(
 @kernel
 def _arrive(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, pair: int,
-    scale: float, zx: float, zy: float, dt: float, since: float, side: float, par: Parameters,
+    scale: float, zx: float, zy: float, sigma: float, dt: float, since: float, side: float,
+    par: Parameters,
 ) -> None:  # fmt: skip
     """Append a child of hypothesis i that has taken the route of a pair."""
     search = work.search
@@ -96,7 +98,7 @@ def _arrive(
     at = distance - length  # where the speed would have it
     variance = variance_along(belief, i, tx, ty, old, far)
     off = work.near_s[goal] - at
-    heavy = heavy_tail(variance, off) - variance
+    heavy = heavy_tail(variance, off, sigma) - variance
     variance += heavy
     far += heavy
     segment, foot, _, nx, ny = project(
@@ -298,7 +300,7 @@ def travel(
         own = belief.mean[i]
         zx = fix[0] + scale * (own[MX] - age * (root[0] * own[GX] + root[1] * own[GY]))
         zy = fix[1] + scale * (own[MY] - age * (root[1] * own[GX] + root[2] * own[GY]))
-        _arrive(belief, roads, route, work, i, best, scale, zx, zy, dt, since, side, par)
+        _arrive(belief, roads, route, work, i, best, scale, zx, zy, sigma, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
     off = 0
@@ -308,9 +310,13 @@ def travel(
     if children == 0 and off == 0:  # no route: the way is not on the map
         belief.edge[top] = OFF_ROAD
         belief.fresh[top] = 1
+    chance = 0.0
+    if found > 0 and work.near_distance[0] < 2.0 * sigma:
+        chance = min(_BY_CHANCE, par.off_road_cost * moved)
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:
             _fly(belief, i, fix[0], fix[1], dt, scale)
+            belief.log_weight[i] -= chance
             if found > 0 and belief.probability[i] > 1e-5:
                 _come_back(belief, roads, work, i, found, sigma, scale, side, par)
         elif i == top and belief.size[0] < CAPACITY:  # left the roads on the way
