@@ -25,7 +25,6 @@ def latency(options: Options) -> list[Figure]:
             own = served.get("/health")
         receiver.close()
     found = latencies(feed.sent, listener.heard)
-    found = found[5:] if len(found) > 100 else found
     n = len(found)
     wheels = next(s for s in own["sensors"] if s["kind"] == "wheels")
     return [

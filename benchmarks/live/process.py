@@ -59,6 +59,12 @@ class Served:
             line = next(line for line in file if line.startswith("VmRSS"))
         return int(line.split()[1]) / 1024.0
 
+    def cpu(self):
+        """Processor time used, s."""
+        with open(f"/proc/{self.process.pid}/stat") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def kill(self):
         """End it by force; returns what it had said on its standard error."""
         self.process.kill()
@@ -225,9 +231,10 @@ class Listener:
         return bool(data)
 
 
-def latencies(sent, heard):
-    """Seconds from sending to hearing, of every fix that was heard of."""
-    return sorted(heard[epoch] - at for epoch, at in list(sent.items()) if epoch in heard)
+def latencies(sent, heard, skip=10):
+    """Seconds from sending to hearing, sorted; without the first bursts, when all is learnt."""
+    epochs = sorted(sent)[skip:]
+    return sorted(heard[epoch] - sent[epoch] for epoch in epochs if epoch in heard)
 
 
 def quantile(values, q):

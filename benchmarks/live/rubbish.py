@@ -52,7 +52,7 @@ def rubbish(options: Options) -> list[Figure]:
             feed.stop()
             true.close()
     sent = {k: at for k, at in feed.sent.items() if begin < at < until - 0.2}
-    found = latencies(sent, listener.heard)
+    found = latencies(sent, listener.heard, 0)
     return [
         Figure("the service lives", float(lives), ">= 1", "", len(threads)),
         Figure("fixes of the true stream served", 100.0 * len(found) / max(len(sent), 1),
