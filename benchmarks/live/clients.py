@@ -13,6 +13,7 @@ from .process import (
     Listening,
     Receiver,
     Served,
+    ahead,
     can_options,
     latencies,
     quantile,

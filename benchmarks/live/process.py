@@ -246,10 +246,8 @@ class Listening:
     """A listener in a process of its own, for so many seconds."""
 
     def __init__(self, port, seconds, first=()):
-        self._process = subprocess.Popen(
-            [*first, sys.executable, "-c", _LISTEN, str(port), str(seconds)], stdout=subprocess.PIPE,
-            text=True,
-        )  # fmt: skip
+        command = [*first, sys.executable, "-c", _LISTEN, str(port), str(seconds)]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self._process.stdout.readline()
 
     def heard(self):
