@@ -36,6 +36,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "live": ("live.run", "the service: latency, throughput, 200 clients, kill -9, rubbish"),
+    "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 

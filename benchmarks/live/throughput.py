@@ -21,14 +21,14 @@ def throughput(options: Options) -> list[Figure]:
         with Served(*here.options(), *play, *out, out=True) as served:
             served.answered()
             listener = Listener(served.port)
-            begin, first = time.perf_counter(), count(served)
+            begin, first, used = time.perf_counter(), count(served), served.cpu()
             memory = []
             while time.perf_counter() - begin < seconds:
                 end = time.perf_counter() + 0.5
                 while time.perf_counter() < end:
                     listener.read()
                 memory.append((count(served), served.memory()))
-            last, end = count(served), time.perf_counter()
+            last, end, used = count(served), time.perf_counter(), served.cpu() - used
             health = served.get("/health")
             served.kill()
         (drive,) = read_drive(here.folder / "rec", vehicle=here.vehicle)
@@ -38,6 +38,7 @@ def throughput(options: Options) -> list[Figure]:
     growth = (memory[-1][1] - half[0][1]) / max(memory[-1][0] - half[0][0], 1) * 1e6
     return [
         Figure("observations a second", taken / (end - begin), ">= 20000", "1/s", taken),
+        Figure("the same per second of processor time", taken / used, "", "1/s", taken),
         Figure("observations lost", float(sum(health["skipped"].values())), "<= 0", "", taken),
         Figure("recorded before kill -9", 100.0 * recorded / last, "", "%", last),
         Figure("resident memory", memory[-1][1], "", "MB", taken),

@@ -9,7 +9,7 @@ from .core.belief import OFF_ROAD
 from .core.epoch import Epochs
 from .core.network import Roads
 from .core.output import V_S
-from .core.passage import drive_edges
+from .core.passage import drive_edges, turn_rules
 from .localizer import Recorded
 from .records import Array
 
@@ -24,6 +24,7 @@ class Traversal(NamedTuple):
     exit_m: float
     p: float  # mean probability of the edge while it was driven
     gap: bool  # does not join what came before
+    rules: int = 0  # that driving into it and along it broke, see `core.network`
 
 
 class Traversals(NamedTuple):
@@ -36,6 +37,7 @@ class Traversals(NamedTuple):
     exit_m: Array
     p: Array
     gap: NDArray[np.bool_]
+    rules: NDArray[np.int64]
 
     def rows(self) -> list[Traversal]:
         """One by one."""
@@ -69,8 +71,9 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> Traversals:
     entered = recorded.route_time[chain]
     first = np.append(np.searchsorted(epochs.time, entered), n).astype(np.int64)
     enter_time, exit_time, enter_m, exit_m, p = np.zeros((5, rows))
-    gap = np.zeros(rows, np.uint8)
+    gap, rules = np.zeros(rows, np.uint8), roads.rule[edge].astype(np.int64)
     if rows:
+        turn_rules(roads, edge, rules)
         output = recorded.output
         known = np.flatnonzero(output.live > 0)
         drive_edges(
@@ -79,4 +82,4 @@ def traversals(epochs: Epochs, recorded: Recorded, roads: Roads) -> Traversals:
             int(known[-1]) if len(known) else n - 1,
             enter_time, exit_time, enter_m, exit_m, p, gap,
         )  # fmt: skip
-    return Traversals(edge, enter_time, exit_time, enter_m, exit_m, p, gap > 0)
+    return Traversals(edge, enter_time, exit_time, enter_m, exit_m, p, gap > 0, rules)

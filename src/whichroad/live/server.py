@@ -89,6 +89,13 @@ class Socket(WebSocketsSansIOProtocol):
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
         self.app_state = {**self.app_state, "connection": self}
+        self.stalled = False
+
+    def keepalive_timeout(self) -> None:
+        """It does not answer."""
+        self.stalled = True
+        super().keepalive_timeout()
+        self.transport.abort()  # what it has not taken by now it never will
 
 
 class Http(H11Protocol):

@@ -1,6 +1,5 @@
 """The page's addresses, for any Starlette application."""
 
-import importlib.util
 import json
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,11 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..errors import SettingError
+from .files import STATIC, maplibre_folder
 from .layer import RoadLayer, edge_of
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
-
-STATIC = Path(__file__).parent / "static"
 
 _KINDS = {
     ".html": "text/html",
@@ -30,7 +28,9 @@ _KEPT = "public, max-age=31536000, immutable"  # what has its version in its add
 _EDGES = 64  # at most, in one question
 
 
-def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseRoute]:
+def page_routes(
+    roads: "RoadMap", *, tiles_url: str | None = None, timeline: bool = False
+) -> list[BaseRoute]:
     """The page itself, MapLibre's files, and the roads that the page draws.
 
     The page opens a WebSocket at `/ws` and posts to `/control`, relative to where it is.
@@ -39,6 +39,7 @@ def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseR
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
+        timeline: Whether a whole recorded drive is told at `/timeline`.
 
     Returns:
         Routes for `/`, `/static/...`, `/maplibre/...`, `/roads/...` and `/favicon.ico`.
@@ -50,7 +51,7 @@ def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseR
     files = {path.name: path for path in STATIC.iterdir() if path.suffix in _KINDS}
     parts = {name: library / name for name in ("maplibre-gl.js", "maplibre-gl.css")}
     policy = _policy(tiles_url)
-    about = {**layer.about(), "tiles_url": tiles_url}
+    about = {**layer.about(), "tiles_url": tiles_url, "timeline": timeline}
     return [
         Route("/", partial(_page, files["page.html"], about, policy)),
         Route("/favicon.ico", partial(_file, files, "icon.svg")),
@@ -59,23 +60,6 @@ def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseR
         Route("/roads/edges", partial(_edges, layer)),
         Route("/roads/{version}/{z:int}/{x:int}/{y:int}.mvt", partial(_tile, layer)),
     ]
-
-
-def maplibre_folder() -> Path:
-    """Where the package `maplibre` keeps MapLibre GL; found without importing it.
-
-    Raises:
-        SettingError: It is not installed.
-    """
-    spec = importlib.util.find_spec("maplibre")
-    for place in (spec.submodule_search_locations or []) if spec else []:
-        folder = Path(place) / "srcjs"
-        if (folder / "maplibre-gl.js").is_file():
-            return folder
-    raise SettingError(
-        "maplibre: the package that brings the map's drawing library is not installed; it was "
-        'expected for the page; pip install "whichroad[live]"'
-    )
 
 
 def _policy(tiles_url: str | None) -> str:
