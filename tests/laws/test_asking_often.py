@@ -55,7 +55,7 @@ def assert_same(one: Said, other: Said, rows: tuple, p: float, sigma: float) -> 
             "step at different fixes: P differs by up to 0.04, by > 0.01 in 5 drives of 120")),
     ],
 )  # fmt: skip
-@example(seed=24)  # one of those
+@example(seed=20)  # one of those
 @given(seed=seeds)
 @law
 def test_the_map_looked_at_every_4_m_or_every_8_says_the_same(mode: int, par: Settings, seed: int):

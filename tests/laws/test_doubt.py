@@ -136,7 +136,7 @@ def test_on_one_road_a_fix_less_never_makes_the_position_surer(mode: int, seed: 
     for _ in range(4):
         told = said(network(straight_road()), without(epochs, gone), mode=mode, settings=ALONE)
         now = told.value[:, [V_XX, V_YY]]
-        assert (now >= before * (1.0 - ROUNDING)).all()
+        assert (now >= before * (1.0 - SECOND_ORDER)).all()
         before = now
         gone |= rng.random(len(gone)) < 0.5
         gone[0] = False

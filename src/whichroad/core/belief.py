@@ -43,7 +43,9 @@ SCALED_AT = 20  # time of the fix that the scale was last learnt from
 ODOMETER_SPEED = 22  # m/s by the odometer, smoothed over a moment
 PULL = 23  # m/s², its change
 EVIDENCE = 24  # log-likelihood of all that was observed
-CLOCKS = 32
+WHITE = 28  # variance of what changes from fix to fix, over the reported one, as seen
+BEFORE = 29  # and 30, 31: x, y, time of the last fix; 32 to 34: of the one before it
+CLOCKS = 40
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch

@@ -4,6 +4,7 @@ import math
 
 from ._jit import Vector, kernel
 from .belief import (
+    BEFORE,
     GNSS_SCALE,
     LAST_FIX,
     LEARNT,
@@ -21,6 +22,7 @@ from .belief import (
     TRAVELLED,
     TURN_RATE,
     WANDER_SCALE,
+    WHITE,
     Belief,
     H,
     K,
@@ -41,6 +43,8 @@ _SLOW, _SLOW_PRIOR = 300.0, 60.0  # s; the same from slow errors
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS error
 _LATENCY = 0.15  # s, between that and the receiver's Doppler speed
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
+_NEXT = 2.5  # s, between fixes whose second difference is noise
+_LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
@@ -83,6 +87,8 @@ def begin_at(
     clock[LAST_FIX] = epochs.time[k]
     clock[SCALED_AT] = epochs.time[k]
     clock[LEARNT] = 0.0
+    clock[BEFORE + 2] = -math.inf
+    clock[BEFORE + 5] = -math.inf
     gnss_root(belief, epochs.fix[k], factor * factor, -1.0, _SMOOTHING, work.root)
     return heading_sigma < 10.0
 
@@ -162,6 +168,37 @@ def _doubt(
 
 
 @kernel
+def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parameters) -> None:
+    """What changes from fix to fix, from second differences of positions: nothing drives so.
+
+        e = z_k - (1 + a) z_k-1 + a z_k-2,    a = (t_k - t_k-1) / (t_k-1 - t_k-2)
+
+    has the variance (1 + (1 + a)^2 + a^2) white^2 on each axis, and the acceleration's, which
+    is little between fixes a second or two apart.
+    """
+    clock = belief.clock
+    x = epochs.fix[k, 0]
+    y = epochs.fix[k, 1]
+    t = epochs.time[k]
+    last = t - clock[BEFORE + 2]
+    first = clock[BEFORE + 2] - clock[BEFORE + 5]
+    if 0.05 < last < _NEXT and 0.05 < first < _NEXT:
+        a = last / first
+        ex = (x - (1.0 + a) * clock[BEFORE] + a * clock[BEFORE + 3]) / scale
+        ey = (y - (1.0 + a) * clock[BEFORE + 1] + a * clock[BEFORE + 4]) / scale
+        seen = (ex * ex + ey * ey) / (2.0 * (1.0 + (1.0 + a) ** 2 + a * a))
+        usual = max(clock[WHITE], par.gnss_white_ratio**2)
+        seen = min(seen / (epochs.fix[k, 2] * epochs.fix[k, 3]), 4.0 * usual)
+        gain = max(last / (_PRIOR + clock[LEARNT]), 1.0 - math.exp(-last / par.gnss_adapt_time))
+        clock[WHITE] += min(gain, 1.0) * (seen - clock[WHITE])
+    for i in range(3):
+        clock[BEFORE + 3 + i] = clock[BEFORE + i]
+    clock[BEFORE] = x
+    clock[BEFORE + 1] = y
+    clock[BEFORE + 2] = t
+
+
+@kernel
 def take_fix(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,
@@ -173,9 +210,15 @@ def take_fix(
         interval *= min(1.0, max(clock[SPEED], 0.25))
     age_receiver(belief, clock[MOVING], par.gnss_time, par.gnss_fault_time)
     factor = clock[GNSS_SCALE]
+    white = math.sqrt(factor) * par.gnss_white_ratio
+    if mode == CLOCK:
+        _see_white(belief, epochs, k, scale, par)
+        more = clock[WHITE] - white * white
+        if more > 0.0 and par.gnss_adapt_time < 1e9:  # less of the error lasts
+            factor = max(factor - more, _LASTS * factor)
+            white = math.sqrt(clock[WHITE])
     gnss_root(belief, epochs.fix[k], factor, max(interval, 0.0), _SMOOTHING, work.root)
     since = epochs.time[k] - clock[LAST_FIX]
-    white = math.sqrt(factor) * par.gnss_white_ratio
     _learn_scale(belief, work, scale, epochs, k, mode, lever, par, white, clock[MOVING])
     clock[MOVING] = 0.0
     clock[SINCE_FIX] = 0.0
