@@ -165,7 +165,7 @@ function drawOverlay() {
 function drawCharts(frame) {
   const now = frame.epoch_s;
   const span = state.recording ? [now - BEHIND, now + AHEAD] : [now - BEHIND - AHEAD, now];
-  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name);
+  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway);
   drawRace(byId("race"), state.series, now, span, state.look, nameOf);
   const { length_s: length, position_s: position } = frame.play;
   const known = length !== null && length > 0;
