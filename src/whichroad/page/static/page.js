@@ -62,7 +62,7 @@ function keepRow(message) {
   }
   if (!series.length || message.epoch_s - series.end >= CLOSE) {
     const lat = message.pose?.lat;
-    const status = STATUSES.indexOf(message.status);
+    const status = message.answered ? STATUSES.indexOf(message.status) : -1;
     series.push(
       {
         t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_road, off: message.p_off_road,

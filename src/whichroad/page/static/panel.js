@@ -41,7 +41,7 @@ export function fillPanel(frame, roads, known, look) {
 }
 
 function kindOf(road) {
-  if (!road.highway) return road.edge_id === null || road.edge_id === undefined ? "" : `edge ${road.edge_id}`;
+  if (!road.highway) return road.name ? `edge ${road.edge_id}` : "";
   return `${road.highway.replaceAll("_", " ")} · edge ${road.edge_id}`;
 }
 
