@@ -229,6 +229,10 @@ class Run:
             if engine.events.now > 0.0:
                 self.player.start_at(engine.events.now)
             return inputs
+        if plan.can:
+            import can  # noqa: F401  # now, as importing it later would hold everything up
+        if any(address.kind == "serial" for address in plan.nmea):
+            import serial  # noqa: F401
         car, settings = plan.localizer.vehicle, plan.localizer.settings
         deliver = engine.take if plan.clock == "sensor" else self._on_arrival
         for address in plan.nmea:
