@@ -39,7 +39,7 @@ from .records import Array
 from .roadmap import RoadMap
 from .route import Traversals
 from .sensors.gnss import ellipse
-from .tables import PATH, POINTS, line_wkb, times
+from .tables import ATTRIBUTES, PATH, POINTS, line_wkb, times
 
 _RULES = (
     (AGAINST_ONE_WAY, "against_one_way"),
@@ -145,17 +145,16 @@ def _sources(
     return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
 
 
-_ATTRIBUTES = ("name", "highway", "speed_limit_kmh", "lanes", "layer", "bridge", "tunnel")
-
-
 def _attributes(
     roads: RoadMap, edge: NDArray[Any], absent: NDArray[np.bool_]
 ) -> dict[str, pa.Array]:
     unique, at = np.unique(edge, return_inverse=True)
     rows = [roads.attributes(int(e)) for e in unique]
     return {
-        name: pa.array([row.get(name) for row in rows]).take(pa.array(at, mask=absent))
-        for name in _ATTRIBUTES
+        field.name: pa.array([row.get(field.name) for row in rows], field.type).take(
+            pa.array(at, mask=absent)
+        )
+        for field in ATTRIBUTES
     }
 
 
