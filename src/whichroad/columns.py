@@ -190,21 +190,24 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[in
     texts = [
         reason(
             STATUS[status[k]],
-            roads=_shares(output, k),
+            roads=shares,
             name=name,
             disbelieved=away[k],
             scale=0.1 * scale[k],
             answered=output.live[k] > 0,
         )
-        for k in first
+        for k, shares in zip(first, _shares(output, first), strict=True)
     ]
     return pa.array(texts, pa.string()).take(pa.array(at))
 
 
-def _shares(output: Output, k: int) -> list[tuple[int, float]]:
-    """The alternatives of epoch k and their P."""
-    pairs = zip(output.alt_edge[k].tolist(), output.alt_p[k].tolist(), strict=True)
-    return [(edge, p) for edge, p in pairs if edge != NO_EDGE]
+def _shares(output: Output, rows: NDArray[Any]) -> list[list[tuple[int, float]]]:
+    """The alternatives of some epochs and their P."""
+    edges, chances = output.alt_edge[rows].tolist(), output.alt_p[rows].tolist()
+    return [
+        [(edge, p) for edge, p in zip(*pair, strict=True) if edge != NO_EDGE]
+        for pair in zip(edges, chances, strict=True)
+    ]
 
 
 def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
