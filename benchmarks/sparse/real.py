@@ -136,10 +136,12 @@ def pools(
             ids = members & set(matchers.get(runner.OURS, {"tracks": {}})["tracks"])
             if not ids:
                 continue
-            row = {
+            row: dict[str, Any] = {
                 m: scores.pooled([v["tracks"][i] for i in sorted(ids) if i in v["tracks"]])
                 for m, v in matchers.items()
             }
+            ours = [matchers[runner.OURS]["tracks"][i] for i in sorted(ids)]
+            row[runner.OURS]["each"] = [(wrong(t), t["d0"]) for t in ours]
             peers = [v["tracks"] for m, v in matchers.items() if m in harness.PEERS]
             if peers:
                 row["best"] = scores.pooled(
