@@ -242,3 +242,8 @@ def test_what_is_no_table_is_refused(roads, thing):
 def test_no_thread_is_no_number_of_threads(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="threads is 0"):
         match_many(fleet, roads, threads=0)
+
+
+def test_a_wrong_setting_is_the_callers_not_a_trips(roads, fleet):
+    with pytest.raises(whichroad.SettingError, match="lag is 'soon'"):
+        match_many(fleet, roads, lag="soon")

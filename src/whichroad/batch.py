@@ -205,6 +205,8 @@ class _Job(NamedTuple):
         try:
             drives = drive_from_table(rows, vehicle=self.vehicle, settings=self.settings)
             return self._matched(drives[0])
+        except SettingError:
+            raise  # it is the caller's, not the trip's
         except WhichroadError as error:
             return str(error)
         except Exception as error:  # one trip's trouble is not the others'
