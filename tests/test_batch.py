@@ -9,10 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import whichroad
+from whichroad import columns
 from whichroad.batch import Tables, match_many, match_stream
 from whichroad.frames import Plane
 from whichroad.readers import trips
-from whichroad.tables import DRIVES, PATH, POINTS
+from whichroad.tables import ATTRIBUTES, DRIVES, PATH, POINTS
 
 PLANE = Plane(49.4, 8.7)
 BLOCK = 200.0  # m
@@ -132,6 +133,31 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
     assert "ZeroDivisionError: oops" in rows[2]["reason"]
 
 
+def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatch):
+    from whichroad import batch
+
+    def path_table(names, *args):
+        if "car 3" in names:
+            raise ZeroDivisionError("oops")
+        return columns.path_table(names, *args)
+
+    monkeypatch.setattr(batch, "path_table", path_table)
+    many = match_many(fleet, roads)
+    rows = many.drives.to_pylist()
+    assert [row["answered"] for row in rows] == [i != 3 for i in range(7)]
+    assert "ZeroDivisionError: oops" in rows[3]["reason"]
+    assert set(many.points["drive_id"].to_pylist()) == {f"car {i}" for i in range(7) if i != 3}
+
+
+def test_batches_of_a_stream_may_have_other_types_and_columns(roads, fleet):
+    whole = match_many(fleet, roads)
+    first, second = fleet.slice(0, 40), fleet.slice(40)
+    texts = second.cast(pa.schema([(name, pa.string()) for name in second.column_names]))
+    assert same(match_many(iter([first, texts]), roads), whole)
+    more = second.append_column("hdop", pa.nulls(len(second), pa.float64()))
+    assert same(match_many(iter([first, more]), roads), whole)
+
+
 def test_what_a_trip_had_skipped_is_its_own(roads, fleet):
     lat = fleet["lat"].to_numpy().copy()
     lat[40:43] = 95.0
@@ -148,6 +174,15 @@ def test_the_trips_column_is_found_by_its_aliases_or_named(roads, fleet):
     assert same(whole, match_many(odd.to_pandas(), roads, drive_id="Fahrt"))
     with pytest.raises(whichroad.ReadError, match="no column 'drive_id'"):
         match_many(odd, roads)
+
+
+def test_attributes_have_their_columns_also_where_nothing_is_answered(roads, fleet, monkeypatch):
+    monkeypatch.setattr(trips, "PARCEL", 40)
+    lat = fleet["lat"].to_numpy().copy()
+    lat[:32] = -33.0
+    many = match_many(fleet.set_column(2, "lat", pa.array(lat)), roads, attributes=True)
+    assert many.points.schema.equals(pa.schema([*POINTS, *ATTRIBUTES]))
+    assert many.drives["answered"].to_pylist() == [False] + [True] * 6
 
 
 def test_numbers_name_trips_too(roads):
@@ -207,3 +242,8 @@ def test_what_is_no_table_is_refused(roads, thing):
 def test_no_thread_is_no_number_of_threads(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="threads is 0"):
         match_many(fleet, roads, threads=0)
+
+
+def test_a_wrong_setting_is_the_callers_not_a_trips(roads, fleet):
+    with pytest.raises(whichroad.SettingError, match="lag is 'soon'"):
+        match_many(fleet, roads, lag="soon")

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from .. import Figure
+from .. import Figure, interval, share
 from . import city, harness, real, runner
 
 QUARTER = ("2", "1s/10m/white")  # a seed and condition with a goal of its own
@@ -32,7 +32,8 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> list[Figure
             ours = row[runner.OURS]
             goal = f"<= {100 * row['best']['rmf']:.2f}" if "best" in row else ""
             title = f"route mismatch, {name}, {every} s"
-            out.append(Figure(title, 100 * ours["rmf"], goal, "%", ours["traces"]))
+            spread = interval(share, ours["each"])  # over tracks
+            out.append(Figure(title, 100 * ours["rmf"], goal, "%", ours["traces"], spread))
     for every, matchers in found.items():
         mine = matchers.get(runner.OURS)
         if mine is None:
@@ -97,10 +98,10 @@ def _drives(found: dict[str, Any]) -> list[Figure]:
         n = ours["traces"]
         for peer, theirs in row.items():
             if "rmse_ours_there" in theirs:
-                share = theirs["rmse_ours_there"] / theirs["rmse"]
+                part = theirs["rmse_ours_there"] / theirs["rmse"]
                 goal = f"<= {BELOW}" if every == "1s" else ""
                 title = f"position RMSE as a share of {peer}'s, our drives, {every}"
-                out.append(Figure(title, share, goal, "", n))
+                out.append(Figure(title, part, goal, "", n))
         out.append(Figure(f"position RMSE, our drives, {every}", ours["rmse"], "", "m", n))
         title = f"truth in the 95 % ellipse, our drives, {every}"
         out.append(Figure(title, 100 * ours["ellipse"], "92..98", "%", n))
@@ -120,6 +121,10 @@ def _cost(found: dict[str, Any]) -> list[Figure]:
         goal = f"<= {min(peers):.2f}" if peers else ""
         wall = maps[runner.OURS]["build"]["wall"]
         out.append(Figure("build of the map of Heidelberg", wall, goal, "s"))
+        peaks = [maps[p]["build"]["peak_mib"] for p in ("valhalla", "osrm") if p in maps]
+        goal = f"<= {min(peaks):.0f}" if peaks else ""
+        peak = maps[runner.OURS]["build"]["peak_mib"]
+        out.append(Figure("memory of that build, with Python itself", peak, goal, "MiB"))
     if "open_ms" in found:
         for text, (alone, tables) in found["rates"].items():
             out.append(Figure(f"match, {text}, trip by trip", alone, "", "1/s"))

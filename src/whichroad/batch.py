@@ -26,7 +26,7 @@ from .result import Result
 from .roadmap import RoadMap
 from .session import match, open_map
 from .settings import Settings, Vehicle
-from .tables import DRIVES, PATH, POINTS
+from .tables import ATTRIBUTES, DRIVES, PATH, POINTS
 
 Progress = Callable[[str, int, int], None]
 
@@ -83,9 +83,7 @@ def match_many(
             attributes=attributes, threads=threads, progress=progress,
         )
     )  # fmt: skip
-    if not parts:
-        return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
-    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
+    return _joined(parts)
 
 
 def match_stream(
@@ -121,6 +119,13 @@ def match_stream(
             if progress:
                 progress("trips", done, 0)
             yield tables
+
+
+def _joined(parts: list[Tables]) -> Tables:
+    """Tables one behind the other."""
+    if not parts:
+        return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
+    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
 
 
 def _in_order(
@@ -161,30 +166,37 @@ class _Job(NamedTuple):
 
     def tables(self, parcel: Parcel) -> Tables:
         """The answers to the trips of a parcel."""
-        results: list[Result] = []
-        rows: list[dict[str, Any]] = []
-        for name, (low, high) in zip(parcel.names, pairwise(parcel.first), strict=True):
-            answer = self._answer(name, parcel.table.slice(low, high - low))
-            if isinstance(answer, str):
-                rows.append(_failed(name, answer))
-            else:
-                results.append(answer)
-                rows.append(_row(name, answer))
-        names = [row["drive_id"] for row in rows if "duration_s" in row]
-        return Tables(*self._together(names, results), pa.Table.from_pylist(rows, DRIVES))
+        answers = [
+            (name, self._answer(name, parcel.table.slice(low, high - low)))
+            for name, (low, high) in zip(parcel.names, pairwise(parcel.first), strict=True)
+        ]
+        try:
+            return self._together(answers)
+        except Exception:  # find out which trip's tables cannot be made
+            return _joined([self._alone(name, answer) for name, answer in answers])
 
-    def _together(self, names: list[str], results: list[Result]) -> tuple[pa.Table, pa.Table]:
-        """Points and path of some drives, each made at once."""
-        parts = [r.answered for r in results if r.answered is not None]
-        if not parts:
-            return POINTS.empty_table(), PATH.empty_table()
+    def _alone(self, name: str, answer: Result | str) -> Tables:
+        try:
+            return self._together([(name, answer)])
+        except Exception as error:
+            return self._together([(name, _unexpected(error))])
+
+    def _together(self, answers: list[tuple[str, Result | str]]) -> Tables:
+        """The tables of some trips, each made at once."""
+        rows = [_failed(n, a) if isinstance(a, str) else _row(n, a) for n, a in answers]
+        drives = pa.Table.from_pylist(rows, DRIVES)
+        found = [(n, a.answered) for n, a in answers if isinstance(a, Result) and a.answered]
+        if not found:
+            columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
+            return Tables(columns.empty_table(), PATH.empty_table(), drives)
+        names, parts = [n for n, _ in found], [a for _, a in found]
         epochs = Epochs._make(map(np.concatenate, zip(*(a.epochs for a in parts), strict=True)))
         output = Output._make(map(np.concatenate, zip(*(a.output for a in parts), strict=True)))
         first = np.cumsum([0, *(len(a.epochs.time) for a in parts)])[:-1].tolist()
         points = points_table(
             names, epochs, output, self.roads, attributes=self.attributes, first=first
         )
-        return points, path_table(names, [a.way() for a in parts], self.roads)
+        return Tables(points, path_table(names, [a.way() for a in parts], self.roads), drives)
 
     def _answer(self, name: str, rows: pa.Table) -> Result | str:
         """The answer to one trip, or why there is none."""
@@ -193,16 +205,22 @@ class _Job(NamedTuple):
         try:
             drives = drive_from_table(rows, vehicle=self.vehicle, settings=self.settings)
             return self._matched(drives[0])
+        except SettingError:
+            raise  # it is the caller's, not the trip's
         except WhichroadError as error:
             return str(error)
         except Exception as error:  # one trip's trouble is not the others'
-            return f"this should not happen ({type(error).__name__}: {error}); please report it"
+            return _unexpected(error)
 
     def _matched(self, drive: Drive) -> Result:
         return match(
             drive, self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
             attributes=self.attributes,
         )  # fmt: skip
+
+
+def _unexpected(error: Exception) -> str:
+    return f"this should not happen ({type(error).__name__}: {error}); please report it"
 
 
 def _failed(name: str, reason: str) -> dict[str, Any]:

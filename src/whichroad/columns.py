@@ -39,7 +39,7 @@ from .records import Array
 from .roadmap import RoadMap
 from .route import Traversals
 from .sensors.gnss import ellipse
-from .tables import PATH, POINTS, line_wkb, times
+from .tables import ATTRIBUTES, PATH, POINTS, line_wkb, times
 
 _RULES = (
     (AGAINST_ONE_WAY, "against_one_way"),
@@ -145,17 +145,16 @@ def _sources(
     return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
 
 
-_ATTRIBUTES = ("name", "highway", "speed_limit_kmh", "lanes", "layer", "bridge", "tunnel")
-
-
 def _attributes(
     roads: RoadMap, edge: NDArray[Any], absent: NDArray[np.bool_]
 ) -> dict[str, pa.Array]:
     unique, at = np.unique(edge, return_inverse=True)
     rows = [roads.attributes(int(e)) for e in unique]
     return {
-        name: pa.array([row.get(name) for row in rows]).take(pa.array(at, mask=absent))
-        for name in _ATTRIBUTES
+        field.name: pa.array([row.get(field.name) for row in rows], field.type).take(
+            pa.array(at, mask=absent)
+        )
+        for field in ATTRIBUTES
     }
 
 
@@ -191,21 +190,24 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[in
     texts = [
         reason(
             STATUS[status[k]],
-            roads=_shares(output, k),
+            roads=shares,
             name=name,
             disbelieved=away[k],
             scale=0.1 * scale[k],
             answered=output.live[k] > 0,
         )
-        for k in first
+        for k, shares in zip(first, _shares(output, first), strict=True)
     ]
     return pa.array(texts, pa.string()).take(pa.array(at))
 
 
-def _shares(output: Output, k: int) -> list[tuple[int, float]]:
-    """The alternatives of epoch k and their P."""
-    pairs = zip(output.alt_edge[k].tolist(), output.alt_p[k].tolist(), strict=True)
-    return [(edge, p) for edge, p in pairs if edge != NO_EDGE]
+def _shares(output: Output, rows: NDArray[Any]) -> list[list[tuple[int, float]]]:
+    """The alternatives of some epochs and their P."""
+    edges, chances = output.alt_edge[rows].tolist(), output.alt_p[rows].tolist()
+    return [
+        [(edge, p) for edge, p in zip(*pair, strict=True) if edge != NO_EDGE]
+        for pair in zip(edges, chances, strict=True)
+    ]
 
 
 def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:

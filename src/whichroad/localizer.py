@@ -69,6 +69,9 @@ from .watch import Watch
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _LATE = 1.0  # s; an observation later than this is refused
+_SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
+# receiver says
+_TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 
 
 class Recorded(NamedTuple):
@@ -259,6 +262,7 @@ class Localizer:
         self._lever, self._side = _lever(self.vehicle), _side(self.vehicle)
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: WheelTicks | WheelSpeed | Distance | SpeedYaw | None = None
         self._mode = CLOCK
@@ -323,7 +327,8 @@ class Localizer:
         real, self._belief = self._belief, belief
         try:
             ahead = max(time - float(real.clock[NOW]), 0.0)
-            self._fill(time, self._rate[0] * ahead, self._rate[1] * ahead, False)
+            turn = self._rate[1] * min(ahead, _TURNING)
+            self._fill(time, self._rate[0] * ahead, turn, False)
             self._run()
             return self.estimate()
         finally:
@@ -360,14 +365,23 @@ class Localizer:
                 middle = 0.5 * (reading.speed + before.speed) * dt
                 left, right = middle - half, middle + half
         arc, turn = 0.5 * (left + right), (right - left) / car.track_width
+        taken = self._odometer or (0.0, 0.0, 0.0)
+        self._interval = self._interval or dt
+        if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went
+            self._odometer = (reading.time, 0.0, 0.0)
+            return self._rate[0] * (reading.time - taken[0]), 0.0
+        self._interval += 0.2 * (dt - self._interval)
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
         if self._began is not None and dt > 0:  # what was driven before the start is no one's
             part = min(max((self._began - before.time) / dt, 0.0), 1.0)
             arc, turn = arc * (1.0 - part), turn * (1.0 - part)
-        taken = self._odometer or (0.0, 0.0, 0.0)
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
         return arc - taken[1], turn - taken[2]
+
+    def _is_silent(self, seconds: float) -> bool:
+        """Whether that is longer than odometry usually says nothing."""
+        return seconds > max(_SILENT, 3.0 * self._interval)
 
     def _take_fix(self, fix: GeoFix, late: float) -> None:
         time = max(fix.time, float(self._belief.clock[NOW])) if late else fix.time
@@ -375,11 +389,15 @@ class Localizer:
             self._began = time
         self._begin_at_start(time)
         ahead = time - float(self._belief.clock[NOW]) if self._belief.clock[STARTED] else 0.0
+        silent = self._reading is not None and self._is_silent(time - self._reading.time)
+        if silent:
+            on = fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0]
+            self._rate = (on, 0.0)
         arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
         if self._odometer is not None:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
-        self._fill(time, arc, turn, self._mode != CLOCK)
+        self._fill(time, arc, turn, self._mode != CLOCK and not silent)
         row, course, sigma = fix_row(fix, self.roads.plane, self.settings.default_sigma_m)
         e = self._epoch
         e.has_fix[0] = 1

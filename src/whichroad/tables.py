@@ -74,6 +74,19 @@ PATH = pa.schema(
 )
 """One row per traversed edge; consecutive rows share a node unless the rule broken is `gap`."""
 
+ATTRIBUTES = pa.schema(
+    [
+        ("name", pa.string()),
+        ("highway", pa.string()),
+        ("speed_limit_kmh", pa.float64()),
+        ("lanes", pa.int64()),
+        ("layer", pa.int64()),
+        ("bridge", pa.bool_()),
+        ("tunnel", pa.bool_()),
+    ]
+)
+"""What points say of the road where that was asked for."""
+
 DRIVES = pa.schema(
     [
         ("drive_id", pa.string()),

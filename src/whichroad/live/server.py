@@ -130,6 +130,11 @@ def serve(plan: Plan) -> None:
         ReadError: The .dbc cannot be read.
     """
     sys.setswitchinterval(0.0005)  # a thread that draws tiles must not hold the filter up
+    with contextlib.suppress(ImportError, OSError, ValueError):  # as many sockets as may be
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(Run(plan).run())
 
@@ -224,6 +229,10 @@ class Run:
             if engine.events.now > 0.0:
                 self.player.start_at(engine.events.now)
             return inputs
+        if plan.can:
+            import can  # noqa: F401  # now, as importing it later would hold everything up
+        if any(address.kind == "serial" for address in plan.nmea):
+            import serial  # noqa: F401
         car, settings = plan.localizer.vehicle, plan.localizer.settings
         deliver = engine.take if plan.clock == "sensor" else self._on_arrival
         for address in plan.nmea:

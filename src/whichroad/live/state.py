@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.belief import LAST_FIX, NOW, SPEED, STARTED, Belief, H, X, Y
+from ..core.belief import NOW, SPEED, STARTED, Belief, H, X, Y
 from ..core.output import Output
 from ..localizer import Localizer
 from ..records import Distance, SpeedYaw, WheelSpeed, WheelTicks
 from ..roadmap import RoadMap
 
-_MAGIC = b"whichroad state 1\n"
+_MAGIC = b"whichroad state 2\n"
 _WHOLE = ("size", "clock")  # the other fields have a row for each hypothesis
 _READINGS = {kind.__name__: kind for kind in (WheelTicks, WheelSpeed, Distance, SpeedYaw)}
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
@@ -59,6 +59,7 @@ def state_of(localizer: Localizer) -> State:
     plain = {
         "odometer": localizer._odometer,
         "rate": localizer._rate,
+        "interval": localizer._interval,
         "began": localizer._began,
         "reading": None
         if reading is None
@@ -84,6 +85,7 @@ def restore(localizer: Localizer, state: State) -> None:
     plain, reading = state.plain, state.plain["reading"]
     localizer._odometer = _floats(plain["odometer"])
     localizer._rate = (plain["rate"][0], plain["rate"][1])
+    localizer._interval = plain["interval"]
     localizer._began = plain["began"]
     localizer._reading = None if reading is None else _READINGS[reading[0]](*reading[1:])
     localizer._mode = plain["mode"]
@@ -171,8 +173,3 @@ def from_bytes(data: bytes) -> tuple[State, dict[str, Any]] | None:
         arrays[name] = np.frombuffer(content[at : at + count], kind).reshape(shape)
         at += count
     return State(head["time"], arrays, head["plain"]), head["about"]
-
-
-def silent_for(state: State) -> float:
-    """Seconds since the last fix, when the state was taken."""
-    return float(state.arrays["clock"][NOW] - state.arrays["clock"][LAST_FIX])

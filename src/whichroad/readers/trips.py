@@ -136,8 +136,6 @@ def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[Parcel]:
 
 def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
     """Each trip of a stream and its rows, when it is whole."""
-    import pyarrow as pa
-
     waiting: dict[str, list[Any]] = {}
     last: dict[str, int] = {}
     rows = 0
@@ -149,9 +147,20 @@ def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Tab
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
-            yield name, pa.concat_tables(waiting.pop(name), promote_options="permissive")
+            yield name, _joined(waiting.pop(name))
     for name, parts in waiting.items():
-        yield name, pa.concat_tables(parts, promote_options="permissive")
+        yield name, _joined(parts)
+
+
+def _joined(parts: "list[pa.Table]") -> "pa.Table":
+    """Parts of a trip as one table; columns whose types do not go together as text."""
+    import pyarrow as pa
+
+    try:
+        return pa.concat_tables(parts, promote_options="permissive")
+    except pa.ArrowException:
+        texts = [p.cast(pa.schema([(n, pa.string()) for n in p.column_names])) for p in parts]
+        return pa.concat_tables(texts, promote_options="permissive")
 
 
 def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[Parcel]:
@@ -162,14 +171,15 @@ def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[Parcel]:
     parts: list[Any] = []
     first = [0]
     for name, part in trips:
-        if parts and first[-1] + part.num_rows > PARCEL:
-            yield Parcel(pa.concat_tables(parts, promote_options="permissive"), names, first)
+        full = first[-1] + part.num_rows > PARCEL
+        if parts and (full or not part.schema.equals(parts[0].schema)):
+            yield Parcel(pa.concat_tables(parts), names, first)
             names, parts, first = [], [], [0]
         names.append(name)
         parts.append(part)
         first.append(first[-1] + part.num_rows)
     if parts:
-        yield Parcel(pa.concat_tables(parts, promote_options="permissive"), names, first)
+        yield Parcel(pa.concat_tables(parts), names, first)
 
 
 def are_many(path: str | PathLike[str]) -> bool:

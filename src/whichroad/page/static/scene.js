@@ -9,6 +9,7 @@ import { roadsOf } from "./series.js";
 const EARTH = 6371008.8;
 const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
 const STEPS = 40; // points of an ellipse
+const LOOK_FROM = 30; // m; where they are smaller than a dozen pixels roads have no labels
 const AHEAD = 58; // pixels from the vehicle to the label of its road
 
 /** Draws everything of one moment.
@@ -159,7 +160,10 @@ function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
   const shares = new Map(roadsOf(frame.hypotheses));
   if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;
   const labelled = new Set();
-  for (const one of frame.hypotheses) {
+  const here = view.project(frame.pose.lon, frame.pose.lat);
+  const there = moved(frame.pose.lon, frame.pose.lat, LOOK_FROM, 0);
+  const close = Math.abs(view.project(there.lon, there.lat).x - here.x) > 12;
+  for (const one of close ? frame.hypotheses : []) {
     const share = shares.get(one.edge_id ?? -1);
     if (share < NEAR || labelled.has(one.edge_id)) continue;
     labelled.add(one.edge_id);

@@ -1,0 +1,72 @@
+"""Sensors that fall silent: what is left goes on, and what returns is taken up without a jump."""
+
+import math
+
+import numpy as np
+import pytest
+
+from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
+
+BEGIN, END = 60.0, 110.0  # s of the drive without wheels
+
+
+@pytest.fixture(scope="module", params=range(3))
+def drive(request, town):
+    return simulate_drive(town, seed=request.param, length_m=1800.0)
+
+
+def by_time(drive, odometry):
+    f, o = drive.drive.fixes, drive.drive.odometry
+    fixes = [GeoFix(*map(float, row)) for row in zip(*(getattr(f, n) for n in GeoFix.__slots__))]  # noqa: B905
+    start = o.time[0]
+    wheels = [
+        WheelTicks(*map(float, row))
+        for row in zip(o.time, o.left, o.right, strict=True)
+        if odometry(row[0] - start)
+    ]
+    return sorted(wheels + fixes, key=lambda one: one.time)
+
+
+def errors(town, drive, observations):
+    """Time since the start, and error in sigmas, of each estimate."""
+    localizer, truth, rows = Localizer(town, vehicle=drive.vehicle), drive.truth, []
+    for one in observations:
+        said = localizer.update(one)
+        if not said.hypotheses:
+            continue
+        at = min(int(np.searchsorted(truth.time, one.time)), len(truth.time) - 1)
+        away = np.array([said.pose.x - truth.x[at], said.pose.y - truth.y[at]])
+        rows.append((one.time - truth.time[0], away @ np.linalg.solve(said.cov[:2, :2], away)))
+    return np.array(rows)
+
+
+def test_dead_wheels_leave_what_the_receiver_says(town, drive):
+    rows = errors(town, drive, by_time(drive, lambda t: not BEGIN < t < END))
+    dark = rows[(rows[:, 0] > BEGIN) & (rows[:, 0] < END)]
+    back = rows[rows[:, 0] >= END][:100]
+    # sigmas mean what they say, but for fixes whose errors last: 25 is five sigmas
+    assert np.mean(dark[:, 1] / 2) < 5.0
+    assert np.max(back[:, 1]) < 40.0
+
+
+def test_odometry_that_speaks_seldom_is_not_silent(town, drive):
+    rare = by_time(drive, lambda t: abs(t / 4.0 - round(t / 4.0)) < 0.01)
+    localizer = Localizer(town, vehicle=drive.vehicle)
+    for one in rare:
+        localizer.take(one)
+    assert localizer._interval == pytest.approx(4.0, abs=0.5)
+    assert not localizer._is_silent(8.0)
+    assert localizer._is_silent(13.0)
+
+
+def test_a_prediction_does_not_turn_for_ever(town, drive):
+    localizer = Localizer(town, vehicle=drive.vehicle)
+    turning = 0.0
+    for one in by_time(drive, lambda t: True):
+        said = localizer.update(one)
+        if said.status == "on_road" and abs(localizer._rate[1]) > 0.2:
+            ahead = localizer.predict(said.time + 10.0)
+            way = math.hypot(ahead.pose.x - said.pose.x, ahead.pose.y - said.pose.y)
+            turning = max(turning, abs(localizer._rate[0]))
+            assert way > 5.0 * abs(localizer._rate[0])
+    assert turning > 0.0
