@@ -25,6 +25,7 @@ from .core.belief import (
 )
 from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
+from .core.memory import Memory, enlarged, is_full, new_memory
 from .core.motion import arc_chord
 from .core.output import (
     V_GNSS_SCALE,
@@ -64,8 +65,10 @@ from .roadmap import RoadMap
 from .search import is_vague, search, set_clock
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
+from .smoother import Lag, Past, smooth
 from .snapshot import Snapshot, pose_at
 from .watch import Watch
+from .ways import best_chain
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _LATE = 1.0  # s; an observation later than this is refused
@@ -79,6 +82,7 @@ class Recorded(NamedTuple):
     route_time: Array  # when each was entered, s
     route_abscissa: Array
     diagnose: Callable[[], tuple[Finding, ...]] = tuple
+    past: Past | None = None  # what it can be looked back over with, where that was asked for
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -133,6 +137,7 @@ def localize_recorded(
     start: StartPose | str | None = None,
     poses: bool = False,
     progress: Callable[[int], None] | None = None,
+    lag: Lag | None = None,
 ) -> Recorded:
     """Localize a recorded drive.
 
@@ -146,6 +151,7 @@ def localize_recorded(
             the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
         progress: Told how many epochs are done, now and then.
+        lag: By how much later knowledge epochs are answered; None: by what was known then.
 
     Returns:
         One output row per epoch, and the most probable route.
@@ -161,7 +167,8 @@ def localize_recorded(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
-    belief, work, route = new_belief(), new_work(), new_route(1 << 15)
+    belief, work, route = new_belief(lag is not None), new_work(), new_route(1 << 15)
+    memory = new_memory(0 if lag is None else 1 << 10)
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -179,21 +186,30 @@ def localize_recorded(
         done = run(
             belief, roads.arrays, route, work, epochs, output, done, target, timeline.mode,
             _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
-            settings.ambiguous_below, False,
+            settings.ambiguous_below, False, memory,
         )  # fmt: skip
-        if done < target or len(route.edge) - route.size[0] < 4096:
-            route = _tidy(route, belief)
+        if lag is not None and is_full(memory):
+            memory = enlarged(memory)
+        elif done < target or len(route.edge) - route.size[0] < 4096:
+            route = _tidy(route, belief, lag is not None)
         if progress is not None:
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
-    return Recorded(output, *_best_route(route, belief), told)
+    if lag is None or not memory.size[0]:
+        return Recorded(output, *_best_route(route, belief), told)
+    past = Past(
+        roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
+        settings.outage_after_s, settings.ambiguous_below,
+    )  # fmt: skip
+    smoothed = smooth(past, lag)
+    return Recorded(smoothed, *best_chain(memory, route, roads.arrays), told, past)
 
 
-def _tidy(route: Route, belief: Belief) -> Route:
-    """Keep the nodes that living hypotheses descend from, and make room for more."""
+def _tidy(route: Route, belief: Belief, remembered: bool = False) -> Route:
+    """Make room for more, and keep the nodes that living hypotheses descend from, or all."""
     n = int(belief.size[0])
     used = int(route.size[0])
-    keep = np.zeros(used, bool)
+    keep = np.full(used, remembered)
     for node in belief.node[:n]:
         while node >= 0 and not keep[node]:
             keep[node] = True
@@ -253,6 +269,7 @@ class Localizer:
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
+        self._memory = new_memory(0)
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
@@ -406,7 +423,7 @@ class Localizer:
         run(
             self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
             0, 1, self._mode, self._side, self._lever, self._par,
-            self.settings.outage_after_s, self.settings.ambiguous_below, False,
+            self.settings.outage_after_s, self.settings.ambiguous_below, False, self._memory,
         )  # fmt: skip
 
     def _estimate(self) -> Estimate:

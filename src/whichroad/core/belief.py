@@ -43,6 +43,7 @@ SCALED_AT = 20  # time of the fix that the scale was last learnt from
 ODOMETER_SPEED = 22  # m/s by the odometer, smoothed over a moment
 PULL = 23  # m/s², its change
 EVIDENCE = 24  # log-likelihood of all that was observed
+ORIGINS = 31  # hypotheses of the epoch last remembered; 0: nothing is remembered
 CLOCKS = 32
 
 CAPACITY = 160  # hypotheses, children of one epoch included
@@ -69,6 +70,7 @@ class Belief(NamedTuple):
     size: Ints  # (1,)
     clock: Vector  # see the names above
     scratch: Matrix  # (6, C)
+    share: Matrix  # (C, KEPT or 0) of each hypothesis, what it owes to those last remembered
 
 
 class Route(NamedTuple):
@@ -81,8 +83,8 @@ class Route(NamedTuple):
     size: Ints  # (1,)
 
 
-def new_belief() -> Belief:
-    """An empty belief."""
+def new_belief(remembered: bool = False) -> Belief:
+    """An empty belief; `remembered` where its past is kept (`core.memory`)."""
     c = CAPACITY
     return Belief(
         np.zeros((c, N)),
@@ -99,6 +101,7 @@ def new_belief() -> Belief:
         np.zeros(1, np.int64),
         np.zeros(CLOCKS),
         np.zeros((6, c)),
+        np.zeros((c, KEPT if remembered else 0)),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.belief import OFF_ROAD, Belief, Route, new_belief, new_route
 from ..core.drive import run
+from ..core.memory import new_memory
 from ..core.output import new_output
 from ..core.paper import Literal, new_bench
 from ..core.paper_drive import run_paper
@@ -83,7 +84,7 @@ def _epochs_of_ours(
     for k in range(n):
         run(
             belief, roads, route, work, timeline.epochs, output, k, k + 1, timeline.mode, side,
-            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
+            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False, new_memory(0),
         )  # fmt: skip
         yield _seen_of_ours(belief, route, roads.length)
 
