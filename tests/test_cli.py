@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from whichroad import __version__, cli
+from whichroad.cli.arguments import read_window
 from whichroad.errors import DriveError
 
 HEAVY = {"numpy", "numba", "pandas", "geopandas", "pyarrow", "shapely", "pyproj", "osmium"}
@@ -139,13 +140,13 @@ def test_an_interrupt_is_exit_code_130(run, monkeypatch):
     ],
 )
 def test_a_mask_is_two_moments(text, window):
-    assert cli._window(text) == window
+    assert read_window(text) == window
 
 
 @pytest.mark.parametrize("text", ["", ":", "1:", "a:b", "1:2026-06-01T08:02:00Z", "1:2:3"])
 def test_what_is_no_mask_is_refused(text):
     with pytest.raises(typer.BadParameter, match="START:END"):
-        cli._window(text)
+        read_window(text)
 
 
 def test_a_start_south_of_the_equator_is_no_option(run, tmp_path):

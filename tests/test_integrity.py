@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import whichroad
-from whichroad import cli
+from whichroad.cli.match import say
 from whichroad.epochs import build_timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Localizer, localize_recorded
@@ -228,7 +228,7 @@ def test_a_drive_by_gnss_alone_or_by_the_paper_is_not_judged(
 def test_the_command_line_tells_what_does_not_fit_beside_the_answer(
     town: RoadMap, ignorant: SimulatedDrive, capsys: pytest.CaptureFixture[str]
 ):
-    cli._say(whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle))
+    say(whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle))
     said = capsys.readouterr()
     assert "warning: wheels: scale: 1.1" in said.err
     assert "correct metres_per_tick" in said.err

@@ -10,7 +10,7 @@ import typer
 
 import whichroad
 from scenes import On, Town, belief_on, drive_along, grid_town, network, straight_road
-from whichroad.cli import _start
+from whichroad.cli.arguments import read_start
 from whichroad.core.belief import OFF_ROAD, H, X, Y, new_belief, new_route, normalise
 from whichroad.core.epoch import DISTANCE, WHEELS, Epochs, new_epochs
 from whichroad.core.motion import arc_chord
@@ -256,9 +256,9 @@ def test_what_must_be_searched_for(start: StartPose | str | None, mode: int, vag
 
 
 def test_the_command_line_names_all_kinds_of_starts():
-    assert _start("49.4,8.7,90") == (49.4, 8.7, 90.0)
-    assert _start("map") == "map"
-    place = _start("map:49.4,8.7,500")
+    assert read_start("49.4,8.7,90") == (49.4, 8.7, 90.0)
+    assert read_start("map") == "map"
+    place = read_start("map:49.4,8.7,500")
     assert isinstance(place, StartPose)
     assert (place.lat_deg, place.lon_deg, place.sigma_m) == (49.4, 8.7, 500.0)
     assert is_vague(place, WHEELS)
@@ -267,7 +267,7 @@ def test_the_command_line_names_all_kinds_of_starts():
 @pytest.mark.parametrize("text", ["map:49.4,8.7", "map:49.4,8.7,0", "map:99,8.7,50", "maps"])
 def test_the_command_line_refuses_other_starts(text: str):
     with pytest.raises(typer.BadParameter, match="expected"):
-        _start(text)
+        read_start(text)
 
 
 # Its parts

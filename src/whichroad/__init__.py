@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .batch import match_many
     from .diagnosis import diagnose
     from .errors import (
         DriveError,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .simulate import simulate_drive
 
 _ROOMS = {
+    "batch": ("match_many",),
     "diagnosis": ("diagnose",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
@@ -59,7 +61,7 @@ _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by room, as a reader looks for them
-    "match", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
+    "match", "match_many", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
     "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",

@@ -295,19 +295,32 @@ class Localizer:
         Returns:
             The estimate at the observation's time.
         """
+        if not self.take(observation):
+            return self.predict(float(self._belief.clock[NOW]))
+        return self.estimate()
+
+    def take(self, observation: Observation) -> bool:
+        """Take one observation and say nothing, for those who ask less often than they tell.
+
+        Args:
+            observation: As `update` takes it.
+
+        Returns:
+            Whether it was taken; False: it is too late, and counted in `skipped`.
+        """
         late = float(self._belief.clock[NOW]) - observation.time
         if self._belief.clock[STARTED] and late > (
             _LATE if isinstance(observation, GeoFix) else 0.0
         ):
             self.skipped["late"] = self.skipped.get("late", 0) + 1
-            return self.predict(float(self._belief.clock[NOW]))
+            return False
         if isinstance(observation, GeoFix):
             self._take_fix(observation, max(late, 0.0))
         else:
             self._take_odometry(observation)
         if self._mode != CLOCK:
             self._watch.look(self._epoch, self._output)
-        return self._estimate()
+        return True
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -329,7 +342,7 @@ class Localizer:
             ahead = max(time - float(real.clock[NOW]), 0.0)
             self._fill(time, self._rate[0] * ahead, self._rate[1] * ahead, False)
             self._run()
-            return self._estimate()
+            return self.estimate()
         finally:
             self._belief = real
 
@@ -426,7 +439,8 @@ class Localizer:
             self.settings.outage_after_s, self.settings.ambiguous_below, False, self._memory,
         )  # fmt: skip
 
-    def _estimate(self) -> Estimate:
+    def estimate(self) -> Estimate:
+        """The estimate at the last observation that was taken."""
         value = self._output.value[0].tolist()
         edge = int(self._output.edge[0])
         answered = self._output.live[0] > 0

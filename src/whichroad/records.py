@@ -211,6 +211,15 @@ class Detail(Protocol):
     def map_cov(self) -> Array:
         """Covariance of the position there, (2, 2), m²."""
 
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude of the point on the most probable edge."""
+
+    def speed(self) -> float:
+        """m/s, negative in reverse."""
+
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -248,3 +257,18 @@ class Estimate:
     def map_cov(self) -> Array:
         """Covariance of the position in the map's frame, (2, 2), m²."""
         return self.detail.map_cov()
+
+    @property
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
+        return self.detail.matched()
+
+    @property
+    def speed(self) -> float:
+        """Speed, m/s, negative in reverse."""
+        return self.detail.speed()
+
+    @property
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+        return self.detail.disbelieved()

@@ -5,7 +5,18 @@ from typing import cast
 import numpy as np
 
 from .core.belief import NOW, OFF_ROAD, Belief, D, H, X, Y
-from .core.output import V_GNSS_SCALE, V_H, V_MAP_X, V_MAP_XX, V_MAP_Y, V_MAP_YY, Output
+from .core.output import (
+    V_GNSS_SCALE,
+    V_H,
+    V_MAP_X,
+    V_MAP_XX,
+    V_MAP_Y,
+    V_MAP_YY,
+    V_MATCH_X,
+    V_MATCH_Y,
+    V_SPEED,
+    Output,
+)
 from .frames import Plane
 from .reasons import RECENT, STATUS, reason
 from .records import Array, Hypothesis, Pose
@@ -83,3 +94,15 @@ class Snapshot:
         """Covariance of the position there, (2, 2), m²."""
         xx, xy, yy = self._value[V_MAP_XX : V_MAP_YY + 1]
         return np.array([[xx, xy], [xy, yy]])
+
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude of the point on the most probable edge."""
+        return self._roads.plane.to_geodetic(self._value[V_MATCH_X], self._value[V_MATCH_Y])
+
+    def speed(self) -> float:
+        """m/s, negative in reverse."""
+        return self._value[V_SPEED]
+
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+        return self._disbelieved

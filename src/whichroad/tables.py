@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.feather as feather
 from numpy.typing import NDArray
 
 TIME = pa.timestamp("us", tz="UTC")
+RECORDING = {b"whichroad": b"recording"}
+"""Marks Arrow streams that grow while a vehicle drives: their last batch may be torn."""
 
 POINTS = pa.schema(
     [
@@ -68,6 +71,26 @@ PATH = pa.schema(
     ]
 )
 """One row per traversed edge; consecutive rows share a node unless the rule broken is `gap`."""
+
+DRIVES = pa.schema(
+    [
+        ("drive_id", pa.string()),
+        ("answered", pa.bool_()),
+        ("reason", pa.string()),  # why there is no answer
+        ("epochs", pa.int64()),
+        ("fixes", pa.int64()),
+        ("epochs_without_answer", pa.int64()),
+        ("duration_s", pa.float64()),
+        ("path_m", pa.float64()),
+        ("edges", pa.int64()),
+        ("gaps", pa.int64()),
+        ("mean_p_road", pa.float64()),
+        ("mean_p_off_road", pa.float64()),
+        ("skipped", pa.map_(pa.string(), pa.int64())),  # rows, by reason
+        ("notes", pa.list_(pa.string())),
+    ]
+)
+"""One row per trip of many, also where it has no answer."""
 
 _WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 
@@ -166,3 +189,23 @@ def thinned(points: pa.Table, every: float) -> pa.Table:
     began = micros[np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))]
     cell = (micros - began) // round(every * 1e6)
     return points.filter(pa.array(new | np.append(True, np.diff(cell) != 0)))
+
+
+def read_arrow(data: bytes) -> tuple[pa.Table, bool]:
+    """An Arrow file or stream, and whether it was whole; only a recording may be torn.
+
+    Raises:
+        pa.ArrowException: It is neither, or damaged.
+    """
+    if data[:6] in (b"ARROW1", b"FEA1\0\0") or data[:4] == b"FEA1":
+        return feather.read_table(pa.BufferReader(data)), True
+    reader = pa.ipc.open_stream(pa.BufferReader(data))
+    batches, whole = [], True
+    try:
+        for batch in reader:
+            batches.append(batch)
+    except (pa.ArrowException, OSError):
+        if RECORDING.items() - (reader.schema.metadata or {}).items():
+            raise
+        whole = False
+    return pa.Table.from_batches(batches, reader.schema), whole

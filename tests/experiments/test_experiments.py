@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from whichroad import cli
+from whichroad.cli.arguments import Scene
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
 from whichroad.experiments.rides import ALIVE, MODELS, answer, lives, ride
 
@@ -128,4 +129,4 @@ def test_a_folder_with_something_else_is_left_alone(monkeypatch, capsys, tmp_pat
 
 
 def test_the_command_offers_every_scene():
-    assert [one.value for one in cli.Scene] == list(SCENES)
+    assert [one.value for one in Scene] == list(SCENES)

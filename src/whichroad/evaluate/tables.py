@@ -13,7 +13,8 @@ Bools = NDArray[np.bool_]
 
 
 def read_table(path: Path) -> Any:
-    """A table from a file; the suffix chooses."""
+    """A table from a file, the suffix chooses; the points of a recording, a folder."""
+    path = path / "points.arrow" if path.is_dir() else path
     try:
         match path.suffix.lower():
             case ".parquet":
@@ -21,9 +22,9 @@ def read_table(path: Path) -> Any:
 
                 return pq.read_table(path)
             case ".arrow" | ".feather":
-                import pyarrow.feather as feather
+                from ..tables import read_arrow
 
-                return feather.read_table(path)
+                return read_arrow(path.read_bytes())[0]
             case ".csv":
                 import pyarrow.csv as csv
 

@@ -21,7 +21,7 @@ from .door import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
 from .frames import Frames, key, read_frames
 from .rows import odometer, odometer_from_speed, speed_yaw_rate
 
-_SI = {
+SI_UNITS = {
     "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,
     "mph": 0.44704, "rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180, "dps": np.pi / 180,
     "m": 1.0, "km": 1000.0, "mi": 1609.344,
@@ -183,9 +183,9 @@ def _series(
         values = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
     if role not in _PLAIN:
         unit = (about.unit or "").strip()
-        if unit not in _SI:
+        if unit not in SI_UNITS:
             notes.append(f"signal {signal.name}: unit {unit!r} taken as SI")
-        values = values * _SI.get(unit, 1.0)
+        values = values * SI_UNITS.get(unit, 1.0)
     order = in_order(time, skipped)
     return time[order], values[order]
 

@@ -86,6 +86,8 @@ def read_drive(
     if not files and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")
     parts = []
+    recorded = [path for path in files if Path(path).is_dir()]
+    files = [path for path in files if path not in recorded]
     for path in files:
         kind = format_of(path)
         drives = _read(path, kind, vehicle, settings, dbc, crs)
@@ -93,6 +95,8 @@ def read_drive(
     if can is not None:
         parts.append(_Part(Path(can).name, "can", _read(can, "can", vehicle, settings, dbc, crs)))
     parts = [_on_our_clock(part, vehicle) for part in parts]
+    for path in recorded:
+        parts += _recording(Path(path), vehicle, settings)
     drives = _merge(parts, vehicle)
     if not any(_holds_anything(drive) for drive in drives):
         reasons = ", ".join(f"{n} {why}" for d in drives for why, n in d.skipped.items())
@@ -131,6 +135,23 @@ def format_of(path: AnyPath) -> str:
         f"{where}: a file of unknown format; NMEA 0183, a drive table (CSV, Parquet, Arrow), "
         "GPX, RTKLIB .pos or a CAN log was expected"
     )
+
+
+def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part]:
+    """What the live service recorded; it is on our clock already, its counters are unwrapped."""
+    files = [folder / name for name in ("fixes.arrow", "odometry.arrow")]
+    if not all(file.is_file() for file in files):
+        raise ReadError(
+            f"{folder}: cannot be read (a folder without fixes.arrow and odometry.arrow); a file, or "
+            "a recording of `whichroad live --record`, was expected"
+        )
+    straight = replace(vehicle, counter_bits=0)
+    parts = []
+    for file in files:
+        drives = read_table(file, vehicle=straight, settings=settings)
+        drives = [replace(drive, drive_id=folder.name) for drive in drives]
+        parts.append(_Part(f"{folder.name}/{file.name}", "table", drives))
+    return parts
 
 
 def _read(

@@ -18,8 +18,7 @@ SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that does not say
 MOVING = 1.0  # m/s, below it a course over ground means nothing
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
-_ONE_SIGMA = (0.75, 1.33)
-_P95 = (4.5, 8.0)
+CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
 RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
 IMPOSSIBLE = "impossible position"
 NOT_A_COVARIANCE = "covariance that is not one (settings' default used)"
@@ -82,8 +81,9 @@ def from_gst(
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         ratio = (e_ee + e_nn) / (ee + nn)
         correlation = e_en / np.sqrt(e_ee * e_nn)
-    credible = (ratio > _ONE_SIGMA[0]) & (ratio < _ONE_SIGMA[1])
-    credible |= (ratio > _P95[0]) & (ratio < _P95[1])
+    credible = np.zeros(ratio.shape, np.bool_)
+    for low, high in CREDIBLE:
+        credible |= (ratio > low) & (ratio < high)
     credible &= np.abs(correlation) < 0.9999  # a needle is no ellipse
     en = np.where(credible, np.where(credible, correlation, 0.0) * np.sqrt(ee * nn), 0.0)
     return ee, np.where(good, en, np.nan), nn, good & ~credible

@@ -15,8 +15,8 @@ from .digits import Bytes, decimal, hexadecimal
 from .door import Bools, Ints, Skipped, keep
 
 KNOT = 1852 / 3600  # m/s
-_FEWEST = {"GGA": 9, "RMC": 10, "GST": 9, "VTG": 8, "ZDA": 5}  # fields, the address included
-TYPES = tuple(_FEWEST)
+FEWEST = {"GGA": 9, "RMC": 10, "GST": 9, "VTG": 8, "ZDA": 5}  # fields, the address included
+TYPES = tuple(FEWEST)
 _LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it
 CHECKSUM = "wrong checksum"
 TRUNCATED = "sentence cut short"
@@ -178,7 +178,7 @@ class _Fields:
 
 def _read(name: str, fields: _Fields, skipped: Skipped, place: int) -> Sentences:
     """The columns of one type; sentences with bad fields are skipped and counted."""
-    long_enough = fields.count + 1 >= _FEWEST[name]
+    long_enough = fields.count + 1 >= FEWEST[name]
     if not keep(long_enough, SHORT, skipped).all():
         fields = fields.select(long_enough)
     tod = np.full(len(fields.start), np.nan) if name == "VTG" else fields.time_of_day(1)

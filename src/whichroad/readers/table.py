@@ -68,7 +68,7 @@ def read_table(
     if suffix in (".parquet", ".geoparquet", ".pq"):
         table = _parquet(data, where)
     elif suffix in (".arrow", ".feather", ".ipc"):
-        table = _arrow(data, where)
+        table = _arrow(data, where, skipped)
     else:
         table = _csv(data, where, skipped)
     source = _Source(where, Path(path).stem, (str(path),))
@@ -98,11 +98,15 @@ def drive_from_table(
         ReadError: It is no table, or holds no time or nothing that locates a drive.
     """
     source = _Source("table", "drive", ())
-    return _drives(_in_memory(table), source, Counter(), vehicle, settings, crs)
+    return _drives(in_memory(table), source, Counter(), vehicle, settings, crs)
 
 
-def _in_memory(table: Any) -> Seen:
-    """Any table in memory as Arrow."""
+def in_memory(table: Any) -> Seen:
+    """The used columns of any table in memory as Arrow, and the names of all.
+
+    Raises:
+        ReadError: It is no table.
+    """
     import pyarrow as pa
 
     try:
@@ -169,16 +173,14 @@ def _parquet(data: bytes, where: str) -> Seen:
         ) from None
 
 
-def _arrow(data: bytes, where: str) -> Seen:
+def _arrow(data: bytes, where: str, skipped: Skipped) -> Seen:
     import pyarrow as pa
-    import pyarrow.feather
-    import pyarrow.ipc
+
+    from ..tables import read_arrow
 
     try:
-        if data[:6] in (b"ARROW1", b"FEA1\0\0") or data[:4] == b"FEA1":
-            table = pyarrow.feather.read_table(io.BytesIO(data))
-        else:
-            table = pyarrow.ipc.open_stream(io.BytesIO(data)).read_all()
+        table, whole = read_arrow(data)
+        keep(np.array([whole]), "end of a recording, torn", skipped)
         table.validate(full=True)
         return table, table.column_names
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:

@@ -15,28 +15,34 @@ ROWS_AT_A_TIME = 1 << 18  # bounds the memory, and keeps WKB offsets within 32 b
 
 def write(table: pa.Table, path: Path) -> None:
     """Write the table; one without geometry becomes a plain Parquet file."""
-    schema = _schema(table)
+    schema = schema_of(table)
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for start in range(0, table.num_rows, ROWS_AT_A_TIME):
-            part = table.slice(start, ROWS_AT_A_TIME)
-            wkb = geometry(part)
-            if wkb is not None and "geometry" not in part.column_names:
-                part = part.append_column("geometry", wkb)
+            part = spatial(table.slice(start, ROWS_AT_A_TIME))
             writer.write_table(part.cast(schema))
 
 
-def _schema(table: pa.Table) -> pa.Schema:
+def spatial(table: pa.Table) -> pa.Table:
+    """The table with its geometry as a column, where it has one."""
+    wkb = geometry(table)
+    if wkb is None or "geometry" in table.column_names:
+        return table
+    return table.append_column("geometry", wkb)
+
+
+def schema_of(table: pa.Table, *, bounds: bool = True) -> pa.Schema:
+    """The columns of the file, with GeoParquet's metadata; `bounds`: and the table's box."""
     names = set(table.column_names)
     if "geometry" not in names and not {"lat", "lon"} <= names:
         return table.schema
     schema = table.schema
     if "geometry" not in names:
         schema = schema.append(pa.field("geometry", pa.binary()))
-    return schema.with_metadata({**(schema.metadata or {}), b"geo": _geo(table)})
+    return schema.with_metadata({**(schema.metadata or {}), b"geo": _geo(table, bounds)})
 
 
-def _geo(table: pa.Table) -> bytes:
-    """The `geo` metadata: encoding, kinds, reference system and bounding box."""
+def _geo(table: pa.Table, bounds: bool) -> bytes:
+    """The `geo` metadata: encoding, kinds, reference system and perhaps the bounding box."""
     from pyproj import CRS
 
     column: dict[str, Any] = {
@@ -44,7 +50,7 @@ def _geo(table: pa.Table) -> bytes:
         "geometry_types": ["LineString" if "geometry" in table.column_names else "Point"],
         "crs": CRS.from_epsg(4326).to_json_dict(),
     }
-    box = _bounds(table)
+    box = _bounds(table) if bounds else None
     if box is not None:
         column["bbox"] = box
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": column}}

@@ -1,0 +1,1 @@
+"""The adapter through which the peers' harness runs us."""

@@ -1,0 +1,68 @@
+"""Arguments in, exit codes out: 0 done, 1 nothing could be answered, 2 wrong usage.
+
+Rooms are imported inside the commands, so that asking for help costs nothing.
+Answers go to the standard output; progress, warnings and errors to the other.
+"""
+
+import os
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+
+from .. import __version__
+from ..errors import WhichroadError
+from .maps import map_app
+from .match import match
+from .trials import demo, evaluate, experiments, simulate, warmup
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.add_typer(map_app, name="map", help="Compile a road map, or say what one holds.")
+for command in (demo, match, simulate, evaluate, experiments, warmup):  # as help lists them
+    app.command()(command)
+
+
+def main() -> NoReturn:
+    """Run the command line; every way out is an exit code and no traceback."""
+    try:
+        app()
+    except WhichroadError as error:
+        _fail(f"error: {error}")
+    except KeyboardInterrupt:
+        _fail("interrupted", code=130)
+    except Exception as error:
+        if os.environ.get("WHICHROAD_TRACEBACK"):
+            raise
+        kind = type(error).__name__
+        _fail(
+            f"error: this should not happen ({kind}: {error}); please report it, with what "
+            "WHICHROAD_TRACEBACK=1 adds"
+        )
+    sys.exit(0)
+
+
+def _fail(message: str, code: int = 1) -> NoReturn:
+    typer.echo(" ".join(message.split()), err=True)
+    sys.exit(code)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"whichroad {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def whichroad(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    """Where exactly a vehicle is, on which road, and how sure that is."""

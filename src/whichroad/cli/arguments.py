@@ -1,0 +1,106 @@
+"""What several commands ask for, and how its text is understood."""
+
+import math
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..records import StartPose
+
+Moment = float | datetime
+
+
+class Model(StrEnum):
+    """The filters that can answer."""
+
+    default = "default"
+    paper = "paper"
+
+
+class Scene(StrEnum):
+    """The paper's experiments."""
+
+    fork = "fork"
+    outage = "outage"
+    parallel = "parallel"
+    junction = "junction"
+    gst = "gst"
+
+
+class Preset(StrEnum):
+    """The worlds that can be simulated."""
+
+    good = "good"
+    urban = "urban"
+    outage = "outage"
+
+
+Force = Annotated[bool, typer.Option("--force", help="Replace outputs that exist.")]
+MapOption = Annotated[
+    Path,
+    typer.Option(
+        "--map",
+        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
+        "or a table of edges (.geojson, .csv, .parquet).",
+    ),
+]
+
+
+def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | str | None":
+    """`LAT,LON,BEARING` as three numbers, `map`, or `map:LAT,LON,METRES` as a vague pose."""
+    if text is None or text == "map":
+        return text
+    vague = text.startswith("map:")
+    third, most = ("METRES", 1e6) if vague else ("BEARING", 360.0)
+    try:
+        lat, lon, last = (float(part) for part in text.removeprefix("map:").split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"--start is {text!r}; map, or three numbers LAT,LON,{third} were expected, "
+            "the place in degrees"
+        ) from None
+    if not (abs(lat) <= 90 and abs(lon) <= 180 and abs(last) <= most and (last > 0 or not vague)):
+        raise typer.BadParameter(
+            f"--start is {text!r}; a latitude within 90, a longitude within 180 degrees and "
+            + ("some metres" if vague else "a bearing within 360 degrees")
+            + " were expected"
+        )
+    if not vague:
+        return lat, lon, last
+    from ..records import StartPose
+
+    return StartPose(lat, lon, 0.0, last, math.inf)
+
+
+def read_window(text: str) -> tuple[Moment, Moment]:
+    """`START:END` as two moments; ISO times hold colons themselves."""
+    for index, letter in enumerate(text):
+        if letter == ":":
+            begin, end = _moment(text[:index]), _moment(text[index + 1 :])
+            if begin is not None and end is not None and type(begin) is type(end):
+                if begin < end:  # type: ignore[operator]
+                    return begin, end
+                raise typer.BadParameter(f"--mask {text!r} ends before it starts")
+    raise typer.BadParameter(
+        f"--mask is {text!r}; START:END in seconds from the drive's start (120:240) or in ISO "
+        "times (2026-06-01T08:02:00Z:2026-06-01T08:04:00Z) was expected"
+    )
+
+
+def _moment(text: str) -> Moment | None:
+    """Seconds, or a time (UTC unless it says otherwise), or None."""
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if "T" not in text:
+        return None
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return time if time.tzinfo else time.replace(tzinfo=UTC)

@@ -1,0 +1,92 @@
+"""`whichroad match` on a table of many trips."""
+
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from ..errors import DriveError
+from ..terminal import progress_line, say_table
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_TOLD = 10  # reasons
+
+
+def match_trips(
+    table: Path,
+    roads: Path,
+    *,
+    out: Path | None,
+    path_out: Path | None,
+    every: float | None,
+    force: bool,
+    **options: Any,
+) -> None:
+    """Match every trip of a table and write the answers as they come.
+
+    Args:
+        table: A file or folder, see `batch.match_stream`.
+        roads: The map.
+        out: Where points go.
+        path_out: Where paths go.
+        every: One point in so many seconds.
+        force: Replace files that exist.
+        options: For `batch.match_stream`.
+
+    Raises:
+        DriveError: No trip could be answered.
+    """
+    from ..batch import match_stream
+    from ..tables import thinned
+    from ..writers.stream import growing
+
+    trips: list[pa.Table] = []
+    with progress_line() as progress, ExitStack() as files:
+        points = out and files.enter_context(growing(out, force=force))
+        path = path_out and files.enter_context(growing(path_out, force=force))
+        for part in match_stream(table, roads, progress=progress, **options):
+            if points:
+                points(thinned(part.points, every) if every else part.points)
+            if path:
+                path(part.path)
+            trips.append(part.drives)
+        if not trips:
+            raise DriveError(f"{table}: there is no trip in it; rows with a drive_id were expected")
+    _say(table, trips)
+    if out is None and path_out is None:
+        typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
+
+
+def _say(table: Path, parts: "list[pa.Table]") -> None:
+    """How many trips were answered; why others were not goes to the standard error."""
+    rows = [row for part in parts for row in part.to_pylist()]
+    skipped: Counter[str] = Counter()
+    for row in rows:
+        skipped.update(dict(row["skipped"] or ()))
+    for reason, count in skipped.items():
+        typer.echo(f"skipped: {count} {reason}", err=True)
+    silent = [row for row in rows if not row["answered"]]
+    for row in silent[:_TOLD]:
+        typer.echo(f"no answer: {row['drive_id'] or '(no name)'}: {row['reason']}", err=True)
+    if len(silent) > _TOLD:
+        typer.echo(f"no answer: {len(silent) - _TOLD:,} more", err=True)
+    answered = [row for row in rows if row["answered"]]
+    say_table(
+        table.name,
+        [
+            ("trips", len(rows)),
+            ("answered", len(answered)),
+            ("epochs", sum(row["epochs"] for row in rows)),
+            ("epochs_without_answer", sum(row["epochs_without_answer"] for row in rows)),
+            ("path_m", sum((row["path_m"] for row in answered), 0.0)),
+        ],
+    )
+    if not answered:
+        raise DriveError(
+            f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
+            "map were expected; is it the right map?"
+        )

@@ -1,0 +1,133 @@
+"""`whichroad match`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import DriveError
+from ..terminal import progress_line, say_table
+from .arguments import Force, MapOption, Model, read_start, read_window
+from .many import match_trips
+
+if TYPE_CHECKING:
+    from ..result import Result
+
+
+def match(
+    drive: Annotated[
+        list[Path], typer.Argument(metavar="DRIVE", help="NMEA logs and drive tables.")
+    ],
+    roads: MapOption,
+    can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
+    dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
+    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,BEARING",
+            help="A known pose, in degrees; or `map`: anywhere on it, found by the turns that both "
+            "wheels tell; or `map:LAT,LON,METRES`: about so far from there.",
+        ),
+    ] = None,
+    mask: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="START:END",
+            help="Withhold GNSS, in seconds from the drive's start or in ISO times; repeatable.",
+        ),
+    ] = None,
+    model: Annotated[
+        Model, typer.Option(help="`paper` is the method as printed, to compare.")
+    ] = Model.default,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="Points: .parquet .geojson .csv .gpx .arrow."),
+    ] = None,
+    path_out: Annotated[
+        Path | None, typer.Option(help="The path driven, edge by edge, in the same formats.")
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="One point every S seconds.")
+    ] = None,
+    attributes: Annotated[
+        bool, typer.Option("--attributes", help="Add name, class and limit of the road.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Say where a vehicle was, on which road, and how sure that is."""
+    pose, windows = read_start(start), [read_window(text) for text in mask or ()]
+    from .. import writers
+
+    for output in (out, path_out):
+        if output is not None:
+            writers.check(output, force=force)
+    from .. import session
+    from ..readers import read_drive, read_vehicle
+    from ..readers.trips import are_many
+
+    plain = not (can or dbc or start or mask) and model is Model.default
+    if len(drive) == 1 and plain and are_many(drive[0]):
+        return match_trips(
+            drive[0], roads, out=out, path_out=path_out, every=every, force=force,
+            vehicle=vehicle, attributes=attributes,
+        )  # fmt: skip
+    with progress_line() as progress:
+        car = None if vehicle is None else read_vehicle(vehicle)
+        progress("reading the drive", 0, 0)
+        drives = read_drive(drive, vehicle=car, dbc=dbc, can=can)
+        progress("reading the map", 0, 0)
+        network = session.open_map(roads)
+        result = session.match(
+            drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
+            attributes=attributes, progress=progress,
+        )  # fmt: skip
+        progress("writing", 0, 0)
+        _write(result, out, path_out, every, force)
+    say(result)
+    if result.summary["epochs_without_answer"] == result.summary["epochs"]:
+        raise DriveError(
+            f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
+            f"on the roads of {roads} was expected; is it the right map?"
+        )
+    if out is None and path_out is None:
+        typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
+
+
+def _write(
+    result: "Result", out: Path | None, path_out: Path | None, every: float | None, force: bool
+) -> None:
+    from ..tables import thinned
+    from ..writers import write_table
+
+    if out is not None:
+        points = result.to_arrow()
+        write_table(thinned(points, every) if every else points, out, force=force)
+    if path_out is not None:
+        result.write_path(path_out, force=force)
+
+
+def say(result: "Result") -> None:
+    """The summary; what was skipped or failed goes to the standard error."""
+    for one in result.summary.get("each", [result.summary]):
+        figures = dict(one)
+        for reason, count in figures.pop("skipped", {}).items():
+            typer.echo(f"skipped: {count} {reason}", err=True)
+        for note in figures.pop("notes", ()):
+            typer.echo(f"note: {note}", err=True)
+        for finding in figures.pop("diagnosis", ()):
+            typer.echo(_told(finding), err=True)
+        title = str(figures.pop("drive_id", "drive"))
+        shares = figures.get("status", {})
+        figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
+        say_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
+    for failed in result.summary.get("failed", ()):
+        typer.echo(f"skipped: {failed}", err=True)
+
+
+def _told(finding: dict[str, Any]) -> str:
+    """One setting that does not fit, as a line."""
+    from ..diagnosis import Finding
+
+    told = Finding(**finding)
+    return f"{told.level}: {told}"

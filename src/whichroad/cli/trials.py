@@ -1,0 +1,92 @@
+"""Commands that need no drive of one's own: the demo, simulated drives, the experiments."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..terminal import progress_line, say_table
+from .arguments import Force, MapOption, Preset, Scene
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path("whichroad-demo"),
+    force: Force = False,
+) -> None:
+    """Localize the paper's drive from simulated files, and draw it."""
+    from ..demo import run_demo
+
+    with progress_line() as progress:
+        summary = run_demo(out, force=force, tell=progress)
+    seconds = {"seconds": summary["seconds"]}
+    say_table(
+        "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
+    )
+    typer.echo(f"look at {summary['picture']}")
+
+
+def simulate(
+    roads: MapOption,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the drive's files.")],
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same drive.")] = 1,
+    length: Annotated[float, typer.Option(min=0.1, metavar="KM", help="How far to drive.")] = 12.0,
+    preset: Annotated[Preset, typer.Option(help="The world to drive in.")] = Preset.good,
+    force: Force = False,
+) -> None:
+    """Make a drive whose truth is known, in the formats of a real one."""
+    from ..session import open_map
+    from ..simulate import simulate_drive, write_drive
+
+    with progress_line() as progress:
+        progress("reading the map", 0, 0)
+        network = open_map(roads)
+        progress("driving", 0, 0)
+        drive = simulate_drive(network, seed=seed, length_m=1000.0 * length, scenario=preset.value)
+        written = write_drive(drive, network, out, force=force)
+    for path in written:
+        typer.echo(str(path))
+
+
+def evaluate(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points that match wrote.")],
+    truth: Annotated[Path, typer.Option(help="The truth, a table as simulate writes it.")],
+) -> None:
+    """Say what an answer is worth against a known truth."""
+    from ..evaluate import evaluate_files
+
+    with progress_line() as progress:
+        progress("comparing", 0, 0)
+        figures = evaluate_files(result, truth)
+    say_table(f"{result} against {truth}", figures.items())
+
+
+def experiments(
+    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path(
+        "whichroad-experiments"
+    ),
+    scene: Annotated[list[Scene] | None, typer.Option(help="Only this one; repeatable.")] = None,
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="Drives A to B - 1 of each.")] = "0:200",
+    force: Force = False,
+) -> None:
+    """Drive the paper's experiments many times, by its method and by ours, and report."""
+    first, _, last = seeds.partition(":")
+    if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
+        raise typer.BadParameter(f"--seeds is {seeds!r}; A:B with A < B was expected")
+    from ..experiments import run_experiments
+
+    drives, names = range(int(first), int(last)), [one.value for one in scene or ()]
+    with progress_line() as progress:
+        done = run_experiments(out, scenes=names, seeds=drives, force=force, tell=progress)
+    for name, about in done["scenes"].items():
+        typer.echo(f"{name}: {about['title']} ({about['figure']})")
+        typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))
+    typer.echo(f"seeds {seeds}; look at {done['report']}")
+
+
+def warmup() -> None:
+    """Compile the kernels now rather than at the first drive."""
+    from ..demo import warm_up
+
+    with progress_line() as progress:
+        warm_up(progress)
+    typer.echo("ready")

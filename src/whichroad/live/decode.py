@@ -1,0 +1,268 @@
+"""Bytes and frames as they arrive to observations, with the least delay.
+
+The parsers of recorded logs look at whole blocks and know what comes next; these do not.
+"""
+
+import math
+import time
+from collections import Counter
+from dataclasses import replace
+from os import PathLike
+from typing import Any, NamedTuple
+
+from ..readers.burst import BurstParser
+from ..readers.can import SI_UNITS, Signal, find_signals
+from ..readers.counters import FASTEST, JUMP
+from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..settings import Settings, Vehicle
+
+_JITTER = 0.02  # s
+_STALE = 0.5  # s after which one signal no longer belongs to another
+_REASONABLE = 1e9  # s since 1970; smaller times of frames count from somewhere else
+
+
+class NmeaStream:
+    """NMEA bytes in, fixes on our clock out.
+
+    Args:
+        settings: Gives the sigma of fixes that report none.
+        offset: s added to the receiver's times.
+    """
+
+    def __init__(self, settings: Settings | None = None, offset: float = 0.0) -> None:
+        self._parser, self._offset = BurstParser(settings, today=time.time()), offset
+
+    @property
+    def skipped(self) -> int:
+        """What could not be used."""
+        return sum(self._parser.skipped.values())
+
+    def feed(self, data: bytes) -> list[GeoFix]:
+        """Take bytes; returns the fixes that they complete."""
+        return self._shifted(self._parser.feed(data))
+
+    def flush(self) -> list[GeoFix]:
+        """The line is silent: the fix of the burst that has ended."""
+        return self._shifted(self._parser.flush())
+
+    def _shifted(self, fixes: list[GeoFix]) -> list[GeoFix]:
+        if not self._offset:
+            return fixes
+        return [replace(fix, time=fix.time + self._offset) for fix in fixes]
+
+
+class _Bits(NamedTuple):
+    """Where a signal is in its frame, for one frame at a time."""
+
+    role: str
+    start: int  # bits to shift right, the frame read as one number
+    mask: int
+    sign: int  # bit that makes it negative; 0: unsigned
+    little: bool
+    bytes: int  # that the frame must have
+    scale: float
+    offset: float
+    slow: Signal | None  # floats are left to cantools
+
+
+class CanStream:
+    """CAN frames in, odometry out.
+
+    The signals that vehicle.toml names choose what comes out: rear wheel counters, else wheel
+    speeds, else speed with yaw rate, else an odometer, else the speed alone.
+
+    Args:
+        dbc: The database of the signals.
+        vehicle: Names the signals; wheels give the scales.
+        offset: s added to the frames' times.
+
+    Raises:
+        ReadError: The .dbc is not one, or does not know a signal.
+    """
+
+    def __init__(self, dbc: str | PathLike[str], vehicle: Vehicle, offset: float = 0.0) -> None:
+        self.skipped_why: Counter[str] = Counter()
+        signals = find_signals(dbc, vehicle, self.skipped_why)
+        self._vehicle, self._offset = vehicle, offset
+        self._by_frame: dict[int, list[_Bits]] = {}
+        for role, signal in signals.items():
+            self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal))
+        self._roles = set(signals)
+        self._reverse_value = _reverse_value(signals, vehicle)
+        self._backwards = False
+        self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
+        self._waiting: tuple[float, float] | None = None  # a left wheel without its right one
+        self._distance = 0.0
+        bits = vehicle.counter_bits
+        about = signals["wheel_rl_ticks"].about if "wheel_rl_ticks" in signals else None
+        if about is not None and not bits and not about.is_float:
+            bits = about.length
+        self._counters = {
+            "wheel_rl_ticks": _Unwrapped(bits, vehicle.metres_per_tick_left),
+            "wheel_rr_ticks": _Unwrapped(bits, vehicle.metres_per_tick_right),
+        }
+
+    @property
+    def frames(self) -> set[int]:
+        """The ids that are needed, bit 31 marks those of 29 bits."""
+        return set(self._by_frame)
+
+    @property
+    def skipped(self) -> int:
+        """Frames and readings that could not be used."""
+        return sum(self.skipped_why.values())
+
+    def feed(self, frame: int, stamp: float, data: bytes) -> list[Observation]:
+        """Take one frame.
+
+        Args:
+            frame: Its id, bit 31 marks those of 29 bits.
+            stamp: When it came, s since 1970; another clock is taken as now.
+            data: Payload.
+        """
+        wanted = self._by_frame.get(frame)
+        if wanted is None:
+            return []
+        stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
+        fresh = []
+        for bits in wanted:
+            if len(data) < bits.bytes:
+                self.skipped_why["frame cut short"] += 1
+                continue
+            value = _value(bits, data)
+            if not math.isfinite(value):
+                self.skipped_why["no number"] += 1
+            elif bits.role == "reverse":
+                wanted_value = self._reverse_value
+                self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
+            else:
+                fresh.append((bits.role, value))
+        return [one for role, value in fresh for one in self._take(role, stamp, value)]
+
+    def _take(self, role: str, stamp: float, value: float) -> list[Observation]:
+        """One reading of one role."""
+        before = self._last.get(role)
+        if before is not None and stamp <= before[0]:
+            self.skipped_why["repeated time"] += 1
+            return []
+        if role in self._counters:
+            value = self._counters[role].take(stamp, value, self._backwards, self.skipped_why)
+        elif role in ("wheel_rl", "wheel_rr", "speed"):
+            if abs(value) > FASTEST:
+                self.skipped_why[f"speed beyond {FASTEST:g} m/s"] += 1
+                return []
+            value = -abs(value) if self._backwards else value
+        self._last[role] = (stamp, value)
+        if {"wheel_rl_ticks", "wheel_rr_ticks"} <= self._roles:
+            return self._pair(role, "wheel_rl_ticks", "wheel_rr_ticks", before, WheelTicks)
+        if {"wheel_rl", "wheel_rr"} <= self._roles:
+            return self._pair(role, "wheel_rl", "wheel_rr", before, WheelSpeed)
+        if role == "speed" and "yaw_rate" in self._roles:
+            turning = self._last.get("yaw_rate")
+            if turning is None or abs(stamp - turning[0]) > _STALE:
+                return []
+            return [SpeedYaw(stamp, value, turning[1])]
+        if role == "odometer" and "speed" not in self._roles:
+            return [Distance(stamp, value)]
+        if role == "speed":
+            if before is not None:
+                self._distance += 0.5 * (value + before[1]) * (stamp - before[0])
+            return [Distance(stamp, self._distance)]
+        return []
+
+    def _pair(
+        self, role: str, left: str, right: str, before: tuple[float, float] | None, kind: Any
+    ) -> list[Observation]:
+        """Both wheels at the left one's time, the right one between its readings."""
+        stamp, value = self._last[role]
+        if role == left:
+            other = self._last.get(right)
+            if other is not None and other[0] == stamp:
+                self._waiting = None
+                return [kind(stamp, value, other[1])]
+            if self._waiting is not None:
+                self.skipped_why["wheel without the other"] += 1
+            self._waiting = (stamp, value)
+            return []
+        if role != right or self._waiting is None:
+            return []
+        (at, waiting), self._waiting = self._waiting, None
+        if at == stamp or before is None or before[0] > at:
+            return [kind(at, waiting, value)] if at == stamp else []
+        part = (at - before[0]) / (stamp - before[0])
+        return [kind(at, waiting, before[1] + part * (value - before[1]))]
+
+
+class _Unwrapped:
+    """One wheel counter: unwrapped, signed, jumps bridged at the speed before."""
+
+    def __init__(self, bits: int, metres_per_tick: float) -> None:
+        self._modulus, self._scale = 2.0**bits if bits else 0.0, metres_per_tick
+        self._time, self._raw = -math.inf, 0.0
+        self._rate = 0.0  # counts a second, of the last readings
+        self._usual = 0.0  # s between readings
+        self._total = 0.0
+
+    def take(self, stamp: float, raw: float, backwards: bool, skipped: Counter[str]) -> float:
+        """The cumulative count at a new reading."""
+        if self._time == -math.inf:
+            self._time, self._raw, self._total = stamp, raw, raw
+            return self._total
+        since = stamp - self._time
+        gap = self._usual > 0.0 and since > 3.0 * self._usual
+        step = raw - self._raw
+        expected = abs(self._rate) * since
+        if self._modulus:
+            near = (expected if gap else 0.0) - step
+            step += self._modulus * round(near / self._modulus)
+        if abs(step) * self._scale > FASTEST * (since + _JITTER):
+            skipped[JUMP] += 1
+            step = expected if self._rate >= 0.0 else -expected
+        elif backwards:
+            step = -abs(step)
+        if not gap:
+            self._usual += 0.1 * (since - self._usual) if self._usual else since
+            self._rate += 0.3 * (step / since - self._rate)
+        self._time, self._raw = stamp, raw
+        self._total += step
+        return self._total
+
+
+def _bits(role: str, signal: Signal) -> _Bits:
+    """Where the bits of a signal are; the .dbc counts those of big endian from the left."""
+    about = signal.about
+    unit = (about.unit or "").strip()
+    factor = 1.0 if role.endswith("_ticks") or role == "reverse" else SI_UNITS.get(unit, 1.0)
+    scale, offset = factor * float(about.scale), factor * float(about.offset)
+    little = about.byte_order == "little_endian"
+    start = about.start if little else 8 * (about.start // 8) + 7 - about.start % 8
+    needed = (start + about.length - 1) // 8 + 1
+    shift = start if little else 8 * needed - start - about.length
+    sign = 1 << (about.length - 1) if about.is_signed else 0
+    return _Bits(
+        role, shift, (1 << about.length) - 1, sign, little, needed, scale, offset,
+        signal if about.is_float else None,
+    )  # fmt: skip
+
+
+def _value(bits: _Bits, data: bytes) -> float:
+    """The physical value of a signal, SI."""
+    if bits.slow is not None:
+        raw = bits.slow.message.decode(
+            data, decode_choices=False, scaling=False, allow_truncated=True
+        )[bits.slow.name]
+        return float(raw) * bits.scale + bits.offset
+    number = int.from_bytes(data[: bits.bytes], "little" if bits.little else "big")
+    number = number >> bits.start & bits.mask
+    if number & bits.sign:
+        number -= bits.mask + 1
+    return number * bits.scale + bits.offset
+
+
+def _reverse_value(signals: dict[str, Signal], vehicle: Vehicle) -> float | None:
+    """The value of the `reverse` signal that says backwards; None: any but zero."""
+    wanted = vehicle.signals.get("reverse_value")
+    if wanted is None or "reverse" not in signals:
+        return None
+    choices = {str(n): float(v) for v, n in (signals["reverse"].about.choices or {}).items()}
+    return choices[wanted] if wanted in choices else float(wanted)

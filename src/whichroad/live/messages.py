@@ -1,0 +1,348 @@
+"""What the service publishes: one JSON object per estimate, version 1.
+
+The same object goes out on the WebSocket, as a server-sent event, over `/estimate` and
+into the recording.  The classes below are its schema.  A reader passes over keys that it
+does not know; a key that is there keeps its meaning and unit as long as `version` does.
+
+Angles are degrees clockwise from north, times are UTC, ellipses are 1 sigma.  What is not
+known is null, never NaN.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, TypedDict
+
+from ..frames import Plane
+from ..records import Array, Estimate, GeoFix, Hypothesis
+from ..roadmap import RoadMap
+
+VERSION = 1
+
+
+class PoseMessage(TypedDict):
+    """Where the middle of the rear axle is."""
+
+    lat: float
+    lon: float
+    bearing_deg: float
+    speed_mps: float | None
+
+
+class Ellipse(TypedDict):
+    """A 1 sigma ellipse."""
+
+    major_m: float
+    minor_m: float
+    bearing_deg: float  # of the major axis, [0, 180)
+
+
+class RoadMessage(TypedDict):
+    """The most probable road; every field is null off the roads and before the first fix."""
+
+    edge_id: int | None
+    source_id: int | str | None
+    forward: bool | None  # driven as the source drew it
+    name: str | None
+    highway: str | None
+    speed_limit_kmh: float | None
+    abscissa_m: float | None  # from the edge's beginning
+    lateral_m: float | None  # right of its centre line
+    matched_lat: float | None  # the point on it
+    matched_lon: float | None
+
+
+class HypothesisMessage(TypedDict):
+    """One road that the vehicle may be on (edge_id null: off the roads), with its own pose."""
+
+    p: float
+    edge_id: int | None
+    name: str | None
+    lat: float
+    lon: float
+    bearing_deg: float
+    ellipse: Ellipse
+
+
+class FixMessage(TypedDict):
+    """The last GNSS fix, the antenna's place."""
+
+    epoch_s: float
+    age_s: float
+    lat: float
+    lon: float
+    ellipse: Ellipse | None  # null: the receiver reported none
+    believed: bool | None  # false: it lies too far from what is said; null: masked
+    masked: bool  # withheld from the filter by hand
+
+
+class ReckoningMessage(TypedDict):
+    """Wheels alone since `since_epoch_s`, for comparison; neither GNSS nor the map enter."""
+
+    lat: float
+    lon: float
+    bearing_deg: float
+    since_epoch_s: float
+    travelled_m: float
+
+
+class SensorMessage(TypedDict):
+    """The health of one input."""
+
+    name: str
+    kind: str  # gnss, wheels, or file
+    state: str  # waiting, ok, silent, lost, ended
+    ok: bool
+    rate_hz: float
+    age_s: float | None  # since it last spoke
+    count: int  # observations so far
+    skipped: int  # records that could not be used
+
+
+class PlayMessage(TypedDict):
+    """Whether time is the world's or a recording's."""
+
+    mode: str  # live or replay
+    paused: bool
+    speed: float | None  # times real time; null: as fast as possible
+    position_s: float | None  # from the recording's beginning
+    length_s: float | None
+
+
+class LatencyMessage(TypedDict):
+    """From the arrival of a sentence or frame to the estimate's publication, last minute."""
+
+    p50: float | None
+    p99: float | None
+
+
+class EstimateMessage(TypedDict):
+    """What is published of one epoch."""
+
+    version: int
+    type: str  # "estimate"
+    seq: int  # rises by one a message; a gap: messages that this client was too slow for
+    time: str  # ISO 8601, UTC
+    epoch_s: float  # the same in seconds since 1970
+    answered: bool  # false until the first fix; pose and ellipse are null then
+    pose: PoseMessage | None
+    map_lat: float | None  # the pose in the map's frame: what to draw on the map
+    map_lon: float | None
+    ellipse: Ellipse | None
+    sigma_bearing_deg: float | None
+    protection_m: float | None  # farther from the truth than this with at most that probability
+    protection_risk: float
+    radius95_m: float | None  # radius of the circle round the pose that holds 95 %
+    gnss_scale: float  # GNSS errors over what is reported, as learnt
+    p_road: float  # of `road.edge_id`
+    p_off_road: float
+    road: RoadMessage
+    status: str  # on_road, ambiguous, off_road, outage, stopped, lost
+    reason: str  # why, in words; empty where nothing needs to be said
+    dead_reckoning: bool  # predicted: no sensor has spoken for a while
+    hypotheses: list[HypothesisMessage]  # most probable first
+    fix: FixMessage | None
+    reckoning: ReckoningMessage | None
+    sensors: list[SensorMessage]
+    gnss_masked: bool
+    play: PlayMessage
+    latency_ms: LatencyMessage
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What a message says besides the estimate."""
+
+    seq: int = 0
+    fix: GeoFix | None = None
+    fix_masked: bool = False
+    dead_reckoning: bool = False
+    reckoning: ReckoningMessage | None = None
+    sensors: Sequence[SensorMessage] = ()
+    gnss_masked: bool = False
+    play: PlayMessage = field(
+        default_factory=lambda: PlayMessage(
+            mode="live", paused=False, speed=1.0, position_s=None, length_s=None
+        )
+    )
+    latency_ms: LatencyMessage = field(default_factory=lambda: LatencyMessage(p50=None, p99=None))
+    protection_risk: float = 1e-3
+
+
+NO_ROAD = RoadMessage(
+    edge_id=None, source_id=None, forward=None, name=None, highway=None, speed_limit_kmh=None,
+    abscissa_m=None, lateral_m=None, matched_lat=None, matched_lon=None,
+)  # fmt: skip
+
+
+class Messages:
+    """Makes messages; remembers what the roads of a map are called.
+
+    Args:
+        roads: The map that the estimates are of.
+    """
+
+    def __init__(self, roads: RoadMap) -> None:
+        self._roads = roads
+        self._streets: dict[int, dict[str, Any]] = {}  # place in `RoadMap.pieces` -> its columns
+
+    def estimate(self, estimate: Estimate, around: Around) -> EstimateMessage:
+        """The message of one estimate.
+
+        Args:
+            estimate: What the localizer said.
+            around: Everything else.
+        """
+        hypotheses = estimate.hypotheses
+        answered, plane = bool(hypotheses), self._roads.plane
+        pose, cov = estimate.pose, estimate.cov
+        map_pose = estimate.map_pose if answered else None
+        ellipse = _ellipse(plane, pose.x, pose.y, cov) if answered else None
+        return EstimateMessage(
+            version=VERSION,
+            type="estimate",
+            seq=around.seq,
+            time=iso(estimate.time),
+            epoch_s=round(estimate.time, 6),
+            answered=answered,
+            pose=PoseMessage(
+                lat=round(pose.lat, 8),
+                lon=round(pose.lon, 8),
+                bearing_deg=round(pose.bearing_deg, 3),
+                speed_mps=round(estimate.speed, 3),
+            )
+            if answered
+            else None,
+            map_lat=round(map_pose.lat, 8) if map_pose else None,
+            map_lon=round(map_pose.lon, 8) if map_pose else None,
+            ellipse=ellipse,
+            sigma_bearing_deg=round(math.degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3)
+            if answered
+            else None,
+            protection_m=_finite(estimate.protection_level, 3),
+            protection_risk=around.protection_risk,
+            radius95_m=_radius95(hypotheses, pose.x, pose.y) if answered else None,
+            gnss_scale=round(estimate.gnss_scale, 3),
+            p_road=round(estimate.p_road, 6),
+            p_off_road=round(estimate.p_off_road, 6),
+            road=self._road(estimate) if answered else NO_ROAD,
+            status=estimate.status,
+            reason=estimate.reason,
+            dead_reckoning=around.dead_reckoning,
+            hypotheses=[self._hypothesis(h) for h in hypotheses],
+            fix=_fix(estimate, around),
+            reckoning=around.reckoning,
+            sensors=list(around.sensors),
+            gnss_masked=around.gnss_masked,
+            play=around.play,
+            latency_ms=around.latency_ms,
+        )
+
+    def _road(self, estimate: Estimate) -> RoadMessage:
+        if estimate.edge is None:
+            return NO_ROAD
+        street = self._street(estimate.edge, estimate.abscissa)
+        lat, lon = estimate.matched
+        return RoadMessage(
+            edge_id=self._roads.edge_id(estimate.edge),
+            source_id=street["source_id"],
+            forward=street["forward"],
+            name=street.get("name"),
+            highway=street.get("highway"),
+            speed_limit_kmh=street.get("speed_limit_kmh"),
+            abscissa_m=round(estimate.abscissa, 3),
+            lateral_m=round(estimate.lateral, 3),
+            matched_lat=round(lat, 8),
+            matched_lon=round(lon, 8),
+        )
+
+    def _hypothesis(self, one: Hypothesis) -> HypothesisMessage:
+        name = None if one.edge is None else self._street(one.edge, one.abscissa).get("name")
+        pose = one.pose
+        return HypothesisMessage(
+            p=round(one.p, 6),
+            edge_id=None if one.edge is None else self._roads.edge_id(one.edge),
+            name=name,
+            lat=round(pose.lat, 8),
+            lon=round(pose.lon, 8),
+            bearing_deg=round(pose.bearing_deg, 3),
+            ellipse=_ellipse(self._roads.plane, pose.x, pose.y, one.cov),
+        )
+
+    def _street(self, edge: int, s: float) -> dict[str, Any]:
+        """Columns of the street there, each looked up once."""
+        piece = int(self._roads.piece(edge, s)[0])
+        street = self._streets.get(piece)
+        if street is None:
+            if len(self._streets) >= 4096:
+                self._streets.clear()
+            source, forward = self._roads.source(edge, s)
+            street = {
+                **self._roads.attributes(edge, s), "source_id": source, "forward": forward,
+            }  # fmt: skip
+            self._streets[piece] = street
+        return street
+
+
+def iso(time: float) -> str:
+    """Seconds since 1970 as ISO 8601 in UTC, to the millisecond."""
+    moment = datetime.fromtimestamp(round(time, 3), UTC)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _finite(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def _ellipse(plane: Plane, x: float, y: float, cov: Array) -> Ellipse:
+    """1 sigma ellipse of a position in the plane, its bearing from true north."""
+    xx, xy, yy = float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])
+    return _axes(xx, xy, yy, plane.convergence(x, y))
+
+
+def _axes(ee: float, en: float, nn: float, turn: float = 0.0) -> Ellipse:
+    mean, half = 0.5 * (ee + nn), math.hypot(0.5 * (ee - nn), en)
+    heading = 0.5 * math.atan2(2.0 * en, ee - nn)
+    return Ellipse(
+        major_m=round(math.sqrt(max(mean + half, 0.0)), 3),
+        minor_m=round(math.sqrt(max(mean - half, 0.0)), 3),
+        bearing_deg=round(math.degrees(0.5 * math.pi + turn - heading) % 180.0, 2),
+    )
+
+
+def _fix(estimate: Estimate, around: Around) -> FixMessage | None:
+    fix = around.fix
+    if fix is None:
+        return None
+    reported = math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn)
+    return FixMessage(
+        epoch_s=round(fix.time, 6),
+        age_s=round(max(estimate.time - fix.time, 0.0), 3),
+        lat=round(fix.lat_deg, 8),
+        lon=round(fix.lon_deg, 8),
+        ellipse=_axes(fix.cov_ee, fix.cov_en, fix.cov_nn) if reported else None,
+        believed=None if around.fix_masked else estimate.disbelieved == 0.0,
+        masked=around.fix_masked,
+    )
+
+
+def _radius95(hypotheses: Sequence[Hypothesis], x: float, y: float) -> float | None:
+    """A radius round (x, y) that at least 95 % of the mixture lies in, m.
+
+    Each Gaussian lies within r of its own middle with 1 - exp(-r² / 2 major²) or more, so
+    the smallest r with  Σ p_i exp(-(r - d_i)² / 2 major_i²) <= 0.05  will do.
+    """
+    parts = []
+    for one in hypotheses:
+        xx, xy, yy = float(one.cov[0, 0]), float(one.cov[0, 1]), float(one.cov[1, 1])
+        variance = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+        parts.append((one.p, math.hypot(one.pose.x - x, one.pose.y - y), max(variance, 1e-12)))
+    low, high = 0.0, max(d + 4.0 * math.sqrt(v) for _, d, v in parts)
+    while high - low > 0.01 * high:
+        r = 0.5 * (low + high)
+        outside = sum(
+            p * (math.exp(-0.5 * (r - d) ** 2 / v) if r > d else 1.0) for p, d, v in parts
+        )
+        low, high = (r, high) if outside > 0.05 else (low, r)
+    return round(high, 3)

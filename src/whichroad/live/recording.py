@@ -1,0 +1,227 @@
+"""What came in and what was said, appended to files that are whole at every moment.
+
+A recording is a folder: `fixes.arrow` and `odometry.arrow` are drive tables on our clock,
+`points.arrow` is what `match` would have written.  Each is an Arrow stream of small batches;
+a process that is killed leaves at most the end of one, which readers pass over and the next
+start cuts off.
+"""
+
+import json
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ..core.epoch import Epochs, new_epochs
+from ..core.output import Output
+from ..errors import WriteError
+from ..localizer import Localizer
+from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..result import points_table
+from ..roadmap import RoadMap
+from ..tables import POINTS, RECORDING, TIME, times
+
+_FIXES = ("time", "lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "speed_mps", "bearing_deg")
+_ODOMETRY = {
+    WheelTicks: ("time", "wheel_rl_ticks", "wheel_rr_ticks"),
+    WheelSpeed: ("time", "wheel_rl_mps", "wheel_rr_mps"),
+    Distance: ("time", "odometer_m"),
+    SpeedYaw: ("time", "speed_mps", "yaw_rate_radps"),
+}
+_COLUMNS = tuple(dict.fromkeys(name for names in _ODOMETRY.values() for name in names))
+_PLACE = {kind: tuple(_COLUMNS.index(name) for name in names) for kind, names in _ODOMETRY.items()}
+ABOUT = "recording.json"
+
+
+def _schema(names: tuple[str, ...]) -> pa.Schema:
+    fields = [(name, TIME if name == "time" else pa.float64()) for name in names]
+    return pa.schema(fields, metadata=RECORDING)
+
+
+class Appended:
+    """An Arrow stream that is only ever appended to.
+
+    Args:
+        path: A stream of the same schema goes on behind its last whole batch.
+        schema: Of the batches.
+
+    Raises:
+        WriteError: The file cannot be written, or holds something else.
+    """
+
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self.schema = schema
+        try:
+            end = whole_until(path, schema) if path.exists() else 0
+            self._file = path.open("ab", buffering=0)
+            self._file.truncate(end)
+            if end == 0:
+                self._write(schema.serialize().to_pybytes())
+        except OSError as error:
+            raise WriteError(
+                f"{path}: cannot be written ({error.strerror}); a place for a recording was "
+                "expected; choose another with --record"
+            ) from None
+
+    def append(self, table: pa.Table) -> None:
+        """Write a table as one batch or more."""
+        data = [b.serialize() for b in table.cast(self.schema).combine_chunks().to_batches()]
+        self._write(b"".join(data))
+
+    def close(self) -> None:
+        """No more follows."""
+        self._file.close()
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            view = view[os.write(self._file.fileno(), view) :]
+
+
+def whole_until(path: Path, schema: pa.Schema) -> int:
+    """Where the last whole batch of a stream ends, bytes; 0 for an empty or torn beginning.
+
+    Raises:
+        WriteError: The file is something else.
+    """
+    end = 0
+    with path.open("rb") as file:
+        try:
+            first = pa.ipc.read_message(file)
+            found = pa.ipc.read_schema(first)
+            end = file.tell()
+            while file.tell() < path.stat().st_size:
+                message = pa.ipc.read_message(file)
+                pa.ipc.read_record_batch(message, found)
+                end = file.tell()
+        except (pa.ArrowException, OSError, EOFError, ValueError):
+            pass
+        if end and not found.equals(schema):
+            raise WriteError(
+                f"{path}: holds another table; an earlier recording or an empty folder was "
+                "expected; choose another with --record"
+            )
+    return end
+
+
+class Recorder:
+    """Collects what is to be recorded, and writes it now and then.
+
+    Args:
+        folder: Made if it is not there; an earlier recording is gone on with.
+        roads: The map of the estimates.
+        about: Said in `recording.json`.
+
+    Raises:
+        WriteError: The folder cannot be written to, or holds something else.
+    """
+
+    def __init__(self, folder: Path, roads: RoadMap, about: dict[str, Any]) -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise WriteError(
+                f"{folder}: cannot be written to ({error.strerror}); a folder was expected; "
+                "choose another with --record"
+            ) from None
+        self._roads, self._name = roads, folder.name
+        self._fixes = Appended(folder / "fixes.arrow", _schema(_FIXES))
+        self._odometry = Appended(folder / "odometry.arrow", _schema(_COLUMNS))
+        self._points = Appended(folder / "points.arrow", POINTS.with_metadata(RECORDING))
+        self._seen: list[Observation] = []
+        self._said: list[tuple[Any, ...]] = []
+
+    def observe(self, observation: Observation) -> None:
+        """Record an observation, whether it is used or not."""
+        self._seen.append(observation)
+
+    def say(self, localizer: Localizer) -> None:
+        """Record what a localizer says of the last observation."""
+        epoch, output = localizer._epoch, localizer._output
+        self._said.append(
+            (
+                float(epoch.time[0]), int(epoch.has_fix[0]), epoch.fix[0].copy(),
+                output.value[0].copy(), output.edge[0], output.status[0], output.live[0],
+                output.alt_edge[0].copy(), output.alt_p[0].copy(),
+            )
+        )  # fmt: skip
+
+    @property
+    def waiting(self) -> int:
+        """Rows that are not written yet."""
+        return len(self._seen) + len(self._said)
+
+    def taken(self) -> Callable[[], None]:
+        """What waits, as a call that writes it: from any thread, one at a time, in order."""
+        seen, self._seen = self._seen, []
+        said, self._said = self._said, []
+        return lambda: self._write(seen, said)
+
+    def flush(self) -> None:
+        """Write what waits."""
+        self.taken()()
+
+    def close(self) -> None:
+        """Write what waits; no more follows."""
+        self.flush()
+        for stream in (self._fixes, self._odometry, self._points):
+            stream.close()
+
+    def _write(self, seen: list[Observation], said: list[tuple[Any, ...]]) -> None:
+        fixes = [one for one in seen if isinstance(one, GeoFix)]
+        if fixes:
+            self._fixes.append(_fix_table(fixes))
+        odometry = [one for one in seen if not isinstance(one, GeoFix)]
+        if odometry:
+            self._odometry.append(_odometry_table(odometry))
+        if said:
+            epochs, output = _stacked(said)
+            self._points.append(points_table(self._name, epochs, output, self._roads))
+
+
+def _fix_table(fixes: list[GeoFix]) -> pa.Table:
+    def known(value: float, sigma: float) -> float | None:
+        return value if math.isfinite(sigma) else None
+
+    rows = [
+        (
+            f.time, f.lat_deg, f.lon_deg, known(f.cov_ee, f.cov_ee), known(f.cov_en, f.cov_ee),
+            known(f.cov_nn, f.cov_nn), known(f.speed, f.sigma_speed),
+            known(f.bearing_deg, f.sigma_bearing_deg),
+        )
+        for f in fixes
+    ]  # fmt: skip
+    return _table(_FIXES, list(zip(*rows, strict=True)))
+
+
+def _odometry_table(readings: list[Any]) -> pa.Table:
+    columns: list[list[float | None]] = [[None] * len(readings) for _ in _COLUMNS]
+    for row, one in enumerate(readings):
+        for place, name in zip(_PLACE[type(one)], one.__slots__, strict=True):
+            columns[place][row] = getattr(one, name)
+    return _table(_COLUMNS, columns)
+
+
+def _table(names: tuple[str, ...], columns: list[Any]) -> pa.Table:
+    arrays = [times(np.array(columns[0]))]
+    arrays += [pa.array(list(column), pa.float64()) for column in columns[1:]]
+    return pa.table(arrays, names=list(names))
+
+
+def _stacked(said: list[tuple[Any, ...]]) -> tuple[Epochs, Output]:
+    """What was said one by one, as columns."""
+    time, has_fix, fix, value, edge, status, live, alt_edge, alt_p = zip(*said, strict=True)
+    epochs = new_epochs(0)._replace(
+        time=np.array(time), has_fix=np.array(has_fix, np.uint8), fix=np.array(fix)
+    )
+    output = Output(
+        np.array(value), np.array(edge, np.int32), np.array(status, np.uint8),
+        np.array(live, np.int32), np.array(alt_edge, np.int32), np.array(alt_p, np.float32),
+        np.zeros((0, 0)),
+    )  # fmt: skip
+    return epochs, output

@@ -1,0 +1,23 @@
+"""What a browser sees: the page, the roads of the map by viewport, one file for a report.
+
+The page draws the messages that are sent to it and asks for nothing outside: MapLibre GL
+comes from the installed package `maplibre`, the roads from the compiled map.
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .layer import RoadLayer as RoadLayer
+    from .routes import page_routes as page_routes
+
+
+def __getattr__(name: str) -> object:
+    if name == "page_routes":
+        from .routes import page_routes
+
+        return page_routes
+    if name == "RoadLayer":
+        from .layer import RoadLayer
+
+        return RoadLayer
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,104 @@
+// Colours and words that the page and the report share.
+
+// Blue is probable and red is not, as in every picture of this project.
+const SCALE = {
+  light: ["#c51b1b", "#ee7d2f", "#e3b22c", "#4a9bc9", "#0b4f9e"],
+  dark: ["#ff6a5c", "#ff9a4a", "#f4cd58", "#62b9e6", "#4b96ff"],
+};
+
+export const LOOK = {
+  light: {
+    name: "light",
+    land: "#f3f1ec", road: "#ffffff", casing: "#cfcac0", major: "#fff3d6", majorCasing: "#dcbf86",
+    small: "#fbfaf8", tunnel: "#e2ded6", text: "#4b4740", halo: "#ffffff", arrow: "#a59f93",
+    ink: "#16181b", paper: "#ffffff", faint: "#8a8f98", grid: "rgba(22,24,27,0.10)",
+    fix: "#d9730d", masked: "#8a8f98", reckoning: "#8e44ad", outside: "rgba(22,24,27,0.05)",
+    hatch: "rgba(90,98,130,0.16)",
+  },
+  dark: {
+    name: "dark",
+    land: "#12151a", road: "#343b46", casing: "#0c0e12", major: "#4d4738", majorCasing: "#0c0e12",
+    small: "#262c35", tunnel: "#20252d", text: "#b4bcc8", halo: "#12151a", arrow: "#6c7685",
+    ink: "#eef1f5", paper: "#1b2028", faint: "#8d97a5", grid: "rgba(238,241,245,0.12)",
+    fix: "#ffa94d", masked: "#8d97a5", reckoning: "#c792ea", outside: "rgba(238,241,245,0.05)",
+    hatch: "rgba(160,172,210,0.18)",
+  },
+};
+
+export const STATUS = {
+  on_road: { word: "on road", light: "#0b4f9e", dark: "#4b96ff" },
+  ambiguous: { word: "ambiguous", light: "#d99a06", dark: "#f4cd58" },
+  outage: { word: "no GNSS", light: "#6a78a6", dark: "#93a2d4" },
+  stopped: { word: "stopped", light: "#5f9dbf", dark: "#7fb8d6" },
+  off_road: { word: "off the roads", light: "#8255ab", dark: "#b48ade" },
+  lost: { word: "lost", light: "#c51b1b", dark: "#ff6a5c" },
+};
+export const STATUSES = Object.keys(STATUS);
+
+export const CHI_95 = Math.sqrt(5.991); // a 2-D Gaussian holds 95 % within so many sigma
+
+function channels(hex) {
+  return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+}
+
+const tables = {};
+/** Colour of a probability. */
+export function colourOf(p, look) {
+  const table = (tables[look.name] ??= Array.from({ length: 101 }, (_, i) => mixed(i / 100, look)));
+  return table[Math.round(100 * Math.min(Math.max(p, 0), 1))];
+}
+
+function mixed(p, look) {
+  const stops = SCALE[look.name];
+  const at = Math.min(p * (stops.length - 1), stops.length - 1 - 1e-9);
+  const low = channels(stops[Math.floor(at)]);
+  const high = channels(stops[Math.floor(at) + 1]);
+  const part = at - Math.floor(at);
+  return `rgb(${low.map((c, i) => Math.round(c + part * (high[i] - c))).join(",")})`;
+}
+
+/** A gradient along y: the top is P = 1. */
+export function gradientOf(ctx, top, bottom, look) {
+  const gradient = ctx.createLinearGradient(0, bottom, 0, top);
+  SCALE[look.name].forEach((colour, i, all) => gradient.addColorStop(i / (all.length - 1), colour));
+  return gradient;
+}
+
+export function percent(p) {
+  if (p === null || p === undefined) return "–";
+  if (p > 0.9995) return "100 %";
+  if (p > 0 && p < 0.001) return "< 0.1 %";
+  return `${(100 * p).toFixed(p > 0.99 || p < 0.1 ? 1 : 0)} %`;
+}
+
+export function clock(seconds) {
+  const s = Math.max(0, Math.floor(seconds));
+  const two = (n) => String(n).padStart(2, "0");
+  const hours = Math.floor(s / 3600);
+  return (hours ? `${hours}:${two(Math.floor(s / 60) % 60)}` : `${Math.floor(s / 60)}`) + `:${two(s % 60)}`;
+}
+
+/** What to call an edge. */
+export function titleOf(edge, name) {
+  if (edge === null || edge < 0) return "off the roads";
+  return name || `edge ${edge}`;
+}
+
+/** The theme that is wished: the switch's, else the system's. */
+export function themeWished() {
+  let kept = null;
+  try {
+    kept = localStorage.getItem("whichroad-theme");
+  } catch {
+    // storage is refused: the system decides
+  }
+  return kept ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+}
+
+export function keepTheme(name) {
+  try {
+    localStorage.setItem("whichroad-theme", name);
+  } catch {
+    // not kept, then
+  }
+}

@@ -1,0 +1,337 @@
+// The page: messages in, map, panel and charts out; buttons and keys back to the server.
+
+import { drawDrive, drawRace, sharp } from "./chart.js";
+import { Edges, Feed, control, fetchJson, here } from "./feed.js";
+import { LOOK, STATUSES, clock, keepTheme, themeWished, titleOf } from "./look.js";
+import { fillPanel } from "./panel.js";
+import { drawScene } from "./scene.js";
+import { Recent, Series, roadsOf } from "./series.js";
+import { WorldMap } from "./worldmap.js";
+
+const about = JSON.parse(document.getElementById("about").textContent);
+const byId = (id) => document.getElementById(id);
+const HOURS = 40000; // rows kept: more than an hour at 10 Hz
+const CLOSE = 0.09; // s; rows closer than this are one
+const FIXES = 60;
+const BEHIND = 45;
+const AHEAD = 15; // s of the race that lie ahead in a replay
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 25];
+
+const state = {
+  frame: null, look: LOOK[themeWished()], follow: true, placed: false, recorded: false,
+  series: new Series(HOURS), now: -1, fixes: new Recent(FIXES), reckoning: new Recent(3000),
+  roads: [], version: null, dirty: false,
+};
+const world = new WorldMap("map", about, state.look, here);
+const map = world.map;
+const edges = new Edges(() => refresh());
+const overlay = byId("overlay");
+
+// ---- messages in
+
+function take(message) {
+  if (message.type === "timeline") return void loadTimeline();
+  if (message.type !== "estimate") return;
+  const before = state.frame;
+  state.frame = message;
+  state.roads = roadsOf(message.hypotheses);
+  if (before && message.epoch_s < before.epoch_s - 1e-6) forget();
+  keepRow(message);
+  keepFix(message.fix);
+  keepReckoning(message.reckoning);
+  edges.need(state.roads.slice(0, 6).map(([edge]) => edge));
+  if (message.play.mode === "replay" && !state.recorded) {
+    state.recorded = true;
+    loadTimeline();
+  }
+  refresh();
+}
+
+/** Time went backwards: what came after it is no longer so. */
+function forget() {
+  if (!byId("drive").hidden) {
+    state.fixes.items = state.fixes.items.filter((fix) => fix.epoch_s <= state.frame.epoch_s);
+  } else {
+    state.series.clear();
+    state.fixes.clear();
+  }
+  state.reckoning.clear();
+}
+
+function keepRow(message) {
+  const series = state.series;
+  if (state.recording) {
+    state.now = Math.min(series.find(message.epoch_s + 1e-3), series.length) - 1;
+    return;
+  }
+  if (!series.length || message.epoch_s - series.end >= CLOSE) {
+    const lat = message.pose?.lat;
+    const status = STATUSES.indexOf(message.status);
+    series.push(
+      {
+        t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_road, off: message.p_off_road,
+        status, masked: message.gnss_masked ? 1 : 0, major: message.ellipse?.major_m,
+      },
+      state.roads,
+    );
+  }
+  state.now = series.length - 1;
+}
+
+function keepFix(fix) {
+  if (fix && fix.epoch_s !== state.fixes.last?.epoch_s) state.fixes.push(fix);
+}
+
+function keepReckoning(one) {
+  const way = state.reckoning;
+  if (!one) return way.clear();
+  if (way.since !== one.since_epoch_s) {
+    way.clear();
+    way.since = one.since_epoch_s;
+  }
+  const last = way.last;
+  if (!last || Math.abs(last[0] - one.lon) + Math.abs(last[1] - one.lat) > 1e-6) {
+    way.push([one.lon, one.lat, one.bearing_deg]);
+  }
+}
+
+/** The whole of a recorded drive, for the strip to scrub in. */
+async function loadTimeline() {
+  const told = await fetchJson("timeline").catch(() => null);
+  byId("drive").hidden = !told;
+  byId("app").classList.toggle("with-drive", Boolean(told));
+  state.recording = told;
+  if (!told) return;
+  const series = new Series(Math.max(told.t.length, 1));
+  told.t.forEach((t, i) => {
+    series.push(
+      {
+        t: told.begin + t, lat: told.lat[i], lon: told.lon[i], p: told.p[i], off: told.off[i],
+        status: told.status[i], masked: told.masked[i],
+      },
+      told.roads[i],
+    );
+  });
+  state.series = series;
+  if (state.frame) keepRow(state.frame);
+  refresh();
+}
+
+// ---- drawing
+
+function refresh() {
+  if (state.dirty) return;
+  state.dirty = true;
+  requestAnimationFrame(() => {
+    state.dirty = false;
+    if (state.frame) draw();
+  });
+}
+
+function draw() {
+  const { frame } = state;
+  fillPanel(frame, state.roads, edges, state.look);
+  fillControls(frame);
+  drawCharts(frame);
+  if (!(state.follow && frame.pose && camera(frame))) drawOverlay();
+}
+
+/** Brings the vehicle to the middle; true where the map draws itself anew, overlay and all. */
+function camera(frame) {
+  const { lon, lat } = frame.pose;
+  if (!state.placed) {
+    state.placed = true;
+    map.jumpTo({ center: [lon, lat], zoom: 16.6, padding: paddings() });
+    return true;
+  }
+  const at = map.getCenter();
+  if (Math.abs(at.lng - lon) + Math.abs(at.lat - lat) < 2e-7) return false;
+  map.jumpTo({ center: [lon, lat], padding: paddings() });
+  return true;
+}
+
+/** What of the map the panels hide. */
+function paddings() {
+  const whole = byId("map").getBoundingClientRect();
+  const card = byId("card").getBoundingClientRect();
+  const dock = byId("dock").getBoundingClientRect();
+  const beside = card.width < 0.6 * whole.width;
+  return {
+    top: 0, right: 0, left: beside ? card.right : 0,
+    bottom: Math.max(0, whole.bottom - Math.min(dock.top, beside ? dock.top : card.top)),
+  };
+}
+
+function drawOverlay() {
+  const { ctx, width, height } = sharp(overlay);
+  const recorded = Boolean(state.recording);
+  drawScene(
+    ctx, world.view(width, height),
+    {
+      series: state.series, now: state.now, frame: state.frame, edges, roads: state.roads,
+      fixes: state.fixes.items.slice(-FIXES), reckoning: state.reckoning.items, future: recorded,
+      trail: recorded ? 0 : Math.max(0, state.series.find((state.frame?.epoch_s ?? 0) - 600) - 1),
+    },
+    state.look,
+  );
+}
+
+function drawCharts(frame) {
+  const now = frame.epoch_s;
+  const span = state.recording ? [now - BEHIND, now + AHEAD] : [now - BEHIND - AHEAD, now];
+  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name);
+  drawRace(byId("race"), state.series, now, span, state.look, nameOf);
+  if (state.recording) state.timeAt = drawDrive(byId("strip"), state.series, now, state.look);
+}
+
+map.on("render", drawOverlay);
+
+// ---- buttons and keys
+
+function fillControls(frame) {
+  const { play } = frame;
+  const replay = play.mode === "replay";
+  byId("play-group").hidden = !replay;
+  press("mask", frame.gnss_masked);
+  byId("mask").lastElementChild.textContent = frame.gnss_masked ? "GNSS masked" : "Mask GNSS";
+  press("pause", play.paused);
+  byId("pause").setAttribute("aria-label", play.paused ? "Play" : "Pause");
+  byId("step").disabled = !play.paused;
+  const wanted = play.speed === null ? "max" : String(play.speed);
+  if (byId("speed").value !== wanted && document.activeElement !== byId("speed")) byId("speed").value = wanted;
+  const begin = frame.epoch_s - (play.position_s ?? 0);
+  const time = replay && play.length_s !== null
+    ? `${clock(play.position_s ?? 0)} / ${clock(play.length_s)}`
+    : new Date(1000 * frame.epoch_s).toISOString().slice(11, 19) + " UTC";
+  if (byId("time").textContent !== time) byId("time").textContent = time;
+  const strip = byId("strip");
+  if (replay && play.length_s !== null) {
+    strip.setAttribute("aria-valuemax", play.length_s.toFixed(0));
+    strip.setAttribute("aria-valuenow", (frame.epoch_s - begin).toFixed(0));
+    strip.setAttribute("aria-valuetext", clock(play.position_s ?? 0));
+  }
+}
+
+function press(id, on) {
+  byId(id).setAttribute("aria-pressed", String(Boolean(on)));
+}
+
+async function ask(action, value) {
+  const refused = await control(action, value).catch(() => "the service does not answer");
+  if (refused) toast(refused);
+}
+
+let toastTimer = 0;
+function toast(text) {
+  byId("toast").textContent = text;
+  byId("toast").classList.add("shown");
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => byId("toast").classList.remove("shown"), 4000);
+}
+
+function follow(on) {
+  state.follow = on;
+  press("follow", on);
+  if (on && state.frame?.pose) {
+    state.placed = map.getZoom() > 13;
+    if (!camera(state.frame)) drawOverlay();
+  }
+}
+
+function seek(seconds) {
+  const length = state.frame?.play.length_s ?? 0;
+  ask("seek", Math.min(Math.max(seconds, 0), length));
+}
+
+function faster(by) {
+  const now = state.frame?.play.speed ?? SPEEDS[SPEEDS.length - 1];
+  const at = SPEEDS.findIndex((speed) => speed >= now);
+  ask("speed", SPEEDS[Math.min(Math.max(at + by, 0), SPEEDS.length - 1)]);
+}
+
+function theme() {
+  const name = state.look.name === "dark" ? "light" : "dark";
+  keepTheme(name);
+  wear(name);
+}
+
+function legend(open) {
+  if (open) byId("legend").show();
+  else byId("legend").close();
+}
+
+function wear(name) {
+  state.look = LOOK[name];
+  document.documentElement.dataset.theme = name;
+  world.recolour(state.look);
+  refresh();
+}
+
+const acts = {
+  mask: () => ask(state.frame?.gnss_masked ? "unmask" : "mask"),
+  pause: () => ask(state.frame?.play.paused ? "resume" : "pause"),
+  step: () => ask("step"),
+  follow: () => follow(!state.follow),
+  theme,
+  in: () => map.zoomIn({ around: state.follow ? map.getCenter() : undefined }),
+  out: () => map.zoomOut(),
+  help: () => legend(!byId("legend").open),
+};
+for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
+byId("legend-close").addEventListener("click", acts.help);
+byId("speed").addEventListener("change", (event) => {
+  ask("speed", event.target.value === "max" ? null : Number(event.target.value));
+  event.target.blur();
+});
+
+const KEYS = {
+  " ": acts.pause, k: acts.pause, m: acts.mask, f: acts.follow, t: theme, "?": acts.help, h: acts.help,
+  "+": acts.in, "=": acts.in, "-": acts.out, ".": acts.step, ">": () => faster(1), "<": () => faster(-1),
+  ArrowRight: (shift) => seek((state.frame?.play.position_s ?? 0) + (shift ? 30 : 5)),
+  ArrowLeft: (shift) => seek((state.frame?.play.position_s ?? 0) - (shift ? 30 : 5)),
+  Home: () => seek(0),
+  Escape: () => legend(false),
+};
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+  const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
+  if (!act || (event.key === " " && event.target.tagName === "BUTTON")) return;
+  event.preventDefault();
+  act(event.shiftKey);
+});
+
+const strip = byId("strip");
+let lastSeek = 0;
+function scrub(event) {
+  if (!state.timeAt || !state.recording || performance.now() - lastSeek < 80) return;
+  lastSeek = performance.now();
+  seek(state.timeAt(event.offsetX) - state.recording.begin);
+}
+strip.addEventListener("pointerdown", (event) => {
+  strip.setPointerCapture(event.pointerId);
+  lastSeek = 0;
+  scrub(event);
+});
+strip.addEventListener("pointermove", (event) => event.buttons && scrub(event));
+strip.addEventListener("pointerup", (event) => {
+  lastSeek = 0;
+  scrub(event);
+});
+
+map.on("dragstart", () => follow(false));
+map.on("wheel", () => map.scrollZoom.enable(state.follow ? { around: "center" } : {}));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => wear(themeWished()));
+addEventListener("resize", () => refresh());
+
+new Feed(take, (word) => {
+  byId("link").dataset.state = word;
+  byId("link").title = { open: "connected", connecting: "connecting", closed: "connection lost: trying again" }[word];
+});
+map.on("sourcedata", function first(event) {
+  if (event.sourceId !== "roads" || !event.tile || event.tile.state !== "loaded") return;
+  map.off("sourcedata", first);
+  map.once("render", () => requestAnimationFrame(() => {
+    document.documentElement.dataset.drawn = performance.now().toFixed(0);
+  }));
+});
+window.whichroad = { state, map, edges };

@@ -1,0 +1,127 @@
+// Words and figures beside the map; an element is touched only when its text changes.
+
+import { STATUS, clock, colourOf, percent, titleOf } from "./look.js";
+
+const MOST = 5; // roads in the list
+
+const byId = (id) => document.getElementById(id);
+
+function say(id, text) {
+  const element = byId(id);
+  if (element && element.textContent !== text) element.textContent = text;
+}
+
+function number(value, unit, digits = 0) {
+  return value === null || value === undefined || Number.isNaN(value) ? "–" : `${value.toFixed(digits)} ${unit}`;
+}
+
+/** Fills the panel from a message. roads: [[edge, p], ...]; known: edges by id. */
+export function fillPanel(frame, roads, known, look) {
+  const road = frame.road ?? {};
+  const name = road.edge_id === null || road.edge_id === undefined
+    ? frame.answered ? "Off the roads" : "Waiting for a fix"
+    : titleOf(road.edge_id, road.name);
+  say("road", name);
+  say("road-kind", kindOf(road));
+  fillLimit(road.speed_limit_kmh);
+  fillStatus(frame, look);
+  const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_road;
+  say("p", frame.answered ? percent(p) : "–");
+  byId("p").style.color = frame.answered ? colourOf(p, look) : "";
+  fillRoads(roads, known, look);
+  say("speed-now", number(frame.pose ? 3.6 * (frame.pose.speed_mps ?? NaN) : null, "km/h"));
+  say("bearing", frame.pose ? compass(frame.pose.bearing_deg) : "–");
+  say("radius", number(frame.radius95_m ?? (frame.ellipse && 2.448 * frame.ellipse.major_m), "m", 1));
+  say("protection", number(frame.protection_m, "m", 1));
+  say("scale", frame.answered && frame.gnss_scale ? `× ${frame.gnss_scale.toFixed(1)}` : "–");
+  const latency = frame.latency_ms ?? {};
+  say("latency", latency.p99 === null || latency.p99 === undefined ? "–"
+    : `${latency.p50.toFixed(1)} / ${latency.p99.toFixed(1)} ms`);
+  fillSensors(frame.sensors ?? []);
+}
+
+function kindOf(road) {
+  if (!road.highway) return road.edge_id === null || road.edge_id === undefined ? "" : `edge ${road.edge_id}`;
+  return `${road.highway.replaceAll("_", " ")} · edge ${road.edge_id}`;
+}
+
+function compass(bearing) {
+  const points = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
+  return `${points[Math.round(bearing / 45) % 8]} ${Math.round(bearing)}°`;
+}
+
+function fillLimit(limit) {
+  const sign = byId("limit");
+  sign.hidden = !limit;
+  if (limit) say("limit", String(Math.round(limit)));
+}
+
+function fillStatus(frame, look) {
+  const status = STATUS[frame.status] ?? STATUS.lost;
+  const pill = byId("status");
+  const word = frame.gnss_masked && frame.status !== "ambiguous" && frame.status !== "lost"
+    ? "GNSS masked" : status.word;
+  say("status", frame.answered ? word : "waiting");
+  pill.style.setProperty("--status", frame.answered ? status[look.name] : look.faint);
+  say("reason", frame.reason || (frame.dead_reckoning ? "no sensor speaks: predicted ahead" : ""));
+}
+
+function fillRoads(roads, known, look) {
+  const list = byId("roads");
+  const shown = roads.filter(([, p], rank) => p >= 0.001 || rank === 0).slice(0, MOST);
+  while (list.children.length < shown.length) list.append(rowOf());
+  while (list.children.length > shown.length) list.lastChild.remove();
+  shown.forEach(([edge, p], i) => {
+    const [bar, name, share] = list.children[i].children;
+    const title = titleOf(edge, known.get(edge)?.name);
+    const suffix = edge >= 0 && known.get(edge)?.name ? ` ${edge}` : "";
+    if (name.dataset.title !== title + suffix) {
+      name.dataset.title = title + suffix;
+      name.textContent = title;
+      const id = document.createElement("small");
+      id.textContent = suffix;
+      name.append(id);
+    }
+    const text = percent(p);
+    if (share.textContent !== text) share.textContent = text;
+    bar.style.transform = `scaleX(${p.toFixed(3)})`;
+    bar.style.background = colourOf(p, look);
+  });
+}
+
+function rowOf() {
+  const row = document.createElement("li");
+  for (const kind of ["bar", "name", "share"]) {
+    const part = document.createElement("span");
+    part.className = kind;
+    row.append(part);
+  }
+  return row;
+}
+
+const SENSOR = { gnss: "GNSS", wheels: "wheels", file: "file" };
+
+function fillSensors(sensors) {
+  const list = byId("sensors");
+  while (list.children.length < sensors.length) {
+    const row = document.createElement("li");
+    for (const kind of ["dot", "name", "rate"]) {
+      const part = document.createElement("span");
+      part.className = kind;
+      row.append(part);
+    }
+    list.append(row);
+  }
+  while (list.children.length > sensors.length) list.lastChild.remove();
+  sensors.forEach((one, i) => {
+    const row = list.children[i];
+    const [, name, rate] = row.children;
+    row.dataset.state = one.ok ? "ok" : one.state;
+    row.title = `${one.name}: ${one.count.toLocaleString("en")} readings, ${one.skipped} skipped`;
+    const title = SENSOR[one.kind] ?? one.kind;
+    if (name.textContent !== title) name.textContent = title;
+    const old = one.age_s !== null && one.age_s > 2 ? ` · ${clock(one.age_s)} ago` : "";
+    const text = one.ok ? `${one.rate_hz.toFixed(one.rate_hz < 10 ? 1 : 0)} Hz` : one.state + old;
+    if (rate.textContent !== text) rate.textContent = text;
+  });
+}

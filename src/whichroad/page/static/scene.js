@@ -1,0 +1,289 @@
+// What moves, drawn on a canvas above whatever map: track, roads in question, fixes, vehicle.
+//
+// A view projects: {project(lon, lat) -> {x, y}, width, height}. Nothing here knows the map.
+
+import { CHI_95, STATUSES, colourOf, percent } from "./look.js";
+
+const EARTH = 6371008.8;
+const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
+const STEPS = 40; // points of an ellipse
+
+/** Draws everything of one moment.
+ * scene: {series, now, frame, edges, fixes, reckoning, trail} */
+export function drawScene(ctx, view, scene, look) {
+  ctx.clearRect(0, 0, view.width, view.height);
+  ctx.lineJoin = ctx.lineCap = "round";
+  const frame = scene.frame;
+  if (scene.future) drawTrack(ctx, view, scene.series, scene.now, scene.series.length - 1, look, 0.28);
+  drawTrack(ctx, view, scene.series, scene.trail ?? 0, scene.now, look, 0.85);
+  if (!frame) return;
+  drawRoads(ctx, view, scene, look);
+  drawReckoning(ctx, view, scene, look);
+  drawFixes(ctx, view, scene, look);
+  if (!frame.pose) return;
+  const labels = [];
+  drawHypotheses(ctx, view, frame, look, labels);
+  drawVehicle(ctx, view, frame, look);
+  for (const label of labels) drawPill(ctx, label, look);
+}
+
+/** The way so far, coloured by P(road); points closer than two pixels are passed over. */
+function drawTrack(ctx, view, series, from, to, look, alpha) {
+  if (to - from < 1) return;
+  const paths = new Map();
+  let last = null;
+  let low = 1;
+  for (let i = from; i <= to; i += 1) {
+    const lat = series.get("lat", i);
+    if (Number.isNaN(lat)) {
+      last = null;
+      continue;
+    }
+    low = Math.min(low, series.get("p", i));
+    const at = view.project(series.get("lon", i), lat);
+    if (last && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) continue;
+    if (last && seen(view, at, last)) {
+      const key = Math.round(20 * low) / 20;
+      if (!paths.has(key)) paths.set(key, new Path2D());
+      const path = paths.get(key);
+      path.moveTo(last.x, last.y);
+      path.lineTo(at.x, at.y);
+    }
+    last = at;
+    low = 1;
+  }
+  ctx.globalAlpha = alpha;
+  ctx.lineWidth = 4;
+  for (const [p, path] of paths) {
+    ctx.strokeStyle = colourOf(p, look);
+    ctx.stroke(path);
+  }
+  ctx.globalAlpha = 1;
+}
+
+function seen(view, a, b) {
+  const room = 40;
+  return !(
+    Math.max(a.x, b.x) < -room || Math.min(a.x, b.x) > view.width + room ||
+    Math.max(a.y, b.y) < -room || Math.min(a.y, b.y) > view.height + room
+  );
+}
+
+/** The roads that the vehicle may be on, least probable first. */
+function drawRoads(ctx, view, scene, look) {
+  for (const [edge, p] of [...scene.roads].reverse()) {
+    const known = scene.edges.get(edge);
+    if (!known || p < 0.001) continue;
+    const line = known.line.map(([lon, lat]) => view.project(lon, lat));
+    const path = new Path2D();
+    line.forEach((at, i) => (i ? path.lineTo(at.x, at.y) : path.moveTo(at.x, at.y)));
+    ctx.strokeStyle = colourOf(p, look);
+    ctx.globalAlpha = 0.22 + 0.25 * p;
+    ctx.lineWidth = 15;
+    ctx.stroke(path);
+    ctx.globalAlpha = 0.9;
+    ctx.lineWidth = 1.5;
+    ctx.stroke(path);
+  }
+  ctx.globalAlpha = 1;
+}
+
+function drawFixes(ctx, view, scene, look) {
+  const fixes = scene.fixes;
+  const now = scene.frame.epoch_s;
+  fixes.forEach((fix, rank) => {
+    const age = now - fix.epoch_s;
+    if (age < -0.5) return;
+    const at = view.project(fix.lon, fix.lat);
+    const newest = fixes.length - rank;
+    const fade = Math.max(0.12, 1 - age / 45);
+    ctx.strokeStyle = ctx.fillStyle = fix.masked ? look.masked : look.fix;
+    if (fix.ellipse && newest <= 4 && age < 8) {
+      ctx.globalAlpha = fade * (newest === 1 ? 0.9 : 0.3);
+      ctx.lineWidth = 1.2;
+      ctx.setLineDash(fix.masked ? [2, 4] : []);
+      ctx.stroke(ellipsePath(view, fix, fix.ellipse));
+      ctx.setLineDash([]);
+    }
+    ctx.globalAlpha = fade;
+    ctx.lineWidth = 1.6;
+    ctx.beginPath();
+    if (fix.masked || fix.believed === false) {
+      ctx.moveTo(at.x - 3, at.y - 3);
+      ctx.lineTo(at.x + 3, at.y + 3);
+      ctx.moveTo(at.x + 3, at.y - 3);
+      ctx.lineTo(at.x - 3, at.y + 3);
+      ctx.stroke();
+    } else {
+      ctx.arc(at.x, at.y, 3, 0, 7);
+      ctx.fill();
+      ctx.globalAlpha = 0.8 * fade;
+      ctx.lineWidth = 1;
+      ctx.strokeStyle = look.paper;
+      ctx.stroke();
+    }
+  });
+  ctx.globalAlpha = 1;
+}
+
+/** Wheels alone: dashed, with an empty arrow at its end. */
+function drawReckoning(ctx, view, scene, look) {
+  const way = scene.reckoning;
+  if (way.length < 2) return;
+  ctx.strokeStyle = look.reckoning;
+  ctx.lineWidth = 2;
+  ctx.setLineDash([6, 5]);
+  ctx.beginPath();
+  way.forEach(([lon, lat], i) => {
+    const at = view.project(lon, lat);
+    if (i) ctx.lineTo(at.x, at.y);
+    else ctx.moveTo(at.x, at.y);
+  });
+  ctx.stroke();
+  ctx.setLineDash([]);
+  const end = way[way.length - 1];
+  arrow(ctx, view, { lon: end[0], lat: end[1], bearing_deg: end[2] }, 8);
+  ctx.fillStyle = look.paper;
+  ctx.fill();
+  ctx.stroke();
+}
+
+function drawHypotheses(ctx, view, frame, look, labels) {
+  const many = scatter(frame.hypotheses);
+  for (const one of [...frame.hypotheses].reverse()) {
+    if (one.lat === null || one.p < 0.002) continue;
+    const colour = colourOf(one.p, look);
+    const strong = one.p >= NEAR;
+    ctx.strokeStyle = colour;
+    ctx.globalAlpha = strong ? 1 : 0.55;
+    if (one.ellipse && many) {
+      ctx.lineWidth = strong ? 1.6 : 1;
+      ctx.stroke(ellipsePath(view, one, one.ellipse));
+    }
+    if (!many) continue;
+    const at = arrow(ctx, view, one, strong ? 9 : 6);
+    ctx.lineWidth = 2;
+    ctx.fillStyle = look.paper;
+    ctx.fill();
+    ctx.stroke();
+    if (strong) labels.push({ ...at, text: percent(one.p), colour });
+  }
+  ctx.globalAlpha = 1;
+}
+
+/** Whether there is a choice worth showing. */
+function scatter(hypotheses) {
+  return hypotheses.length > 1 && hypotheses[0].p < 0.998;
+}
+
+function drawVehicle(ctx, view, frame, look) {
+  const status = STATUSES.includes(frame.status) ? frame.status : "lost";
+  const colour = colourOf(frame.p_road, look);
+  if (frame.ellipse) {
+    const path = ellipsePath(view, frame.pose, frame.ellipse);
+    ctx.fillStyle = colour;
+    ctx.globalAlpha = 0.16;
+    ctx.fill(path);
+    ctx.globalAlpha = 0.95;
+    ctx.strokeStyle = colour;
+    ctx.lineWidth = 2;
+    ctx.setLineDash(frame.dead_reckoning || status === "outage" ? [7, 5] : []);
+    ctx.stroke(path);
+    ctx.setLineDash([]);
+    ctx.globalAlpha = 1;
+  }
+  const { matched_lat: lat, matched_lon: lon } = frame.road;
+  if (lat !== null && lat !== undefined) {
+    const foot = view.project(lon, lat);
+    const at = view.project(frame.pose.lon, frame.pose.lat);
+    ctx.strokeStyle = ctx.fillStyle = look.ink;
+    ctx.lineWidth = 1;
+    ctx.beginPath();
+    ctx.moveTo(at.x, at.y);
+    ctx.lineTo(foot.x, foot.y);
+    ctx.stroke();
+    ctx.beginPath();
+    ctx.arc(foot.x, foot.y, 2.2, 0, 7);
+    ctx.fill();
+  }
+  ctx.shadowColor = "rgba(0,0,0,0.35)";
+  ctx.shadowBlur = 6;
+  arrow(ctx, view, frame.pose, 15);
+  ctx.lineWidth = 5;
+  ctx.strokeStyle = "#ffffff";
+  ctx.stroke();
+  ctx.shadowBlur = 0;
+  ctx.shadowColor = "transparent";
+  ctx.fillStyle = colour;
+  ctx.fill();
+}
+
+/** Traces an arrow head at a pose, as large as asked for (pixels); returns where it is. */
+function arrow(ctx, view, pose, size) {
+  const at = view.project(pose.lon, pose.lat);
+  const ahead = offset(pose.lon, pose.lat, pose.bearing_deg ?? 0, 1);
+  const tip = view.project(ahead.lon, ahead.lat);
+  const angle = Math.atan2(tip.y - at.y, tip.x - at.x);
+  const turn = (forward, left) => [
+    at.x + size * (forward * Math.cos(angle) + left * Math.sin(angle)),
+    at.y + size * (forward * Math.sin(angle) - left * Math.cos(angle)),
+  ];
+  ctx.beginPath();
+  if (pose.bearing_deg === null || pose.bearing_deg === undefined) {
+    ctx.arc(at.x, at.y, 0.5 * size, 0, 7);
+    return at;
+  }
+  ctx.moveTo(...turn(1, 0));
+  ctx.lineTo(...turn(-0.8, 0.75));
+  ctx.lineTo(...turn(-0.42, 0));
+  ctx.lineTo(...turn(-0.8, -0.75));
+  ctx.closePath();
+  return at;
+}
+
+/** The 95 % ellipse of a 1 sigma ellipse about a place. */
+function ellipsePath(view, place, ellipse) {
+  const path = new Path2D();
+  const turn = (ellipse.bearing_deg * Math.PI) / 180;
+  for (let k = 0; k < STEPS; k += 1) {
+    const angle = (2 * Math.PI * k) / STEPS;
+    const along = CHI_95 * ellipse.major_m * Math.cos(angle);
+    const across = CHI_95 * ellipse.minor_m * Math.sin(angle);
+    const east = along * Math.sin(turn) + across * Math.cos(turn);
+    const north = along * Math.cos(turn) - across * Math.sin(turn);
+    const { lon, lat } = moved(place.lon, place.lat, east, north);
+    const at = view.project(lon, lat);
+    if (k) path.lineTo(at.x, at.y);
+    else path.moveTo(at.x, at.y);
+  }
+  path.closePath();
+  return path;
+}
+
+function moved(lon, lat, east, north) {
+  const degree = 180 / (Math.PI * EARTH);
+  return { lon: lon + (east * degree) / Math.cos((lat * Math.PI) / 180), lat: lat + north * degree };
+}
+
+function offset(lon, lat, bearing, metres) {
+  const angle = (bearing * Math.PI) / 180;
+  return moved(lon, lat, metres * Math.sin(angle), metres * Math.cos(angle));
+}
+
+function drawPill(ctx, { x, y, text, colour }, look) {
+  ctx.font = "600 11px system-ui, sans-serif";
+  const width = ctx.measureText(text).width + 12;
+  const left = x + 13;
+  const top = y - 23;
+  ctx.beginPath();
+  ctx.roundRect(left, top, width, 18, 9);
+  ctx.fillStyle = look.paper;
+  ctx.globalAlpha = 0.94;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = 1.5;
+  ctx.stroke();
+  ctx.fillStyle = look.ink;
+  ctx.fillText(text, left + 6, top + 13);
+}

@@ -1,0 +1,95 @@
+// Columns of what was said, oldest first, in a ring: memory does not grow with time.
+
+const ALTERNATIVES = 6;
+const COLUMNS = ["t", "lat", "lon", "p", "off", "status", "masked", "major"];
+
+export class Series {
+  constructor(capacity) {
+    this.capacity = capacity;
+    this.columns = Object.fromEntries(COLUMNS.map((c) => [c, new Float64Array(capacity)]));
+    this.edges = new Int32Array(capacity * ALTERNATIVES);
+    this.shares = new Float32Array(capacity * ALTERNATIVES);
+    this.clear();
+  }
+
+  clear() {
+    this.length = 0;
+    this.head = 0; // where the oldest row is
+  }
+
+  /** row: {t, lat, lon, p, off, status, masked, major}; roads: [[edge, p], ...], -1 is off road. */
+  push(row, roads) {
+    let at = (this.head + this.length) % this.capacity;
+    if (this.length === this.capacity) this.head = (this.head + 1) % this.capacity;
+    else this.length += 1;
+    for (const name of COLUMNS) this.columns[name][at] = row[name] ?? NaN;
+    at *= ALTERNATIVES;
+    for (let k = 0; k < ALTERNATIVES; k += 1) {
+      this.edges[at + k] = k < roads.length ? roads[k][0] : -2;
+      this.shares[at + k] = k < roads.length ? roads[k][1] : 0;
+    }
+  }
+
+  get(name, i) {
+    return this.columns[name][(this.head + i) % this.capacity];
+  }
+
+  /** Calls back with (edge, p) of row i, most probable first. */
+  eachRoad(i, tell) {
+    const at = ((this.head + i) % this.capacity) * ALTERNATIVES;
+    for (let k = 0; k < ALTERNATIVES && this.edges[at + k] > -2; k += 1) {
+      tell(this.edges[at + k], this.shares[at + k]);
+    }
+  }
+
+  /** First row that is not before t. */
+  find(t) {
+    let low = 0;
+    let high = this.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.get("t", middle) < t) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  get begin() {
+    return this.length ? this.get("t", 0) : 0;
+  }
+
+  get end() {
+    return this.length ? this.get("t", this.length - 1) : 0;
+  }
+}
+
+/** The roads of a message's hypotheses, each once, most probable first. */
+export function roadsOf(hypotheses) {
+  const sums = new Map();
+  for (const one of hypotheses) {
+    const edge = one.edge_id ?? -1;
+    sums.set(edge, (sums.get(edge) ?? 0) + one.p);
+  }
+  return [...sums].sort((a, b) => b[1] - a[1]);
+}
+
+/** A list that forgets its oldest. */
+export class Recent {
+  constructor(capacity) {
+    this.capacity = capacity;
+    this.items = [];
+  }
+
+  push(item) {
+    this.items.push(item);
+    if (this.items.length > 2 * this.capacity) this.items.splice(0, this.items.length - this.capacity);
+  }
+
+  clear() {
+    this.items = [];
+  }
+
+  get last() {
+    return this.items[this.items.length - 1];
+  }
+}

@@ -1,0 +1,1 @@
+"""A recorded drive or its answer, shown again: on the page, or as one file to mail."""

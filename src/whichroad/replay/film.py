@@ -1,0 +1,267 @@
+"""What was said of a drive, epoch by epoch, as the messages of the live service.
+
+A film is made of an answer: with its hypotheses' poses where it was kept with them, else
+of a table of points, whose alternatives say which roads but not where on them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..live.messages import VERSION, EstimateMessage, PlayMessage, iso
+from ..reasons import STATUS, far_off
+from ..records import Array
+from ..sensors.gnss import ellipse
+from .signals import Signals
+
+if TYPE_CHECKING:
+    from ..result import Result
+    from ..roadmap import RoadMap
+
+Window = tuple[float, float]
+
+NONE = -2  # edge of an alternative that is not there
+OFF = -1  # off the roads
+
+_NUMBERS = (
+    "lat", "lon", "bearing_deg", "speed_mps", "sigma_bearing_deg", "ellipse_major_m",
+    "ellipse_minor_m", "ellipse_bearing_deg", "abscissa_m", "lateral_m", "matched_lat",
+    "matched_lon", "map_lat", "map_lon", "p_road", "p_off_road", "protection_level_m",
+    "gnss_scale",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """The alternatives of n epochs, (n, k) each; poses are NaN where they were not kept."""
+
+    edge: NDArray[np.int64]  # NONE, OFF or an edge
+    p: Array
+    lat: Array
+    lon: Array
+    bearing_deg: Array
+    major: Array  # 1 sigma, m
+    minor: Array
+    axis_deg: Array  # bearing of the major axis
+
+
+class Film:
+    """The messages of one drive.
+
+    Args:
+        result: The answer.
+        roads: The map it was matched to; without it streets have no names.
+        signals: What the sensors said, if it is known.
+        masked: Windows (s since 1970) in which GNSS was withheld.
+    """
+
+    def __init__(
+        self, result: "Result", roads: "RoadMap | None" = None, signals: Signals | None = None,
+        masked: Sequence[Window] = (),
+    ) -> None:  # fmt: skip
+        points = result.to_arrow()
+        self.drive_id = str(points["drive_id"][0].as_py()) if points.num_rows else ""
+        micros = points["time"].cast("int64").to_numpy()
+        self.time: Array = micros * 1e-6
+        self.columns = {
+            name: points[name].to_numpy().astype(np.float64)
+            for name in _NUMBERS
+            if name in points.column_names
+        }
+        edge = points["edge_id"].fill_null(NONE).to_numpy().astype(np.int64)
+        self.edge = edge
+        words = points["status"].to_numpy().astype(str)
+        self.status = _RANKS[np.searchsorted(_SORTED, words)]
+        self.reason: list[str] = points["reason"].to_pylist()
+        self.masked = list(masked)
+        self.signals = signals or Signals()
+        self._roads = roads
+        self._streets: dict[int, dict[str, Any]] = {}
+        self._source = points["source_id"] if "source_id" in points.column_names else None
+        poses = result.hypotheses
+        self.choices = (
+            _from_poses(poses, roads)
+            if poses is not None and roads is not None
+            else _from_table(points, self.columns, edge)
+        )
+        self.reckoning = self.signals.reckoning(self, self.used_fixes())
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def length(self) -> float:
+        """How long it is, s."""
+        return float(self.time[-1] - self.time[0]) if len(self) else 0.0
+
+    def at(self, seconds: float) -> int:
+        """The epoch that holds so many seconds after the beginning."""
+        k = int(np.searchsorted(self.time, self.time[0] + seconds + 1e-6, side="right")) - 1
+        return min(max(k, 0), len(self) - 1)
+
+    def is_masked(self, time: Any) -> Any:
+        """Whether GNSS is withheld at a time, or at times (s since 1970)."""
+        hidden = np.zeros(np.shape(time), bool)
+        for low, high in self.masked:
+            hidden |= (time >= low) & (time <= high)
+        return hidden
+
+    def used_fixes(self) -> Array:
+        """Times of the fixes that the filter was given."""
+        times = self.signals.fix_times
+        return times[~self.is_masked(times)] if len(times) else times
+
+    def street(self, edge: int) -> dict[str, Any]:
+        """Columns of an edge's street; nothing without a map."""
+        if self._roads is None or not 0 <= edge < len(self._roads):
+            return {}
+        if edge not in self._streets:
+            self._streets[edge] = self._roads.attributes(edge)
+        return self._streets[edge]
+
+    def message(self, k: int, seq: int, play: PlayMessage) -> EstimateMessage:
+        """What the live service would have said at epoch k.
+
+        Args:
+            k: The epoch.
+            seq: Number of the message.
+            play: Where the replay stands.
+        """
+        time, answered = float(self.time[k]), bool(np.isfinite(self._get("lat", k) or np.nan))
+        message = {
+            "version": VERSION, "type": "estimate", "seq": seq, "time": iso(time),
+            "epoch_s": round(time, 6), "answered": answered,
+            "pose": self._pose(k) if answered else None,
+            "map_lat": self._get("map_lat", k), "map_lon": self._get("map_lon", k),
+            "ellipse": self._ellipse(k), "sigma_bearing_deg": self._get("sigma_bearing_deg", k),
+            "protection_m": self._get("protection_level_m", k), "protection_risk": 1e-3,
+            "radius95_m": None, "gnss_scale": self._get("gnss_scale", k) or 0.0,
+            "p_road": self._get("p_road", k) or 0.0,
+            "p_off_road": self._get("p_off_road", k) or 0.0,
+            "road": self._road(k), "status": STATUS[self.status[k]],
+            "reason": self.reason[k] or "", "dead_reckoning": False,
+            "hypotheses": self.hypotheses(k),
+            "fix": self._fix(k),
+            "reckoning": self.reckoning.at(k), "sensors": self.signals.sensors(time),
+            "gnss_masked": bool(self.is_masked(time)), "play": play,
+            "latency_ms": {"p50": None, "p99": None},
+        }  # fmt: skip
+        return cast(EstimateMessage, message)
+
+    def hypotheses(self, k: int) -> list[dict[str, Any]]:
+        """The alternatives of epoch k, most probable first."""
+        c = self.choices
+        said = []
+        for j in range(c.edge.shape[1]):
+            edge = int(c.edge[k, j])
+            if edge == NONE or c.p[k, j] <= 0.0:
+                continue
+            known = bool(np.isfinite(c.lat[k, j]))
+            shape = {
+                "major_m": round(float(c.major[k, j]), 3),
+                "minor_m": round(float(c.minor[k, j]), 3),
+                "bearing_deg": round(float(c.axis_deg[k, j]), 2),
+            }
+            said.append(
+                {
+                    "p": round(float(c.p[k, j]), 6),
+                    "edge_id": edge if edge >= 0 else None,
+                    "name": self.street(edge).get("name"),
+                    "lat": round(float(c.lat[k, j]), 8) if known else None,
+                    "lon": round(float(c.lon[k, j]), 8) if known else None,
+                    "bearing_deg": round(float(c.bearing_deg[k, j]), 3) if known else None,
+                    "ellipse": shape if known else None,
+                }
+            )
+        return said
+
+    def _get(self, name: str, k: int) -> float | None:
+        column = self.columns.get(name)
+        value = float(column[k]) if column is not None else np.nan
+        return round(value, 8) if np.isfinite(value) else None
+
+    def _pose(self, k: int) -> dict[str, float | None]:
+        return {name: self._get(name, k) for name in ("lat", "lon", "bearing_deg", "speed_mps")}
+
+    def _fix(self, k: int) -> dict[str, Any] | None:
+        """The last fix, and whether it is believed: near enough to what is said."""
+        time = float(self.time[k])
+        fix = self.signals.fix(time)
+        if fix is None:
+            return None
+        masked = bool(self.is_masked(fix["epoch_s"]))
+        lat, lon, major = (self.columns[n][k] for n in ("lat", "lon", "ellipse_major_m"))
+        away = _metres(fix["lat"] - lat, fix["lon"] - lon, lat)
+        own = (fix["ellipse"] or {"major_m": 0.0})["major_m"]
+        near = not far_off(away, float(np.hypot(own, major)))
+        return {**fix, "believed": None if masked else near, "masked": masked}
+
+    def _ellipse(self, k: int) -> dict[str, float | None] | None:
+        names = ("major_m", "minor_m", "bearing_deg")
+        shape = {name: self._get(f"ellipse_{name}", k) for name in names}
+        return None if None in shape.values() else shape
+
+    def _road(self, k: int) -> dict[str, Any]:
+        edge = int(self.edge[k])
+        street = self.street(edge) if edge >= 0 else {}
+        return {
+            "edge_id": edge if edge >= 0 else None,
+            "source_id": self._source[k].as_py() if self._source is not None else None,
+            "forward": None, "name": street.get("name"), "highway": street.get("highway"),
+            "speed_limit_kmh": street.get("speed_limit_kmh"),
+            "abscissa_m": self._get("abscissa_m", k), "lateral_m": self._get("lateral_m", k),
+            "matched_lat": self._get("matched_lat", k),
+            "matched_lon": self._get("matched_lon", k),
+        }  # fmt: skip
+
+
+def _metres(lat: float, lon: float, at: float) -> float:
+    """Length of a small difference of positions in degrees."""
+    return float(np.hypot(lat, lon * np.cos(np.radians(at))) * np.radians(6_371_008.8))
+
+
+_SORTED = np.array(sorted(STATUS))
+_RANKS = np.array([STATUS.index(word) for word in sorted(STATUS)])
+
+
+def _from_poses(poses: dict[str, NDArray[Any]], roads: "RoadMap") -> Choices:
+    """Alternatives with their own poses, from the plane to degrees."""
+    plane, x, y = roads.plane, poses["x"], poses["y"]
+    lat, lon = plane.to_geodetic(x, y)
+    turn = plane.convergence(x, y)
+    bearing = np.degrees(0.5 * np.pi + turn - poses["heading"]) % 360.0
+    major, minor, heading = ellipse(poses["cov_xx"], poses["cov_xy"], poses["cov_yy"])
+    axis = np.degrees(0.5 * np.pi + turn - heading) % 180.0
+    edge = poses["edge"].astype(np.int64)
+    return Choices(edge, poses["p"], lat, lon, bearing, major, minor, axis)
+
+
+def _from_table(points: Any, columns: dict[str, Array], edge: NDArray[np.int64]) -> Choices:
+    """Alternatives without poses: the best has the answer's, the others none."""
+    n = len(edge)
+    lists = points["alternatives"].to_pylist() if "alternatives" in points.column_names else []
+    most = max((len(row or ()) for row in lists), default=0) + 2
+    edges, p = np.full((n, most), NONE, np.int64), np.zeros((n, most))
+    off = np.nan_to_num(columns["p_off_road"]) if "p_off_road" in columns else np.zeros(n)
+    for k in range(n):
+        row = (lists[k] if lists else None) or []
+        said = [(int(one["edge_id"]), float(one["p"])) for one in row]
+        if not said and edge[k] >= 0:
+            said = [(int(edge[k]), float(columns["p_road"][k]))]
+        if off[k] > 0.0:
+            said.append((OFF, float(off[k])))
+        for j, (one, share) in enumerate(sorted(said, key=lambda pair: -pair[1])[:most]):
+            edges[k, j], p[k, j] = one, share
+    best = (edges == edge[:, None]) | ((edges == OFF) & (edge[:, None] == NONE))
+
+    def own(name: str) -> Array:
+        column = columns.get(name, np.full(n, np.nan))
+        return np.where(best, column[:, None], np.nan)
+
+    return Choices(
+        edges, p, own("lat"), own("lon"), own("bearing_deg"), own("ellipse_major_m"),
+        own("ellipse_minor_m"), own("ellipse_bearing_deg"),
+    )  # fmt: skip

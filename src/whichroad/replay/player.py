@@ -1,0 +1,147 @@
+"""A film that is played: its clock, its controls, and who looks on.
+
+Time in the film runs with the world's, times `speed`. Who looks on is given the newest
+message and may miss some between; nobody slows the clock.
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+from ..live.messages import EstimateMessage, PlayMessage
+from .film import Film, Window
+from .timeline import timeline
+
+Remake = Callable[[list[Window]], Film]
+
+TICK = 0.05  # s between two looks at the clock
+FASTEST = 100.0  # times real time, where as fast as possible is asked for
+_LATER = 1e12  # s since 1970; a mask that is not over
+
+
+class Refused(ValueError):
+    """What was asked for cannot be done; the text is for the person who asked."""
+
+
+class Player:
+    """Plays one film to any number of lookers-on.
+
+    Args:
+        film: What is played.
+        remake: Answers the drive anew with GNSS withheld in some windows; None: the film is
+            of a result, whose drive is not there.
+    """
+
+    def __init__(self, film: Film, remake: Remake | None = None) -> None:
+        self.film = film
+        self._remake = remake
+        self._windows: list[Window] = list(film.masked)
+        self.position, self.speed, self.paused = 0.0, 1.0, False
+        self._max = False
+        self._seq, self._shown, self._edition = 0, -1, 0
+        self._changed = asyncio.Condition()
+        self._making = asyncio.Lock()
+        self.message: EstimateMessage = film.message(0, 0, self._play())
+
+    def _play(self) -> PlayMessage:
+        return {
+            "mode": "replay",
+            "paused": self.paused,
+            "speed": None if self._max else self.speed,
+            "position_s": round(self.position, 3),
+            "length_s": round(self.film.length, 3),
+        }
+
+    async def run(self) -> None:
+        """Let time pass, for ever."""
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(TICK)
+            now = time.monotonic()
+            if not self.paused:
+                ahead = (now - last) * (FASTEST if self._max else self.speed)
+                await self._go(self.position + ahead)
+            last = now
+
+    async def _go(self, position: float, always: bool = False) -> None:
+        """Stand at a place of the film, and tell it where that is another epoch."""
+        self.position = min(max(position, 0.0), self.film.length)
+        if self.position >= self.film.length:
+            self.paused = True
+        k = self.film.at(self.position)
+        if k == self._shown and not always:
+            return
+        self._shown = k
+        self._seq += 1
+        self.message = self.film.message(k, self._seq, self._play())
+        async with self._changed:
+            self._changed.notify_all()
+
+    async def messages(self) -> AsyncIterator[dict[str, Any]]:
+        """The newest message whenever there is one, and word of each new timeline."""
+        seen, edition = -1, self._edition
+        while True:
+            if self._edition != edition:
+                edition = self._edition
+                yield {"type": "timeline", "edition": edition}
+            if self.message["seq"] != seen:
+                seen = self.message["seq"]
+                yield dict(self.message)
+                continue
+            async with self._changed:
+                await self._changed.wait()
+
+    def timeline(self) -> dict[str, Any]:
+        """The whole film, thinned, for a strip to scrub in."""
+        return timeline(self.film)
+
+    async def control(self, action: str, value: Any = None) -> None:
+        """Do what was asked for.
+
+        Args:
+            action: mask, unmask, pause, resume, step, speed or seek.
+            value: Of speed (times real time, None: as fast as possible) and of seek (s).
+
+        Raises:
+            Refused: It cannot be done.
+        """
+        match action:
+            case "mask" | "unmask":
+                await self._mask(action == "mask")
+            case "pause" | "resume":
+                self.paused = action == "pause"
+                if not self.paused and self.position >= self.film.length:
+                    self.position = 0.0
+            case "step":
+                self.paused = True
+                k = min(self.film.at(self.position) + 1, len(self.film) - 1)
+                self.position = float(self.film.time[k] - self.film.time[0])
+            case "speed":
+                self._max = value is None
+                if value is not None:
+                    self.speed = _number(value, "speed", 0.01, FASTEST)
+            case "seek":
+                self.position = _number(value, "seek", 0.0, 1e9)
+            case _:
+                raise Refused(f"action is {action!r}; mask, pause, step ... were expected")
+        await self._go(self.position, always=True)
+
+    async def _mask(self, on: bool) -> None:
+        """Withhold GNSS from here on, or give it back from here on, and answer anew."""
+        if self._remake is None:
+            raise Refused("this is a result without its drive: replay the drive to mask GNSS")
+        async with self._making:
+            now = float(self.film.time[0]) + self.position
+            kept = [(a, min(b, now)) for a, b in self._windows if a < now]
+            if on:
+                kept.append((now, _LATER))
+            self._windows = kept
+            self.film = await asyncio.to_thread(self._remake, list(kept))
+            self._edition += 1
+
+
+def _number(value: Any, name: str, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise Refused(f"{name}: a number from {low:g} to {high:g} was expected")
+    return float(value)

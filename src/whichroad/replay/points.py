@@ -1,0 +1,88 @@
+"""Points that were written to a file, as an answer again."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ..errors import ReadError
+from ..evaluate.tables import read_table
+from ..result import Result
+from ..tables import POINTS, TIME
+
+_NEEDED = ("time", "lat", "lon", "p_road", "status")
+
+
+def read_points(path: str | Path, drive_id: str | None = None) -> Result:
+    """An answer that `match` wrote, of one drive.
+
+    Args:
+        path: .parquet, .arrow, .geojson or .csv.
+        drive_id: Which drive, where there are several.
+
+    Raises:
+        ReadError: It is no table of points, or holds several drives and none was named.
+    """
+    path = Path(path)
+    table = _arrow(read_table(path))
+    missing = [name for name in _NEEDED if name not in table.column_names]
+    if missing:
+        raise ReadError(
+            f"{path}: no column {missing[0]!r} among {', '.join(table.column_names[:30])}; points "
+            "that `whichroad match -o` wrote were expected"
+        )
+    try:
+        points = pa.table({f.name: _column(table, f) for f in POINTS}, schema=POINTS)
+    except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        raise ReadError(
+            f"{path}: {str(error)[:200]}; points that `whichroad match -o` wrote were expected"
+        ) from error
+    drives = points["drive_id"].unique().to_pylist()
+    if drive_id is not None or len(drives) == 1:
+        wanted = drive_id if drive_id is not None else drives[0]
+        points = points.filter(pc.equal(points["drive_id"], wanted))
+    if (len(drives) != 1 and drive_id is None) or not points.num_rows:
+        known = ", ".join(map(str, drives[:10]))
+        raise ReadError(
+            f"{path}: {len(drives)} drives ({known}) are in it; one of them was expected; name it "
+            "by --drive-id"
+        )
+    return Result(points, pa.table({"geometry": pa.array([], pa.binary())}), {})
+
+
+def _arrow(table: Any) -> pa.Table:
+    """Arrow of whatever the reader gave."""
+    if isinstance(table, pa.Table):
+        return table
+    return pa.Table.from_pandas(
+        table.drop(columns="geometry", errors="ignore"), preserve_index=False
+    )
+
+
+def _column(table: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
+    """A column of the points' type, nulls where the file has none of that name."""
+    if field.name not in table.column_names:
+        if field.name == "drive_id":
+            return pa.array(["drive"] * table.num_rows)
+        return pa.nulls(table.num_rows, field.type)
+    column = table[field.name]
+    if field.name == "time":
+        return _times(column)
+    if pa.types.is_list(field.type) and pa.types.is_string(column.type):
+        rows = [json.loads(text) if text else None for text in column.to_pylist()]
+        return pa.array(rows, field.type)
+    return column.cast(field.type)
+
+
+def _times(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        plain = pc.replace_substring_regex(column, r"(Z|\+00:00)$", "")
+        return plain.cast(pa.timestamp("us")).cast(TIME)
+    if not pa.types.is_timestamp(column.type):
+        raise ValueError(f"time is {column.type}; times were expected")
+    if column.type.tz is None:
+        column = column.cast(pa.timestamp("us"))
+        return pc.assume_timezone(column, "UTC")
+    return column.cast(TIME)

@@ -1,0 +1,159 @@
+"""What the sensors of a recorded drive said, beside what was made of it."""
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ..records import Array, Drive, Fixes
+from ..sensors.gnss import ellipse
+from ..sensors.odometry import Motion, motion_of
+from ..settings import Vehicle
+
+if TYPE_CHECKING:
+    from ..live.messages import ReckoningMessage, SensorMessage
+
+_LOOK = 5.0  # s over which a rate is told
+_SILENT = 3.0  # s after which a sensor counts as silent
+_GAP = 5.0  # s without a fix after which wheels alone are shown
+_EMPTY = np.zeros(0)
+_METRE = np.degrees(1.0 / 6_371_008.8)  # of latitude, degrees
+
+
+class Said(Protocol):
+    """The poses that dead reckoning begins at."""
+
+    time: Array
+    columns: dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Reckoning:
+    """Wheels alone through every gap of GNSS, (n,) each, NaN outside of gaps."""
+
+    lat: Array
+    lon: Array
+    bearing_deg: Array
+    since: Array  # s since 1970
+    travelled: Array  # m
+
+    def at(self, k: int) -> "ReckoningMessage | None":
+        """What wheels alone say at epoch k."""
+        if not len(self.lat) or not np.isfinite(self.lat[k]):
+            return None
+        return {
+            "lat": round(float(self.lat[k]), 8),
+            "lon": round(float(self.lon[k]), 8),
+            "bearing_deg": round(float(self.bearing_deg[k]), 2),
+            "since_epoch_s": round(float(self.since[k]), 6),
+            "travelled_m": round(float(self.travelled[k]), 1),
+        }
+
+
+class Signals:
+    """Fixes and motion of a drive; nothing where there is no drive.
+
+    Args:
+        drive: As the readers give it.
+        vehicle: For the odometry.
+    """
+
+    def __init__(self, drive: Drive | None = None, vehicle: Vehicle | None = None) -> None:
+        fixes = drive.fixes if drive is not None else None
+        self.fixes = fixes if fixes is not None and len(fixes) else None
+        self.fix_times: Array = self.fixes.time if self.fixes is not None else _EMPTY
+        self._shape = _shape(self.fixes) if self.fixes is not None else None
+        log = drive.odometry if drive is not None else None
+        self.motion: Motion | None = motion_of(log, vehicle or Vehicle()) if log else None
+
+    def fix(self, time: float) -> dict[str, Any] | None:
+        """The last fix at a time (s since 1970)."""
+        i = int(np.searchsorted(self.fix_times, time + 1e-6, side="right")) - 1
+        return self.fix_at(i, time) if i >= 0 else None
+
+    def fix_at(self, i: int, time: float) -> dict[str, Any]:
+        """Fix i as a message has it."""
+        assert self.fixes is not None
+        assert self._shape is not None
+        major, minor, axis = (float(column[i]) for column in self._shape)
+        shape = {
+            "major_m": round(major, 3), "minor_m": round(minor, 3), "bearing_deg": round(axis, 2),
+        }  # fmt: skip
+        return {
+            "epoch_s": round(float(self.fix_times[i]), 6),
+            "age_s": round(max(time - float(self.fix_times[i]), 0.0), 3),
+            "lat": round(float(self.fixes.lat_deg[i]), 8),
+            "lon": round(float(self.fixes.lon_deg[i]), 8),
+            "ellipse": shape if np.isfinite(major) else None,
+        }
+
+    def sensors(self, time: float) -> "list[SensorMessage]":
+        """Their health at a time."""
+        told: list[SensorMessage] = []
+        motion = self.motion.time if self.motion is not None else _EMPTY
+        for kind, times in (("gnss", self.fix_times), ("wheels", motion)):
+            if not len(times):
+                continue
+            count = int(np.searchsorted(times, time + 1e-6, side="right"))
+            recent = count - int(np.searchsorted(times, time - _LOOK))
+            age = time - float(times[count - 1]) if count else None
+            ok = age is not None and age <= _SILENT
+            state = "ok" if ok else "waiting" if age is None else "silent"
+            told.append(
+                {
+                    "name": kind, "kind": kind, "state": state, "ok": ok,
+                    "rate_hz": round(recent / _LOOK, 1),
+                    "age_s": None if age is None else round(age, 2),
+                    "count": count, "skipped": 0,
+                }
+            )  # fmt: skip
+        return told
+
+    def reckoning(self, said: Said, used: Array) -> Reckoning:
+        """Equation (1) of the paper through every gap, from the pose before it.
+
+        Args:
+            said: What the filter said at each epoch.
+            used: Times of the fixes that it was given.
+        """
+        n = len(said.time)
+        out = Reckoning(*(np.full(n, np.nan) for _ in range(5)))
+        motion = self.motion
+        if motion is None or motion.turn is None or not len(self.fix_times):
+            return out
+        edges = np.concatenate([used, said.time[-1:] + _GAP if n else used[:0]])
+        for begin, end in itertools.pairwise(edges):
+            if end - begin <= _GAP:
+                continue
+            a, b = np.searchsorted(said.time, (begin, end))
+            if a < n and np.isfinite(said.columns["lat"][a]):
+                _reckon(motion, said, slice(int(a), min(int(b) + 1, n)), out)
+        return out
+
+
+def _reckon(motion: Motion, said: Said, rows: slice, out: Reckoning) -> None:
+    """Integrate distance and turn from the pose of the first row on."""
+    assert motion.turn is not None
+    time = said.time[rows]
+    distance = np.interp(time, motion.time, motion.distance)
+    turn = np.interp(time, motion.time, motion.turn)
+    lat0, lon0, bearing0 = (said.columns[n][rows.start] for n in ("lat", "lon", "bearing_deg"))
+    bearing = np.radians(bearing0) - (turn - turn[0])
+    middle, step = 0.5 * (bearing[1:] + bearing[:-1]), np.diff(distance)
+    east = np.concatenate([[0.0], np.cumsum(step * np.sin(middle))])
+    north = np.concatenate([[0.0], np.cumsum(step * np.cos(middle))])
+    out.lat[rows] = lat0 + _METRE * north
+    out.lon[rows] = lon0 + _METRE * east / np.cos(np.radians(lat0))
+    out.bearing_deg[rows] = np.degrees(bearing) % 360.0
+    out.since[rows] = time[0]
+    out.travelled[rows] = np.concatenate([[0.0], np.cumsum(np.abs(step))])
+
+
+def _shape(fixes: Fixes) -> tuple[Array, Array, Array]:
+    """1 sigma ellipses of fixes: axes (m) and the bearing of the major one (degrees)."""
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(fixes.cov_ee) & np.isfinite(fixes.cov_nn)
+        ee, en, nn = (np.where(known, c, 1.0) for c in (fixes.cov_ee, fixes.cov_en, fixes.cov_nn))
+        major, minor, heading = ellipse(ee, en, nn)
+    return np.where(known, major, np.inf), minor, (90.0 - np.degrees(heading)) % 180.0

@@ -1,0 +1,185 @@
+"""What arrives in pieces says the same as the whole log, and says it at once."""
+
+import math
+from collections import Counter
+from dataclasses import astuple
+
+import can
+import numpy as np
+import pytest
+
+from whichroad import GeoFix, WheelTicks, read_drive, read_vehicle
+from whichroad.live.decode import CanStream, NmeaStream
+from whichroad.readers.burst import BurstParser
+from whichroad.readers.frames import key, read_frames
+from whichroad.readers.nmea import NmeaParser
+from whichroad.simulate.drive import START
+from whichroad.simulate.files import nmea_text, write_drive
+
+
+@pytest.fixture(scope="module")
+def log(ride):
+    return nmea_text(ride).encode()
+
+
+def bursts(log):
+    """The log second by second; the simulator ends each with ZDA."""
+    found, burst = [], b""
+    for line in log.splitlines(keepends=True):
+        burst += line
+        if line[3:6] == b"ZDA":
+            found.append(burst)
+            burst = b""
+    return found
+
+
+def of_blocks(data):
+    parser = NmeaParser()
+    return parser.feed(data) + parser.flush()
+
+
+def of_pieces(data, rng):
+    parser, fixes, at = BurstParser(today=START), [], 0
+    while at < len(data):
+        size = int(rng.integers(1, 400))
+        fixes += parser.feed(data[at : at + size])
+        at += size
+    return fixes + parser.flush()
+
+
+def assert_same(ours, theirs, fields=slice(None)):
+    assert len(ours) == len(theirs)
+    for a, b in zip(ours, theirs, strict=True):
+        a, b = astuple(a)[fields], astuple(b)[fields]
+        assert a == pytest.approx(b, rel=1e-12, abs=1e-12)
+
+
+def test_pieces_say_what_the_whole_log_says(log):
+    assert_same(of_pieces(log, np.random.default_rng(1)), of_blocks(log))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lost_and_damaged_sentences_say_what_the_whole_log_says(log, seed):
+    rng = np.random.default_rng(seed)
+    lines = [line for line in log.splitlines(keepends=True)[:400] if rng.random() > 0.1]
+    for i in rng.integers(0, len(lines), 40):
+        line = bytearray(lines[i])
+        line[rng.integers(0, len(line) - 2)] = rng.integers(33, 127)
+        lines[i] = bytes(line)
+    data = b"".join(lines)
+    # a VTG alone belongs to the burst before, which is out already: speeds may differ
+    assert_same(of_pieces(data, rng), of_blocks(data), slice(6))
+
+
+def test_a_fix_comes_out_with_its_last_sentence_once_that_is_known(log):
+    stream, waited = NmeaStream(), []
+    for burst in bursts(log)[:30]:
+        fixes = stream.feed(burst)
+        waited.append(not fixes)
+        assert len(fixes or stream.flush()) == 1
+    assert waited == [True] * 3 + [False] * 27
+
+
+def test_a_receiver_that_changes_its_burst_is_learnt_anew(log):
+    stream, fixes = NmeaStream(), []
+    for number, burst in enumerate(bursts(log)[:60]):
+        lines = burst.splitlines(keepends=True)
+        if number >= 30:  # now it ends with RMC, after what used to be the end
+            lines = [lines[0], lines[1], lines[4], lines[3], lines[2]]
+        for line in lines:
+            fixes += stream.feed(line)
+    fixes += stream.flush()
+    assert len(fixes) == 60
+    assert all(math.isfinite(fix.sigma_speed) for fix in fixes[40:])
+
+
+def test_a_clock_offset_moves_the_fixes(log):
+    burst = bursts(log)[0]
+    late, plain = NmeaStream(offset=1.5), NmeaStream()
+    (a,), (b,) = (s.feed(burst) or s.flush() for s in (late, plain))
+    assert a.time - b.time == 1.5
+
+
+def test_random_bytes_give_no_fix_and_take_no_memory(log):
+    rng = np.random.default_rng(2)
+    stream = NmeaStream()
+    for _ in range(200):
+        assert stream.feed(rng.bytes(5000)) == []
+        stream.flush()
+    assert len(stream._parser._line) <= 10_000
+    assert stream.skipped > 0
+    stream.feed(b"\r\n")
+    assert [f for b in bursts(log)[:5] for f in (stream.feed(b) or stream.flush())] == of_blocks(
+        b"".join(bursts(log)[:5])
+    )
+
+
+# CAN
+
+
+@pytest.fixture(scope="module")
+def files(town, ride, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drive")
+    write_drive(ride, town, folder)
+    return folder
+
+
+def test_frames_one_by_one_say_what_the_whole_log_says(files):
+    car = read_vehicle(files / "vehicle.toml")
+    stream = CanStream(files / "vehicle.dbc", car)
+    skipped = Counter()
+    frames = read_frames(files / "can.log", stream.frames, skipped)
+    rows = sorted(
+        (float(t), k, bytes(d[:n]))
+        for k, f in frames.items()
+        for t, d, n in zip(f.time, f.data, f.length, strict=True)
+    )
+    ours = [one for t, k, d in rows for one in stream.feed(k, t, d)]
+    (drive,) = read_drive(files / "can.log", vehicle=car, dbc=files / "vehicle.dbc")
+    theirs = drive.odometry
+    assert all(isinstance(one, WheelTicks) for one in ours)
+    assert [one.time for one in ours] == theirs.time.tolist()
+    assert [one.left for one in ours] == pytest.approx(theirs.left.tolist())
+    assert [one.right for one in ours] == pytest.approx(theirs.right.tolist())
+
+
+DBC = """VERSION ""
+BU_: A
+BO_ 256 L: 8 A
+ SG_ Left : 7|16@0- (0.01,1) [0|0] "km/h" A
+BO_ 257 R: 8 A
+ SG_ Right : 4|12@1- (0.1,0) [0|0] "km/h" A
+"""
+
+
+def test_wheels_in_two_frames_are_brought_to_one_time(tmp_path):
+    import cantools
+
+    from whichroad import Vehicle
+
+    (tmp_path / "two.dbc").write_text(DBC)
+    base = cantools.database.load_string(DBC)
+    signals = {"wheel_rl": "Left", "wheel_rr": "Right"}
+    stream = CanStream(tmp_path / "two.dbc", Vehicle(signals=signals))
+    time, said = 1.7e9, []
+    for i in range(10):
+        left = base.encode_message("L", {"Left": 36.0 - 3.6 * i})
+        right = base.encode_message("R", {"Right": 36.0 - 3.6 * i})
+        said += stream.feed(key(256, False), time + 0.02 * i, left)
+        said += stream.feed(key(257, False), time + 0.02 * i + 0.01, right)
+    assert [round(one.time - time, 6) for one in said] == [round(0.02 * i, 6) for i in range(1, 10)]
+    assert [one.left for one in said] == pytest.approx([10.0 - i for i in range(1, 10)])
+    assert [one.right for one in said] == pytest.approx([10.5 - i for i in range(1, 10)], abs=1e-4)
+
+
+def test_frames_that_mean_nothing_are_counted_or_passed_over(files):
+    stream = CanStream(files / "vehicle.dbc", read_vehicle(files / "vehicle.toml"))
+    message = can.Message(arbitration_id=928, data=[1])
+    assert stream.feed(key(928, False), 1.7e9, bytes(message.data)) == []
+    assert stream.skipped_why == {"frame cut short": 2}
+    assert stream.feed(key(1, False), 1.7e9, b"12345678") == []
+    rng = np.random.default_rng(3)
+    for i in range(500):
+        for one in stream.feed(key(928, False), 1.7e9 + i, rng.bytes(8)):
+            assert not isinstance(one, GeoFix)
+            assert math.isfinite(one.left)

@@ -1,0 +1,90 @@
+"""A recording is whole at every moment, goes on after a crash, and reads like any drive."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import whichroad
+from whichroad import Localizer, WriteError, match, read_drive
+from whichroad.evaluate.tables import read_table
+from whichroad.live.recording import Appended, Recorder
+from whichroad.tables import read_arrow
+
+
+def record(folder, town, ride, observations, every=50):
+    localizer = Localizer(town, vehicle=ride.vehicle)
+    recorder = Recorder(folder, town, {})
+    for number, one in enumerate(observations):
+        recorder.observe(one)
+        localizer.take(one)
+        recorder.say(localizer)
+        if number % every == 0:
+            recorder.flush()
+    recorder.close()
+    return localizer
+
+
+def test_a_recording_reads_as_the_drive_that_was(town, ride, observations, tmp_path):
+    record(tmp_path / "rec", town, ride, observations[:800])
+    (drive,) = read_drive(tmp_path / "rec", vehicle=ride.vehicle)
+    assert drive.drive_id == "rec"
+    end = observations[799].time
+    for name in ("time", "lat_deg", "lon_deg", "cov_ee", "cov_en", "cov_nn"):
+        theirs = getattr(ride.drive.fixes, name)[ride.drive.fixes.time <= end]
+        assert getattr(drive.fixes, name) == pytest.approx(theirs, rel=1e-9)
+    theirs = ride.drive.odometry
+    assert drive.odometry.left == pytest.approx(theirs.left[theirs.time <= end])
+    points = match(tmp_path / "rec", town, vehicle=ride.vehicle).to_arrow()
+    assert points.num_rows == len(drive.odometry.time)
+
+
+def test_the_points_of_a_recording_are_what_was_said(town, ride, observations, tmp_path):
+    localizer = record(tmp_path / "rec", town, ride, observations[:500])
+    table = read_table(tmp_path / "rec")
+    assert table.num_rows == 500
+    last, said = table.slice(499).to_pylist()[0], localizer.estimate()
+    assert (last["lat"], last["lon"]) == pytest.approx((said.pose.lat, said.pose.lon))
+    assert (last["edge_id"], last["status"]) == (said.edge, said.status)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_torn_end_is_passed_over_and_cut_off(town, ride, observations, tmp_path, seed):
+    folder = tmp_path / "rec"
+    record(folder, town, ride, observations[:300])
+    whole = {file: len(read_arrow(file.read_bytes())[0]) for file in folder.glob("*.arrow")}
+    rng = np.random.default_rng(seed)
+    for file in whole:
+        data = file.read_bytes()
+        file.write_bytes(data[: int(rng.integers(len(data) // 2, len(data)))])
+    before = {file: read_arrow(file.read_bytes())[0].num_rows for file in whole}
+    assert all(before[file] <= whole[file] for file in whole)
+    (drive,) = read_drive(folder, vehicle=ride.vehicle)
+    assert len(drive.fixes) == before[folder / "fixes.arrow"]
+    record(folder, town, ride, observations[300:400])
+    after = {file: read_arrow(file.read_bytes()) for file in whole}
+    assert all(ended for _, ended in after.values())
+    assert len(after[folder / "points.arrow"][0]) == before[folder / "points.arrow"] + 100
+
+
+def test_a_file_torn_in_its_very_beginning_starts_anew(tmp_path):
+    schema = pa.schema([("a", pa.float64())])
+    data = schema.serialize().to_pybytes()
+    for size in (0, 1, 8, len(data) - 1, len(data)):
+        path = tmp_path / f"{size}.arrow"
+        path.write_bytes(data[:size])
+        stream = Appended(path, schema)
+        stream.append(pa.table({"a": [1.0, 2.0]}))
+        stream.close()
+        assert read_arrow(path.read_bytes())[0]["a"].to_pylist() == [1.0, 2.0]
+
+
+def test_another_table_is_not_appended_to(tmp_path):
+    path = tmp_path / "a.arrow"
+    Appended(path, pa.schema([("b", pa.int64())])).close()
+    with pytest.raises(WriteError, match="another table"):
+        Appended(path, pa.schema([("a", pa.float64())]))
+
+
+def test_a_folder_that_is_no_recording_is_refused(tmp_path):
+    with pytest.raises(whichroad.ReadError, match="a folder without"):
+        read_drive(tmp_path)

@@ -1,0 +1,209 @@
+"""Many trips: what is said of each is what is said of it alone, and none takes others along."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import whichroad
+from whichroad.batch import Tables, match_many, match_stream
+from whichroad.frames import Plane
+from whichroad.readers import trips
+from whichroad.tables import DRIVES, PATH, POINTS
+
+PLANE = Plane(49.4, 8.7)
+BLOCK = 200.0  # m
+
+
+@pytest.fixture(scope="module")
+def roads() -> whichroad.RoadMap:
+    """Three streets along, three across."""
+    import geopandas
+    import shapely
+
+    k = np.arange(3) * BLOCK
+    ends = [((a, b), (a + BLOCK, b)) for a in k[:2] for b in k]
+    ends += [((b, a), (b, a + BLOCK)) for a in k[:2] for b in k]
+    lines = []
+    for line in ends:
+        lat, lon = PLANE.to_geodetic(*np.array(line).T)
+        lines.append(shapely.LineString(np.column_stack([lon, lat])))
+    return whichroad.RoadMap.from_edges(
+        geopandas.GeoDataFrame({"id": np.arange(len(lines))}, geometry=lines, crs="EPSG:4326")
+    )
+
+
+def trip(name: str, row: int, start: float = 1.6e9, seed: int = 0) -> pa.Table:
+    """A drive of half a minute along one of the streets."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(10.0, 390.0, 12.0)
+    lat, lon = PLANE.to_geodetic(
+        x + rng.normal(0, 2, len(x)), row * BLOCK + rng.normal(0, 2, len(x))
+    )
+    time = start + np.arange(len(x))
+    return pa.table({"drive_id": [name] * len(x), "time": time, "lat": lat, "lon": lon})
+
+
+@pytest.fixture(scope="module")
+def fleet() -> pa.Table:
+    return pa.concat_tables([trip(f"car {i}", i % 3, 1.6e9 + 50 * i, i) for i in range(7)])
+
+
+def same(a: Tables, b: Tables) -> bool:
+    return all(x.equals(y) for x, y in zip(a, b, strict=True))
+
+
+def test_each_trip_is_answered_as_if_it_were_alone(roads, fleet):
+    many = match_many(fleet, roads)
+    for i in (0, 3):
+        one = whichroad.match(fleet.filter(pa.compute.equal(fleet["drive_id"], f"car {i}")), roads)
+        mine = pa.compute.equal(many.points["drive_id"], f"car {i}")
+        assert many.points.filter(mine).equals(one.to_arrow())
+        mine = pa.compute.equal(many.path["drive_id"], f"car {i}")
+        assert many.path.filter(mine).equals(one.path_arrow())
+    assert many.points.schema.equals(POINTS)
+    assert many.path.schema.equals(PATH)
+    assert many.drives.schema.equals(DRIVES)
+
+
+def test_there_is_one_row_for_every_trip_in_the_order_in_which_they_begin(roads, fleet):
+    many = match_many(fleet, roads)
+    assert many.drives["drive_id"].to_pylist() == [f"car {i}" for i in range(7)]
+    assert many.drives["answered"].to_pylist() == [True] * 7
+    assert many.drives["epochs"].to_pylist() == [32] * 7
+    order = [name for name, _ in itertools.groupby(many.points["drive_id"].to_pylist())]
+    assert order == many.drives["drive_id"].to_pylist()
+
+
+def test_the_number_of_threads_changes_nothing(roads, fleet, monkeypatch):
+    monkeypatch.setattr(trips, "PARCEL", 40)  # a trip a parcel
+    assert same(match_many(fleet, roads, threads=1), match_many(fleet, roads, threads=3))
+
+
+@pytest.mark.parametrize("rows", [1, 17, 1000])
+def test_a_stream_says_what_the_table_says_wherever_it_is_cut(roads, fleet, rows):
+    whole = match_many(fleet, roads)
+    assert same(whole, match_many(iter(fleet.to_batches(max_chunksize=rows)), roads))
+    reader = pa.RecordBatchReader.from_batches(fleet.schema, fleet.to_batches(max_chunksize=rows))
+    assert same(whole, match_many(reader, roads))
+
+
+def test_trips_whose_rows_lie_between_one_another_are_told_apart(roads, fleet):
+    by_time = fleet.take(np.argsort(np.tile(np.arange(32), 7), kind="stable"))
+    assert same(match_many(by_time, roads), match_many(fleet, roads))
+    assert same(match_many(by_time.to_batches(max_chunksize=20), roads), match_many(fleet, roads))
+
+
+def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
+    far = trip("on the moon", 0)
+    far = far.set_column(2, "lat", pa.array(np.full(len(far), -33.0)))
+    blank = trip("blank", 0)
+    blank = blank.set_column(2, "lat", pa.nulls(len(blank), pa.float64()))
+    blank = blank.set_column(3, "lon", pa.nulls(len(blank), pa.float64()))
+    timeless = trip("timeless", 0)
+    timeless = timeless.set_column(1, "time", pa.nulls(len(timeless), pa.float64()))
+    nameless = trip("x", 0)
+    nameless = nameless.set_column(0, "drive_id", pa.nulls(len(nameless), pa.string()))
+    bad = [far, blank, timeless, nameless]
+    many = match_many(pa.concat_tables([fleet.slice(0, 32), *bad, fleet.slice(32, 32)]), roads)
+    said = dict(zip(many.drives["drive_id"].to_pylist(), many.drives.to_pylist(), strict=True))
+    assert [row["answered"] for row in said.values()] == [True, False, False, False, False, True]
+    assert "km from the map" in said["on the moon"]["reason"]
+    assert "neither a fix nor odometry" in said["blank"]["reason"]
+    assert "time" in said["timeless"]["reason"]
+    assert "name no trip" in said[""]["reason"]
+    assert set(many.points["drive_id"].to_pylist()) == {"car 0", "car 1"}
+
+
+def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatch):
+    from whichroad import batch
+
+    def match(drive, *args, **kwargs):
+        if drive.drive_id == "car 2":
+            raise ZeroDivisionError("oops")
+        return whichroad.match(drive, *args, **kwargs)
+
+    monkeypatch.setattr(batch, "match", match)
+    rows = match_many(fleet, roads).drives.to_pylist()
+    assert [row["answered"] for row in rows] == [i != 2 for i in range(7)]
+    assert "ZeroDivisionError: oops" in rows[2]["reason"]
+
+
+def test_what_a_trip_had_skipped_is_its_own(roads, fleet):
+    lat = fleet["lat"].to_numpy().copy()
+    lat[40:43] = 95.0
+    dirty = fleet.set_column(2, "lat", pa.array(lat))
+    rows = match_many(dirty, roads).drives.to_pylist()
+    assert [sum(n for _, n in row["skipped"]) for row in rows] == [0, 3, 0, 0, 0, 0, 0]
+
+
+def test_the_trips_column_is_found_by_its_aliases_or_named(roads, fleet):
+    whole = match_many(fleet, roads)
+    assert same(whole, match_many(fleet.rename_columns(["trip_id", "time", "lat", "lon"]), roads))
+    odd = fleet.rename_columns(["Fahrt", "time", "lat", "lon"])
+    assert same(whole, match_many(odd, roads, drive_id="Fahrt"))
+    assert same(whole, match_many(odd.to_pandas(), roads, drive_id="Fahrt"))
+    with pytest.raises(whichroad.ReadError, match="no column 'drive_id'"):
+        match_many(odd, roads)
+
+
+def test_numbers_name_trips_too(roads):
+    table = pa.concat_tables([trip("a", 0), trip("b", 1)])
+    table = table.set_column(0, "drive_id", pa.array(np.repeat([7, 5], 32)))
+    assert match_many(table, roads).drives["drive_id"].to_pylist() == ["7", "5"]
+
+
+def test_files_and_folders_are_streams(roads, fleet, tmp_path):
+    whole = match_many(fleet, roads)
+    pq.write_table(fleet, tmp_path / "one.parquet", row_group_size=20)
+    assert same(whole, match_many(tmp_path / "one.parquet", roads))
+    folder = tmp_path / "many"
+    folder.mkdir()
+    for i in range(7):
+        pq.write_table(fleet.slice(32 * i, 32), folder / f"{i}.parquet")
+    assert same(whole, match_many(str(folder), roads))
+
+
+def test_no_trips_are_tables_without_rows(roads, fleet):
+    for none in (fleet.slice(0, 0), iter([])):
+        many = match_many(none, roads)
+        assert [t.num_rows for t in many] == [0, 0, 0]
+        assert many.points.schema.equals(POINTS)
+
+
+def test_only_what_is_worked_on_is_taken_from_a_stream(roads, monkeypatch):
+    monkeypatch.setattr(trips, "APART", 50)
+    monkeypatch.setattr(trips, "PARCEL", 40)
+    taken = itertools.count()
+    last = 0
+
+    def endless() -> Iterator[pa.RecordBatch]:
+        nonlocal last
+        for last in taken:
+            yield from trip(f"car {last}", last % 3, 1.6e9 + 50 * last).to_batches()
+
+    for i, part in enumerate(match_stream(endless(), roads, threads=2)):
+        assert part.drives["drive_id"].to_pylist() == [f"car {i}"]
+        assert last - i <= 2 * 2 + 4  # parcels ahead, and trips that may not be whole
+        if i == 20:
+            break
+
+
+def test_progress_is_told(roads, fleet):
+    told = []
+    match_many(fleet, roads, progress=lambda what, done, of: told.append((what, done, of)))
+    assert told[-1] == ("trips", 7, 0)
+
+
+@pytest.mark.parametrize("thing", [7, None])
+def test_what_is_no_table_is_refused(roads, thing):
+    with pytest.raises(whichroad.ReadError, match="no table of trips"):
+        match_many(thing, roads)
+
+
+def test_no_thread_is_no_number_of_threads(roads, fleet):
+    with pytest.raises(whichroad.SettingError, match="threads is 0"):
+        match_many(fleet, roads, threads=0)

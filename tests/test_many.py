@@ -1,0 +1,101 @@
+"""A table of many trips at the command line, and tables that grow in their file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from whichroad.cli import app
+from whichroad.errors import DriveError, WriteError
+from whichroad.frames import Plane
+from whichroad.writers.stream import growing
+
+PLANE = Plane(49.4, 8.7)
+
+
+def run(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> Path:
+    lat, lon = PLANE.to_geodetic(np.array([0.0, 500.0, 1000.0]), np.zeros(3))
+    (a, b, c) = ([float(x), float(y)] for x, y in zip(lon, lat, strict=True))
+    roads = [
+        {
+            "type": "Feature",
+            "properties": {"id": i},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
+        for i, line in enumerate(([a, b], [b, c]))
+    ]
+    path = tmp_path / "town.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": roads}))
+    return path
+
+
+def trips(tmp_path: Path, names: list[str], north: float = 0.0) -> Path:
+    n = 20
+    lat, lon = PLANE.to_geodetic(np.linspace(50.0, 900.0, n), np.full(n, north))
+    one = {"time": 1.6e9 + np.arange(n) * 4.0, "lat": lat, "lon": lon}
+    tables = [pa.table({"trip_id": [name] * n, **one}) for name in names]
+    path = tmp_path / "trips.parquet"
+    pq.write_table(pa.concat_tables(tables), path)
+    return path
+
+
+def test_a_table_of_many_trips_is_matched_trip_by_trip(tmp_path, town):
+    source = trips(tmp_path, ["a", "b", "c"])
+    out, path_out = tmp_path / "points.parquet", tmp_path / "path.csv"
+    done = run("match", source, "--map", town, "-o", out, "--path-out", path_out, "--every", 8)
+    assert done.exit_code == 0, done.output
+    points = pq.read_table(out)
+    assert points["drive_id"].to_pylist() == [name for name in "abc" for _ in range(10)]
+    assert json.loads(points.schema.metadata[b"geo"])["primary_column"] == "geometry"
+    assert path_out.read_text().count("\n") == 1 + 3
+    assert "answered               3" in done.output
+
+
+def test_nothing_answered_is_a_failure_that_says_why(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"], north=-90_000.0)
+    done = run("match", source, "--map", town)
+    assert isinstance(done.exception, DriveError)
+    assert "none of 2 trips" in str(done.exception)
+    assert "km from the map" in done.stderr
+
+
+def test_an_output_that_exists_is_not_replaced(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    out = tmp_path / "points.parquet"
+    out.write_text("mine")
+    assert isinstance(run("match", source, "--map", town, "-o", out).exception, WriteError)
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".arrow", ".csv"])
+def test_a_table_that_grew_reads_as_the_whole(tmp_path, suffix):
+    part = pa.table({"lat": [49.0], "lon": [8.0]})
+    path = tmp_path / f"grown{suffix}"
+    with growing(path) as write:
+        write(part)
+        assert not path.exists()
+        write(part)
+    if suffix == ".parquet":
+        assert pq.read_table(path, columns=["lat", "lon"]).equals(pa.concat_tables([part, part]))
+    else:
+        assert path.stat().st_size > 0
+
+
+def test_a_table_that_fails_while_it_grows_leaves_nothing(tmp_path):
+    def grow() -> None:
+        with growing(tmp_path / "grown.parquet") as write:
+            write(pa.table({"lat": [49.0], "lon": [8.0]}))
+            raise DriveError("stop")
+
+    with pytest.raises(DriveError, match="stop"):
+        grow()
+    assert not list(tmp_path.iterdir())
