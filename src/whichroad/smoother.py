@@ -8,7 +8,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .core.belief import Route
 from .core.epoch import Epochs
@@ -92,14 +91,12 @@ def smooth(past: Past, lag: Lag) -> Output:
     if not steps:
         return told
     epochs = past.epochs
-    fixes = np.where(epochs.has_fix == 1, epochs.time, -np.inf)
-    last_fix = np.maximum.accumulate(fixes)
     view = new_view()
     for known, first, last in _looks(past, lag, steps):
         look_back(
             past.memory, view, past.roads.arrays, past.route, epochs, past.filtered, told, known,
             first, last, past.mode, past.side, past.parameters, past.outage_after,
-            past.ambiguous_below, last_fix,
+            past.ambiguous_below,
         )  # fmt: skip
     return told
 
@@ -122,5 +119,3 @@ def _looks(past: Past, lag: Lag, steps: int) -> list[tuple[int, int, int]]:
         first = last
     return looks
 
-
-Nodes = NDArray[np.int64]

@@ -1,6 +1,8 @@
 """Routes out of the graph of merged hypotheses: the best one, and those that compete."""
 
 import heapq
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +16,9 @@ from .records import Array
 
 _DETOUR = 3.0  # times the distance between two edges that no hypothesis joins, and
 _DETOUR_MORE = 300.0  # m
+_SURE = 0.999  # P(edge) from which on an edge is passed by every way
+_BEAM = 200  # ways that are followed at once between two such edges
+_LEAST = 1e-4  # P of a way that is not worth it
 
 
 class Chain(NamedTuple):
@@ -22,6 +27,23 @@ class Chain(NamedTuple):
     edge: NDArray[np.int32]
     time: Array  # s
     abscissa: Array  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way to drive, of several."""
+
+    p: float
+    edges: tuple[int, ...]  # in driving order; those off the roads are left out
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """A part of the drive where the route is not sure, between two edges that are."""
+
+    start: float  # s, when the last sure edge before was still driven
+    end: float  # s, when the first sure edge after it was
+    ways: tuple[Way, ...]  # the most probable first; from the one edge to the other
 
 
 def best_chain(memory: Memory, route: Route, roads: Roads, *, viterbi: bool = False) -> Chain:
@@ -100,3 +122,140 @@ def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
             if f not in came and cost <= reach:
                 heapq.heappush(queue, (cost, f, edge))
     return None
+
+
+def alternatives(memory: Memory, route: Route, roads: Roads) -> list[Alternative]:
+    """The drive in parts between sure edges, each with its ways and their probabilities.
+
+    The parts follow each other, the last edge of one being the first of the next; nearly all
+    have one way.
+
+    Args:
+        memory: The graph, looked back over.
+        route: The tree of edges entered.
+        roads: The network.
+
+    Returns:
+        The parts in driving order.
+    """
+    steps, nodes, _ = memory.size.tolist()
+    p = np.zeros(nodes)
+    edge_probability(memory, p)
+    top = np.maximum.reduceat(p, memory.first_node[:steps]) if steps else np.zeros(0)
+    sure = np.flatnonzero(top >= _SURE).tolist()
+    if not sure or sure[0] != 0:
+        sure.insert(0, 0)
+    if sure[-1] != steps - 1:
+        sure.append(steps - 1)
+    best = [_best_edge(memory, p, t) for t in sure]
+    parts: list[Alternative] = []
+    for k in range(len(sure) - 1):
+        a, b = sure[k], sure[k + 1]
+        if b == a + 1 and best[k] == best[k + 1]:
+            continue
+        ways = _ways(memory, route, roads, a, b)
+        parts.append(Alternative(float(memory.time[a]), float(memory.time[b]), ways))
+    if not parts and steps:
+        alone = Way(1.0, (best[0],) if best[0] != OFF_ROAD else ())
+        parts.append(Alternative(float(memory.time[0]), float(memory.time[steps - 1]), (alone,)))
+    return parts
+
+
+def _best_edge(memory: Memory, p: Array, step: int) -> int:
+    first, last = memory.first_node[step : step + 2].tolist()
+    return int(memory.edge[first + int(np.argmax(p[first:last]))])
+
+
+def _ways(memory: Memory, route: Route, roads: Roads, first: int, last: int) -> tuple[Way, ...]:
+    """Ways from one step to a later one, backwards: P(way) = Σ γ(last) Π f over its chains.
+
+    A way is kept as its last edges, each with what follows, so that ways share their ends.
+    """
+    tails: list[tuple[int, int]] = []  # edge, number of the tail that follows
+    number: dict[tuple[int, int], int] = {}
+
+    def put(edge: int, tail: int) -> int:
+        key = (edge, tail)
+        if key not in number:
+            number[key] = len(tails)
+            tails.append(key)
+        return number[key]
+
+    here: dict[tuple[int, int], float] = {}
+    for j in range(*memory.first_node[last : last + 2].tolist()):
+        here[j, put(int(memory.edge[j]), -1)] = float(memory.smoothed[j])
+    for step in range(last, first, -1):
+        then = int(memory.first_node[step - 1])
+        before: dict[tuple[int, int], float] = {}
+        for (j, tail), weight in here.items():
+            for link in range(*memory.first_link[j : j + 2].tolist()):
+                i, part = then + int(memory.origin[link]), weight * float(memory.share[link])
+                if part < 0.1 * _LEAST:
+                    continue
+                longer = tail
+                if memory.edge[i] != memory.edge[j]:
+                    for edge in reversed(_between(route, roads, memory, i, j)):
+                        longer = put(edge, longer)
+                    longer = put(int(memory.edge[i]), longer)
+                before[i, longer] = before.get((i, longer), 0.0) + part
+        if len(before) > _BEAM:
+            before = dict(sorted(before.items(), key=lambda item: -item[1])[:_BEAM])
+        if not before:  # a new beginning
+            break
+        here = before
+    return _summed(here, tails)
+
+
+def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Way, ...]:
+    """Ways of the same edges are one."""
+    ways: dict[tuple[int, ...], float] = {}
+    for (_, tail), weight in here.items():
+        edges: list[int] = []
+        while tail >= 0:
+            edge, tail = tails[tail]
+            if edge != OFF_ROAD and (not edges or edges[-1] != edge):
+                edges.append(edge)
+        ways[tuple(edges)] = ways.get(tuple(edges), 0.0) + weight
+    total = math.fsum(ways.values())
+    kept = sorted(((w / total, e) for e, w in ways.items() if w > _LEAST * total), reverse=True)
+    return tuple(Way(p, edges) for p, edges in kept)
+
+
+def best_ways(parts: list[Alternative], count: int) -> list[Way]:
+    """The most probable whole routes: parts are independent, given the sure edges between.
+
+    Args:
+        parts: As `alternatives` gives them.
+        count: How many at most.
+
+    Returns:
+        Ways from the first edge to the last, the most probable first.
+    """
+    open_parts = [k for k, part in enumerate(parts) if len(part.ways) > 1]
+    start = (0,) * len(open_parts)
+
+    def log_p(choice: tuple[int, ...]) -> float:
+        return math.fsum(
+            math.log(parts[k].ways[c].p) for k, c in zip(open_parts, choice, strict=True)
+        )
+
+    queue, seen, found = [(-log_p(start), start)], {start}, []
+    while queue and len(found) < count:
+        cost, choice = heapq.heappop(queue)
+        found.append(Way(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True)))))
+        for at, c in enumerate(choice):
+            if c + 1 < len(parts[open_parts[at]].ways):
+                other = (*choice[:at], c + 1, *choice[at + 1 :])
+                if other not in seen:
+                    seen.add(other)
+                    heapq.heappush(queue, (-log_p(other), other))
+    return found
+
+
+def _joined(parts: list[Alternative], choice: dict[int, int]) -> tuple[int, ...]:
+    edges: list[int] = []
+    for k, part in enumerate(parts):
+        for edge in part.ways[choice.get(k, 0)].edges:
+            if not edges or edges[-1] != edge:
+                edges.append(edge)
+    return tuple(edges)

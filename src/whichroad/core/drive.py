@@ -294,9 +294,9 @@ def run(
                     limit *= _BLIND
                     most = (most + 1) // 2
                 reduce(belief, route, scale, par.prune, limit, most)
+        clock[SPEED] = _speed(belief, epochs, k, dt, mode)
         if remembers:
             remember(belief, memory, k, changed)
-        clock[SPEED] = _speed(belief, epochs, k, dt, mode)
         say(
             belief,
             roads,

@@ -37,13 +37,14 @@ from .belief import (
     new_belief,
 )
 from .epoch import CLOCK, Epochs
-from .memory import Memory
+from .memory import STEP_FIX, STEP_MISFITS, STEP_SCALE, STEP_SPEED, STEP_STOOD, Memory
 from .network import Roads
-from .output import LOST, STOPPED, V_CHI2, V_GNSS_SCALE, V_H, V_SPEED, V_X, V_Y, Output, say
+from .output import V_CHI2, V_H, V_SPEED, V_X, V_Y, Output, say
 from .parameters import Parameters
 from .transition import Bench, new_bench, predict_link, solve_gain
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
+_NOTHING = 1e-12  # probability that is not told
 
 
 class View(NamedTuple):
@@ -215,68 +216,68 @@ def step_back(
 
 
 @kernel
-def take_up(memory: Memory, view: View, step: int, slot: int) -> None:
+def take_up(memory: Memory, view: View, step: int, slot: int, mode: int) -> None:
     """Make the slot a belief, as which it can be told."""
     belief = view.belief
     first = memory.first_node[step]
     n = 0
+    speed = 0.0
     for i in range(memory.first_node[step + 1] - first):
         p = view.p[slot, i]
-        if p < 1e-12:
+        if p < _NOTHING:
             continue
         belief.probability[n] = p
         belief.log_weight[n] = math.log(p)
         belief.edge[n] = memory.edge[first + i]
         belief.segment[n] = memory.segment[first + i]
+        belief.node[n] = memory.tree[first + i]
         for a in range(N):
             belief.mean[n, a] = view.mean[slot, i, a]
             for b in range(N):
                 belief.cov[n, a, b] = view.cov[slot, i, a, b]
+        speed += p * belief.mean[n, K]
         n += 1
     belief.size[0] = n
+    past = memory.past[step]
+    clock = belief.clock
+    clock[NOW] = memory.time[step]
+    clock[SPEED] = speed if mode == CLOCK else past[STEP_SPEED]
+    clock[LAST_FIX] = past[STEP_FIX]
+    clock[MISFITS] = past[STEP_MISFITS]
+    clock[STOOD] = past[STEP_STOOD]
+    clock[GNSS_SCALE] = past[STEP_SCALE]
 
 
 @kernel
 def tell(
-    memory: Memory, view: View, roads: Roads, epochs: Epochs, filtered: Output, told: Output,
-    step: int, until: int, slot: int, mode: int, outage_after: float, ambiguous_below: float,
-    risk: float, last_fix: Vector,
+    view: View, roads: Roads, epochs: Epochs, filtered: Output, told: Output, start: int,
+    until: int, mode: int, outage_after: float, ambiguous_below: float, risk: float,
 ) -> None:  # fmt: skip
-    """Write what is known of a step, and of the epochs after it until the next.
+    """Write what is known of a step that was taken up, and of the epochs until the next.
 
     Nothing was observed in these, so that they differ from the step by what was driven, as
     the filter saw it.
     """
-    take_up(memory, view, step, slot)
     belief = view.belief
     clock = belief.clock
-    start = memory.epoch[step]
     x = filtered.value[start, V_X]
     y = filtered.value[start, V_Y]
     heading = filtered.value[start, V_H]
-    speed = 0.0
-    for i in range(belief.size[0]):
-        speed += belief.probability[i] * belief.mean[i, K]
     for k in range(start, until):
         value = filtered.value[k]
-        dx = value[V_X] - x
-        dy = value[V_Y] - y
+        scale = 1.0 + roads.curvature * (value[V_X] ** 2 + value[V_Y] ** 2)
         turned = wrap(value[V_H] - heading)
+        for i in range(belief.size[0]):
+            belief.mean[i, X] += value[V_X] - x
+            belief.mean[i, Y] += value[V_Y] - y
+            belief.mean[i, H] = wrap(belief.mean[i, H] + turned)
         x = value[V_X]
         y = value[V_Y]
         heading = value[V_H]
-        scale = 1.0 + roads.curvature * (x * x + y * y)
-        if k > start:
-            for i in range(belief.size[0]):
-                belief.mean[i, X] += dx
-                belief.mean[i, Y] += dy
-                belief.mean[i, H] = wrap(belief.mean[i, H] + turned)
+        clock[STOOD] += epochs.time[k] - clock[NOW] if clock[STOOD] > 0.0 else 0.0
         clock[NOW] = epochs.time[k]
-        clock[LAST_FIX] = last_fix[k]
-        clock[MISFITS] = 3.0 if filtered.status[k] == LOST else 0.0
-        clock[STOOD] = 2.0 if filtered.status[k] == STOPPED else 0.0
-        clock[SPEED] = speed if mode == CLOCK else value[V_SPEED]
-        clock[GNSS_SCALE] = value[V_GNSS_SCALE] ** 2
+        if mode != CLOCK:
+            clock[SPEED] = value[V_SPEED]
         chi2 = value[V_CHI2]
         say(belief, roads, told, k, scale, outage_after, ambiguous_below, risk, chi2)
 
@@ -285,7 +286,7 @@ def tell(
 def look_back(
     memory: Memory, view: View, roads: Roads, route: Route, epochs: Epochs, filtered: Output,
     told: Output, known: int, first: int, last: int, mode: int, side: float, par: Parameters,
-    outage_after: float, ambiguous_below: float, last_fix: Vector,
+    outage_after: float, ambiguous_below: float,
 ) -> None:  # fmt: skip
     """Answer steps first … last − 1 by what was known at a later one.
 
@@ -305,7 +306,6 @@ def look_back(
         par: The settings.
         outage_after: Seconds without a fix that make an outage.
         ambiguous_below: P(edge) below which the road is ambiguous.
-        last_fix: Time of the last fix at each epoch, s.
     """
     slot = 0
     begin_view(memory, view, known, slot)
@@ -320,8 +320,72 @@ def look_back(
             until = len(epochs.time)
             if step + 1 < memory.size[0]:
                 until = memory.epoch[step + 1]
+            take_up(memory, view, step, slot, mode)
             tell(
-                memory, view, roads, epochs, filtered, told, step, until, slot, mode,
-                outage_after, ambiguous_below, par.protection_risk, last_fix,
+                view, roads, epochs, filtered, told, memory.epoch[step], until, mode,
+                outage_after, ambiguous_below, par.protection_risk,
             )  # fmt: skip
 
+
+@kernel
+def surest(memory: Memory, view: View, step: int, slot: int) -> float:
+    """P of the most probable edge of a step in the view, components added up."""
+    first = memory.first_node[step]
+    n = memory.first_node[step + 1] - first
+    best = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            if memory.edge[first + i] == memory.edge[first + j]:
+                total += view.p[slot, j]
+        best = max(best, total)
+    return best
+
+
+@kernel
+def look_at(
+    memory: Memory, view: View, roads: Roads, route: Route, told: Output, step: int, mode: int,
+    side: float, par: Parameters, outage_after: float, ambiguous_below: float, sure: float,
+) -> int:  # fmt: skip
+    """Answer one step from the last one, and find until when the road is decided.
+
+    Args:
+        memory: The graph.
+        view: Scratch; its belief is that of the step afterwards.
+        roads: The network.
+        route: Its tree of edges.
+        told: One row, written; left alone where step < 0.
+        step: The step to be answered, or -1.
+        mode: WHEELS, DISTANCE or CLOCK.
+        side: 1 where one drives on the right, −1 on the left.
+        par: The settings.
+        outage_after: Seconds without a fix that make an outage.
+        ambiguous_below: P(edge) below which the road is ambiguous.
+        sure: P(edge) from which on it is decided.
+
+    Returns:
+        The last step at which one edge is decided, -1 where there is none.
+    """
+    known = memory.size[0] - 1
+    slot = 0
+    decided = -1
+    begin_view(memory, view, known, slot)
+    for at in range(known, -1, -1):
+        if at < known:
+            step_back(memory, view, roads, route, at + 1, slot, at >= step >= 0, mode, side, par)
+            slot = 1 - slot
+        if decided < 0 and surest(memory, view, at, slot) >= sure:
+            decided = at
+        if at == step:
+            take_up(memory, view, at, slot, mode)
+            mean = view.belief.mean[0]
+            scale = 1.0 + roads.curvature * (mean[X] ** 2 + mean[Y] ** 2)
+            say(
+                view.belief, roads, told, 0, scale, outage_after, ambiguous_below,
+                par.protection_risk, 0.0,
+            )  # fmt: skip
+        if at <= step and decided >= 0:
+            break
+        if step < 0 and decided >= 0:
+            break
+    return decided

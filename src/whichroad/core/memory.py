@@ -11,7 +11,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Floats32, Ints, Ints32, Matrix, Vector, kernel
-from .belief import KEPT, NO_EDGE, NOW, ORIGINS, Belief, N
+from .belief import (
+    GNSS_SCALE,
+    KEPT,
+    LAST_FIX,
+    MISFITS,
+    NO_EDGE,
+    NOW,
+    ORIGINS,
+    SPEED,
+    STOOD,
+    Belief,
+    N,
+)
 from .epoch import CLOCK, Epochs
 
 PACKED = N * (N + 1) // 2
@@ -19,11 +31,14 @@ _LEAST = 1e-7  # share of a hypothesis that is not worth a link
 _SELDOM = 1.0  # s between two steps, at most
 
 # since the step before, the same for all hypotheses
-ARC, METRES, TURN, SWUNG = range(4)  # Σ δs, Σ |δs|, Σ δθ, Σ |δθ|; δs is time where there are no wheels
+ARC, METRES, TURN, SWUNG = range(4)  # Σ δs, Σ |δs|, Σ δθ, Σ |δθ|; δs is time without wheels
 FORWARD, LEFT = 4, 5  # displacement in the frame of then, odometer metres
 LEVER_FORWARD, LEVER_LEFT = 6, 7  # and its derivative by the heading drift
 MAP_AGED, GNSS_AGED = 8, 9  # m and s by which the slow errors have aged
 SINCE = 10
+# and what the clock said at the step
+STEP_SPEED, STEP_FIX, STEP_MISFITS, STEP_STOOD, STEP_SCALE = range(SINCE, 15)
+PAST = 15
 
 
 class Memory(NamedTuple):
@@ -35,7 +50,7 @@ class Memory(NamedTuple):
     epoch: Ints  # (T,) number of the epoch
     time: Vector  # (T,) s
     first_node: Ints  # (T+1,)
-    past: Matrix  # (T, SINCE) what happened since the step before
+    past: Matrix  # (T, PAST) what happened since the step before
     edge: Ints32  # (M,)
     segment: Ints32  # (M,)
     p: Vector  # (M,) filtered probability
@@ -58,7 +73,7 @@ def new_memory(steps: int) -> Memory:
         np.zeros(steps, np.int64),
         np.zeros(steps),
         np.zeros(steps + 1, np.int64),
-        np.zeros((steps, SINCE)),
+        np.zeros((steps, PAST)),
         np.full(nodes, NO_EDGE, np.int32),
         np.zeros(nodes, np.int32),
         np.zeros(nodes),
@@ -148,6 +163,13 @@ def remember(belief: Belief, memory: Memory, k: int, changed: bool) -> None:
     for j in range(SINCE):
         memory.past[step, j] = memory.since[j]
         memory.since[j] = 0.0
+    clock = belief.clock
+    past = memory.past[step]
+    past[STEP_SPEED] = clock[SPEED]
+    past[STEP_FIX] = clock[LAST_FIX]
+    past[STEP_MISFITS] = clock[MISFITS]
+    past[STEP_STOOD] = clock[STOOD]
+    past[STEP_SCALE] = clock[GNSS_SCALE]
     n = belief.size[0]
     for i in range(n):
         memory.edge[node] = belief.edge[i]
