@@ -25,7 +25,7 @@ from .core.belief import (
 )
 from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
-from .core.memory import Memory, enlarged, is_full, new_memory
+from .core.memory import enlarged, is_full, new_memory
 from .core.motion import arc_chord
 from .core.output import (
     V_GNSS_SCALE,
@@ -48,7 +48,7 @@ from .core.start import cold_start
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
-from .errors import DriveError
+from .errors import DriveError, SettingError
 from .reasons import STATUS, far_off
 from .records import (
     Array,
@@ -65,12 +65,13 @@ from .roadmap import RoadMap
 from .search import is_vague, search, set_clock
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
-from .smoother import Lag, Past, smooth
+from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
 from .watch import Watch
-from .ways import best_chain
+from .ways import best_chain, tidied
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
+_NOTHING = new_memory(0)
 _LATE = 1.0  # s; an observation later than this is refused
 
 
@@ -168,7 +169,7 @@ def localize_recorded(
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
     belief, work, route = new_belief(lag is not None), new_work(), new_route(1 << 15)
-    memory = new_memory(0 if lag is None else 1 << 10)
+    memory = new_memory(0 if lag is None else 1 << 8)
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -191,7 +192,7 @@ def localize_recorded(
         if lag is not None and is_full(memory):
             memory = enlarged(memory)
         elif done < target or len(route.edge) - route.size[0] < 4096:
-            route = _tidy(route, belief, lag is not None)
+            route = tidied(route, belief.node[: belief.size[0]], memory.tree[: memory.size[1]])
         if progress is not None:
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
@@ -203,28 +204,6 @@ def localize_recorded(
     )  # fmt: skip
     smoothed = smooth(past, lag)
     return Recorded(smoothed, *best_chain(memory, route, roads.arrays), told, past)
-
-
-def _tidy(route: Route, belief: Belief, remembered: bool = False) -> Route:
-    """Make room for more, and keep the nodes that living hypotheses descend from, or all."""
-    n = int(belief.size[0])
-    used = int(route.size[0])
-    keep = np.full(used, remembered)
-    for node in belief.node[:n]:
-        while node >= 0 and not keep[node]:
-            keep[node] = True
-            node = route.parent[node]
-    kept = np.flatnonzero(keep)
-    number = np.full(used + 1, -1, np.int64)
-    number[kept] = np.arange(len(kept))
-    larger = new_route(max(len(route.edge), 4 * len(kept) + (1 << 14)))
-    larger.edge[: len(kept)] = route.edge[kept]
-    larger.parent[: len(kept)] = number[route.parent[kept]]
-    larger.time[: len(kept)] = route.time[kept]
-    larger.abscissa[: len(kept)] = route.abscissa[kept]
-    larger.size[0] = len(kept)
-    belief.node[:n] = number[belief.node[:n]]
-    return larger
 
 
 def _best_route(route: Route, belief: Belief) -> tuple[NDArray[np.int32], Array, Array]:
@@ -254,6 +233,10 @@ class Localizer:
         settings: The model's numbers.
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
             the filter.
+        lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
+
+    Raises:
+        SettingError: The lag is not a number of seconds.
     """
 
     def __init__(
@@ -263,13 +246,15 @@ class Localizer:
         vehicle: Vehicle | None = None,
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
+        lag: float | str | None = None,
     ) -> None:
         self.roads = roads
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
-        self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
-        self._memory = new_memory(0)
+        self._belief, self._work = new_belief(lag is not None), new_work()
+        self._past = None if lag is None else Window(lag)
+        self._route = new_route(0 if lag is None else 1 << 14)
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
@@ -338,13 +323,14 @@ class Localizer:
         """
         belief = Belief._make(a.copy() for a in self._belief)
         real, self._belief = self._belief, belief
+        past, self._past = self._past, None
         try:
             ahead = max(time - float(real.clock[NOW]), 0.0)
             self._fill(time, self._rate[0] * ahead, self._rate[1] * ahead, False)
             self._run()
             return self.estimate()
         finally:
-            self._belief = real
+            self._belief, self._past = real, past
 
     def _take_odometry(self, reading: WheelTicks | WheelSpeed | Distance | SpeedYaw) -> None:
         arc, turn = self._increment(reading)
@@ -433,25 +419,65 @@ class Localizer:
         e.has_fix[0] = 0
 
     def _run(self) -> None:
+        if self._past is not None:
+            self._route = self._past.make_room(self._belief, self._route)
         run(
             self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
             0, 1, self._mode, self._side, self._lever, self._par,
-            self.settings.outage_after_s, self.settings.ambiguous_below, False, self._memory,
+            self.settings.outage_after_s, self.settings.ambiguous_below, False,
+            _NOTHING if self._past is None else self._past.memory,
         )  # fmt: skip
 
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
-        value = self._output.value[0].tolist()
-        edge = int(self._output.edge[0])
-        answered = self._output.live[0] > 0
+        return self._estimate(self._belief, self._output)
+
+    def lagged(self) -> Estimate | None:
+        """The estimate of a moment the lag ago, by all that was observed since.
+
+        Of the last epoch before that moment at which something was observed; None before
+        there is one.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(True)
+        return None if found is None else self._estimate(found[0], found[1])
+
+    @property
+    def decided_until(self) -> float | None:
+        """The last time at which one road has 0.999 of the probability, by all that is known.
+
+        What was driven before it is decided as well as it ever will be; None: nothing is.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(False)
+        return None if found is None else found[2]
+
+    def _look(self, back: bool) -> tuple[Belief, Output, float | None] | None:
+        if self._past is None:
+            raise SettingError(
+                "lag is None; seconds were expected, to look back: Localizer(lag=10)"
+            )
+        return self._past.look(
+            self.roads, self._route, float(self._belief.clock[NOW]), self._mode, self._side,
+            self.settings, back,
+        )  # fmt: skip
+
+    def _estimate(self, belief: Belief, output: Output) -> Estimate:
+        value = output.value[0].tolist()
+        edge = int(output.edge[0])
+        answered = output.live[0] > 0
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(self._belief.clock[NOW]),
+            float(belief.clock[NOW]),
             pose_at(self.roads.plane, value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
             edge if edge >= 0 else None, value[V_P], value[V_OFF],
-            STATUS[int(self._output.status[0])], value[V_S], value[V_LATERAL],
+            STATUS[int(output.status[0])], value[V_S], value[V_LATERAL],
             value[V_PROTECTION] if answered else math.inf,
             value[V_GNSS_SCALE] if answered else 1.0,
-            Snapshot(self._belief, self._output, value, self.roads, self._far_fix),
+            Snapshot(belief, output, value, self.roads, self._far_fix),
         )  # fmt: skip

@@ -1,7 +1,8 @@
 """What a matched drive says, as tables: points, path, summary."""
 
 import math
-from functools import cache
+from collections.abc import Callable
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -35,6 +36,7 @@ from .core.output import (
     Output,
 )
 from .diagnosis import Finding
+from .errors import SettingError
 from .localizer import Recorded
 from .reasons import RECENT, STATUS, far_off, reason
 from .records import Array
@@ -42,6 +44,7 @@ from .roadmap import RoadMap
 from .route import Traversal, traversals
 from .sensors.gnss import ellipse
 from .tables import PATH, POINTS, geo_frame, line_wkb, times
+from .ways import Alternative, Way, best_ways
 from .writers import write_table
 
 _RULES = (
@@ -61,6 +64,8 @@ class Result:
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
+        ways: Tells the parts of the route with the ways that compete; None where nobody
+            looked back.
     """
 
     def __init__(
@@ -70,8 +75,10 @@ class Result:
         summary: dict[str, Any],
         hypotheses: dict[str, NDArray[Any]] | None = None,
         diagnosis: tuple[Finding, ...] = (),
+        ways: Callable[[], list[Alternative]] | None = None,
     ) -> None:
         self._points, self._path = points, path
+        self.ways = ways
         self.summary = summary
         self.hypotheses = hypotheses
         self.diagnosis = diagnosis
@@ -93,6 +100,35 @@ class Result:
     def path_arrow(self) -> pa.Table:
         """Path as an Arrow table, geometry as WKB."""
         return self._path
+
+    @cached_property
+    def _parts(self) -> list[Alternative]:
+        if self.ways is None:
+            raise SettingError(
+                "several ways are not known: this is the answer without a lag, or of several "
+                'drives; one drive matched with lag="full" was expected'
+            )
+        return self.ways()
+
+    @property
+    def alternatives(self) -> list[Alternative]:
+        """Parts of the drive whose route is not sure, with the ways that compete.
+
+        Raises:
+            SettingError: The drive was matched without a lag, or there are several drives.
+        """
+        return [part for part in self._parts if len(part.ways) > 1 and part.ways[1].p >= 0.001]
+
+    def routes(self, k: int = 3) -> list[Way]:
+        """The most probable routes from the drive's start to its end, connected edges with P.
+
+        Args:
+            k: How many at most.
+
+        Raises:
+            SettingError: The drive was matched without a lag, or there are several drives.
+        """
+        return best_ways(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from .result import Result, path_table, points_table, summary_of
 from .roadmap import RoadMap
 from .search import MAP
 from .settings import Settings, Vehicle
+from .smoother import Lag, decided_until
+from .ways import alternatives
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
@@ -104,7 +107,7 @@ def match(
     model: str = "default",
     start: Start = None,
     mask: Sequence[Window] = (),
-    lag: None = None,
+    lag: float | str | None = None,
     attributes: bool = False,
     hypotheses: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
@@ -121,7 +124,8 @@ def match(
             a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
             both wheels tell; else the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
-        lag: None: every epoch is answered by what was known then, as on line.
+        lag: By how much later knowledge an epoch is answered: seconds, "200m" driven, or "full"
+            for the drive's end.  None: by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         progress: Told (drive_id, epochs done, epochs in all).
@@ -138,10 +142,10 @@ def match(
     if model not in MODELS:
         raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
     pose = _start(start, model)
-    if lag is not None:
+    later = Lag.of(lag)
+    if later is not None and model == "paper":
         raise SettingError(
-            f"lag is {lag!r}; None was expected: looking back is not there yet, every epoch is "
-            "answered by what was known then"
+            f"lag is {lag!r}; the paper's method looks back at nothing; None was expected"
         )
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
@@ -156,7 +160,7 @@ def match(
             parts.append(
                 _match_one(
                     one, road_map, vehicle or Vehicle(), tuned, model, pose, windows,
-                    attributes, hypotheses, progress,
+                    attributes, hypotheses, progress, later,
                 )
             )  # fmt: skip
         except (DriveError, MapError) as error:
@@ -174,12 +178,14 @@ MODELS = ("default", "paper")
 def _match_one(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
-    hypotheses: bool, progress: Callable[[str, int, int], None] | None,
+    hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
 ) -> Result:  # fmt: skip
     _check_distance(drive, roads)
     timeline = build_timeline(drive, roads.plane, vehicle, mask)
     n = len(timeline.epochs.time)
-    localize: Callable[..., Recorded] = localize_literal if model == "paper" else localize_recorded
+    localize: Callable[..., Recorded] = (
+        localize_literal if model == "paper" else partial(localize_recorded, lag=lag)
+    )
     recorded = localize(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
@@ -198,7 +204,11 @@ def _match_one(
         "diagnosis": [asdict(finding) for finding in diagnosis],
     }
     poses = _poses(recorded.output, timeline) if hypotheses else None
-    return Result(points, path, summary, poses, diagnosis)
+    if recorded.past is None:
+        return Result(points, path, summary, poses, diagnosis)
+    summary |= {"lag": str(lag), "decided_until_s": decided_until(recorded.past)}
+    ways = partial(alternatives, recorded.past.memory, recorded.past.route, roads.arrays)
+    return Result(points, path, summary, poses, diagnosis, ways)
 
 
 def _check_distance(drive: Drive, roads: RoadMap) -> None:
@@ -264,4 +274,5 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         summary,
         parts[0].hypotheses if len(parts) == 1 else None,
         tuple(finding for p in parts for finding in p.diagnosis),
+        parts[0].ways if len(parts) == 1 else None,
     )

@@ -9,17 +9,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .core.belief import Route
+from .core.belief import ORIGINS, Belief, Route
 from .core.epoch import Epochs
-from .core.lookback import look_back, new_view
-from .core.memory import Memory
-from .core.output import V_SPEED, Output
+from .core.lookback import look_at, look_back, new_view
+from .core.memory import Memory, enlarged, is_full, new_memory
+from .core.output import V_SPEED, Output, new_output
 from .core.parameters import Parameters
+from .core.ways import edge_probability
 from .errors import SettingError
 from .records import Array
 from .roadmap import RoadMap
+from .settings import Settings
+from .ways import tidied
 
 FULL = "full"
+SURE = 0.999  # P(edge) from which on it is decided
+_WINDOW = 120.0  # s that are remembered on line, at least
+_ROOM = 2048  # nodes of the route tree that one epoch may need
 _HOP = 0.125  # of the lag, by which it may be longer: so many answers come from one look back
 
 
@@ -46,7 +52,7 @@ class Lag(NamedTuple):
             length = float(text.removesuffix("m").removesuffix("s"))
         except ValueError:
             length = -1.0
-        if not 0.0 <= length or isinstance(lag, bool):
+        if isinstance(lag, bool) or not length >= 0.0:  # not a number: neither
             raise SettingError(
                 f'lag is {lag!r}; None, seconds from 0 on, "200m" (metres driven) or "{FULL}" was '
                 "expected"
@@ -72,6 +78,93 @@ class Past(NamedTuple):
     ambiguous_below: float
 
 
+class Window:
+    """The last seconds of a drive on line, to be looked back over.
+
+    Args:
+        lag: Seconds.
+
+    Raises:
+        SettingError: It is no number of seconds.
+    """
+
+    def __init__(self, lag: Any) -> None:
+        given = Lag.of(lag)
+        if given is None or given.metres or math.isinf(given.length):
+            raise SettingError(f"lag is {lag!r}; a number of seconds was expected on line")
+        self.lag = given.length
+        self.memory = new_memory(1 << 8)
+        self._view, self._told = new_view(), new_output(1, False)
+
+    def make_room(self, belief: Belief, route: Route) -> Route:
+        """Forget what is older than anyone will ask for, before the next epoch.
+
+        Args:
+            belief: The filter's.
+            route: Its tree of edges.
+
+        Returns:
+            The tree, or a tidy one.
+        """
+        memory = self.memory
+        steps = int(memory.size[0])
+        if is_full(memory):
+            oldest = memory.time[steps - 1] - max(2.0 * self.lag, _WINDOW)
+            drop = int(np.searchsorted(memory.time[:steps], oldest))
+            self.memory = memory = enlarged(memory, min(drop, steps - 1), grow=2 * drop < steps)
+        if len(route.edge) - route.size[0] < _ROOM:
+            users = belief.node[: belief.size[0]], memory.tree[: memory.size[1]]
+            route = tidied(route, *users)
+        return route
+
+    def forget_after(self, time: float, belief: Belief) -> None:
+        """Take back the steps after a time to which the filter was taken back.
+
+        Args:
+            time: s.
+            belief: The filter's, as it was then.
+        """
+        memory = self.memory
+        steps = int(np.searchsorted(memory.time[: memory.size[0]], time, side="right"))
+        nodes = memory.first_node[steps] if steps else 0
+        memory.size[:] = steps, nodes, memory.first_link[nodes]
+        first = memory.first_node[steps - 1] if steps else 0
+        if nodes - first != belief.clock[ORIGINS]:
+            belief.clock[ORIGINS] = 0.0
+            memory.size[:] = 0
+
+    def look(
+        self, roads: RoadMap, route: Route, now: float, mode: int, side: float,
+        settings: Settings, back: bool,
+    ) -> tuple[Belief, Output, float | None] | None:  # fmt: skip
+        """What is known of the moment the lag ago, and until when the road is decided.
+
+        Args:
+            roads: The map.
+            route: The filter's tree of edges.
+            now: Time of the last epoch, s.
+            mode: What moves the vehicle.
+            side: 1 where one drives on the right, −1 on the left.
+            settings: The model's numbers.
+            back: Whether the moment is asked for, or the decision alone.
+
+        Returns:
+            The belief and the output of one row, and the time; None where nothing reaches back
+            so far.
+        """
+        memory = self.memory
+        steps = int(memory.size[0])
+        step = int(np.searchsorted(memory.time[:steps], now - self.lag, side="right")) - 1
+        if steps == 0 or (back and step < 0):
+            return None
+        decided = look_at(
+            memory, self._view, roads.arrays, route, self._told, step if back else -1, mode, side,
+            settings.parameters(), settings.outage_after_s, settings.ambiguous_below, SURE,
+        )  # fmt: skip
+        until = float(memory.time[decided]) if decided >= 0 else None
+        return self._view.belief, self._told, until
+
+
 def travelled(past: Past) -> Array:
     """Metres driven at each epoch, by the filter's speeds."""
     dt = np.diff(past.epochs.time, prepend=past.epochs.time[:1])
@@ -86,9 +179,9 @@ def smooth(past: Past, lag: Lag) -> Output:
     Returns:
         What is known of each epoch; of those before the first answer nothing.
     """
-    told = Output(*(a.copy() for a in past.filtered))
+    told = Output._make(a.copy() for a in past.filtered)
     steps = int(past.memory.size[0])
-    if not steps:
+    if not steps or lag.length == 0.0:
         return told
     epochs = past.epochs
     view = new_view()
@@ -119,3 +212,14 @@ def _looks(past: Past, lag: Lag, steps: int) -> list[tuple[int, int, int]]:
         first = last
     return looks
 
+
+def decided_until(past: Past) -> float | None:
+    """Seconds from the drive's start up to which the road is decided; None: nowhere."""
+    steps, nodes, _ = past.memory.size.tolist()
+    if not steps:
+        return None
+    p = np.zeros(nodes)
+    edge_probability(past.memory, p)
+    top = np.maximum.reduceat(p, past.memory.first_node[:steps])
+    sure = np.flatnonzero(top >= SURE)
+    return float(past.memory.time[sure[-1]] - past.epochs.time[0]) if len(sure) else None

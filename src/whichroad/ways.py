@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.belief import OFF_ROAD, Route
+from .core.belief import OFF_ROAD, Route, new_route
 from .core.memory import Memory
 from .core.network import Roads
 from .core.ways import best_way, edge_probability
 from .records import Array
 
+_CLOSE = 2.0  # s between two steps, in which an edge is entered at the second
+_HOPS = 256  # edges between two steps, at most
 _DETOUR = 3.0  # times the distance between two edges that no hypothesis joins, and
 _DETOUR_MORE = 300.0  # m
 _SURE = 0.999  # P(edge) from which on an edge is passed by every way
@@ -27,6 +29,37 @@ class Chain(NamedTuple):
     edge: NDArray[np.int32]
     time: Array  # s
     abscissa: Array  # m
+
+
+def tidied(route: Route, *users: NDArray[np.int64]) -> Route:
+    """The tree of edges with room for more, and only the nodes that its users descend from.
+
+    Args:
+        route: The tree.
+        users: Numbers of nodes, renumbered in place; negative: none.
+
+    Returns:
+        The tree to go on with.
+    """
+    used = int(route.size[0])
+    keep = np.zeros(used, bool)
+    for nodes in users:
+        for node in np.unique(nodes).tolist():
+            while node >= 0 and not keep[node]:
+                keep[node] = True
+                node = int(route.parent[node])
+    kept = np.flatnonzero(keep)
+    number = np.full(used + 1, -1, np.int64)
+    number[kept] = np.arange(len(kept))
+    larger = new_route(max(len(route.edge), 4 * len(kept) + (1 << 14)))
+    larger.edge[: len(kept)] = route.edge[kept]
+    larger.parent[: len(kept)] = number[route.parent[kept]]
+    larger.time[: len(kept)] = route.time[kept]
+    larger.abscissa[: len(kept)] = route.abscissa[kept]
+    larger.size[0] = len(kept)
+    for nodes in users:
+        nodes[:] = number[nodes]
+    return larger
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,31 +99,37 @@ def best_chain(memory: Memory, route: Route, roads: Roads, *, viterbi: bool = Fa
     best_way(memory, weight, p, viterbi, score, back, way)
     edge = memory.edge[way]
     at = np.flatnonzero(np.diff(edge, prepend=-9))
-    edges: list[int] = []
-    times: list[float] = []
+    rows: list[tuple[int, float, float]] = []
     for k in at.tolist():
+        now, node = float(memory.time[k]), int(memory.tree[way[k]])
+        before = float(memory.time[k - 1]) if k else now
         between = _between(route, roads, memory, int(way[k - 1]), int(way[k])) if k else []
-        edges += [*between, int(edge[k])]
-        times += [float(memory.time[k])] * (len(between) + 1)
-    return Chain(np.array(edges, np.int32), np.array(times), np.zeros(len(edges)))
+        rows += [(e, min(max(t, before), now), 0.0) for e, t in between]
+        where, when = 0.0, now
+        if node >= 0 and route.edge[node] == edge[k]:
+            where = float(route.abscissa[node])
+            when = float(route.time[node]) if now - before > _CLOSE else now
+        rows.append((int(edge[k]), min(max(when, before), now), where))
+    edges, times, abscissae = zip(*rows, strict=True)
+    return Chain(np.array(edges, np.int32), np.array(times), np.array(abscissae))
 
 
-def _between(route: Route, roads: Roads, memory: Memory, i: int, j: int) -> list[int]:
-    """Edges driven between those of two linked nodes."""
+def _between(route: Route, roads: Roads, memory: Memory, i: int, j: int) -> list[tuple[int, float]]:
+    """Edges driven between those of two linked nodes, and when each was entered."""
     then, edge = int(memory.edge[i]), int(memory.edge[j])
     if OFF_ROAD in (then, edge) or roads.opposite[edge] == then or joins(roads, then, edge):
         return []
-    found: list[int] = []
-    node, stop = int(route.parent[memory.tree[j]]), int(memory.tree[i])
-    while node >= 0 and len(found) < 300:
+    found: list[tuple[int, float]] = []
+    node, stop = int(memory.tree[j]), int(memory.tree[i])
+    while (node := int(route.parent[node])) >= 0 and node != stop:
         at = int(route.edge[node])
-        if node == stop or at == then:
-            return found[::-1]
-        if at == OFF_ROAD:
+        if at in (OFF_ROAD, then) or len(found) == _HOPS:
             break
-        found.append(at)
-        node = int(route.parent[node])
-    return shortest(roads, then, edge) or []
+        found.append((at, float(route.time[node])))
+    if node >= 0 and (node == stop or route.edge[node] == then):
+        return found[::-1]
+    step = int(np.searchsorted(memory.first_node[: memory.size[0]], j, side="right")) - 1
+    return [(e, float(memory.time[step])) for e in shortest(roads, then, edge) or []]
 
 
 def joins(roads: Roads, a: int, b: int) -> bool:
@@ -194,7 +233,7 @@ def _ways(memory: Memory, route: Route, roads: Roads, first: int, last: int) -> 
                     continue
                 longer = tail
                 if memory.edge[i] != memory.edge[j]:
-                    for edge in reversed(_between(route, roads, memory, i, j)):
+                    for edge, _ in reversed(_between(route, roads, memory, i, j)):
                         longer = put(edge, longer)
                     longer = put(int(memory.edge[i]), longer)
                 before[i, longer] = before.get((i, longer), 0.0) + part
@@ -239,10 +278,13 @@ def best_ways(parts: list[Alternative], count: int) -> list[Way]:
             math.log(parts[k].ways[c].p) for k, c in zip(open_parts, choice, strict=True)
         )
 
-    queue, seen, found = [(-log_p(start), start)], {start}, []
+    queue, seen = [(-log_p(start), start)], {start}
+    found: list[Way] = []
     while queue and len(found) < count:
         cost, choice = heapq.heappop(queue)
-        found.append(Way(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True)))))
+        found.append(
+            Way(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True))))
+        )
         for at, c in enumerate(choice):
             if c + 1 < len(parts[open_parts[at]].ways):
                 other = (*choice[:at], c + 1, *choice[at + 1 :])

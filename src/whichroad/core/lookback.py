@@ -45,6 +45,7 @@ from .transition import Bench, new_bench, predict_link, solve_gain
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
 _NOTHING = 1e-12  # probability that is not told
+_STANDS = 0.05  # m/s
 
 
 class View(NamedTuple):
@@ -274,7 +275,9 @@ def tell(
         x = value[V_X]
         y = value[V_Y]
         heading = value[V_H]
-        clock[STOOD] += epochs.time[k] - clock[NOW] if clock[STOOD] > 0.0 else 0.0
+        clock[STOOD] += epochs.time[k] - clock[NOW]
+        if abs(value[V_SPEED]) > _STANDS:
+            clock[STOOD] = 0.0
         clock[NOW] = epochs.time[k]
         if mode != CLOCK:
             clock[SPEED] = value[V_SPEED]

@@ -6,7 +6,7 @@ its weight came from there.  Everything that looks back reads this graph (`core.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -89,17 +89,17 @@ def new_memory(steps: int) -> Memory:
     )
 
 
-def enlarged(memory: Memory, drop: int = 0) -> Memory:
+def enlarged(memory: Memory, drop: int = 0, *, grow: bool = True) -> Memory:
     """The same with room for more, without the first `drop` steps."""
     steps, nodes, links = memory.size.tolist()
     node = int(memory.first_node[drop])
     link = int(memory.first_link[node])
-    room = new_memory(max(2 * (steps - drop), len(memory.time)))
-    while len(room.edge) < 2 * (nodes - node) or len(room.origin) < 2 * (links - link):
-        room = new_memory(2 * len(room.time))
+    room = new_memory(2 * len(memory.time) if grow else len(memory.time))
     of = {len(memory.time): (drop, steps), len(memory.edge): (node, nodes)}
     of |= {len(memory.time) + 1: (drop, steps + 1), len(memory.edge) + 1: (node, nodes + 1)}
     of |= {len(memory.origin): (link, links)}
+    old: Any
+    new: Any
     for name, old, new in zip(Memory._fields[:-2], memory, room, strict=False):
         low, high = of[len(old)]
         new[: high - low] = old[low:high] - {"first_node": node, "first_link": link}.get(name, 0)

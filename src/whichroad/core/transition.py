@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Ints32, Matrix, Vector, kernel
-from .angles import wrap
+from ._jit import Matrix, Vector, kernel
 from .along import _ACROSS, _CORNER, _CORNER_DOUBT, _CORNER_RADIUS
+from .angles import wrap
 from .belief import GX, GY, MX, MY, OFF_ROAD, B, D, H, K, N, Route, X, Y
 from .epoch import CLOCK, WHEELS
 from .memory import (
@@ -57,7 +57,9 @@ def new_bench() -> Bench:
 
 
 @kernel
-def _gone(roads: Roads, route: Route, edge: int, node: int, then_edge: int, then_node: int) -> float:
+def _gone(
+    roads: Roads, route: Route, edge: int, node: int, then_edge: int, then_node: int
+) -> float:
     """Metres from the start of the edge of then to the start of the edge of now.
 
     Along the route tree; negative where it does not tell.
@@ -74,7 +76,7 @@ def _gone(roads: Roads, route: Route, edge: int, node: int, then_edge: int, then
             break
         total += roads.length[at]
         if node == then_node or at == then_edge:
-            return total
+            return float(total)
         edge = at
     return -1.0
 
