@@ -32,6 +32,7 @@ BENCHMARKS = {
     "online": ("speed.online", "time of one Localizer.update"),
     "map": ("speed.map_files", "compiling and opening a road map"),
     "readers": ("readers.run", "sentences and frames a second"),
+    "sparse": ("sparse.run", "fixes 1 to 60 s apart, beside the peers: accuracy, speed, costs"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
@@ -63,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--seeds", type=seeds, metavar="A:B", help="seeds A to B - 1")
     command.add_argument("--data", type=Path, metavar="DIR", help="the folder of real data")
     command.add_argument("--json", metavar="FILE", help="write the rows here (-: print them)")
-    command.add_argument("--tracks", metavar="0-9", help="kubicka: only these tracks")
+    command.add_argument("--tracks", metavar="0-9", help="kubicka, sparse: only these tracks")
     command.add_argument("--every", type=float, metavar="S", help="kubicka: seconds between fixes")
     command.add_argument("--preset", metavar="NAME", help="the simulator's preset")
     command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers: for how long")
@@ -81,7 +82,12 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
     command.add_argument("--drives", type=int, metavar="N", help="honesty: per class and noise")
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
-    command.add_argument("--write", metavar="FILE", help="honesty: write docs/honesty.md")
+    command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
+    command.add_argument("--parts", metavar="A,B", help="sparse: real, city, drives, cost")
+    command.add_argument("--intervals", metavar="1,10", help="sparse: seconds between fixes")
+    command.add_argument("--conditions", metavar="A,B", help="sparse: such as 10s/5m/gm")
+    command.add_argument("--peers", metavar="DIR", help="sparse: the peers' environments")
+    command.add_argument("--cache", metavar="DIR", help="sparse: what is kept between runs")
     return command
 
 
@@ -119,6 +125,7 @@ def main() -> int:
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
+            *("parts", "intervals", "conditions", "peers", "cache"),
         )
     }
     if given["set"]:

@@ -20,7 +20,7 @@ from whichroad.frames import Plane
 from whichroad.localizer import Localizer, Recorded, localize_recorded
 from whichroad.records import GeoFix
 from whichroad.simulate.town import draw_town
-from whichroad.smoother import Lag, decided_until
+from whichroad.smoother import Lag
 from whichroad.ways import Alternative, Way, alternatives, best_ways, joins, shortest
 
 PLANE = Plane(49.4, 8.7)
@@ -137,7 +137,7 @@ def test_looking_back_finds_the_truth_more_surely():
     assert squared[1] < 0.9 * squared[0]
     assert nees[1] / (2 * n) < 1.3
     assert full.past is not None
-    assert decided_until(full.past) == pytest.approx(TRUTH.time[-1], abs=8.0)
+    assert full.past.decided_until() == pytest.approx(TRUTH.time[-1], abs=8.0)
 
 
 def fixes() -> list[GeoFix]:

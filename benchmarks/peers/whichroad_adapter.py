@@ -107,7 +107,16 @@ def decode(raw: Any, t: Any) -> dict[str, Any]:
         points.append([float(lat[k]), float(lon[k])] if known else None)
     lines = shapely.from_wkb(raw.path_arrow()["geometry"].to_numpy(zero_copy_only=False))
     route = [np.asarray(line.coords)[:, 1::-1].tolist() for line in lines]
-    return {"points": points, "route": route}
+    return {"points": points, "route": route, "said": _said(table)}
+
+
+SAID = ("lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "edge_id", "p_road", "p_off_road")
+
+
+def _said(table: Any) -> dict[str, Any]:
+    """What no peer says, for the scores of our own: pose, covariance and probabilities."""
+    micros = table["time"].cast("int64").to_pylist()
+    return {"time": [t / 1e6 for t in micros], **{n: table[n].to_pylist() for n in SAID}}
 
 
 def _regions(pbf: str, folder: Path) -> list[tuple[float, float, str]]:

@@ -85,14 +85,22 @@ def condition(text: str) -> tuple[float, float, float]:
 
 def heidelberg(options: Options, seed: int, count: int = 20) -> tuple[Any, list[Any]]:
     """The harness's graph of Heidelberg and its trips of one seed."""
-    graph_of, simulate = module(options, "roadgraph"), module(options, "simulate")
+    simulate = module(options, "simulate")
     pbf = options.need("maps", "heidelberg.osm.pbf")
-    graph = kept(cache(options) / "heidelberg.graph.pkl", lambda: graph_of.build(str(pbf)))
+    graph = module(options, "roadgraph").RoadMap.load(graph_file(options, pbf))
     trips = kept(
         cache(options) / f"heidelberg.trips{seed}x{count}.pkl",
         lambda: simulate.sample_trips(graph, count, seed),
     )
     return graph, trips
+
+
+def graph_file(options: Options, pbf: Path) -> Path:
+    """The harness's own graph of a map, which some peers are given."""
+    path = cache(options) / f"{pbf.name.split('.')[0]}.harness.pkl"
+    if not path.exists():
+        module(options, "roadgraph").build(str(pbf)).save(str(path))
+    return path
 
 
 def real_map(options: Options) -> tuple[Path, Path]:
@@ -173,8 +181,13 @@ def our_adapter(options: Options, pbf: Path, lag: Any = "full") -> Any:
     from ..peers.whichroad_adapter import Adapter
 
     adapter = Adapter(lag)
-    where = cache(options) / f"{pbf.name.split('.')[0]}-{map_digest()}"
+    where = our_maps(options, pbf)
     if not (where / "regions.json").exists():
         adapter.prepare(str(pbf), None, str(where))
     adapter.load(str(pbf), None, str(where))
     return adapter
+
+
+def our_maps(options: Options, pbf: Path) -> Path:
+    """Where our compiled maps of an extract lie."""
+    return cache(options) / f"{pbf.name.split('.')[0]}-{map_digest()}"

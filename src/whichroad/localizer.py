@@ -200,10 +200,9 @@ def localize_recorded(
         return Recorded(output, *_best_route(route, belief), told)
     past = Past(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
-        settings.outage_after_s, settings.ambiguous_below,
+        settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
-    smoothed = smooth(past, lag)
-    return Recorded(smoothed, *best_chain(memory, route, roads.arrays), told, past)
+    return Recorded(smooth(past), *best_chain(memory, route, roads.arrays), told, past)
 
 
 def _best_route(route: Route, belief: Belief) -> tuple[NDArray[np.int32], Array, Array]:

@@ -58,48 +58,64 @@ _RULES = (
 class Result:
     """A matched drive (or several): tables of points and path, and a summary.
 
+    What is given as a function is put together when it is first asked for.
+
     Args:
         points: Points, one row per epoch.
         path: Path, one row per traversed edge.
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
-        ways: Tells the parts of the route with the ways that compete; None where nobody
-            looked back.
     """
 
     def __init__(
         self,
-        points: pa.Table,
-        path: pa.Table,
-        summary: dict[str, Any],
+        points: pa.Table | Callable[[], pa.Table],
+        path: pa.Table | Callable[[], pa.Table],
+        summary: dict[str, Any] | Callable[[], dict[str, Any]],
         hypotheses: dict[str, NDArray[Any]] | None = None,
-        diagnosis: tuple[Finding, ...] = (),
+        diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
         ways: Callable[[], list[Alternative]] | None = None,
     ) -> None:
-        self._points, self._path = points, path
         self.ways = ways
-        self.summary = summary
+        self._late: dict[str, Any] = {
+            "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
+        }  # fmt: skip
         self.hypotheses = hypotheses
-        self.diagnosis = diagnosis
+
+    def _made(self, name: str) -> Any:
+        value = self._late[name]
+        if callable(value):
+            value = self._late[name] = value()
+        return value
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What happened, in numbers."""
+        return cast(dict[str, Any], self._made("summary"))
+
+    @property
+    def diagnosis(self) -> tuple[Finding, ...]:
+        """Settings that do not fit the data."""
+        return cast(tuple[Finding, ...], self._made("diagnosis"))
 
     @property
     def points(self) -> Any:
         """Points as a GeoDataFrame in EPSG:4326."""
-        return geo_frame(self._points)
+        return geo_frame(self.to_arrow())
 
     @property
     def path(self) -> Any:
         """Path as a GeoDataFrame in EPSG:4326."""
-        return geo_frame(self._path)
+        return geo_frame(self.path_arrow())
 
     def to_arrow(self) -> pa.Table:
         """Points as an Arrow table."""
-        return self._points
+        return self._made("points")
 
     def path_arrow(self) -> pa.Table:
         """Path as an Arrow table, geometry as WKB."""
-        return self._path
+        return self._made("path")
 
     @cached_property
     def _parts(self) -> list[Alternative]:
@@ -136,7 +152,7 @@ class Result:
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.
         """
-        write_table(self._points, path, force=force)
+        write_table(self.to_arrow(), path, force=force)
 
     def write_path(self, path: str | Path, *, force: bool = False) -> None:
         """Write the path likewise.
@@ -144,7 +160,7 @@ class Result:
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.
         """
-        write_table(self._path, path, force=force)
+        write_table(self.path_arrow(), path, force=force)
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
@@ -275,7 +291,7 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap) -> pa.Array:
 
     @cache
     def name(edge: int) -> str | None:
-        return cast(str | None, roads.attributes(edge).get("name"))
+        return roads.name(edge)
 
     texts = [
         reason(
@@ -326,18 +342,13 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
     edges = np.array([r.edge for r in rows], np.int64)
     middle = np.array([0.5 * (r.enter_m + r.exit_m) for r in rows])
     source, forward = _sources(roads, edges, middle, np.zeros(len(rows), bool))
-    lon, lat, first = [], [], [0]
-    for r in rows:
-        line = roads.edge_line(r.edge, r.enter_m, r.exit_m)
-        a, b = roads.plane.to_geodetic(line[:, 0], line[:, 1])
-        lat.append(a)
-        lon.append(b)
-        first.append(first[-1] + len(a))
-    wkb = (
-        line_wkb(np.concatenate(lon), np.concatenate(lat), np.array(first))
-        if rows
-        else pa.array([], pa.binary())
-    )
+    enter, leave = np.array([r.enter_m for r in rows]), np.array([r.exit_m for r in rows])
+    x, y, first = roads.edge_lines(edges, enter, leave)
+    lat, lon = roads.plane.to_geodetic(x, y)
+    wkb = line_wkb(lon, lat, first) if rows else pa.array([], pa.binary())
+    duration = np.array([r.exit_time - r.enter_time for r in rows])
+    passed = duration > 0.0
+    speed = np.divide(leave - enter, duration, out=np.zeros(len(rows)), where=passed)
     arrays = roads.arrays
     columns = {
         "drive_id": pa.array([drive_id] * len(rows), pa.string()),
@@ -349,8 +360,10 @@ def path_table(drive_id: str, epochs: Epochs, recorded: Recorded, roads: RoadMap
         "forward": forward,
         "enter_time": times(np.array([r.enter_time for r in rows])),
         "exit_time": times(np.array([r.exit_time for r in rows])),
-        "enter_m": pa.array([r.enter_m for r in rows], pa.float64()),
-        "exit_m": pa.array([r.exit_m for r in rows], pa.float64()),
+        "enter_m": pa.array(enter, pa.float64()),
+        "exit_m": pa.array(leave, pa.float64()),
+        "duration_s": pa.array(duration, pa.float64()),
+        "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array([r.p for r in rows], pa.float64()),
         "broken_rule": pa.array(
             [_broken(r, rows[i - 1] if i else None, roads) for i, r in enumerate(rows)], pa.string()

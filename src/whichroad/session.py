@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from .core.output import (
     ALTERNATIVES,
     Output,
 )
+from .diagnosis import Finding
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .literal import localize_literal
@@ -27,8 +28,7 @@ from .result import Result, path_table, points_table, summary_of
 from .roadmap import RoadMap
 from .search import MAP
 from .settings import Settings, Vehicle
-from .smoother import Lag, decided_until
-from .ways import alternatives
+from .smoother import Lag
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
@@ -144,9 +144,7 @@ def match(
     pose = _start(start, model)
     later = Lag.of(lag)
     if later is not None and model == "paper":
-        raise SettingError(
-            f"lag is {lag!r}; the paper's method looks back at nothing; None was expected"
-        )
+        raise SettingError(f"lag is {lag!r}; None was expected: the paper's method looks at now")
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     road_map = open_map(roads)
@@ -190,25 +188,42 @@ def _match_one(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
     )  # fmt: skip
-    points = points_table(
-        drive.drive_id, timeline.epochs, recorded.output, roads, attributes=attributes
-    )
-    path = path_table(drive.drive_id, timeline.epochs, recorded, roads)
-    summary = summary_of(timeline.epochs, recorded.output, path, timeline.masked)
-    diagnosis = recorded.diagnosis
-    summary |= {
+    path = cache(partial(path_table, drive.drive_id, timeline.epochs, recorded, roads))
+    diagnosis = cache(lambda: recorded.diagnosis)
+    return Result(
+        partial(
+            points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
+            attributes=attributes,
+        ),
+        path,
+        lambda: _summary(drive, timeline, recorded, path(), diagnosis()) | _looked_back(recorded),
+        _poses(recorded.output, timeline) if hypotheses else None,
+        diagnosis,
+        None if recorded.past is None else recorded.past.ways,
+    )  # fmt: skip
+
+
+def _summary(
+    drive: Drive,
+    timeline: Timeline,
+    recorded: Recorded,
+    path: pa.Table,
+    diagnosis: tuple[Finding, ...],
+) -> dict[str, Any]:
+    figures = summary_of(timeline.epochs, recorded.output, path, timeline.masked)
+    return figures | {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),
         "skipped": dict(drive.skipped),
         "notes": list(drive.notes),
         "diagnosis": [asdict(finding) for finding in diagnosis],
     }
-    poses = _poses(recorded.output, timeline) if hypotheses else None
-    if recorded.past is None:
-        return Result(points, path, summary, poses, diagnosis)
-    summary |= {"lag": str(lag), "decided_until_s": decided_until(recorded.past)}
-    ways = partial(alternatives, recorded.past.memory, recorded.past.route, roads.arrays)
-    return Result(points, path, summary, poses, diagnosis, ways)
+
+
+def _looked_back(recorded: Recorded) -> dict[str, Any]:
+    """What the summary says of the lag."""
+    past = recorded.past
+    return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
 
 
 def _check_distance(drive: Drive, roads: RoadMap) -> None:
@@ -216,14 +231,13 @@ def _check_distance(drive: Drive, roads: RoadMap) -> None:
     fixes = drive.fixes
     if fixes is None or not len(fixes):
         return
-    reach = float(np.hypot(roads.arrays.x, roads.arrays.y).max())
-    away = _ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - reach
+    away = _ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - roads.reach
     nearest = int(np.argmin(away))
     if away[nearest] <= _FAR:
         return
     lat, lon = float(fixes.lat_deg[nearest]), float(fixes.lon_deg[nearest])
     swapped = abs(lon) <= 90.0 and (
-        _ground_distance(roads, fixes.lon_deg[nearest], fixes.lat_deg[nearest]) < reach + _FAR
+        _ground_distance(roads, fixes.lon_deg[nearest], fixes.lat_deg[nearest]) < roads.reach + _FAR
     )
     hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
     raise MapError(
@@ -259,20 +273,22 @@ def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
 def _together(parts: list[Result], failed: list[str]) -> Result:
     if len(parts) == 1 and not failed:
         return parts[0]
-    summaries = [p.summary for p in parts]
-    summary = {
-        "drives": len(parts),
+    return Result(
+        lambda: pa.concat_tables([p.to_arrow() for p in parts]),
+        lambda: pa.concat_tables([p.path_arrow() for p in parts]),
+        lambda: _pooled([p.summary for p in parts], failed),
+        parts[0].hypotheses if len(parts) == 1 else None,
+        lambda: tuple(finding for p in parts for finding in p.diagnosis),
+        parts[0].ways if len(parts) == 1 else None,
+    )
+
+
+def _pooled(summaries: list[dict[str, Any]], failed: list[str]) -> dict[str, Any]:
+    return {
+        "drives": len(summaries),
         "failed": failed,
         "epochs": sum(s["epochs"] for s in summaries),
         "epochs_without_answer": sum(s["epochs_without_answer"] for s in summaries),
         "path_m": math.fsum(s["path_m"] for s in summaries),
         "each": summaries,
     }
-    return Result(
-        pa.concat_tables([p.to_arrow() for p in parts]),
-        pa.concat_tables([p.path_arrow() for p in parts]),
-        summary,
-        parts[0].hypotheses if len(parts) == 1 else None,
-        tuple(finding for p in parts for finding in p.diagnosis),
-        parts[0].ways if len(parts) == 1 else None,
-    )

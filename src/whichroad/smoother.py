@@ -20,7 +20,7 @@ from .errors import SettingError
 from .records import Array
 from .roadmap import RoadMap
 from .settings import Settings
-from .ways import tidied
+from .ways import Alternative, alternatives, tidied
 
 FULL = "full"
 SURE = 0.999  # P(edge) from which on it is decided
@@ -76,6 +76,20 @@ class Past(NamedTuple):
     parameters: Parameters
     outage_after: float
     ambiguous_below: float
+    lag: Lag
+
+    def ways(self) -> list[Alternative]:
+        """The parts of the drive with the ways that compete."""
+        return alternatives(self.memory, self.route, self.roads.arrays)
+
+    def decided_until(self) -> float | None:
+        """Seconds from the drive's start up to which the road is decided; None: nowhere."""
+        steps, nodes, _ = self.memory.size.tolist()
+        p = np.zeros(nodes)
+        edge_probability(self.memory, p)
+        top = np.maximum.reduceat(p, self.memory.first_node[:steps])
+        sure = np.flatnonzero(top >= SURE)
+        return float(self.memory.time[sure[-1]] - self.epochs.time[0]) if len(sure) else None
 
 
 class Window:
@@ -171,8 +185,8 @@ def travelled(past: Past) -> Array:
     return np.asarray(np.cumsum(np.abs(past.filtered.value[:, V_SPEED]) * np.clip(dt, 0.0, None)))
 
 
-def smooth(past: Past, lag: Lag) -> Output:
-    """Answer every epoch by what was known `lag` later.
+def smooth(past: Past) -> Output:
+    """Answer every epoch by what was known the lag later.
 
     A fixed lag may be longer by an eighth, as one look back answers for several epochs.
 
@@ -181,11 +195,11 @@ def smooth(past: Past, lag: Lag) -> Output:
     """
     told = Output._make(a.copy() for a in past.filtered)
     steps = int(past.memory.size[0])
-    if not steps or lag.length == 0.0:
+    if not steps or past.lag.length == 0.0:
         return told
     epochs = past.epochs
     view = new_view()
-    for known, first, last in _looks(past, lag, steps):
+    for known, first, last in _looks(past, steps):
         look_back(
             past.memory, view, past.roads.arrays, past.route, epochs, past.filtered, told, known,
             first, last, past.mode, past.side, past.parameters, past.outage_after,
@@ -194,8 +208,9 @@ def smooth(past: Past, lag: Lag) -> Output:
     return told
 
 
-def _looks(past: Past, lag: Lag, steps: int) -> list[tuple[int, int, int]]:
+def _looks(past: Past, steps: int) -> list[tuple[int, int, int]]:
     """Looks back: from which step, and which steps are answered: first, one past the last."""
+    lag = past.lag
     if math.isinf(lag.length):
         return [(steps - 1, 0, steps)]
     epoch = past.memory.epoch[:steps]
@@ -212,14 +227,3 @@ def _looks(past: Past, lag: Lag, steps: int) -> list[tuple[int, int, int]]:
         first = last
     return looks
 
-
-def decided_until(past: Past) -> float | None:
-    """Seconds from the drive's start up to which the road is decided; None: nowhere."""
-    steps, nodes, _ = past.memory.size.tolist()
-    if not steps:
-        return None
-    p = np.zeros(nodes)
-    edge_probability(past.memory, p)
-    top = np.maximum.reduceat(p, past.memory.first_node[:steps])
-    sure = np.flatnonzero(top >= SURE)
-    return float(past.memory.time[sure[-1]] - past.epochs.time[0]) if len(sure) else None

@@ -65,6 +65,8 @@ PATH = pa.schema(
         ("exit_time", TIME),
         ("enter_m", pa.float64()),
         ("exit_m", pa.float64()),
+        ("duration_s", pa.float64()),
+        ("mean_speed_mps", pa.float64()),  # null where no time passed
         ("p", pa.float64()),
         ("broken_rule", pa.string()),
         ("geometry", pa.binary()),  # WKB LineString, driving direction, lon before lat

@@ -4,6 +4,7 @@ import pytest
 
 from whichroad import GeoFix, RoadMap, WheelTicks, simulate_drive
 from whichroad.simulate import draw_town
+from whichroad.simulate.files import write_drive
 
 
 @pytest.fixture(scope="session")
@@ -28,3 +29,12 @@ def observations(ride):
     fixes = [GeoFix(*map(float, row)) for row in zip(*columns, strict=True)]
     wheels = [WheelTicks(*map(float, row)) for row in zip(o.time, o.left, o.right, strict=True)]
     return sorted(wheels + fixes, key=lambda one: one.time)
+
+
+@pytest.fixture(scope="session")
+def files(town, ride, tmp_path_factory):
+    """The drive as files, and the compiled map."""
+    folder = tmp_path_factory.mktemp("files")
+    write_drive(ride, town, folder / "drive")
+    town.save(folder / "town.map")
+    return folder

@@ -12,8 +12,10 @@ import typer
 
 from .. import __version__
 from ..errors import WhichroadError
+from .live import live
 from .maps import map_app
 from .match import match
+from .show import replay, report
 from .trials import demo, evaluate, experiments, simulate, warmup
 
 app = typer.Typer(
@@ -24,7 +26,10 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.add_typer(map_app, name="map", help="Compile a road map, or say what one holds.")
-for command in (demo, match, simulate, evaluate, experiments, warmup):  # as help lists them
+# as help lists them
+for command in (
+    demo, match, replay, report, live, simulate, evaluate, experiments, warmup,
+):  # fmt: skip
     app.command()(command)
 
 

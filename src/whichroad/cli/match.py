@@ -60,6 +60,9 @@ def match(
             help="Answer by what was known S seconds (or `200m`) later, or at the drive's end.",
         ),
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="One .html file that shows the answer, to open anywhere.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Say where a vehicle was, on which road, and how sure that is."""
@@ -69,11 +72,15 @@ def match(
     for output in (out, path_out):
         if output is not None:
             writers.check(output, force=force)
+    if report is not None:
+        from ..replay.report import check_report
+
+        check_report(report, force=force)
     from .. import session
     from ..readers import read_drive, read_vehicle
     from ..readers.trips import are_many
 
-    plain = not (can or dbc or start or mask) and model is Model.default
+    plain = not (can or dbc or start or mask or report) and model is Model.default
     if len(drive) == 1 and plain and are_many(drive[0]):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, every=every, force=force,
@@ -87,17 +94,24 @@ def match(
         network = session.open_map(roads)
         result = session.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
-            attributes=attributes, lag=lag, progress=progress,
+            attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
         progress("writing", 0, 0)
         _write(result, out, path_out, every, force)
+        if report is not None:
+            from ..replay.opening import Remaking, one_of
+            from ..replay.report import write_report
+
+            shown = Remaking(one_of(drives, None), network, car)
+            film = shown.film(result, shown.absolute(windows))
+            write_report(film, report, network, force=force)
     say(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         raise DriveError(
             f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
             f"on the roads of {roads} was expected; is it the right map?"
         )
-    if out is None and path_out is None:
+    if out is None and path_out is None and report is None:
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
 

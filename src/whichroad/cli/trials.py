@@ -22,7 +22,16 @@ def demo(
     say_table(
         "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
     )
-    typer.echo(f"look at {summary['picture']}")
+    typer.echo(f"look at {summary['picture']}, or watch it, and mask GNSS while it drives:")
+    typer.echo(
+        f"  whichroad replay {out / 'drive.nmea'} --can {out / 'can.log'} --dbc "
+        f"{out / 'vehicle.dbc'} --vehicle {out / 'vehicle.toml'} --map {out / 'map.osm'}"
+    )
+    typer.echo("to mail it as one page:")
+    typer.echo(
+        f"  whichroad report {out / 'points.parquet'} --map {out / 'map.osm'} "
+        f"-o {out / 'report.html'}"
+    )
 
 
 def simulate(

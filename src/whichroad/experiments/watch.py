@@ -84,7 +84,8 @@ def _epochs_of_ours(
     for k in range(n):
         run(
             belief, roads, route, work, timeline.epochs, output, k, k + 1, timeline.mode, side,
-            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False, new_memory(0),
+            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
+            new_memory(0),
         )  # fmt: skip
         yield _seen_of_ours(belief, route, roads.length)
 

@@ -96,6 +96,7 @@ class SensorMessage(TypedDict):
     ok: bool
     rate_hz: float
     age_s: float | None  # since it last spoke
+    delay_s: float | None  # usual time from an observation's own time to its arrival
     count: int  # observations so far
     skipped: int  # records that could not be used
 

@@ -7,6 +7,7 @@ import hashlib
 import math
 import threading
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -53,9 +54,7 @@ class RoadLayer:
         vertex = np.repeat(first, count) + place
         self._lines = shapely.linestrings(np.column_stack([x, y])[vertex], indices=row)
         self._tree = shapely.STRtree(self._lines)
-        words = [str(word).removesuffix("_link") for word in roads.column("highway")]
-        rank = np.array([_RANK.get(word, _SMALL) for word in words], np.int8)
-        self._rank = rank[self._edge]
+        self._rank = _ranks(roads, self._edge)
         one_way = arrays.rule & AGAINST_ONE_WAY
         back = np.where(opposite < 0, 0, one_way[opposite])[self._edge] > 0
         self._one_way = np.where(back, 1, np.where(one_way[self._edge] > 0, -1, 0))
@@ -159,25 +158,52 @@ class RoadLayer:
             drawn.append(Line(_parts(np.array([joined]), at), {"name": name, "rank": rank}))
         return sorted(drawn, key=lambda line: int(line.properties["rank"]))
 
-    def edge(self, edge: int) -> dict[str, Any]:
-        """One directed edge: its line (lon, lat in driving direction) and its street.
 
-        Raises:
-            ValueError: There is no such edge.
-        """
-        if not 0 <= edge < len(self.roads):
-            raise ValueError(f"there is no edge {edge}")
-        line = self.roads.edge_line(edge)
-        lat, lon = self.roads.plane.to_geodetic(line[:, 0], line[:, 1])
-        known = self.roads.attributes(edge)
-        return {
-            "edge": edge,
-            "name": known.get("name"),
-            "highway": known.get("highway"),
-            "speed_limit_kmh": known.get("speed_limit_kmh"),
-            "length_m": round(float(self.roads.arrays.length[edge]), 1),
-            "line": np.round(np.column_stack([lon, lat]), 7).tolist(),
-        }
+def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:
+    """One directed edge: its line (lon, lat in driving direction) and its street."""
+    line = roads.edge_line(edge)
+    lat, lon = roads.plane.to_geodetic(line[:, 0], line[:, 1])
+    known = roads.attributes(edge)
+    return {
+        "edge": edge,
+        "name": known.get("name"),
+        "highway": known.get("highway"),
+        "speed_limit_kmh": known.get("speed_limit_kmh"),
+        "length_m": round(float(roads.arrays.length[edge]), 1),
+        "line": np.round(np.column_stack([lon, lat]), 7).tolist(),
+    }
+
+
+def drawn_near(
+    roads: RoadMap, box: Sequence[float], margin: float
+) -> list[tuple[int, str, list[list[float]]]]:
+    """Streets near a box for a drawing: rank, name, and line (lon, lat).
+
+    Args:
+        roads: The map.
+        box: West, south, east, north, degrees.
+        margin: About it, m.
+    """
+    arrays, plane = roads.arrays, roads.plane
+    corners = np.array([(box[1], box[0]), (box[1], box[2]), (box[3], box[0]), (box[3], box[2])])
+    x, y = plane.from_geodetic(corners[:, 0].copy(), corners[:, 1].copy())
+    begin, opposite = arrays.first[:-1], arrays.opposite
+    near = (
+        (np.maximum.reduceat(arrays.x, begin) > x.min() - margin)
+        & (np.minimum.reduceat(arrays.x, begin) < x.max() + margin)
+        & (np.maximum.reduceat(arrays.y, begin) > y.min() - margin)
+        & (np.minimum.reduceat(arrays.y, begin) < y.max() + margin)
+    )
+    once = (opposite < 0) | (opposite > np.arange(len(opposite)))
+    edges = np.flatnonzero(near & once)
+    names, ranks = _names_of(roads, edges), _ranks(roads, edges)
+    drawn = []
+    for edge, name, rank in zip(edges.tolist(), names, ranks.tolist(), strict=True):
+        line = shapely.simplify(shapely.linestrings(roads.edge_line(edge)), 0.5)
+        points = shapely.get_coordinates(line)
+        lat, lon = plane.to_geodetic(points[:, 0].copy(), points[:, 1].copy())
+        drawn.append((rank, name, np.round(np.column_stack([lon, lat]), 6).tolist()))
+    return drawn
 
 
 def _mercator(lat: Array, lon: Array) -> tuple[Array, Array]:
@@ -192,6 +218,12 @@ def _degrees(y: Array) -> list[float]:
     angle = 2.0 * np.arctan(np.exp((0.5 - y) * 2.0 * math.pi)) - 0.5 * math.pi
     degrees: list[float] = np.degrees(angle).tolist()
     return degrees
+
+
+def _ranks(roads: RoadMap, edges: NDArray[Any]) -> NDArray[np.int8]:
+    words = roads.column("highway")
+    known = [_RANK.get(str(words[e]).removesuffix("_link"), _SMALL) for e in edges.tolist()]
+    return np.array(known, np.int8)
 
 
 def _flag(roads: RoadMap, name: str) -> NDArray[np.int8]:

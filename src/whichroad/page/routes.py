@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..errors import SettingError
-from .layer import RoadLayer
+from .layer import RoadLayer, edge_of
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -142,4 +142,4 @@ async def _edges(layer: RoadLayer, request: Request) -> Response:
     if len(texts) > _EDGES or not all(text.isdecimal() and len(text) < 12 for text in texts):
         return JSONResponse({"error": f"ids: 1 to {_EDGES} numbers were expected"}, 400)
     known = [int(text) for text in texts if int(text) < len(layer.roads)]
-    return JSONResponse([layer.edge(edge) for edge in known])
+    return JSONResponse([edge_of(layer.roads, edge) for edge in known])

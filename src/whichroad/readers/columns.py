@@ -106,9 +106,11 @@ def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipp
     values[~np.isfinite(values)] = np.nan
     if meaning.factor:
         return values * meaning.factor
-    if np.isnan(values).all():
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
         return values
-    size = float(np.nanquantile(np.abs(values), 0.5, method="lower"))
+    middle = (len(sizes) - 1) // 2
+    size = float(np.partition(sizes, middle)[middle])
     return values * next(factor for largest, factor in _LARGEST if size < largest)
 
 

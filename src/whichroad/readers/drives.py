@@ -142,7 +142,7 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part
     files = [folder / name for name in ("fixes.arrow", "odometry.arrow")]
     if not all(file.is_file() for file in files):
         raise ReadError(
-            f"{folder}: cannot be read (a folder without fixes.arrow and odometry.arrow); a file, or "
+            f"{folder}: cannot be read (a folder without fixes.arrow, odometry.arrow); a file, or "
             "a recording of `whichroad live --record`, was expected"
         )
     straight = replace(vehicle, counter_bits=0)

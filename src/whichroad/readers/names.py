@@ -7,6 +7,7 @@ digits.  Of several names of one quantity the first listed wins.
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 KMH, KNOT, MPH, DEGREE = 1 / 3.6, 1852 / 3600, 0.44704, 0.017453292519943295
@@ -106,6 +107,11 @@ def normal(name: str) -> str:
 
 def find(names: Sequence[str]) -> dict[str, Column]:
     """The quantities that a table with these column names holds."""
+    return dict(_found(tuple(names)))
+
+
+@lru_cache(maxsize=64)  # trips of one table come one by one
+def _found(names: tuple[str, ...]) -> dict[str, Column]:
     places: dict[str, int] = {}
     for index, name in enumerate(names):
         places.setdefault(normal(name), index)

@@ -2,6 +2,9 @@
 
 import asyncio
 import json
+import socket
+import threading
+import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
@@ -15,6 +18,7 @@ from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from ..errors import SettingError
 from ..page import page_routes
 from .player import Player, Refused
 
@@ -39,20 +43,20 @@ def replay_app(
     """
     crowd: set[WebSocket] = set()
 
-    async def show(socket: WebSocket) -> None:
-        if len(crowd) >= _CROWD or not _from_here(socket):
-            return await socket.close(1013 if len(crowd) >= _CROWD else 1008)
-        await socket.accept()
-        crowd.add(socket)
-        listening = asyncio.create_task(_listen(socket))
-        telling = asyncio.create_task(_tell(socket, player))
+    async def show(looker: WebSocket) -> None:
+        if len(crowd) >= _CROWD or not _from_here(looker):
+            return await looker.close(1013 if len(crowd) >= _CROWD else 1008)
+        await looker.accept()
+        crowd.add(looker)
+        listening = asyncio.create_task(_listen(looker))
+        telling = asyncio.create_task(_tell(looker, player))
         try:
             await asyncio.wait((listening, telling), return_when=asyncio.FIRST_COMPLETED)
         finally:
             listening.cancel()
             telling.cancel()
             await asyncio.gather(listening, telling, return_exceptions=True)
-            crowd.discard(socket)
+            crowd.discard(looker)
 
     async def control(request: Request) -> JSONResponse:
         return await _control(request, player)
@@ -81,27 +85,53 @@ def replay_app(
     )
 
 
-def serve(app: Starlette, host: str, port: int) -> None:
-    """Serve until interrupted."""
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens there.
+
+    Raises:
+        SettingError: It cannot: the port is taken, or the address is not this machine's.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise SettingError(
+            f"{host}, port {port}: {why}; a free port of this machine was expected; choose "
+            "another by --port, or 0 for any"
+        ) from error
+
+
+def serve(app: Starlette, door: socket.socket, page: str | None = None) -> None:
+    """Serve until interrupted.
+
+    Args:
+        app: What answers.
+        door: The socket that listens.
+        page: An address to open in a browser, if any.
+    """
     import uvicorn
 
-    uvicorn.run(app, host=host, port=port, log_level="warning", ws_max_size=_LARGEST)
+    if page is not None:
+        threading.Timer(0.8, webbrowser.open, (page,)).start()
+    config = uvicorn.Config(app, log_level="warning", ws_max_size=_LARGEST, lifespan="on")
+    uvicorn.Server(config).run(sockets=[door])
 
 
-async def _listen(socket: WebSocket) -> None:
+async def _listen(looker: WebSocket) -> None:
     """Nothing is expected; reading tells when the other side has gone."""
     try:
         while True:
-            await socket.receive_text()
+            await looker.receive_text()
     except (WebSocketDisconnect, RuntimeError, KeyError):
         return
 
 
-async def _tell(socket: WebSocket, player: Player) -> None:
+async def _tell(looker: WebSocket, player: Player) -> None:
     try:
         async for message in player.messages():
             text = json.dumps(message, ensure_ascii=False, separators=(",", ":"))
-            await asyncio.wait_for(socket.send_text(text), _SLOW)
+            await asyncio.wait_for(looker.send_text(text), _SLOW)
     except (WebSocketDisconnect, RuntimeError, TimeoutError, OSError):
         return
 

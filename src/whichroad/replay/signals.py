@@ -96,7 +96,7 @@ class Signals:
             if not len(times):
                 continue
             count = int(np.searchsorted(times, time + 1e-6, side="right"))
-            recent = count - int(np.searchsorted(times, time - _LOOK))
+            recent = count - int(np.searchsorted(times, time - _LOOK, side="right"))
             age = time - float(times[count - 1]) if count else None
             ok = age is not None and age <= _SILENT
             state = "ok" if ok else "waiting" if age is None else "silent"
@@ -105,7 +105,7 @@ class Signals:
                     "name": kind, "kind": kind, "state": state, "ok": ok,
                     "rate_hz": round(recent / _LOOK, 1),
                     "age_s": None if age is None else round(age, 2),
-                    "count": count, "skipped": 0,
+                    "count": count, "skipped": 0, "delay_s": None,
                 }
             )  # fmt: skip
         return told

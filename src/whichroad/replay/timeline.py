@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .film import Film
 
 ROWS = 12_000
+_FIXES = 4_000
 _LEAST = 0.005  # P below which a road is not listed
 
 
@@ -62,7 +63,41 @@ def timeline(film: "Film", rows: int = ROWS) -> dict[str, Any]:
             ]
             for es, ps in zip(edge.tolist(), p.tolist(), strict=True)
         ],
+        "fixes": _fixes(film),
+        "reckoning": _reckoning(film, at),
     }
+
+
+def _fixes(film: "Film") -> list[list[float | None]]:
+    """Fixes: seconds from the beginning, position, ellipse, whether masked."""
+    count = len(film.signals.fix_times)
+    rows: list[list[float | None]] = []
+    for i in range(0, count, max(1, -(-count // _FIXES))):
+        fix = film.signals.fix_at(i, 0.0)
+        shape = fix["ellipse"] or {"major_m": None, "minor_m": None, "bearing_deg": None}
+        rows.append(
+            [
+                round(fix["epoch_s"] - float(film.time[0]), 2), round(fix["lat"], 7),
+                round(fix["lon"], 7), *shape.values(), int(film.is_masked(fix["epoch_s"])),
+            ]
+        )  # fmt: skip
+    return rows
+
+
+def _reckoning(film: "Film", at: NDArray[Any]) -> list[list[float] | None]:
+    """Wheels alone, where they are shown: position, bearing, since when."""
+    rows: list[list[float] | None] = []
+    for k in at.tolist():
+        one = film.reckoning.at(k)
+        rows.append(
+            None
+            if one is None
+            else [
+                round(one["lat"], 7), round(one["lon"], 7), round(one["bearing_deg"], 1),
+                round(one["since_epoch_s"] - float(film.time[0]), 2),
+            ]
+        )  # fmt: skip
+    return rows
 
 
 def _rounded(values: Array, digits: int) -> list[float | None]:

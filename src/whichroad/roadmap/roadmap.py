@@ -51,7 +51,7 @@ class RoadMap:
         node_id: (J,) the source's ids of the junctions, see `node_ids`.
     """
 
-    __slots__ = ("_about", "arrays", "node_id", "pieces", "plane", "way", "ways")
+    __slots__ = ("_about", "_reach", "arrays", "node_id", "pieces", "plane", "way", "ways")
 
     def __init__(
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
@@ -64,6 +64,7 @@ class RoadMap:
         self.node_id = node_id
         self.ways = dict(ways)
         self._about = dict(about)
+        self._reach: float | None = None
 
     @classmethod
     def from_osm(cls, path: str | Path) -> "RoadMap":
@@ -180,6 +181,54 @@ class RoadMap:
         inside = line[(s > start) & (s < end)]
         return np.vstack([self.at(edge, start)[:2], inside, self.at(edge, end)[:2]])
 
+    def edge_lines(self, edge: Ints, start: Array, end: Array) -> tuple[Array, Array, Ints]:
+        """Parts of edges in driving direction, all at once.
+
+        Args:
+            edge: (n,) directed edges.
+            start: (n,) abscissae from which on; 0 and less: the edge's beginning.
+            end: (n,) abscissae up to which, not less than `start`.
+
+        Returns:
+            x and y (m) of all vertices, and (n + 1,) where each line's begin.
+        """
+        roads = self.arrays
+        low, count = roads.first[edge], np.diff(roads.first)[edge]
+        line = np.repeat(np.arange(len(edge)), count)
+        vertex = np.arange(len(line)) + np.repeat(low - np.cumsum(count) + count, count)
+        s, length = roads.s[vertex], roads.length[edge]
+        start = np.clip(start, 0.0, length)
+        end = np.clip(end, start, length)
+        first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
+        ends = []
+        for at in (start, end):  # the segment that holds the cut; its vertices stay where outside
+            before = s <= at[line]
+            k = (
+                low + np.clip(np.add.reduceat(before, first) - 1, 0, count - 2)
+                if len(edge)
+                else low
+            )
+            share = (at - roads.s[k]) / (roads.s[k + 1] - roads.s[k])
+            ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (roads.x, roads.y)])
+        inside = (s > start[line]) & (s < end[line])
+        order = np.argsort(
+            np.concatenate([np.arange(len(edge)), line[inside], np.arange(len(edge))]),
+            kind="stable",
+        )
+        x, y = (
+            np.concatenate([ends[0][i], v[vertex[inside]], ends[1][i]])[order]
+            for i, v in enumerate((roads.x, roads.y))
+        )
+        parts = np.bincount(line[inside], minlength=len(edge)) + 2
+        return x, y, np.concatenate([[0], np.cumsum(parts)]).astype(np.int64)
+
+    @property
+    def reach(self) -> float:
+        """Plane metres from the origin to the farthest vertex."""
+        if self._reach is None:
+            self._reach = float(np.hypot(self.arrays.x, self.arrays.y).max())
+        return self._reach
+
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
         edges = np.atleast_1d(np.asarray(edge, dtype=np.int64))
@@ -227,6 +276,10 @@ class RoadMap:
         way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
         names = [n for n in self.ways if n not in _IDS[1:]]
         return {name: self._values(name, np.array([way]))[0] for name in names}
+
+    def name(self, edge: int) -> str | None:
+        """What the edge's longest piece is called."""
+        return cast(str | None, self._values("name", self.way[edge : edge + 1])[0])
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""

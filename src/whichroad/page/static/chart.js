@@ -3,7 +3,7 @@
 import { STATUS, STATUSES, colourOf, gradientOf, percent } from "./look.js";
 
 const STRIP = 5; // height of the status strip
-const MOST = 4; // lines with a name
+const LABELLED = 4; // lines with a name
 
 /** A canvas as sharp as the screen; returns its context and size in CSS pixels. */
 export function sharp(canvas) {
@@ -21,8 +21,7 @@ export function sharp(canvas) {
 /** The P of every road about now. span: [from, to] in seconds. */
 export function drawRace(canvas, series, now, span, look, nameOf) {
   const { ctx, width, height } = sharp(canvas);
-  const box = { left: 34, right: width - 112, top: 8, bottom: height - 22 };
-  if (width < 520) box.right = width - 78;
+  const box = { left: 30, right: width - (width < 520 ? 48 : 168), top: 8, bottom: height - 22 };
   ctx.clearRect(0, 0, width, height);
   const x = (t) => box.left + ((t - span[0]) / (span[1] - span[0])) * (box.right - box.left);
   const y = (p) => box.bottom - p * (box.bottom - box.top);
@@ -125,7 +124,7 @@ function drawNames(ctx, series, now, box, y, look, nameOf) {
   if (at < 0) return;
   const shown = [];
   series.eachRoad(at, (edge, p) => {
-    if (p >= 0.01 && shown.length < MOST) shown.push({ edge, p, y: y(p) });
+    if (p >= 0.01 && shown.length < LABELLED) shown.push({ edge, p, y: y(p) });
   });
   let last = -100;
   ctx.font = "600 11px system-ui, sans-serif";

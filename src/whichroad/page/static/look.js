@@ -25,12 +25,13 @@ export const LOOK = {
   },
 };
 
+// In the order of the service's own codes.
 export const STATUS = {
   on_road: { word: "on road", light: "#0b4f9e", dark: "#4b96ff" },
   ambiguous: { word: "ambiguous", light: "#d99a06", dark: "#f4cd58" },
+  off_road: { word: "off the roads", light: "#8255ab", dark: "#b48ade" },
   outage: { word: "no GNSS", light: "#6a78a6", dark: "#93a2d4" },
   stopped: { word: "stopped", light: "#5f9dbf", dark: "#7fb8d6" },
-  off_road: { word: "off the roads", light: "#8255ab", dark: "#b48ade" },
   lost: { word: "lost", light: "#c51b1b", dark: "#ff6a5c" },
 };
 export const STATUSES = Object.keys(STATUS);

@@ -5,7 +5,7 @@ import { Edges, Feed, control, fetchJson, here } from "./feed.js";
 import { LOOK, STATUSES, clock, keepTheme, themeWished, titleOf } from "./look.js";
 import { fillPanel } from "./panel.js";
 import { drawScene } from "./scene.js";
-import { Recent, Series, roadsOf } from "./series.js";
+import { Recent, Series, fixesAt, fixesOf, fromTimeline, reckoningAt, roadsOf } from "./series.js";
 import { WorldMap } from "./worldmap.js";
 
 const about = JSON.parse(document.getElementById("about").textContent);
@@ -49,13 +49,9 @@ function take(message) {
 
 /** Time went backwards: what came after it is no longer so. */
 function forget() {
-  if (!byId("drive").hidden) {
-    state.fixes.items = state.fixes.items.filter((fix) => fix.epoch_s <= state.frame.epoch_s);
-  } else {
-    state.series.clear();
-    state.fixes.clear();
-  }
+  state.fixes.clear();
   state.reckoning.clear();
+  if (!state.recording) state.series.clear();
 }
 
 function keepRow(message) {
@@ -102,17 +98,8 @@ async function loadTimeline() {
   byId("app").classList.toggle("with-drive", Boolean(told));
   state.recording = told;
   if (!told) return;
-  const series = new Series(Math.max(told.t.length, 1));
-  told.t.forEach((t, i) => {
-    series.push(
-      {
-        t: told.begin + t, lat: told.lat[i], lon: told.lon[i], p: told.p[i], off: told.off[i],
-        status: told.status[i], masked: told.masked[i],
-      },
-      told.roads[i],
-    );
-  });
-  state.series = series;
+  state.series = fromTimeline(told, told.begin);
+  told.drawn = fixesOf(told, told.begin);
   if (state.frame) keepRow(state.frame);
   refresh();
 }
@@ -141,7 +128,7 @@ function camera(frame) {
   const { lon, lat } = frame.pose;
   if (!state.placed) {
     state.placed = true;
-    map.jumpTo({ center: [lon, lat], zoom: 16.6, padding: paddings() });
+    map.jumpTo({ center: [lon, lat], zoom: 17, padding: paddings() });
     return true;
   }
   const at = map.getCenter();
@@ -169,7 +156,8 @@ function drawOverlay() {
     ctx, world.view(width, height),
     {
       series: state.series, now: state.now, frame: state.frame, edges, roads: state.roads,
-      fixes: state.fixes.items.slice(-FIXES), reckoning: state.reckoning.items, future: recorded,
+      fixes: recorded ? fixesAt(state.recording.drawn, state.frame?.epoch_s ?? 0) : state.fixes.items.slice(-FIXES),
+      reckoning: recorded ? reckoningAt(state.recording, state.now) : state.reckoning.items, future: recorded ? 0.28 : 0,
       trail: recorded ? 0 : Math.max(0, state.series.find((state.frame?.epoch_s ?? 0) - 600) - 1),
     },
     state.look,
@@ -322,6 +310,7 @@ map.on("dragstart", () => follow(false));
 map.on("wheel", () => map.scrollZoom.enable(state.follow ? { around: "center" } : {}));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => wear(themeWished()));
 addEventListener("resize", () => refresh());
+byId("more").open = innerWidth > 720;
 
 new Feed(take, (word) => {
   byId("link").dataset.state = word;

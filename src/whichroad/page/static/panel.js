@@ -2,7 +2,7 @@
 
 import { STATUS, clock, colourOf, percent, titleOf } from "./look.js";
 
-const MOST = 5; // roads in the list
+const LISTED = 5; // roads in the list
 
 const byId = (id) => document.getElementById(id);
 
@@ -27,7 +27,7 @@ export function fillPanel(frame, roads, known, look) {
   fillStatus(frame, look);
   const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_road;
   say("p", frame.answered ? percent(p) : "–");
-  byId("p").style.color = frame.answered ? colourOf(p, look) : "";
+  byId("p").style.color = frame.answered ? `color-mix(in srgb, ${colourOf(p, look)} 78%, var(--ink))` : "";
   fillRoads(roads, known, look);
   say("speed-now", number(frame.pose ? 3.6 * (frame.pose.speed_mps ?? NaN) : null, "km/h"));
   say("bearing", frame.pose ? compass(frame.pose.bearing_deg) : "–");
@@ -63,12 +63,18 @@ function fillStatus(frame, look) {
     ? "GNSS masked" : status.word;
   say("status", frame.answered ? word : "waiting");
   pill.style.setProperty("--status", frame.answered ? status[look.name] : look.faint);
-  say("reason", frame.reason || (frame.dead_reckoning ? "no sensor speaks: predicted ahead" : ""));
+  say("reason", reasonOf(frame));
+}
+
+/** The reason; the roads that compete are in the list already. */
+function reasonOf(frame) {
+  if (frame.status === "ambiguous") return ["several roads fit", ...frame.reason.split("; ").slice(1)].join("; ");
+  return frame.reason || (frame.dead_reckoning ? "no sensor speaks: predicted ahead" : "");
 }
 
 function fillRoads(roads, known, look) {
   const list = byId("roads");
-  const shown = roads.filter(([, p], rank) => p >= 0.001 || rank === 0).slice(0, MOST);
+  const shown = roads.filter(([, p], rank) => p >= 0.001 || rank === 0).slice(0, LISTED);
   while (list.children.length < shown.length) list.append(rowOf());
   while (list.children.length > shown.length) list.lastChild.remove();
   shown.forEach(([edge, p], i) => {

@@ -14,7 +14,7 @@ export function drawScene(ctx, view, scene, look) {
   ctx.clearRect(0, 0, view.width, view.height);
   ctx.lineJoin = ctx.lineCap = "round";
   const frame = scene.frame;
-  if (scene.future) drawTrack(ctx, view, scene.series, scene.now, scene.series.length - 1, look, 0.28);
+  if (scene.future > 0) drawTrack(ctx, view, scene.series, scene.now, scene.series.length - 1, look, scene.future);
   drawTrack(ctx, view, scene.series, scene.trail ?? 0, scene.now, look, 0.85);
   if (!frame) return;
   drawRoads(ctx, view, scene, look);

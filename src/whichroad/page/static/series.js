@@ -93,3 +93,48 @@ export class Recent {
     return this.items[this.items.length - 1];
   }
 }
+
+/** A recorded drive's columns as a series, times counted from `begin`. */
+export function fromTimeline(line, begin) {
+  const series = new Series(Math.max(line.t.length, 1));
+  line.t.forEach((t, i) => {
+    series.push(
+      {
+        t: begin + t, lat: line.lat[i], lon: line.lon[i], p: line.p[i], off: line.off[i],
+        status: line.status[i], masked: line.masked[i],
+      },
+      line.roads[i],
+    );
+  });
+  return series;
+}
+
+/** Its fixes as messages have them. */
+export function fixesOf(line, begin) {
+  return line.fixes.map(([t, lat, lon, major, minor, axis, masked]) => ({
+    epoch_s: begin + t, lat, lon, masked: masked === 1, believed: null,
+    ellipse: major === null ? null : { major_m: major, minor_m: minor, bearing_deg: axis },
+  }));
+}
+
+/** The last of them at a time. */
+export function fixesAt(fixes, t, most = 60) {
+  let low = 0;
+  let high = fixes.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (fixes[middle].epoch_s <= t + 1e-6) low = middle + 1;
+    else high = middle;
+  }
+  return fixes.slice(Math.max(0, low - most), low);
+}
+
+/** The way by wheels alone up to row k. */
+export function reckoningAt(line, k) {
+  const way = [];
+  const last = line.reckoning[k];
+  for (let i = k; last && i >= 0 && line.reckoning[i]?.[3] === last[3]; i -= 1) {
+    way.push([line.reckoning[i][1], line.reckoning[i][0], line.reckoning[i][2]]);
+  }
+  return way.reverse();
+}

@@ -1,0 +1,114 @@
+"""The real tracks of Kubicka et al., thinned: route mismatch beside the peers."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import Options
+from . import harness, runner, scores
+
+HERE = ("valhalla", "osrm", "osrm-tidy", runner.OURS)  # fastmm's table would not fit
+
+
+def measure(options: Options, every: tuple[int, ...], wanted: list[int]) -> dict[str, Any]:
+    """Scores by interval, matcher and track; peers that cannot run here as they were stored."""
+    tracks, graph = harness.real_tracks(options)
+    some = [tracks[n] for n in wanted if n in tracks]
+    pbf, _ = harness.real_map(options)
+    traces = {f"{k}s/real": [harness.real_trace(options, t, k) for t in some] for k in every}
+    found: dict[str, Any] = {str(k): {} for k in every}
+    for name in runner.present(options, HERE):
+        done = runner.run(options, name, pbf, traces, options.more.get("seconds", 1e9))
+        if done is None:
+            continue
+        for k in every:
+            condition = done.conditions[f"{k}s/real"]
+            found[str(k)][name] = _scored(options, condition, traces[f"{k}s/real"], some, graph)
+            options.say(f"{name} at {k} s: {condition['points'] / condition['wall']:,.0f} fixes/s")
+    stored = harness.stored(options, "kubicka-dev")["peers"]
+    for name in harness.PEERS:
+        for k in every:
+            if name in found[str(k)] or name not in stored:
+                continue
+            rows = stored[name]["conditions"][f"{k}s/real"]["per_trace"]
+            rows = {n: scores.brief(r) for n, r in rows.items() if int(n) in wanted}
+            found[str(k)][name] = {"tracks": rows, "stored": True}
+    return found
+
+
+def _scored(
+    options: Options, condition: dict[str, Any], traces: list[Any], tracks: list[Any], graph: Any
+) -> dict[str, Any]:
+    metrics = harness.module(options, "metrics")
+    rows, p, right = {}, [], []
+    for trace, track, answer in zip(traces, tracks, scores.answers(condition, traces), strict=True):
+        rows[str(track["id"])] = scores.brief(metrics.score_route(graph, track["route"], answer))
+        if "said" in answer:
+            on = _on_route(metrics, graph, track["route"], answer)
+            a, b = scores.decisions(answer["said"], trace.t, lambda i, edge, on=on: bool(on[i]))
+            p, right = p + a, right + b
+    out: dict[str, Any] = {
+        "tracks": rows,
+        "fails": len(condition["errors"]),
+        "rate": condition["points"] / max(condition["wall"], 1e-9),
+        "peak_mib": condition["peak_mib"],
+    }
+    if p:
+        out["calibration"] = scores.calibration(p, right)
+    return out
+
+
+def _on_route(metrics: Any, graph: Any, route: Any, answer: dict[str, Any]) -> np.ndarray:
+    """Whether each matched point lies on the true route, in its direction."""
+    from scipy.spatial import cKDTree
+
+    def lines(parts: Any) -> list[np.ndarray]:
+        return [np.column_stack(graph.xy(*np.asarray(q, float).T)) for q in parts if len(q) > 1]
+
+    true = metrics.densify(lines([graph.nodes_latlon(r) for r in route]))
+    points = [
+        None if q is None else tuple(float(v) for v in graph.xy(*q)) for q in answer["points"]
+    ]
+    heading = metrics.travel_headings(points, lines(answer["route"]))
+    tree = cKDTree(true[:, :2])
+    on = np.zeros(len(points), bool)
+    for i, (point, h) in enumerate(zip(points, heading, strict=True)):
+        if point is not None:
+            near = tree.query_ball_point(point, metrics.ON_EDGE + metrics.STEP / 2)
+            on[i] = bool(near) and bool(np.isfinite(h) and (np.cos(true[near, 2] - h) > 0).any())
+    return on
+
+
+def pools(
+    found: dict[str, Any], sets: dict[int, dict[str, str]]
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """By set and interval: each matcher's pooled score, and the best peer of each track."""
+    chosen = {
+        "clean": {str(n) for n, row in sets.items() if row["clean"] == "1"},
+        "usable without 43": {
+            str(n) for n, row in sets.items() if row["usable"] == "1" and n != 43
+        },
+    }
+    out: dict[str, dict[str, dict[str, Any]]] = {}
+    for name, members in chosen.items():
+        out[name] = {}
+        for every, matchers in found.items():
+            ids = members & set(matchers.get(runner.OURS, {"tracks": {}})["tracks"])
+            if not ids:
+                continue
+            row = {
+                m: scores.pooled([v["tracks"][i] for i in sorted(ids) if i in v["tracks"]])
+                for m, v in matchers.items()
+            }
+            peers = [v["tracks"] for m, v in matchers.items() if m in harness.PEERS]
+            if peers:
+                row["best"] = scores.pooled(
+                    [min((p[i] for p in peers if i in p), key=wrong) for i in sorted(ids)]
+                )
+            out[name][every] = row
+    return out
+
+
+def wrong(score: dict[str, float]) -> float:
+    """Metres driven and not found, and found and not driven."""
+    return score["d_minus"] + score["d_plus"]

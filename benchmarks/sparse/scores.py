@@ -1,0 +1,123 @@
+"""What an answer is worth: the harness's scores, and ours of what no peer says."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from whichroad.evaluate import calibration_error
+
+from .. import Options
+from . import harness
+
+CHI2_95 = 5.991  # two degrees of freedom
+SAME_M = 1.0  # a true position this near to an edge is on it
+SAME_TURN = 0.5  # cosine between the edge and the true course
+KEPT = ("d_minus", "d_plus", "d0", "n", "missing", "right", "directed", "sq")
+
+
+def answers(condition: dict[str, Any], traces: list[Any]) -> list[dict[str, Any]]:
+    """The answer to each trace, an empty one where the matcher raised an error."""
+    found = condition["results"]
+    empty: dict[str, Any] = {"route": [], "points": []}
+    return [found.get(str(t.id), {**empty, "points": [None] * len(t.t)}) for t in traces]
+
+
+def pooled(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Scores of many traces as shares, and the RMSE of matched points in m."""
+    total = {k: float(sum(r[k] for r in rows)) for k in KEPT}
+    got = total["n"] - total["missing"]
+    return {
+        "rmf": (total["d_minus"] + total["d_plus"]) / total["d0"],
+        "missed": total["d_minus"] / total["d0"],
+        "extra": total["d_plus"] / total["d0"],
+        "directed": total["directed"] / total["n"],
+        "missing": total["missing"] / total["n"],
+        "rmse": float(np.sqrt(total["sq"] / got)) if total["sq"] and got else 0.0,
+        "traces": len(rows),
+        "points": total["n"],
+    }
+
+
+def brief(row: dict[str, Any]) -> dict[str, float]:
+    """A trace's score without its lists."""
+    return {k: float(row[k]) for k in KEPT}
+
+
+def at_fixes(said: dict[str, Any], t: np.ndarray) -> np.ndarray:
+    """Rows of what was said at the times of the fixes; -1 where nothing was."""
+    time = np.asarray(said["time"])
+    k = np.clip(np.searchsorted(time, t - 1e-4), 0, len(time) - 1)
+    return np.where(np.abs(time[k] - t) < 1e-3, k, -1)
+
+
+def decisions(
+    said: dict[str, Any], t: np.ndarray, is_right: Callable[[int, int], bool]
+) -> tuple[list[float], list[bool]]:
+    """P of what was held most probable at each fix, and whether it was so.
+
+    Args:
+        said: As the adapter gives it.
+        t: (n,) times of the fixes.
+        is_right: Whether edge e was driven at fix i.
+    """
+    p, right = [], []
+    for i, k in enumerate(at_fixes(said, t)):
+        if k < 0 or said["p_road"][k] is None:
+            continue
+        edge, road, off = said["edge_id"][k], said["p_road"][k], said["p_off_road"][k]
+        if edge is None or off > road:
+            p.append(float(off))
+            right.append(False)  # every true position here is on a road
+        else:
+            p.append(float(road))
+            right.append(is_right(i, edge))
+    return p, right
+
+
+def driven_edges(
+    roads: Any, lat: np.ndarray, lon: np.ndarray, bearing: np.ndarray
+) -> list[set[int]]:
+    """Our edges under true positions on the map's centre lines, by course.
+
+    Args:
+        roads: Our map.
+        lat: (n,) degrees.
+        lon: (n,) degrees.
+        bearing: (n,) degrees.
+    """
+    x, y = roads.plane.from_geodetic(np.asarray(lat, float), np.asarray(lon, float))
+    course = np.asarray(roads.plane.heading(np.asarray(bearing, float), x, y))
+    found = []
+    for a, b, heading in zip(x.tolist(), y.tolist(), course.tolist(), strict=True):
+        near = roads.near(a, b, SAME_M)
+        found.append(
+            {
+                int(e)
+                for e, s in zip(near.edge, near.s, strict=True)
+                if np.cos(roads.at(int(e), float(s))[2] - heading) > SAME_TURN
+            }
+        )
+    return found
+
+
+def calibration(p: list[float], right: list[bool]) -> dict[str, Any]:
+    """The calibration error, and the reliability in ten bins for a plot."""
+    said, was = np.asarray(p), np.asarray(right, bool)
+    if not len(said):
+        return {"error": None, "n": 0, "bins": []}
+    bins = np.minimum((said * 10).astype(int), 9)
+    rows = [
+        (float(said[bins == b].mean()), float(was[bins == b].mean()), int((bins == b).sum()))
+        for b in range(10)
+        if (bins == b).any()
+    ]
+    return {"error": float(calibration_error(said, was)), "n": len(said), "bins": rows}
+
+
+def best(options: Options, pools: dict[str, dict[str, float]], what: str) -> tuple[str, float]:
+    """The peer that is best at something: the lowest rmf or rmse, the highest directed."""
+    sign = -1.0 if what == "directed" else 1.0
+    found = {n: sign * p[what] for n, p in pools.items() if n in harness.PEERS}
+    name = min(found, key=lambda n: found[n])
+    return name, pools[name][what]

@@ -1,0 +1,224 @@
+"""`whichroad live`: the service that answers while the vehicle drives."""
+
+import ipaddress
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import SettingError
+from ..terminal import progress_line
+from .arguments import MapOption, read_start
+
+if TYPE_CHECKING:
+    from ..live.server import Plan
+    from ..live.talker import Talker
+    from ..records import Drive
+    from ..roadmap import RoadMap
+    from ..settings import Vehicle
+
+_OUT = re.compile(r"(tcp|udp)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
+
+
+class Clock(StrEnum):
+    """Whose times observations have."""
+
+    sensor = "sensor"
+    arrival = "arrival"
+
+
+def live(
+    roads: MapOption,
+    nmea: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Fixes: /dev/ttyUSB0@9600, tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, "
+            "or a recorded file; repeatable.",
+        ),
+    ] = None,
+    can: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Wheels: can0 (socketcan), INTERFACE:CHANNEL (python-can), or a recorded file.",
+        ),
+    ] = None,
+    dbc: Annotated[Path | None, typer.Option(help="What the CAN signals mean.")] = None,
+    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    play: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DRIVE", help="Recorded files, instead of sensors; repeatable."),
+    ] = None,
+    speed: Annotated[
+        str, typer.Option(metavar="X", help="Of what is played: times real time, or max.")
+    ] = "1",
+    laps: Annotated[int, typer.Option(min=1, help="Play so often.", hidden=True)] = 1,
+    once: Annotated[bool, typer.Option("--once", help="End with the recording.")] = False,
+    start: Annotated[
+        str | None, typer.Option(metavar="LAT,LON,BEARING", help="A known pose, in degrees.")
+    ] = None,
+    window: Annotated[
+        float,
+        typer.Option(min=0.0, max=10.0, metavar="S", help="Observations may be so late."),
+    ] = 1.0,
+    clock: Annotated[
+        Clock, typer.Option(help="Times of observations: the sensors', or when they arrive.")
+    ] = Clock.sensor,
+    rate: Annotated[
+        float,
+        typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
+    ] = 10.0,
+    record: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Record all that comes and is said.")
+    ] = None,
+    state: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the state here, to outlive crashes.")
+    ] = None,
+    nmea_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SINK",
+            help="The fused pose as NMEA: tcp://HOST:PORT (listens), udp://HOST:PORT; repeatable.",
+        ),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to serve on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
+    token: Annotated[
+        str | None,
+        typer.Option(envvar="WHICHROAD_TOKEN", help="Asked of everybody who connects."),
+    ] = None,
+    tiles: Annotated[
+        str | None, typer.Option(metavar="URL", help="Raster tiles below the roads.")
+    ] = None,
+    page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
+) -> None:
+    """Say where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
+    pose, pace = read_start(start), _speed(speed)
+    talkers = [_sink(text) for text in nmea_out or ()]
+    if token is None and not _is_local(host):
+        raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
+    with progress_line() as progress:
+        progress("reading the map", 0, 0)
+        plan = _plan(roads, vehicle, pose)
+        car = plan.localizer.vehicle
+        plan.tape = _recorded(play, nmea, can, dbc, car)
+        if plan.tape is None:
+            _connect(plan, nmea, can, dbc)
+        plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
+        plan.talkers = _talkers(talkers)
+    plan.speed, plan.laps, plan.once, plan.rate = pace, laps, once, rate
+    plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
+    plan.host, plan.port, plan.token = host, port, token
+    plan.tell = lambda line: typer.echo(line, err=True)
+    plan.ready = lambda bound: _say_ready(host, bound, plan)
+    from ..live.server import serve
+
+    serve(plan)
+
+
+def _plan(roads: Path, vehicle: Path | None, start: Any) -> "Plan":
+    """The filter on its map, warm."""
+    try:
+        from ..live.server import Plan
+    except ImportError as error:
+        raise SettingError(
+            f"live: the package {error.name} is not installed; it was expected for the service; "
+            'pip install "whichroad[live]"'
+        ) from None
+    from ..localizer import Localizer
+    from ..readers import read_vehicle
+    from ..session import open_map
+    from ..settings import Settings, Vehicle
+
+    car = Vehicle() if vehicle is None else read_vehicle(vehicle)
+    settings = Settings(**car.noise)
+    return Plan(Localizer(open_map(roads), vehicle=car, settings=settings, start=start))
+
+
+def _speed(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text.removesuffix("x"))
+    except ValueError:
+        speed = 0.0
+    if not 0.01 <= speed <= 1000.0:
+        raise typer.BadParameter(f"--speed is {text!r}; a number (5 is five times) or max")
+    return speed
+
+
+def _is_local(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _sink(text: str) -> tuple[str, str, int]:
+    found = _OUT.fullmatch(text)
+    if found is None or int(found[3]) > 65_535:
+        raise typer.BadParameter(
+            f"--nmea-out is {text!r}; tcp://HOST:PORT or udp://HOST:PORT was expected"
+        )
+    return found[1], found[2].strip("[]") or "127.0.0.1", int(found[3])
+
+
+def _talkers(sinks: list[tuple[str, str, int]]) -> "list[Talker]":
+    from ..live.talker import Talker
+
+    return [Talker(*sink) for sink in sinks]
+
+
+def _recorded(
+    play: list[Path] | None, nmea: list[str] | None, can: str | None, dbc: Path | None,
+    car: "Vehicle",
+) -> "Drive | None":  # fmt: skip
+    """The recorded drive, where files were given."""
+    files = [*(play or ()), *(Path(one) for one in nmea or () if Path(one).is_file())]
+    can_file = Path(can) if can is not None and Path(can).is_file() else None
+    if not files and can_file is None:
+        return None
+    if len(files) < len(play or ()) + len(nmea or ()) or (can is not None and can_file is None):
+        raise typer.BadParameter("recorded files and sensors cannot be mixed")
+    from ..readers import read_drive
+
+    drives = read_drive(files, vehicle=car, can=can_file, dbc=dbc)
+    if len(drives) > 1:
+        raise typer.BadParameter(f"{len(drives)} drives are in the files; one was expected")
+    return drives[0]
+
+
+def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | None) -> None:
+    """The sensors."""
+    from ..live.sources import can_address, nmea_address
+
+    plan.nmea = [nmea_address(one) for one in nmea or ()]
+    if can is not None:
+        if dbc is None:
+            raise typer.BadParameter("--can needs the --dbc that describes its frames")
+        plan.can = [(can_address(can), dbc)]
+    if not plan.nmea and not plan.can:
+        raise typer.BadParameter("neither --nmea nor --can nor --play: nothing to listen to")
+
+
+def _pages(roads: "RoadMap", tiles: str | None) -> Any:
+    """The page's routes; without MapLibre the service goes on, and says so."""
+    from ..page import page_routes
+
+    try:
+        return page_routes(roads, tiles_url=tiles)
+    except SettingError as error:
+        if tiles is not None:
+            raise
+        typer.echo(f"no page: {error}", err=True)
+        return ()
+
+
+def _say_ready(host: str, port: int, plan: "Plan") -> None:
+    shown = f"[{host}]" if ":" in host else host
+    typer.echo(f"http://{shown}:{port}/")
+    for talker in plan.talkers:
+        typer.echo(f"NMEA: {talker.scheme}://{talker.host}:{talker.port}")

@@ -1,0 +1,96 @@
+"""`whichroad replay` and `whichroad report`: looking at a drive again."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..terminal import progress_line
+from .arguments import Force, MapOption, read_start, read_window
+
+if TYPE_CHECKING:
+    from ..replay.player import Player
+
+DriveId = Annotated[
+    str | None, typer.Option(help="Which drive, where there are several in the input.")
+]
+
+
+def replay(
+    drive: Annotated[
+        list[Path],
+        typer.Argument(metavar="DRIVE|RESULT", help="Logs of a drive, or points of `match -o`."),
+    ],
+    roads: MapOption,
+    can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
+    dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
+    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON,BEARING", help="A known pose, as `match` takes it."),
+    ] = None,
+    mask: Annotated[
+        list[str] | None,
+        typer.Option(metavar="START:END", help="Withhold GNSS from the start, as `match` does."),
+    ] = None,
+    drive_id: DriveId = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Where to listen; others than this machine are let in by it.")
+    ] = "127.0.0.1",
+    tiles: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Map tiles below the roads: https://.../{z}/{x}/{y}.png"),
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
+) -> None:
+    """Show a recorded drive, or an answer, on the page: play it, turn its clock, mask GNSS."""
+    pose, windows = read_start(start), [read_window(text) for text in mask or ()]
+    from ..readers import read_drive, read_vehicle
+    from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
+    from ..replay.server import listen, replay_app, serve
+    from ..session import open_map
+
+    with progress_line() as progress:
+        progress("reading the map", 0, 0)
+        network = open_map(roads)
+        player: Player
+        if len(drive) == 1 and can is None and is_points(drive[0]):
+            player = play_result(drive[0], network, drive_id)
+        else:
+            car = None if vehicle is None else read_vehicle(vehicle)
+            progress("reading the drive", 0, 0)
+            one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
+            progress("answering it", 0, 0)
+            player = play_drive(Remaking(one, network, car, pose), windows)
+        app = replay_app(player, network, tiles_url=tiles, hosts=(host,))
+        door = listen(host, port)
+    url = f"http://{host}:{door.getsockname()[1]}/"
+    typer.echo(f"{url} shows it; Ctrl-C ends")
+    serve(app, door, url if browser else None)
+
+
+def report(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points of `match -o`.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The page, one .html file.")],
+    roads: Annotated[
+        Path | None, typer.Option("--map", help="The map, to draw the roads near the track.")
+    ] = None,
+    drive_id: DriveId = None,
+    force: Force = False,
+) -> None:
+    """Write one HTML file that shows an answer, to open anywhere and to mail."""
+    from ..replay.film import Film
+    from ..replay.points import read_points
+    from ..replay.report import check_report, write_report
+    from ..session import open_map
+
+    check_report(out, force=force)
+    with progress_line() as progress:
+        progress("reading the answer", 0, 0)
+        points = read_points(result, drive_id)
+        progress("reading the map", 0, 0)
+        network = None if roads is None else open_map(roads)
+        progress("writing", 0, 0)
+        write_report(Film(points, network), out, network, force=force)
+    typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

@@ -1,0 +1,287 @@
+"""The addresses of the live service, as a Starlette application."""
+
+import asyncio
+import json
+import math
+import tempfile
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import BaseRoute, Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from ..errors import WhichroadError
+from .doors import Doors
+from .engine import Engine
+from .health import label, metric
+from .hub import Hub, websocket_frame
+from .playback import Player
+
+LARGEST_TRACE = 16 * 1024 * 1024  # bytes
+_MOST_EPOCHS = 200_000
+_BODY_TIME = 30.0  # s in which a body must have come
+_KINDS = {
+    "text/csv": ".csv",
+    "application/json": ".json",
+    "application/geo+json": ".json",
+    "application/gpx+xml": ".gpx",
+    "application/vnd.apache.arrow.stream": ".arrow",
+    "text/plain": ".nmea",
+}
+_FASTEST = 1000.0
+
+
+class Service:
+    """What the addresses answer from.
+
+    Args:
+        engine: The filter.
+        hub: Its listeners.
+        player: Plays a recording; None: time is the world's.
+    """
+
+    def __init__(self, engine: Engine, hub: Hub, player: Player | None = None) -> None:
+        self.engine, self.hub, self.player = engine, hub, player
+        self._matching = asyncio.Lock()
+        engine.sinks.append(hub.send)
+
+    def routes(self) -> list[BaseRoute]:
+        """All addresses but the page's."""
+        return [
+            WebSocketRoute("/ws", self.websocket),
+            Route("/events", self.events),
+            Route("/estimate", self.estimate),
+            Route("/health", self.health),
+            Route("/metrics", self.metrics),
+            Route("/match", self.match, methods=["POST"]),
+            Route("/control", self.control, methods=["POST"]),
+        ]
+
+    async def websocket(self, socket: WebSocket) -> None:
+        """Every message as it is made; the last one at once.  Nothing is expected back."""
+        if self.hub.full:
+            await socket.close(1013)
+            return
+        await socket.accept()
+        transport = socket.scope["state"]["connection"].transport
+        if self.engine.published:
+            transport.write(websocket_frame(self.engine.published))
+        self.hub.sockets.add(transport)
+        try:
+            while True:
+                await socket.receive_text()
+                await asyncio.sleep(0.05)  # whoever talks is heard slowly
+        except (WebSocketDisconnect, KeyError):
+            pass
+        finally:
+            self.hub.sockets.discard(transport)
+
+    async def events(self, request: Request) -> Response:
+        """The same as server-sent events."""
+        if self.hub.full:
+            raise HTTPException(503, "too many listeners")
+        stream = self.hub.events(self.engine.published)
+        headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
+        return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
+
+    async def estimate(self, request: Request) -> Response:
+        """The last message."""
+        if not self.engine.published:
+            raise HTTPException(503, "nothing was said yet")
+        headers = {"cache-control": "no-store"}
+        return Response(self.engine.published, media_type="application/json", headers=headers)
+
+    async def health(self, request: Request) -> Response:
+        """How the service is doing."""
+        listeners = {"listeners": self.hub.listeners, "dropped": self.hub.dropped}
+        return JSONResponse({**self.engine.health(), **listeners})
+
+    async def metrics(self, request: Request) -> Response:
+        """The same for Prometheus."""
+        text = "\n".join(_metrics(self.engine, self.hub)) + "\n"
+        return PlainTextResponse(text, media_type="text/plain; version=0.0.4")
+
+    async def control(self, request: Request) -> Response:
+        """`{"action": ..., "value": ...}`: what the buttons of the page do."""
+        try:
+            asked = json.loads(await _body(request))
+            action, value = asked["action"], asked.get("value")
+        except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+            raise HTTPException(400, 'a JSON object with an "action" was expected') from None
+        self._act(action, value)
+        return JSONResponse({"gnss_masked": self.engine.gnss_masked, "play": self.engine.play()})
+
+    def _act(self, action: Any, value: Any) -> None:
+        if action in ("mask", "unmask"):
+            self.engine.mask(action == "mask")
+        elif action == "reset_reckoning":
+            self.engine.reset_reckoning()
+        elif action not in ("pause", "resume", "step", "speed", "seek"):
+            raise HTTPException(400, "an unknown action")
+        elif self.player is None:
+            raise HTTPException(409, "time is the world's: only a recording can be played so")
+        elif action == "pause":
+            self.player.pause()
+        elif action == "resume":
+            self.player.resume()
+        elif action == "step":
+            self.player.step(_number(0.1 if value is None else value, 0.0, 3600.0))
+        elif action == "speed":
+            fast = value is None
+            self.player.set_speed(None if fast else _number(value, 0.01, _FASTEST))
+        else:
+            self.player.seek(_number(value, 0.0, 1e9))
+
+    async def match(self, request: Request) -> Response:
+        """A posted trace, matched: points, path and summary."""
+        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if kind not in _KINDS:
+            raise HTTPException(415, f"one of {', '.join(_KINDS)} was expected")
+        body = await _body(request)
+        if self._matching.locked():
+            raise HTTPException(429, "another trace is being matched")
+        async with self._matching:
+            call = partial(_match, self.engine, body, _KINDS[kind])
+            return Response(await run_in_threadpool(call), media_type="application/json")
+
+
+def application(
+    service: Service,
+    *,
+    pages: Sequence[BaseRoute] = (),
+    local: bool = True,
+    token: str | None = None,
+) -> Starlette:
+    """The whole application.
+
+    Args:
+        service: Answers.
+        pages: Routes of the page, if there is one.
+        local: Whether only the own host is served.
+        token: Asked of everybody; None: nobody.
+    """
+    doors = Middleware(Doors, local=local, token=token, largest={"/match": LARGEST_TRACE})
+    handlers: dict[Any, Any] = {HTTPException: _told, Exception: _broken}
+    return Starlette(
+        routes=[*service.routes(), *pages], middleware=[doors], exception_handlers=handlers
+    )
+
+
+async def _told(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return JSONResponse({"error": error.detail}, error.status_code, headers=error.headers)
+
+
+async def _broken(request: Request, error: Exception) -> Response:
+    return JSONResponse({"error": "this should not happen"}, 500)
+
+
+async def _body(request: Request) -> bytes:
+    try:
+        async with asyncio.timeout(_BODY_TIME):
+            return await request.body()
+    except TimeoutError:
+        raise HTTPException(408, "the body did not come in time") from None
+
+
+def _number(value: Any, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise HTTPException(400, f"a value from {low:g} to {high:g} was expected")
+    return float(value)
+
+
+def _match(engine: Engine, body: bytes, suffix: str) -> bytes:
+    """Match a trace in the calling thread; the answer as JSON."""
+    from ..readers import drive_from_table, read_drive
+    from ..session import match
+
+    car, settings = engine.localizer.vehicle, engine.localizer.settings
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            if suffix == ".json":
+                drives = drive_from_table(_columns(body), vehicle=car, settings=settings)
+            else:
+                path = Path(folder) / f"trace{suffix}"
+                path.write_bytes(body)
+                drives = read_drive(path, vehicle=car, settings=settings)
+            if sum(_size(drive) for drive in drives) > _MOST_EPOCHS:
+                raise HTTPException(413, f"at most {_MOST_EPOCHS:,} rows are taken here")
+            result = match(drives, engine.roads, vehicle=car, settings=settings)
+        except WhichroadError as error:
+            raise HTTPException(422, str(error).replace(f"{folder}/", "")) from None
+    path = result.path
+    line = json.loads(path.to_json(drop_id=True, default=str)) if len(path) else None
+    return json.dumps(
+        {
+            "version": 1,
+            "points": json.loads(_rows(result.points.drop(columns="geometry"))),
+            "path": line,
+            "summary": {k: v for k, v in result.summary.items() if k != "sources"},
+        },
+        default=str,
+        allow_nan=False,
+    ).encode()
+
+
+def _rows(frame: Any) -> str:
+    return str(frame.to_json(orient="records", date_format="iso"))
+
+
+def _size(drive: Any) -> int:
+    return sum(len(log.time) for log in (drive.fixes, drive.odometry) if log is not None)
+
+
+def _columns(body: bytes) -> Any:
+    """JSON rows, or columns, as columns."""
+    import pyarrow as pa
+
+    try:
+        said = json.loads(body)
+        said = said.get("points", said) if isinstance(said, dict) else said
+        return pa.Table.from_pylist(said) if isinstance(said, list) else pa.table(said)
+    except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
+        raise HTTPException(
+            400, "JSON rows with time, lat and lon, or columns of them, were expected"
+        ) from None
+
+
+def _metrics(engine: Engine, hub: Hub) -> list[str]:
+    """Lines of the Prometheus text format."""
+    message, health = engine.message, engine.health()
+    sensors = {f'{{sensor="{label(s["name"])}"}}': s for s in health["sensors"]}
+    lines = metric("whichroad_messages_total", "counter", "Messages published.", {"": engine.seq})
+    lines += metric(
+        "whichroad_observations_total", "counter", "Observations taken, by input.",
+        {key: s["count"] for key, s in sensors.items()},
+    )  # fmt: skip
+    lines += metric(
+        "whichroad_skipped_total", "counter", "Records that could not be used, by input.",
+        {key: s["skipped"] for key, s in sensors.items()},
+    )  # fmt: skip
+    lines += metric(
+        "whichroad_sensor_up", "gauge", "1: the input speaks.",
+        {key: int(s["ok"]) for key, s in sensors.items()},
+    )  # fmt: skip
+    lines += metric("whichroad_listeners", "gauge", "Listeners.", {"": hub.listeners})
+    lines += metric("whichroad_dropped_total", "counter", "Listeners too slow.", {"": hub.dropped})
+    late = engine.events.skipped["late"]
+    lines += metric("whichroad_late_total", "counter", "Observations too late.", {"": late})
+    if message is not None:
+        lines += metric("whichroad_p_road", "gauge", "P of the road.", {"": message["p_road"]})
+        off = message["p_off_road"]
+        lines += metric("whichroad_p_off_road", "gauge", "P of being off the roads.", {"": off})
+        level = message["protection_m"]
+        level = math.inf if level is None else level
+        lines += metric("whichroad_protection_meters", "gauge", "Protection level.", {
+            "": "+Inf" if level == math.inf else level})  # fmt: skip
+    name = "whichroad_latency_seconds"
+    lines += [f"# HELP {name} From arrival to publication.", f"# TYPE {name} histogram"]
+    return lines + engine.latency.histogram(name)

@@ -1,0 +1,128 @@
+"""How the inputs and the service itself are doing, in numbers that do not grow."""
+
+import math
+from collections import deque
+from typing import Any
+
+from .messages import LatencyMessage, SensorMessage
+
+_BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s
+_WINDOW = 5.0  # s over which rates are said
+_RECENT = 1000  # latencies that p50 and p99 are of
+_SILENT = 1.0  # s without a word, or so many usual intervals
+_INTERVALS = 5.0
+
+
+class Health:
+    """One input: how often it speaks, and when it spoke last.
+
+    Args:
+        name: For people.
+        kind: gnss, wheels or file.
+
+    Attributes:
+        count: Observations so far.
+        skipped: Records that could not be used, as the source counts them.
+        link: `waiting`, `open`, `lost` or `ended`.
+        delay: Typical s between an observation's own time and its arrival; None: not known.
+    """
+
+    def __init__(self, name: str, kind: str) -> None:
+        self.name, self.kind = name, kind
+        self.count = self.skipped = 0
+        self.link = "waiting"
+        self.delay: float | None = None
+        self._last: float | None = None
+        self._counts: deque[tuple[float, int]] = deque()
+
+    def heard(self, count: int, now: float, delay: float | None = None) -> None:
+        """So many observations came; `delay`: s since the last one was made."""
+        self.count += count
+        self._last = now
+        if delay is not None:
+            known = self.delay if self.delay is not None else delay
+            self.delay = known + 0.05 * (delay - known)
+        if not self._counts or now - self._counts[-1][0] > 0.1:
+            self._counts.append((now, self.count))
+            while self._counts[0][0] < now - _WINDOW and len(self._counts) > 2:
+                self._counts.popleft()
+
+    def rate(self, now: float) -> float:
+        """Observations a second."""
+        if len(self._counts) < 2 or now - self._counts[-1][0] > _WINDOW:
+            return 0.0
+        (begin, first), (end, last) = self._counts[0], self._counts[-1]
+        return (last - first) / (end - begin)
+
+    def age(self, now: float) -> float | None:
+        """Seconds since it spoke; None: never."""
+        return None if self._last is None else max(now - self._last, 0.0)
+
+    def state(self, now: float) -> str:
+        """`waiting`, `ok`, `silent`, `lost` or `ended`."""
+        age, rate = self.age(now), self.rate(now)
+        if self.link in ("lost", "ended"):
+            return self.link
+        if age is None:
+            return "waiting"
+        return "silent" if age > max(_SILENT, _INTERVALS / rate if rate else 0.0) else "ok"
+
+    def message(self, now: float) -> SensorMessage:
+        """What is published of it."""
+        age, state = self.age(now), self.state(now)
+        return SensorMessage(
+            name=self.name,
+            kind=self.kind,
+            state=state,
+            ok=state == "ok",
+            rate_hz=round(self.rate(now), 2),
+            age_s=None if age is None else round(age, 3),
+            delay_s=None if self.delay is None else round(self.delay, 3),
+            count=self.count,
+            skipped=self.skipped,
+        )
+
+
+class Latency:
+    """From the arrival of what was observed to the publication of what it means."""
+
+    def __init__(self) -> None:
+        self._recent: deque[float] = deque(maxlen=_RECENT)
+        self._said: LatencyMessage = {"p50": None, "p99": None}
+        self._said_at = -math.inf
+        self.counts = [0] * (len(_BOUNDS) + 1)
+        self.total = 0.0
+
+    def add(self, seconds: float) -> None:
+        """One more."""
+        self._recent.append(seconds)
+        self.total += seconds
+        self.counts[sum(seconds > bound for bound in _BOUNDS)] += 1
+
+    def message(self, now: float) -> LatencyMessage:
+        """p50 and p99 of the last thousand, made once a second."""
+        if now - self._said_at >= 1.0 and self._recent:
+            self._said_at, ordered = now, sorted(self._recent)
+            p50, p99 = (ordered[int(q * (len(ordered) - 1))] for q in (0.5, 0.99))
+            self._said = {"p50": round(1e3 * p50, 3), "p99": round(1e3 * p99, 3)}
+        return self._said
+
+    def histogram(self, name: str) -> list[str]:
+        """Lines of a Prometheus histogram."""
+        lines, total = [], 0
+        for bound, count in zip((*_BOUNDS, math.inf), self.counts, strict=True):
+            total += count
+            label = "+Inf" if bound == math.inf else f"{bound:g}"
+            lines.append(f'{name}_bucket{{le="{label}"}} {total}')
+        return [*lines, f"{name}_sum {self.total:.6f}", f"{name}_count {total}"]
+
+
+def metric(name: str, kind: str, told: str, rows: dict[str, Any]) -> list[str]:
+    """Lines of one Prometheus metric; the keys of `rows` are its labels as they are written."""
+    head = [f"# HELP {name} {told}", f"# TYPE {name} {kind}"]
+    return head + [f"{name}{labels} {value}" for labels, value in rows.items()]
+
+
+def label(text: str) -> str:
+    """Text as the value of a Prometheus label."""
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

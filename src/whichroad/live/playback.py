@@ -1,0 +1,283 @@
+"""Recorded drives, played as if they happened now: at any speed, paused, stepped, sought."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ..errors import DriveError
+from ..records import (
+    Distance,
+    Drive,
+    GeoFix,
+    Observation,
+    Odometer,
+    SpeedYaw,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeed,
+    WheelSpeeds,
+    WheelTicks,
+)
+from .engine import Engine
+from .messages import PlayMessage
+from .state import State, restore, state_of
+
+_KINDS: dict[type, Callable[..., Observation]] = {
+    WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,
+}  # fmt: skip
+_BLOCK = 4096  # observations made at once
+_SLICE = 0.004  # s of work between two looks at the world
+_STEP = 0.1  # s of the recording, one step
+_NAP = 0.02  # s, the longest sleep while playing
+_KEPT_EVERY = 2.0  # s of the recording between states to go back to
+_MOST_KEPT = 400
+
+
+class Tape:
+    """The observations of a recorded drive, in the order of their times.
+
+    Args:
+        drive: What was recorded; of one time the odometry comes first.
+        laps: How often it is played, one after the other.
+
+    Raises:
+        DriveError: There is nothing in it.
+    """
+
+    def __init__(self, drive: Drive, laps: int = 1) -> None:
+        self._columns: list[tuple[Callable[..., Observation], list[Any]]] = []
+        times, kinds, rows = [], [], []
+        log, fixes = drive.odometry, drive.fixes
+        if log is not None and len(log.time):
+            columns = [getattr(log, field.name) for field in fields(log)]
+            self._columns.append((_KINDS[type(log)], columns))
+        if fixes is not None and len(fixes):
+            columns = [getattr(fixes, field.name) for field in fields(GeoFix)]
+            self._columns.append((GeoFix, columns))
+        for kind, (_, columns) in enumerate(self._columns):
+            times.append(columns[0])
+            kinds.append(np.full(len(columns[0]), kind, np.int8))
+            rows.append(np.arange(len(columns[0])))
+        if not times:
+            raise DriveError(f"{drive.drive_id}: neither a fix nor odometry; nothing to play")
+        time_ = np.concatenate(times)
+        order = np.argsort(time_, kind="stable")
+        self.time = time_[order]
+        self._kind, self._row = np.concatenate(kinds)[order], np.concatenate(rows)[order]
+        self._laps = laps
+        self._lap = float(self.time[-1] - self.time[0]) + 1.0
+        self._block: list[Observation] = []
+        self._first = -1
+
+    def __len__(self) -> int:
+        return len(self.time) * self._laps
+
+    @property
+    def length(self) -> float:
+        """From the first to the last observation, s."""
+        return self.when(len(self) - 1) - float(self.time[0])
+
+    def when(self, index: int) -> float:
+        """Time of an observation, s."""
+        lap, row = divmod(index, len(self.time))
+        return float(self.time[row]) + lap * self._lap
+
+    def index(self, when: float) -> int:
+        """The first observation at or after a time."""
+        lap = int(max(when - float(self.time[0]), 0.0) // self._lap)
+        if lap >= self._laps:
+            return len(self)
+        row = int(np.searchsorted(self.time, when - lap * self._lap))
+        return lap * len(self.time) + row
+
+    def __getitem__(self, index: int) -> Observation:
+        at = index - self._first
+        if not 0 <= at < len(self._block) or self._first < 0:
+            self._make(index)
+            at = 0
+        return self._block[at]
+
+    def _make(self, index: int) -> None:
+        """The block that begins there."""
+        lap, row = divmod(index, len(self.time))
+        end = min(row + _BLOCK, len(self.time))
+        block: list[Any] = [None] * (end - row)
+        for kind, (make, columns) in enumerate(self._columns):
+            places = np.flatnonzero(self._kind[row:end] == kind)
+            rows = self._row[row:end][places]
+            taken = [column[rows] for column in columns]
+            taken[0] = taken[0] + lap * self._lap
+            values = zip(*(column.tolist() for column in taken), strict=True)
+            for place, cells in zip(places.tolist(), values, strict=True):
+                block[place] = make(*cells)
+        self._block, self._first = block, index
+
+
+class Player:
+    """Plays a tape into an engine.
+
+    Args:
+        engine: Takes the observations.
+        tape: What is played.
+        speed: Times real time; None: as fast as possible.
+        paused: Whether to wait for `resume` or `step`.
+
+    Attributes:
+        ended: Set when everything was played.
+    """
+
+    def __init__(
+        self, engine: Engine, tape: Tape, *, speed: float | None = 1.0, paused: bool = False
+    ) -> None:
+        self.engine, self.tape = engine, tape
+        self.speed, self.paused = speed, paused
+        self.ended = asyncio.Event()
+        self._health = engine.sensor("recording", "file")
+        self._health.link = "open"
+        self._at = 0
+        self._kept: list[tuple[int, State]] = []
+        self._every = _KEPT_EVERY
+        self._anchor = (0.0, 0.0)  # clock and recording agree here
+        self._target: int | None = None  # where a search goes
+        self._wake = asyncio.Event()
+        engine.play = self.message
+
+    @property
+    def position(self) -> float:
+        """Seconds from the recording's beginning."""
+        return self.tape.when(max(self._at - 1, 0)) - float(self.tape.time[0])
+
+    def message(self) -> PlayMessage:
+        """The state of play."""
+        return PlayMessage(
+            mode="replay",
+            paused=self.paused,
+            speed=self.speed,
+            position_s=round(self.position, 3),
+            length_s=round(self.tape.length, 3),
+        )
+
+    def start_at(self, when: float) -> None:
+        """Begin at a time that the filter is at already."""
+        self._at = self.tape.index(when)
+
+    async def run(self) -> None:
+        """Play until cancelled; waits where it is paused or at the end."""
+        self._set_anchor()
+        while True:
+            if self._target is not None:
+                self._run_on(self._target)
+                await asyncio.sleep(0)
+            elif self.paused or self._at >= len(self.tape):
+                if self._at >= len(self.tape) and not self.ended.is_set():
+                    self._health.link = "ended"
+                    self.engine.publish()
+                    self.ended.set()
+                self._wake.clear()
+                await self._wake.wait()
+                self._set_anchor()
+            elif self.speed is None:
+                self._play_slice(len(self.tape))
+                await asyncio.sleep(0)
+            else:
+                await self._keep_pace(self.speed)
+
+    async def _keep_pace(self, speed: float) -> None:
+        clock, recorded = self._anchor
+        due = recorded + speed * (time.perf_counter() - clock)
+        when = self.tape.when(self._at)
+        if when <= due:
+            end = self.tape.index(due + 1e-9)
+            reached = self._play_slice(max(end, self._at + 1))
+            await asyncio.sleep(0.001 if reached else 0)
+        else:
+            await asyncio.sleep(min((when - due) / speed, _NAP))
+
+    def _play_slice(self, end: int) -> bool:
+        """Play up to an index for as long as may be; returns whether it was reached."""
+        began = arrival = time.perf_counter()
+        tape, engine, health = self.tape, self.engine, self._health
+        end = min(end, len(tape))
+        while self._at < end:
+            chunk = [tape[i] for i in range(self._at, min(self._at + 32, end))]
+            self._keep()
+            self._at += len(chunk)
+            engine.take(health, chunk, arrival, recorded=True)
+            arrival = time.perf_counter()
+            if arrival - began > _SLICE:
+                break
+        return self._at >= end
+
+    def _keep(self) -> None:
+        """Remember the state here, to go back to; the farther apart the longer the drive is."""
+        when = self.tape.when(self._at)
+        if self._kept and when - self.tape.when(self._kept[-1][0]) < self._every:
+            return
+        self._kept.append((self._at, state_of(self.engine.localizer)))
+        if len(self._kept) > _MOST_KEPT:
+            self._kept = self._kept[::2]
+            self._every *= 2.0
+
+    def _set_anchor(self) -> None:
+        self._anchor = (time.perf_counter(), self.tape.when(min(self._at, len(self.tape) - 1)))
+
+    # What people may do
+
+    def pause(self) -> None:
+        """Stop here."""
+        self.paused = True
+        self.engine.publish()
+
+    def resume(self) -> None:
+        """Go on; from the end, from the beginning."""
+        if self._at >= len(self.tape):
+            self.seek(0.0)
+        self.paused = False
+        self._wake.set()
+
+    def step(self, seconds: float = _STEP) -> None:
+        """Play so many seconds, and stop there."""
+        self.paused = True
+        target = self.tape.when(min(self._at, len(self.tape) - 1)) + seconds
+        self._target = self.tape.index(target)
+        self._wake.set()
+
+    def set_speed(self, speed: float | None) -> None:
+        """Times real time; None: as fast as possible."""
+        self.speed = speed
+        self._set_anchor()
+        self._wake.set()
+
+    def seek(self, position: float) -> None:
+        """Go to a time, s from the beginning, through all that was observed before it."""
+        target = self.tape.index(float(self.tape.time[0]) + max(position, 0.0))
+        self.ended.clear()
+        self._health.link = "open"
+        if target < self._at:
+            while len(self._kept) > 1 and self._kept[-1][0] > target:
+                self._kept.pop()
+            at, state = self._kept[-1] if self._kept else (0, state_of(self.engine.localizer))
+            restore(self.engine.localizer, state)
+            self._at = at
+            self.engine.reckoning.stop()
+            self.engine.events.begin(self.tape.when(at))
+        self._target = target
+        self._wake.set()
+
+    def _run_on(self, target: int) -> None:
+        """Observe without a word, for as long as may be."""
+        began, target = time.perf_counter(), min(target, len(self.tape))
+        while self._at < target and time.perf_counter() - began < _SLICE:
+            self._keep()
+            end = min(self._at + 32, target)
+            chunk = [self.tape[i] for i in range(self._at, end)]
+            self._at = end
+            self.engine.observe(chunk)
+        if self._at >= target:
+            self._target = None
+            self._set_anchor()
+            self.engine.publish()

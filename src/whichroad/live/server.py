@@ -1,0 +1,320 @@
+"""Everything together in one loop: inputs, filter, outputs, the web."""
+
+import asyncio
+import contextlib
+import gc
+import sys
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.routing import BaseRoute
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from ..errors import SettingError
+from ..localizer import Localizer
+from ..records import Drive
+from .app import Service, application
+from .checkpoint import EVERY, Checkpoint
+from .decode import CanStream, NmeaStream
+from .engine import Engine
+from .hub import Hub
+from .playback import Player, Tape
+from .recording import Recorder
+from .sources import READERS, Address, NmeaInput, read_can
+from .talker import Talker
+
+_TICK = 0.05  # s
+_REQUEST_TIME = 10.0  # s in which a request's head must have come
+_PATIENCE = 5.0  # s between pings of a WebSocket, and until they must be answered
+_FAST = 0.05  # s between messages while a recording is played as fast as possible
+_MOST_ROWS = 20_000  # that wait to be recorded
+
+
+@dataclass(slots=True)
+class Plan:
+    """What `serve` is to do.
+
+    Attributes:
+        localizer: The filter.
+        nmea: Where fixes come from.
+        can: Where frames come from, and the .dbc that describes them.
+        tape: A recorded drive instead of both.
+        speed: Times real time; None: as fast as possible.
+        laps: How often it is played.
+        once: Whether to end with the recording.
+        window: s by which observations may be late.
+        rate: Messages a second where no fix calls for one.
+        clock: `sensor`: observations have their own times; `arrival`: that of their arrival.
+        record: Folder of the recording.
+        state: File of the checkpoint.
+        talkers: Outputs of NMEA.
+        host, port: Of the web; port 0: any that is free.
+        token: Asked of everybody.
+        pages: Routes of the page.
+        tell: Told what happens, a line each.
+        ready: Told the web's port when it is open.
+    """
+
+    localizer: Localizer
+    nmea: Sequence[Address] = ()
+    can: Sequence[tuple[Address, Path]] = ()
+    tape: Drive | None = None
+    speed: float | None = 1.0
+    laps: int = 1
+    once: bool = False
+    window: float = 1.0
+    rate: float = 10.0
+    clock: str = "sensor"
+    record: Path | None = None
+    state: Path | None = None
+    talkers: Sequence[Talker] = ()
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    pages: Sequence[BaseRoute] = ()
+    tell: Callable[[str], None] = field(default=lambda line: None)
+    ready: Callable[[int], None] = field(default=lambda port: None)
+
+
+class Socket(WebSocketsSansIOProtocol):
+    """A WebSocket whose transport the hub may write to."""
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.app_state = {**self.app_state, "connection": self}
+
+
+class Http(H11Protocol):
+    """A connection that must ask within some seconds."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Start the clock."""
+        super().connection_made(transport)
+        self._asked = self.loop.call_later(_REQUEST_TIME, self._give_up)
+
+    def _give_up(self) -> None:
+        if self.cycle is None and not self.transport.is_closing():
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Stop it."""
+        self._asked.cancel()
+        super().connection_lost(exc)
+
+
+def serve(plan: Plan) -> None:
+    """Run the service until it is interrupted, or the recording is over.
+
+    Raises:
+        SettingError: A port cannot be opened.
+        WriteError: The recording or the checkpoint cannot be written.
+        ReadError: The .dbc cannot be read.
+    """
+    sys.setswitchinterval(0.0005)  # a thread that draws tiles must not hold the filter up
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(Run(plan).run())
+
+
+class Run:
+    """One run of the service.
+
+    Args:
+        plan: What is to be done.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        about = {"map": repr(plan.localizer.roads), "begun": time.time()}
+        recorder = None
+        if plan.record is not None:
+            recorder = Recorder(plan.record, plan.localizer.roads, about)
+        self.engine = Engine(
+            plan.localizer, window=0.0 if plan.tape is not None else plan.window, rate=plan.rate,
+            recorder=recorder,
+        )  # fmt: skip
+        self.hub = Hub()
+        self.checkpoint = None if plan.state is None else Checkpoint(plan.state, plan.localizer)
+        self.writer = ThreadPoolExecutor(1)
+        self.player: Player | None = None
+        self.broken: BaseException | None = None
+        self._server: uvicorn.Server | None = None
+
+    def stop(self) -> None:
+        """End soon; from the loop's own thread."""
+        if self._server is not None:
+            self._server.should_exit = True
+
+    async def run(self) -> None:
+        """Serve until stopped."""
+        plan = self.plan
+        self._resume()
+        inputs = self._inputs()
+        service = Service(self.engine, self.hub, self.player)
+        app = application(
+            service, pages=plan.pages, local=plan.host in ("127.0.0.1", "::1", "localhost"),
+            token=plan.token,
+        )  # fmt: skip
+        config = uvicorn.Config(
+            app, host=plan.host, port=plan.port, ws=Socket, http=Http, lifespan="off",
+            log_level="critical", access_log=False, ws_max_size=4096,
+            ws_per_message_deflate=False, ws_ping_interval=_PATIENCE, ws_ping_timeout=_PATIENCE,
+            limit_concurrency=2000, timeout_keep_alive=10, server_header=False,
+            timeout_graceful_shutdown=1, h11_max_incomplete_event_size=16_384,
+        )  # fmt: skip
+        server = self._server = uvicorn.Server(config)
+        for talker in plan.talkers:
+            await _opened(talker.start(), f"--nmea-out {talker.host}:{talker.port}")
+            self.engine.sinks.append(talker.send)
+        sock = self._bound(config)
+        gc.collect()
+        gc.freeze()
+        tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
+        tasks += [asyncio.create_task(self._guard(self._clock()))]
+        if self.player is not None:
+            self.engine.least = _FAST if plan.speed is None else self.engine.least
+            tasks.append(asyncio.create_task(self._guard(self.player.run())))
+            if plan.once:
+                tasks.append(asyncio.create_task(self._until_end(self.player)))
+        plan.ready(sock.getsockname()[1])
+        try:
+            await server.serve(sockets=[sock])
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._close()
+        if self.broken is not None:
+            raise self.broken
+
+    def _resume(self) -> None:
+        if self.checkpoint is None:
+            return
+        replay = self.plan.tape is not None
+        when, told = self.checkpoint.resume(replay=replay)
+        self.plan.tell(told)
+        if when is not None:
+            self.engine.events.begin(when)
+
+    def _inputs(self) -> list[Coroutine[Any, Any, None]]:
+        """The coroutines that bring observations."""
+        plan, engine = self.plan, self.engine
+        inputs: list[Coroutine[Any, Any, None]] = []
+        if plan.tape is not None:
+            self.player = Player(engine, Tape(plan.tape, plan.laps), speed=plan.speed)
+            if engine.events.now > 0.0:
+                self.player.start_at(engine.events.now)
+            return inputs
+        car, settings = plan.localizer.vehicle, plan.localizer.settings
+        deliver = engine.take if plan.clock == "sensor" else self._on_arrival
+        for address in plan.nmea:
+            health = engine.sensor(_name(address), "gnss")
+            offset = car.clock_offset.get("gnss", 0.0)
+
+            def make(health: Any = health, offset: float = offset) -> NmeaInput:
+                return NmeaInput(health, NmeaStream(settings, offset), deliver)
+
+            inputs.append(READERS[address.kind](address, health, make))
+        for address, dbc in plan.can:
+            health = engine.sensor(_name(address), "wheels")
+            offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
+            inputs.append(read_can(address, health, CanStream(dbc, car, offset), deliver))
+        return inputs
+
+    def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
+        """Observations get the time at which they came."""
+        when = time.time() - (time.perf_counter() - arrival)
+        for one in observations:
+            object.__setattr__(one, "time", when)  # made a moment ago, nobody else has it
+        self.engine.take(health, observations, arrival)
+
+    async def _clock(self) -> None:
+        """Ticks, writes what is recorded, keeps the state."""
+        loop = asyncio.get_running_loop()
+        kept, job = 0.0, None
+        while True:
+            await asyncio.sleep(_TICK)
+            if self.player is None or not (self.player.paused or self.player.ended.is_set()):
+                self.engine.tick()
+            if job is not None and not job.done():
+                continue
+            if job is not None:
+                job.result()  # a full disk ends the service rather than the recording alone
+            now, recorder = time.monotonic(), self.engine.recorder
+            full = recorder is not None and recorder.waiting > _MOST_ROWS
+            if now - kept >= EVERY or full:
+                kept = now
+                jobs = [one.taken() for one in (recorder, self.checkpoint) if one is not None]
+                job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
+
+    async def _until_end(self, player: Player) -> None:
+        await player.ended.wait()
+        await asyncio.sleep(0.2)
+        self.stop()
+
+    async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
+        """Whatever breaks ends the service with its reason."""
+        try:
+            await work
+        except Exception as error:
+            self.broken = self.broken or _named(error)
+            self.stop()
+
+    def _bound(self, config: uvicorn.Config) -> Any:
+        import socket
+
+        family = socket.AF_INET6 if ":" in self.plan.host else socket.AF_INET
+        sock = socket.socket(family)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            sock.bind((self.plan.host, self.plan.port))
+            sock.listen(512)
+        except OSError as error:
+            sock.close()
+            raise SettingError(
+                f"--port {self.plan.port} of {self.plan.host} cannot be opened "
+                f"({error.strerror}); a free port was expected; choose another"
+            ) from None
+        return sock
+
+    def _close(self) -> None:
+        self.hub.close()
+        for talker in self.plan.talkers:
+            talker.close()
+        self.writer.shutdown(wait=True)
+        if self.checkpoint is not None:
+            self.checkpoint.taken()()
+        if self.engine.recorder is not None:
+            self.engine.recorder.close()
+
+
+def _all(jobs: list[Callable[[], None]]) -> None:
+    for job in jobs:
+        job()
+
+
+def _name(address: Address) -> str:
+    """What people read; only the last part of a device's path."""
+    if address.kind in ("tcp", "udp", "listen"):
+        return f"{address.kind} {address.place}:{address.number}"
+    return f"{address.interface or address.kind} {address.place.rsplit('/', 1)[-1]}"
+
+
+def _named(error: Exception) -> Exception:
+    if isinstance(error, OSError):
+        return SettingError(f"{error.strerror or error}; an input or output cannot be opened")
+    return error
+
+
+async def _opened(work: Coroutine[Any, Any, None], what: str) -> None:
+    try:
+        await work
+    except OSError as error:
+        raise SettingError(
+            f"{what} cannot be opened ({error.strerror}); a free address was expected"
+        ) from None

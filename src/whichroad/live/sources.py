@@ -1,0 +1,287 @@
+"""Where observations come from: serial ports, TCP, UDP, CAN buses.
+
+A source that is lost is taken up again, first after a moment, then more patiently.  Bytes
+are never collected: what the filter cannot take in time is left to the sender, or dropped.
+"""
+
+import asyncio
+import contextlib
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import SettingError
+from ..records import Observation
+from .decode import CanStream, NmeaStream
+from .health import Health
+
+Deliver = Callable[[Health, Sequence[Observation], float], None]
+
+QUIET = 0.03  # s of silence that end a burst
+_DEAD = 15.0  # s without a byte after which a connection is made anew
+_FIRST, _MOST = 0.2, 5.0  # s between two tries
+_MOST_BYTES = 500_000  # a second; 460,800 baud are 46,000
+_MOST_PEERS = 16  # of a port that listens
+_EXTENDED = 1 << 31
+_ADDRESS = re.compile(r"(tcp|udp|listen)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
+_SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM|\\\\\.\\)[^@]+)(?:@(\d+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A source as it was named.
+
+    Attributes:
+        kind: serial, tcp, udp, listen, can.
+        place: Device, host, or channel.
+        number: Baud rate or port.
+        interface: python-can's name of the CAN interface.
+    """
+
+    kind: str
+    place: str
+    number: int = 0
+    interface: str = ""
+
+
+def nmea_address(text: str) -> Address:
+    """`/dev/ttyUSB0@9600`, `tcp://host:port`, `udp://:port`, or `listen://host:port`.
+
+    Raises:
+        SettingError: It is none of them.
+    """
+    if (found := _ADDRESS.fullmatch(text)) and int(found[3]) < 65_536:
+        return Address(found[1], found[2].strip("[]") or "127.0.0.1", int(found[3]))
+    if found := _SERIAL.fullmatch(text):
+        return Address("serial", found[1], int(found[2] or 9600))
+    raise SettingError(
+        f"--nmea is {text!r}; a serial port (/dev/ttyUSB0@9600), tcp://HOST:PORT, udp://HOST:PORT, "
+        "listen://HOST:PORT, or a recorded file was expected"
+    )
+
+
+def can_address(text: str) -> Address:
+    """`can0` of socketcan, or `INTERFACE:CHANNEL` as python-can knows them.
+
+    Raises:
+        SettingError: It is empty.
+    """
+    interface, colon, channel = text.partition(":")
+    if not text or (colon and not (interface and channel)):
+        raise SettingError(
+            f"--can is {text!r}; a socketcan interface (can0), INTERFACE:CHANNEL (virtual:bus), or "
+            "a recorded file was expected"
+        )
+    return Address("can", channel, 0, interface) if colon else Address("can", text, 0, "socketcan")
+
+
+class NmeaInput:
+    """One stream of NMEA bytes into the filter.
+
+    Args:
+        health: Of the input.
+        stream: A decoder of its own.
+        deliver: Takes the fixes.
+    """
+
+    def __init__(self, health: Health, stream: NmeaStream, deliver: Deliver) -> None:
+        self._health, self._stream, self._deliver = health, stream, deliver
+        self._quiet: asyncio.TimerHandle | None = None
+        self._arrival = 0.0
+        self._allowance, self._filled = float(_MOST_BYTES), time.perf_counter()
+
+    def feed(self, data: bytes, arrival: float | None = None) -> None:
+        """Take bytes that came at `arrival` (now unless given)."""
+        now = time.perf_counter()
+        self._arrival = now if arrival is None else arrival
+        self._health.link = "open"
+        self._allowance += (now - self._filled) * _MOST_BYTES
+        self._allowance, self._filled = min(self._allowance, _MOST_BYTES), now
+        if len(data) > self._allowance:
+            self._health.skipped += 1
+            return
+        self._allowance -= len(data)
+        before = self._stream.skipped
+        fixes = self._stream.feed(data)
+        self._health.skipped += self._stream.skipped - before
+        if fixes:
+            self._deliver(self._health, fixes, self._arrival)
+        if self._quiet is not None:
+            self._quiet.cancel()
+        self._quiet = asyncio.get_running_loop().call_later(QUIET, self._flush)
+
+    @property
+    def exhausted(self) -> float:
+        """Seconds that a sender who can wait should be left waiting."""
+        return 0.0 if self._allowance > 65_536 else 0.1
+
+    def _flush(self) -> None:
+        fixes = self._stream.flush()
+        if fixes:
+            self._deliver(self._health, fixes, self._arrival)
+
+
+async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
+    """Read from a server, for ever."""
+    wait = _FIRST
+    while True:
+        writer = None
+        try:
+            reader, writer = await asyncio.open_connection(
+                address.place, address.number, limit=1 << 16
+            )
+            _keep_alive(writer.get_extra_info("socket"))
+            health.link, wait, into = "open", _FIRST, make()
+            while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
+                into.feed(data)
+                if into.exhausted:
+                    await asyncio.sleep(into.exhausted)
+        except (OSError, TimeoutError):
+            pass
+        finally:
+            if writer is not None:
+                writer.close()
+        health.link = "lost"
+        await asyncio.sleep(wait)
+        wait = min(2.0 * wait, _MOST)
+
+
+def _keep_alive(sock: Any) -> None:
+    if sock is not None:
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+
+async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
+    """Let receivers connect to us, for ever; each has a decoder of its own."""
+    peers = 0
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        nonlocal peers
+        if peers >= _MOST_PEERS:
+            writer.transport.abort()
+            return
+        peers += 1
+        into = make()
+        try:
+            while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
+                into.feed(data)
+                if into.exhausted:
+                    await asyncio.sleep(into.exhausted)
+        except (OSError, TimeoutError):
+            pass
+        finally:
+            peers -= 1
+            writer.transport.abort()
+
+    server = await asyncio.start_server(serve, address.place, address.number, limit=1 << 16)
+    async with server:
+        await server.serve_forever()
+
+
+async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
+    """Take datagrams, for ever; each sender has a decoder of its own."""
+    senders: dict[Any, NmeaInput] = {}
+
+    class Datagrams(asyncio.DatagramProtocol):
+        def datagram_received(self, data: bytes, addr: Any) -> None:
+            into = senders.pop(addr, None) or make()
+            if len(senders) >= _MOST_PEERS:
+                senders.pop(next(iter(senders)))  # that was silent for longest
+            senders[addr] = into
+            into.feed(data if data.endswith(b"\n") else data + b"\r\n")
+
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+        Datagrams, local_addr=(address.place, address.number)
+    )
+    try:
+        await asyncio.Event().wait()
+    finally:
+        transport.close()
+
+
+async def read_serial(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
+    """Read a serial port in a thread of its own, for ever; it may be unplugged and plugged in."""
+    import serial
+
+    into = make()
+
+    def work(stop: threading.Event, tell: Callable[[bytes, float], None]) -> None:
+        wait = _FIRST
+        while not stop.is_set():
+            try:
+                with serial.Serial(address.place, address.number, timeout=0.2) as port:
+                    wait, health.link = _FIRST, "open"
+                    while not stop.is_set():
+                        if data := port.read(max(1, port.in_waiting)):
+                            tell(data, time.perf_counter())
+            except (serial.SerialException, OSError, TypeError):  # TypeError: closed under a read
+                health.link = "lost"
+            stop.wait(wait)
+            wait = min(2.0 * wait, 1.0)
+
+    await _in_thread(work, into.feed)
+
+
+async def read_can(address: Address, health: Health, stream: CanStream, deliver: Deliver) -> None:
+    """Read a CAN bus in a thread of its own, for ever."""
+    import can
+
+    wanted = [
+        {"can_id": k & ~_EXTENDED, "can_mask": 0x1FFFFFFF, "extended": bool(k & _EXTENDED)}
+        for k in stream.frames
+    ]
+
+    def work(stop: threading.Event, tell: Callable[[Any, float], None]) -> None:
+        wait = _FIRST
+        while not stop.is_set():
+            try:
+                with can.Bus(
+                    interface=address.interface, channel=address.place, can_filters=wanted
+                ) as bus:
+                    wait, health.link = _FIRST, "open"
+                    while not stop.is_set():
+                        if (frame := bus.recv(0.2)) is not None:
+                            tell(frame, time.perf_counter())
+            except (can.CanError, OSError, ValueError):
+                health.link = "lost"
+            stop.wait(wait)
+            wait = min(2.0 * wait, 1.0)
+
+    def take(frame: Any, arrival: float) -> None:
+        if frame.is_error_frame or frame.is_remote_frame:
+            return
+        extended = _EXTENDED if frame.is_extended_id else 0
+        readings = stream.feed(frame.arbitration_id | extended, frame.timestamp, bytes(frame.data))
+        health.link, health.skipped = "open", stream.skipped
+        if readings:
+            deliver(health, readings, arrival)
+
+    await _in_thread(work, take)
+
+
+async def _in_thread(
+    work: Callable[[threading.Event, Callable[[Any, float], None]], None],
+    take: Callable[[Any, float], None],
+) -> None:
+    """Run `work` in a thread; what it tells is taken here, in the loop."""
+    loop, stop = asyncio.get_running_loop(), threading.Event()
+
+    def tell(what: Any, arrival: float) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: we are going
+            loop.call_soon_threadsafe(take, what, arrival)
+
+    thread = threading.Thread(target=work, args=(stop, tell), daemon=True)
+    thread.start()
+    try:
+        while thread.is_alive():
+            await asyncio.sleep(0.5)
+    finally:
+        stop.set()
+
+
+READERS = {"tcp": read_tcp, "listen": listen_tcp, "udp": read_udp, "serial": read_serial}

@@ -1,0 +1,144 @@
+"""A real service in a process of its own, and the feeds of a simulated vehicle."""
+
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from websockets.sync.client import connect
+
+_CODE = "from whichroad.cli import main; main()"
+
+
+class Served:
+    """`whichroad live` as a user starts it."""
+
+    def __init__(self, *arguments, wait=60.0):
+        command = [sys.executable, "-c", _CODE, "live", "--port", "0", "--no-page"]
+        self.process = subprocess.Popen(
+            [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )  # fmt: skip
+        self.lines = []
+        line = self._line(wait)
+        self.port = int(line.rsplit(":", 1)[1].strip("/\n"))
+
+    def _line(self, wait):
+        line = self.process.stdout.readline()
+        assert line.startswith("http://"), self.process.stderr.read()
+        return line
+
+    def nmea_port(self):
+        """The port of the sentences that go out."""
+        return int(self.process.stdout.readline().rsplit(":", 1)[1])
+
+    def ask(self, method, path, body=None, headers=None, host="127.0.0.1"):
+        """Status and body of one request."""
+        client = http.client.HTTPConnection(host, self.port, timeout=20)
+        try:
+            client.request(method, path, body, headers or {})
+            answer = client.getresponse()
+            return answer.status, answer.read()
+        finally:
+            client.close()
+
+    def get(self, path):
+        """JSON of an address."""
+        status, body = self.ask("GET", path)
+        assert status == 200, body
+        return json.loads(body)
+
+    def control(self, action, value=None):
+        """Press a button."""
+        status, body = self.ask("POST", "/control", json.dumps({"action": action, "value": value}))
+        return status, json.loads(body)
+
+    def listen(self, **more):
+        """A WebSocket."""
+        return connect(f"ws://127.0.0.1:{self.port}/ws", **more)
+
+    def until(self, holds, path="/estimate", seconds=30.0):
+        """The first answer of an address for which something holds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            status, body = self.ask("GET", path)
+            if status == 200 and holds(said := json.loads(body)):
+                return said
+            time.sleep(0.05)
+        raise AssertionError(f"it did not happen: {body[:2000]!r}")
+
+    def kill(self):
+        """As the operating system would."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def stop(self):
+        """As a user does; returns the exit code and what was said."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            _, said = self.process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise
+        return self.process.returncode, said
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
+
+def free_port():
+    """A port that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def drive_files(folder: Path):
+    """Options that name the files of a simulated drive."""
+    return (
+        "--nmea", folder / "drive.nmea", "--can", folder / "can.log",
+        "--dbc", folder / "vehicle.dbc", "--vehicle", folder / "vehicle.toml",
+    )  # fmt: skip
+
+
+def on_air(log: bytes, begin: float):
+    """The bursts of an NMEA log, shifted so that the first is of `begin` (whole seconds)."""
+    bursts, burst = [], []
+    for line in log.splitlines():
+        burst.append(line.decode())
+        if line[3:6] == b"ZDA":
+            bursts.append(burst)
+            burst = []
+    for number, lines in enumerate(bursts):
+        moment = time.gmtime(begin + number)
+        clock, date = time.strftime("%H%M%S.00", moment), time.strftime("%d%m%y", moment)
+        dated = time.strftime("%d,%m,%Y", moment)
+        yield b"".join(_again(line, clock, date, dated) for line in lines)
+
+
+def _again(line, clock, date, dated):
+    """A sentence with another time."""
+    fields = line[1 : line.index("*")].split(",")
+    kind = fields[0][2:]
+    if kind != "VTG":
+        fields[1] = clock
+    if kind == "RMC":
+        fields[9] = date
+    if kind == "ZDA":
+        fields[2:5] = dated.split(",")
+    body = ",".join(fields)
+    total = 0
+    for letter in body.encode():
+        total ^= letter
+    return f"${body}*{total:02X}\r\n".encode()

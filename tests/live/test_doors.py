@@ -1,0 +1,176 @@
+"""Rubbish gets a 4xx, strangers stay outside, slow clients are dropped, and the service lives."""
+
+import json
+import os
+import socket
+import time
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from live.service import Served, drive_files
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def served(files):
+    options = ("--map", files / "town.map", *drive_files(files / "drive"))
+    with Served(*options, "--speed", 10) as one:
+        one.until(lambda said: said["answered"])
+        yield one
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "status"),
+    [
+        ("GET", "/nothing", None, 404),
+        ("GET", "/../../etc/passwd", None, 404),
+        ("GET", "/control", None, 405),
+        ("POST", "/estimate", "", 405),
+        ("POST", "/control", "", 400),
+        ("POST", "/control", "[]", 400),
+        ("POST", "/control", '{"action": "fly"}', 400),
+        ("POST", "/control", '{"action": {"a": 1}}', 400),
+        ("POST", "/control", '{"action": "seek"}', 400),
+        ("POST", "/control", '{"action": "seek", "value": NaN}', 400),
+        ("POST", "/control", '{"action": "seek", "value": true}', 400),
+        ("POST", "/control", '{"action": "speed", "value": 1e9}', 400),
+        ("POST", "/control", '{"action": "step", "value": "far"}', 400),
+        ("POST", "/control", "[" * 10_000, 400),
+        ("POST", "/control", "x" * 20_000, 413),
+        ("POST", "/match", "no content type", 415),
+    ],
+)
+def test_rubbish_is_a_4xx_that_tells_nothing(served, method, path, body, status):
+    got, said = served.ask(method, path, body)
+    assert got == status
+    assert "error" in json.loads(said)
+    for secret in (b"Traceback", b'File "', b".py", os.getcwd().encode()):
+        assert secret not in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "status"),
+    [
+        ("application/json", "{", 400),
+        ("application/json", "[1, 2]", 400),
+        ("application/json", '{"time": [1], "lat": ["a"], "lon": [2]}', 422),
+        ("text/csv", "a,b\n1,2\n", 422),
+        ("text/csv", "time,lat,lon\n0,49.4,8.7\n1,89,8.7\n", 422),
+        ("text/plain", os.urandom(5000), 422),
+        ("application/gpx+xml", "<gpx>", 422),
+        ("application/vnd.apache.arrow.stream", os.urandom(300), 422),
+        ("text/html", "<p>", 415),
+    ],
+)
+def test_a_trace_that_is_none_is_a_4xx_without_paths(served, kind, body, status):
+    got, said = served.ask("POST", "/match", body, {"content-type": kind})
+    assert (got, "error" in json.loads(said)) == (status, True)
+    assert b"/tmp" not in said
+    assert b".py" not in said
+
+
+def test_a_posted_trace_is_matched(served, ride):
+    fixes = ride.drive.fixes
+    columns = {"time": fixes.time, "lat": fixes.lat_deg, "lon": fixes.lon_deg}
+    body = json.dumps({name: values[:60].tolist() for name, values in columns.items()})
+    status, said = served.ask("POST", "/match", body, {"content-type": "application/json"})
+    assert status == 200
+    answer = json.loads(said)
+    assert len(answer["points"]) == 60
+    assert answer["points"][30]["p_road"] > 0.5
+    assert answer["path"]["features"][0]["geometry"]["type"] == "LineString"
+    log = "\n".join(f"{t},{a},{b}" for t, a, b in zip(*(c[:60] for c in columns.values())))  # noqa: B905
+    status, again = served.ask(
+        "POST", "/match", "time,lat,lon\n" + log, {"content-type": "text/csv"}
+    )
+    assert status == 200
+    assert len(json.loads(again)["points"]) == 60
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Host": "evil.example"}, 403),
+        ({"Origin": "https://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Content-Length": "99999999999"}, 413),
+    ],
+)
+def test_strangers_stay_outside(served, headers, status):
+    got, said = served.ask("POST", "/control", '{"action": "mask"}', headers)
+    assert got == status
+    assert "access-control-allow-origin" not in str(said).lower()
+    assert served.get("/estimate")["gnss_masked"] is False
+
+
+def test_a_websocket_of_another_origin_is_refused(served):
+    with pytest.raises(InvalidStatus) as refused:
+        connect(f"ws://127.0.0.1:{served.port}/ws", origin="https://evil.example")
+    assert refused.value.response.status_code == 403
+
+
+def test_a_token_is_asked_of_everybody(files):
+    options = ("--map", files / "town.map", *drive_files(files / "drive"), "--speed", 10)
+    with Served(*options, "--token", "s3cret") as one:
+        assert one.ask("GET", "/estimate")[0] == 401
+        assert one.ask("GET", "/estimate?token=wrong")[0] == 401
+        assert one.ask("GET", "/health", headers={"Authorization": "Bearer s3cret"})[0] == 200
+        assert one.ask("GET", "/health?token=s3cret")[0] == 200
+        assert one.ask("GET", "/health", headers={"Cookie": "whichroad=s3cret"})[0] == 200
+        with pytest.raises(InvalidStatus):
+            connect(f"ws://127.0.0.1:{one.port}/ws")
+        with connect(f"ws://127.0.0.1:{one.port}/ws?token=s3cret") as socket_:
+            assert json.loads(socket_.recv(timeout=10))["version"] == 1
+
+
+def test_a_large_or_talkative_websocket_is_closed_or_slowed(served):
+    def shout():
+        with connect(f"ws://127.0.0.1:{served.port}/ws") as socket_:
+            socket_.send("x" * 10_000)
+            for _ in range(1000):
+                socket_.recv(timeout=10)
+
+    with pytest.raises(ConnectionClosed):
+        shout()
+    assert served.get("/health")["answered"]
+
+
+def test_half_open_and_random_connections_do_no_harm(served):
+    idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(50)]
+    for number, one in enumerate(idle):
+        if number % 3 == 1:
+            one.sendall(b"GET /health HTTP/1.1\r\nHost: local")
+        if number % 3 == 2:
+            one.sendall(os.urandom(4000))
+    before = served.get("/estimate")["seq"]
+    served.until(lambda said: said["seq"] > before + 10)
+    for one in idle:
+        one.close()
+
+
+def test_who_does_not_read_is_dropped_and_delays_nobody(served):
+    stalled = socket.socket()
+    stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    stalled.connect(("127.0.0.1", served.port))
+    stalled.sendall(
+        b"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    listeners = served.get("/health")["listeners"]
+    served.control("seek", 0)
+    served.control("resume")
+    with served.listen() as other:
+        end = time.monotonic() + 20
+        while served.get("/health")["listeners"] > listeners and time.monotonic() < end:
+            other.recv(timeout=5)
+    gone = served.until(lambda said: said["listeners"] < listeners, "/health")
+    assert gone["answered"]
+    stalled.close()
+
+
+def test_too_many_requests_are_refused(served):
+    statuses = {served.ask("GET", "/health")[0] for _ in range(700)}
+    assert statuses == {200, 429}
