@@ -131,20 +131,20 @@ def test_links_are_predicted_as_the_wheels_moved_the_filter(seed: int):
     mean, cov = random_state(rng)
     belief, memory, epochs = new_belief(True), new_memory(4), new_epochs(8)
     put(belief, 0, mean, cov)
-    remember(belief, memory, 0, True)
+    remember(belief, memory, 0, True, 0.0)
     belief.clock[NOW] = 1.0
     for k in range(8):
         arc, turn = rng.uniform(0.0, 1.5), rng.normal(0.0, 0.05)
         epochs.arc[k], epochs.turn[k] = arc, turn
         epochs.forward[k], epochs.left[k] = arc_chord(arc, turn)
-        note_motion(memory, epochs, k, 0.1, WHEELS)
+        note_motion(memory, epochs, k, 0.1, 10.0, WHEELS)
         predict_free(
             belief.mean[0], belief.cov[0], epochs.forward[k], epochs.left[k], turn, arc, 1.0,
             PAR.along_noise**2 * arc, PAR.lateral_noise**2 * arc,
             PAR.heading_noise**2 * arc + PAR.turn_noise**2 * 0.5 * np.pi * abs(turn),
             1e-10 * arc, PAR.yaw_bias_noise**2 * arc,
         )  # fmt: skip
-    remember(belief, memory, 7, True)
+    remember(belief, memory, 7, True, 0.0)
     bench = new_bench()
     predict_link(
         bench, np.zeros(N), memory, ROAD, new_route(1), 1, 0, 1, mean, cov, WHEELS, 1.0, 1.0, PAR
@@ -184,15 +184,15 @@ def test_one_link_is_smoothed_as_the_textbook_does(seed: int):
     mean, cov = random_state(rng)
     belief, memory, epochs = new_belief(True), new_memory(4), new_epochs(1)
     put(belief, 0, mean, cov)
-    remember(belief, memory, 0, True)
+    remember(belief, memory, 0, True, 0.0)
     epochs.arc[0] = epochs.forward[0] = 5.0
-    note_motion(memory, epochs, 0, 0.5, WHEELS)
+    note_motion(memory, epochs, 0, 0.5, 10.0, WHEELS)
     bench = new_bench()
     belief.mean[0, X] += 5.0 * np.cos(mean[H])
     belief.mean[0, Y] += 5.0 * np.sin(mean[H])
     belief.mean[0] += 0.5 * np.sqrt(np.diag(cov)) * rng.normal(size=N)  # an observation
     belief.cov[0] *= 0.4
-    remember(belief, memory, 0, True)
+    remember(belief, memory, 0, True, 0.0)
     predict_link(
         bench, np.zeros(N), memory, ROAD, new_route(1), 1, 0, 1, mean, cov, WHEELS, 1.0, 1.0, PAR
     )
@@ -217,11 +217,11 @@ def test_merged_hypotheses_owe_their_weight_to_both():
     for i, p in enumerate((0.5, 0.3, 0.2)):
         put(belief, i, mean, cov, edge=i % 2)
         belief.probability[i], belief.log_weight[i] = p, np.log(p)
-    remember(belief, memory, 0, True)
+    remember(belief, memory, 0, True, 0.0)
     assert belief.clock[ORIGINS] == 3
     reduce(belief, new_route(100), 1.0, 1e-4, 0.05, 2)
     belief.clock[NOW] = 1.0
-    remember(belief, memory, 1, True)
+    remember(belief, memory, 1, True, 0.0)
     assert memory.first_node[2] - memory.first_node[1] == 2
     links = {
         (int(memory.edge[j]), int(memory.origin[at])): float(memory.share[at])
@@ -253,7 +253,7 @@ def test_a_state_is_recalled_as_it_was():
     mean, cov = random_state(np.random.default_rng(1))
     belief, memory = new_belief(True), new_memory(1)
     put(belief, 0, mean, cov)
-    remember(belief, memory, 0, True)
+    remember(belief, memory, 0, True, 0.0)
     again, again_cov = np.zeros(N), np.zeros((N, N))
     recall(memory, 0, again, again_cov)
     np.testing.assert_array_equal(again, mean)

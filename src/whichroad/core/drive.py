@@ -222,7 +222,7 @@ def run(
         elif mode == WHEELS:
             pieces = max(1, math.ceil(abs(epochs.arc[k]) / _STEP))
         if remembers and not begin:
-            note_motion(memory, epochs, k, 0.0 if stands else dt, mode)
+            note_motion(memory, epochs, k, 0.0 if stands else dt, clock[SPEED], mode)
         for piece in range(pieces):
             done = piece == pieces - 1
             arc = 0.0
@@ -296,7 +296,7 @@ def run(
                 reduce(belief, route, scale, par.prune, limit, most)
         clock[SPEED] = _speed(belief, epochs, k, dt, mode)
         if remembers:
-            remember(belief, memory, k, changed)
+            remember(belief, memory, k, changed, par.off_road_leave)
         say(
             belief,
             roads,

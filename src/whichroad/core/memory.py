@@ -18,6 +18,7 @@ from .belief import (
     MISFITS,
     NO_EDGE,
     NOW,
+    OFF_ROAD,
     ORIGINS,
     SPEED,
     STOOD,
@@ -31,7 +32,7 @@ _LEAST = 1e-7  # share of a hypothesis that is not worth a link
 _SELDOM = 1.0  # s between two steps, at most
 
 # since the step before, the same for all hypotheses
-ARC, METRES, TURN, SWUNG = range(4)  # Σ δs, Σ |δs|, Σ δθ, Σ |δθ|; δs is time without wheels
+ARC, METRES, TURN, SWUNG = range(4)  # Σ δs, m driven, Σ δθ, Σ |δθ|; δs is time without wheels
 FORWARD, LEFT = 4, 5  # displacement in the frame of then, odometer metres
 LEVER_FORWARD, LEVER_LEFT = 6, 7  # and its derivative by the heading drift
 MAP_AGED, GNSS_AGED = 8, 9  # m and s by which the slow errors have aged
@@ -120,11 +121,21 @@ def is_full(memory: Memory) -> bool:
 
 
 @kernel
-def note_motion(memory: Memory, epochs: Epochs, k: int, moving: float, mode: int) -> None:
+def note_motion(
+    memory: Memory, epochs: Epochs, k: int, moving: float, speed: float, mode: int
+) -> None:
     """Add an epoch's motion to what happened since the last step.
 
     Displacements are composed in the frame of that step; their derivative by the heading
     drift b is Σ R(T) J u (A + ½ δs), with the turn T and the arc A before.
+
+    Args:
+        memory: Its `since` is added to.
+        epochs: What the sensors said.
+        k: The epoch.
+        moving: Its time, s; 0 where the vehicle stands.
+        speed: m/s.
+        mode: WHEELS, DISTANCE or CLOCK.
     """
     since = memory.since
     arc = moving if mode == CLOCK else epochs.arc[k]
@@ -139,16 +150,52 @@ def note_motion(memory: Memory, epochs: Epochs, k: int, moving: float, mode: int
     since[LEVER_FORWARD] -= lever * left
     since[LEVER_LEFT] += lever * forward
     since[ARC] += arc
-    since[METRES] += abs(arc)
+    since[METRES] += abs(speed) * moving if mode == CLOCK else abs(arc)
     since[TURN] += epochs.turn[k]
     since[SWUNG] += abs(epochs.turn[k])
 
 
 @kernel
-def remember(belief: Belief, memory: Memory, k: int, changed: bool) -> None:
+def _born_between(belief: Belief, rate: float, metres: float) -> None:
+    """Let off-road hypotheses owe to the roads what would have left them since the last step.
+
+    The filter lets hypotheses leave the roads every so many metres, which is soon enough to
+    find the way; looked back at, a vehicle would have left long before anything told so.
+    """
+    n = belief.size[0]
+    on = 0.0
+    off = 0.0
+    for i in range(n):
+        if belief.edge[i] == OFF_ROAD:
+            off += belief.probability[i]
+        else:
+            on += belief.probability[i]
+    born = min(rate * metres, 0.5) * on
+    if off <= 0.0 or born <= 0.0:
+        return
+    kept = off / (off + born)
+    for a in range(int(belief.clock[ORIGINS])):
+        total = 0.0
+        for i in range(n):
+            if belief.edge[i] != OFF_ROAD:
+                total += belief.probability[i] * belief.share[i, a]
+        for i in range(n):
+            if belief.edge[i] == OFF_ROAD:
+                belief.share[i, a] = kept * belief.share[i, a] + (1.0 - kept) * total / on
+
+
+@kernel
+def remember(belief: Belief, memory: Memory, k: int, changed: bool, leave: float) -> None:
     """Add the belief after epoch k as a step, if anything was changed or it is time.
 
     From here on the hypotheses' shares count from this step.
+
+    Args:
+        belief: The filter's; its shares are begun anew.
+        memory: One step longer afterwards.
+        k: Number of the epoch.
+        changed: Whether anything was observed in it, or the roads changed.
+        leave: Rate of leaving the roads, 1/m.
     """
     step = memory.size[0]
     now = belief.clock[NOW]
@@ -157,6 +204,7 @@ def remember(belief: Belief, memory: Memory, k: int, changed: bool) -> None:
     node = memory.size[1]
     link = memory.size[2]
     origins = int(belief.clock[ORIGINS])
+    _born_between(belief, leave, memory.since[METRES])
     memory.epoch[step] = k
     memory.time[step] = now
     memory.first_node[step] = node
