@@ -421,8 +421,8 @@ class Localizer:
         if self._past is not None:
             self._route = self._past.make_room(self._belief, self._route)
         run(
-            self._belief, self.roads.arrays, self._route, self._work, self._epoch, self._output,
-            0, 1, self._mode, self._side, self._lever, self._par,
+            self._belief, self.roads.arrays, self._route, self._work,
+            self._epoch, self._output, 0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
             _NOTHING if self._past is None else self._past.memory,
         )  # fmt: skip

@@ -41,7 +41,7 @@ class Settings:
     map_length: float = _number(1000, 10, 1e6, "m", "distance over which the map error persists")
     relative_sigma: float = _number(0.7, 0.01, 20, "m", "relative map error (paper: 1 m, 95 %)")
     edge_heading_sigma: float = _number(
-        0.08, 0.001, 1, "rad", "chord heading against the vehicle's"
+        0.095, 0.001, 1, "rad", "chord heading against the vehicle's"
     )
     node_radius: float = _number(12, 0, 100, "m", "about a junction the line is not driven")
     node_sigma: float = _number(1.5, 0, 20, "m", "extra lateral error there")

@@ -17,7 +17,8 @@ def roads() -> RoadMap:
     lines = []
     for i in range(12):
         steps = rng.normal([30.0, 0.0], 20.0, (rng.integers(1, 9), 2))
-        xy = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]) + [0.0, 400.0 * i]
+        xy = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+        xy[:, 1] += 400.0 * i
         lat, lon = plane.to_geodetic(*xy.T)
         lines.append(shapely.LineString(np.column_stack([lon, lat])))
     table = geopandas.GeoDataFrame({"id": np.arange(12)}, geometry=lines, crs="EPSG:4326")

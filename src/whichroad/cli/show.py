@@ -36,7 +36,7 @@ def replay(
     drive_id: DriveId = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
     host: Annotated[
-        str, typer.Option(help="Where to listen; others than this machine are let in by it.")
+        str, typer.Option(help="Where to listen; 0.0.0.0 lets other machines in.")
     ] = "127.0.0.1",
     tiles: Annotated[
         str | None,
@@ -63,7 +63,7 @@ def replay(
             one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
             progress("answering it", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows)
-        app = replay_app(player, network, tiles_url=tiles, hosts=(host,))
+        app = replay_app(player, network, tiles_url=tiles, host=host)
         door = listen(host, port)
     url = f"http://{host}:{door.getsockname()[1]}/"
     typer.echo(f"{url} shows it; Ctrl-C ends")

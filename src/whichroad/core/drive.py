@@ -28,7 +28,7 @@ from .belief import (
 from .epoch import CLOCK, WHEELS, Epochs
 from .fixes import begin_at, stand, take_fix
 from .gnss import forward_only
-from .memory import GNSS_AGED, MAP_AGED, Memory, is_full, note_motion, remember
+from .memory import GNSS_AGED, JUMPED, MAP_AGED, Memory, is_full, note_motion, remember
 from .motion import arc_chord, predict_free
 from .network import Roads
 from .output import Output, say
@@ -37,6 +37,7 @@ from .reduction import reduce
 from .road import observe_roads
 from .start import leave_and_return, turn_round, turn_with_heading
 from .switching import Work, hand_over
+from .travel import settle, travel
 
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed
@@ -44,7 +45,8 @@ _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matte
 _MOMENT = 0.1  # s, over which the odometer's speed is smoothed
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _BLIND = 500.0  # times more merging without a heading sensor
-_MOST_SECONDS = 25.0  # a pause longer than this, without odometry, starts anew
+_SPARSE = 2.5  # s; fixes farther apart are joined by routes
+_MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
 
 
 @kernel
@@ -211,6 +213,7 @@ def run(
             and epochs.speed[k] < _STANDING
             and clock[SPEED] < 3.0 * _STANDING
         )
+        sparse = mode == CLOCK and fix and dt > _SPARSE and not begin and not stands
         with_heading = mode == WHEELS
         changed = begin
         chi2 = 0.0
@@ -235,6 +238,14 @@ def run(
                         clock[TURN_RATE] = epochs.turn[k] / dt
                 elif stands:
                     moved = 0.0
+                elif sparse:
+                    moved = travel(
+                        belief, roads, route, work, scale, epochs.fix[k],
+                        epochs.time[k], dt, side, par,
+                    )  # fmt: skip
+                    if remembers:
+                        memory.since[JUMPED] = 1.0
+                        memory.since[MAP_AGED] += moved
                 else:
                     moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
                     changed = _move_along(
@@ -255,9 +266,15 @@ def run(
                     belief, roads, route, work, scale, epochs, k, mode, side, lever, par
                 )  # fmt: skip
                 changed = True
+            if sparse:
+                settle(belief, roads, work, scale)
+                forward_only(belief, work.row, scale)
+                clock[TRAVELLED] = 0.0
             if changed:
                 normalise(belief)
-            if arc != 0.0 or see_fix:
+            if sparse:
+                clock[SINCE_LEFT] = 0.0
+            elif arc != 0.0 or see_fix:
                 changed = (
                     hand_over(
                         belief, roads, route, work, scale, arc, side, par.lane_sigma, par.prune,

@@ -36,10 +36,11 @@ ARC, METRES, TURN, SWUNG = range(4)  # Σ δs, m driven, Σ δθ, Σ |δθ|; δs
 FORWARD, LEFT = 4, 5  # displacement in the frame of then, odometer metres
 LEVER_FORWARD, LEVER_LEFT = 6, 7  # and its derivative by the heading drift
 MAP_AGED, GNSS_AGED = 8, 9  # m and s by which the slow errors have aged
-SINCE = 10
+JUMPED = 10  # 1: by routes, which tell the position anew
+SINCE = 11
 # and what the clock said at the step
-STEP_SPEED, STEP_FIX, STEP_MISFITS, STEP_STOOD, STEP_SCALE = range(SINCE, 15)
-PAST = 15
+STEP_SPEED, STEP_FIX, STEP_MISFITS, STEP_STOOD, STEP_SCALE = range(SINCE, 16)
+PAST = 16
 
 
 class Memory(NamedTuple):

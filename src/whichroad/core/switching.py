@@ -29,6 +29,7 @@ from .gaussian import normal_cdf, reshape_along, truncated_moments
 from .motion import redraw_lane
 from .network import Roads, lane_sigma_of
 from .road import track
+from .routes import Search, new_search
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
 MOST = 64  # destinations of one hypothesis in one step
@@ -48,6 +49,7 @@ class Work(NamedTuple):
     near_s: Vector
     near_lateral: Vector
     near_distance: Vector
+    search: Search  # routes between fixes far apart
     root: Vector  # (3,) scale of the slow GNSS error, see `observe.gnss_root`
 
 
@@ -65,6 +67,7 @@ def new_work() -> Work:
         np.zeros(128),
         np.zeros(128),
         np.zeros(128),
+        new_search(),
         np.zeros(3),
     )
 

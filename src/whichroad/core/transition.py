@@ -22,6 +22,7 @@ from .memory import (
     ARC,
     FORWARD,
     GNSS_AGED,
+    JUMPED,
     LEFT,
     LEVER_FORWARD,
     LEVER_LEFT,
@@ -218,7 +219,8 @@ def predict_link(
 ) -> None:  # fmt: skip
     """Predict node i of the step before for node j of a step.
 
-    Where the motion is not known (a U-turn without a heading sensor, two routes merged) the
+    Where the motion is not known (routes between fixes far apart, a U-turn without a heading
+    sensor, two routes merged) the
     position is taken as told anew: nothing of it is learnt from what came later, but the
     slow errors go on.
 
@@ -270,7 +272,9 @@ def predict_link(
             q[K] = 1e-10 * metres
             q[X] = (3.0 * par.along_noise) ** 2 * metres
             q[H] = 0.0025 * metres
-        if then_edge == OFF_ROAD:
+        if past[JUMPED] > 0.0:
+            known = False
+        elif then_edge == OFF_ROAD:
             q[Y] = 0.25 * q[X]
             _rolled(bench, mean, past, odometer, 0.0, 0.0, scale, q)
         else:

@@ -62,6 +62,11 @@ class RoadLayer:
         box = shapely.total_bounds(self._lines)
         (south, north), (west, east) = _degrees(box[[1, 3]])[::-1], box[[0, 2]] * 360.0 - 180.0
         self.bounds = [float(west), float(south), float(east), float(north)]
+        inner = shapely.get_coordinates(self._lines)
+        low, high = np.quantile(inner, (0.05, 0.95), axis=0)
+        (north, south), (west, east) = _degrees(np.array([low[1], high[1]])), (low[0], high[0])
+        self.view = [west * 360.0 - 180.0, south, east * 360.0 - 180.0, north]
+        self.attribution = attribution(roads)
         self.version = _digest(roads)
         self._tiles: OrderedDict[tuple[int, int, int], bytes] = OrderedDict()
         self._lock = threading.Lock()
@@ -70,6 +75,8 @@ class RoadLayer:
         """What a page needs to know to ask for tiles."""
         return {
             "bounds": self.bounds,
+            "view": [float(v) for v in self.view],
+            "attribution": self.attribution,
             "tiles": f"roads/{self.version}/{{z}}/{{x}}/{{y}}.mvt",
             "maxzoom": MAX_ZOOM,
             "edges": len(self.roads),
@@ -157,6 +164,13 @@ class RoadLayer:
             rank = int(self._rank[found[rows]].min())
             drawn.append(Line(_parts(np.array([joined]), at), {"name": name, "rank": rank}))
         return sorted(drawn, key=lambda line: int(line.properties["rank"]))
+
+
+def attribution(roads: RoadMap) -> str:
+    """Whom the map is to be credited to, where its source tells."""
+    source = str(roads.info()["source"]).lower()
+    osm = source.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2"))
+    return "© OpenStreetMap contributors" if osm else ""
 
 
 def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:

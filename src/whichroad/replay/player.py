@@ -93,8 +93,8 @@ class Player:
                 await self._changed.wait()
 
     def timeline(self) -> dict[str, Any]:
-        """The whole film, thinned, for a strip to scrub in."""
-        return timeline(self.film)
+        """The whole film, thinned, for a strip to scrub in; and whether it can be made anew."""
+        return {**timeline(self.film), "maskable": self._remake is not None}
 
     async def control(self, action: str, value: Any = None) -> None:
         """Do what was asked for.
@@ -124,7 +124,7 @@ class Player:
             case "seek":
                 self.position = _number(value, "seek", 0.0, 1e9)
             case _:
-                raise Refused(f"action is {action!r}; mask, pause, step ... were expected")
+                raise Refused(f"action is {action!r:.40}; mask, pause, step ... were expected")
         await self._go(self.position, always=True)
 
     async def _mask(self, on: bool) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import WriteError
-from ..page.layer import drawn_near
+from ..page.layer import attribution, drawn_near, edge_of
 from ..page.standalone import standalone
 from ..reasons import STATUS
 from ..writers import replacing
@@ -24,6 +24,7 @@ _MARGIN = 250.0  # m of roads about the track
 _APART = 3.0  # s; stretches closer than this are one
 _SHORT = 0.4  # s; shorter stretches are not listed
 _PLACES = 300
+_SURE = 0.9  # P of two edges in a row from which on it is only a question of where
 _LOOK_AT = ("ambiguous", "outage", "off_road", "lost")
 
 
@@ -95,9 +96,10 @@ def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
         "reasons": words,
         "poses": _poses(film, at),
         "roads": near,
+        "attribution": "" if roads is None else attribution(roads),
         "edges": _edges(film, roads, at),
         "summary": _summary(film),
-        "places": _places(film),
+        "places": _places(film, roads),
     }
 
 
@@ -132,8 +134,6 @@ def _edges(film: Film, roads: "RoadMap | None", at: NDArray[Any]) -> dict[str, A
     """Line and street of every edge that is named."""
     if roads is None:
         return {}
-    from ..page.layer import edge_of
-
     named = np.unique(film.choices.edge[at][film.choices.p[at] >= 0.002])
     return {str(edge): edge_of(roads, edge) for edge in named.tolist() if 0 <= edge < len(roads)}
 
@@ -161,12 +161,17 @@ def _summary(film: Film) -> dict[str, Any]:
     }
 
 
-def _places(film: Film) -> list[dict[str, Any]]:
-    """Stretches that are worth a look, in order of time."""
+def _places(film: Film, roads: "RoadMap | None") -> list[dict[str, Any]]:
+    """Stretches that are worth a look, in order of time.
+
+    To pass from one edge to the next makes both probable for a moment; that is no question.
+    """
     time, p = film.time, np.nan_to_num(film.columns["p_road"])
     places: list[dict[str, Any]] = []
     for word in _LOOK_AT:
         rows = np.flatnonzero(film.status == STATUS.index(word))
+        if word == "ambiguous" and roads is not None:
+            rows = np.array([k for k in rows.tolist() if not _passes(film, roads, k)], np.int64)
         if not len(rows):
             continue
         runs = np.split(rows, np.flatnonzero(np.diff(time[rows]) > _APART) + 1)
@@ -183,6 +188,18 @@ def _places(film: Film) -> list[dict[str, Any]]:
                 }
             )  # fmt: skip
     return sorted(places, key=lambda place: float(place["begin"]))[:_PLACES]
+
+
+def _passes(film: Film, roads: "RoadMap", k: int) -> bool:
+    """Whether the best edge and one before or after it have nearly all of P."""
+    edges, p = film.choices.edge[k].tolist(), film.choices.p[k].tolist()
+    best, a = edges[0], roads.arrays
+    if best < 0:
+        return False
+    after = set(a.succ[a.succ_first[best] : a.succ_first[best + 1]].tolist())
+    before = set(a.pred[a.pred_first[best] : a.pred_first[best + 1]].tolist())
+    joined = [share for e, share in zip(edges[1:], p[1:], strict=True) if e in after | before]
+    return float(p[0]) + max(joined, default=0.0) >= _SURE
 
 
 def _contest(film: Film, run: NDArray[Any]) -> list[str]:

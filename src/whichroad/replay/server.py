@@ -8,30 +8,30 @@ import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import HTTPConnection, Request
+from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import SettingError
+from ..live.doors import Doors
 from ..page import page_routes
 from .player import Player, Refused
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_LARGEST = 4096  # bytes of a control
+_LARGEST = 4096  # bytes that a looker-on may send at once
+_LOCAL = ("127.0.0.1", "::1", "localhost")
 _SLOW = 5.0  # s after which who does not take a message is let go
 _CROWD = 64  # lookers-on at a time
 
 
 def replay_app(
-    player: Player, roads: "RoadMap", *, tiles_url: str | None = None, hosts: tuple[str, ...] = ()
+    player: Player, roads: "RoadMap", *, tiles_url: str | None = None, host: str = "127.0.0.1"
 ) -> Starlette:
     """The application that plays a film.
 
@@ -39,13 +39,13 @@ def replay_app(
         player: The film and its clock.
         roads: The map that the page draws.
         tiles_url: Raster tiles below it, as `page_routes` takes them.
-        hosts: Names besides localhost under which it may be asked.
+        host: Where it listens; on this machine, none but its own names are served.
     """
     crowd: set[WebSocket] = set()
 
     async def show(looker: WebSocket) -> None:
-        if len(crowd) >= _CROWD or not _from_here(looker):
-            return await looker.close(1013 if len(crowd) >= _CROWD else 1008)
+        if len(crowd) >= _CROWD:
+            return await looker.close(1013)
         await looker.accept()
         crowd.add(looker)
         listening = asyncio.create_task(_listen(looker))
@@ -72,7 +72,6 @@ def replay_app(
         yield
         running.cancel()
 
-    allowed = ["127.0.0.1", "localhost", "[::1]", *hosts]
     return Starlette(
         routes=[
             *page_routes(roads, tiles_url=tiles_url),
@@ -80,7 +79,7 @@ def replay_app(
             Route("/control", control, methods=["POST"]),
             WebSocketRoute("/ws", show),
         ],
-        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=allowed)],
+        middleware=[Middleware(Doors, local=host in _LOCAL)],
         lifespan=lifespan,
     )
 
@@ -137,32 +136,16 @@ async def _tell(looker: WebSocket, player: Player) -> None:
 
 
 async def _control(request: Request, player: Player) -> JSONResponse:
-    if not _from_here(request):
-        return _refused("a page of this service was expected to ask", 403)
-    if request.headers.get("content-type", "").partition(";")[0] != "application/json":
-        return _refused("application/json was expected", 415)
-    body = b""
-    async for part in request.stream():
-        body += part
-        if len(body) > _LARGEST:
-            return _refused("that is too long", 413)
     try:
-        asked: Any = json.loads(body)
-    except ValueError:
-        return _refused('JSON such as {"action": "pause"} was expected', 400)
-    if not isinstance(asked, dict) or not isinstance(asked.get("action"), str):
-        return _refused('JSON such as {"action": "pause"} was expected', 400)
+        asked: Any = json.loads(await request.body())
+        action, value = asked["action"], asked.get("value")
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        return _refused('a JSON object with an "action" was expected', 400)
     try:
-        await player.control(asked["action"], asked.get("value"))
+        await player.control(action, value)
     except Refused as refused:
         return _refused(str(refused), 409)
-    return JSONResponse({"ok": True})
-
-
-def _from_here(asker: HTTPConnection) -> bool:
-    """Whether it is no other site's page that asks."""
-    origin = asker.headers.get("origin")
-    return origin is None or urlsplit(origin).netloc == asker.headers.get("host")
+    return JSONResponse({"play": player.message["play"]})
 
 
 def _refused(why: str, code: int) -> JSONResponse:

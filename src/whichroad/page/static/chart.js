@@ -13,7 +13,8 @@ export function sharp(canvas) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
   }
-  const ctx = canvas.getContext("2d");
+  // drawn by the processor: few strokes, often, are not worth a round trip to the graphics card
+  const ctx = canvas.getContext("2d", { willReadFrequently: true });
   ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
   return { ctx, width, height };
 }
@@ -159,7 +160,9 @@ function drawSeconds(ctx, box, x, span, now, height, look) {
   ctx.textAlign = "left";
 }
 
-/** The whole drive: the least P(road) of each pixel column, and the status below. */
+const strips = new WeakMap(); // series -> its strip as an image, drawn once
+
+/** The whole drive: the least P(road) of each pixel column, the status below, and now. */
 export function drawDrive(canvas, series, now, look) {
   const { ctx, width, height } = sharp(canvas);
   ctx.clearRect(0, 0, width, height);
@@ -167,7 +170,32 @@ export function drawDrive(canvas, series, now, look) {
   const begin = series.begin;
   const scale = width / Math.max(series.end - begin, 1e-9);
   const bottom = height - STRIP - 2;
-  const x = (t) => (t - begin) * scale;
+  const key = `${canvas.width} ${canvas.height} ${look.name}`;
+  let strip = strips.get(series);
+  if (strip?.key !== key) {
+    const image = document.createElement("canvas");
+    [image.width, image.height] = [canvas.width, canvas.height];
+    const brush = image.getContext("2d");
+    brush.setTransform(canvas.width / width, 0, 0, canvas.height / height, 0, 0);
+    drawColumns(brush, series, (t) => (t - begin) * scale, width, bottom, look);
+    strip = { key, image };
+    strips.set(series, strip);
+  }
+  ctx.drawImage(strip.image, 0, 0, width, height);
+  const at = (now - begin) * scale;
+  ctx.fillStyle = look.paper;
+  ctx.globalAlpha = 0.55;
+  ctx.fillRect(at, 0, width - at, bottom);
+  ctx.globalAlpha = 1;
+  ctx.fillStyle = look.ink;
+  ctx.fillRect(at - 1, 0, 2, height);
+  ctx.beginPath();
+  ctx.arc(at, 4, 4, 0, 7);
+  ctx.fill();
+  return (px) => begin + Math.min(Math.max(px / width, 0), 1) * (series.end - begin);
+}
+
+function drawColumns(ctx, series, x, width, bottom, look) {
   drawMasks(ctx, series, 0, series.length, x, 0, bottom, look);
   const low = new Float32Array(Math.ceil(width) + 1).fill(2);
   for (let i = 0; i < series.length; i += 1) {
@@ -183,17 +211,4 @@ export function drawDrive(canvas, series, now, look) {
   }
   ctx.globalAlpha = 1;
   drawStrip(ctx, series, 0, series.length, x, bottom + 2, look);
-  if (now !== null) {
-    const at = x(now);
-    ctx.fillStyle = look.paper;
-    ctx.globalAlpha = 0.55;
-    ctx.fillRect(at, 0, width - at, bottom);
-    ctx.globalAlpha = 1;
-    ctx.fillStyle = look.ink;
-    ctx.fillRect(at - 1, 0, 2, height);
-    ctx.beginPath();
-    ctx.arc(at, 4, 4, 0, 7);
-    ctx.fill();
-  }
-  return (px) => begin + Math.min(Math.max(px / width, 0), 1) * (series.end - begin);
 }

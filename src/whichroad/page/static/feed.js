@@ -1,12 +1,8 @@
 // The stream of messages, taken up again when it breaks, and what is asked of the server.
 
-const token = new URLSearchParams(location.search).get("token");
-
-/** An address of this server, with the token where one was given. */
+/** A whole address of this server; braces, as addresses of tiles have them, stay as they are. */
 export function here(path) {
-  const url = new URL(path, location.href);
-  if (token) url.searchParams.set("token", token);
-  return url.href.replaceAll("%7B", "{").replaceAll("%7D", "}");
+  return new URL(path, location.href).href.replaceAll("%7B", "{").replaceAll("%7D", "}");
 }
 
 export class Feed {

@@ -181,6 +181,9 @@ function fillControls(frame) {
   const replay = play.mode === "replay";
   byId("play-group").hidden = !replay;
   press("mask", frame.gnss_masked);
+  const fixed = state.recording?.maskable === false;
+  byId("mask").disabled = fixed;
+  byId("mask").title = fixed ? "A result without its drive: replay the drive to mask GNSS" : "Withhold GNSS from the filter (M)";
   byId("mask").lastElementChild.textContent = frame.gnss_masked ? "GNSS masked" : "Mask GNSS";
   press("pause", play.paused);
   byId("pause").setAttribute("aria-label", play.paused ? "Play" : "Pause");
@@ -313,6 +316,8 @@ addEventListener("resize", () => refresh());
 byId("more").open = innerWidth > 720;
 
 new Feed(take, (word) => {
+  byId("app").classList.toggle("lost", word === "closed");
+  if (word === "closed") toast("connection lost: trying again");
   byId("link").dataset.state = word;
   byId("link").title = { open: "connected", connecting: "connecting", closed: "connection lost: trying again" }[word];
 });

@@ -126,7 +126,7 @@ function fillSensors(sensors) {
     row.title = `${one.name}: ${one.count.toLocaleString("en")} readings, ${one.skipped} skipped`;
     const title = SENSOR[one.kind] ?? one.kind;
     if (name.textContent !== title) name.textContent = title;
-    const old = one.age_s !== null && one.age_s > 2 ? ` · ${clock(one.age_s)} ago` : "";
+    const old = one.age_s !== null && one.age_s > 2 ? ` ${clock(one.age_s)}` : "";
     const text = one.ok ? `${one.rate_hz.toFixed(one.rate_hz < 10 ? 1 : 0)} Hz` : one.state + old;
     if (rate.textContent !== text) rate.textContent = text;
   });

@@ -36,6 +36,13 @@ export class PaperMap {
     return [x - this.origin[0], y - this.origin[1]];
   }
 
+  /** Longitude and latitude of world units. */
+  place(x, y) {
+    const lon = ((x + this.origin[0]) / SIZE - 0.5) * 360;
+    const up = (0.5 - (y + this.origin[1]) / SIZE) * 2 * Math.PI;
+    return [lon, (2 * Math.atan(Math.exp(up)) - Math.PI / 2) * (180 / Math.PI)];
+  }
+
   add(rank, name, line) {
     let last = null;
     line.forEach(([lon, lat], i) => {
@@ -85,8 +92,11 @@ export class PaperMap {
 
   view() {
     const [width, height] = this.size();
+    const [x, y] = [width / 2 / this.scale, height / 2 / this.scale];
+    const [west, north] = this.place(this.centre[0] - x, this.centre[1] - y);
+    const [east, south] = this.place(this.centre[0] + x, this.centre[1] + y);
     return {
-      width, height,
+      width, height, bounds: [west, south, east, north],
       project: (lon, lat) => {
         const [x, y] = this.world(lon, lat);
         return { x: width / 2 + (x - this.centre[0]) * this.scale, y: height / 2 + (y - this.centre[1]) * this.scale };

@@ -139,6 +139,10 @@ function fillHead() {
   }));
 }
 
+function fillCredit() {
+  element("credit").textContent = data.attribution;
+}
+
 function fillShares() {
   element("shares").replaceChildren(...Object.entries(data.summary.status).map(([word, share]) => {
     const part = document.createElement("span");
@@ -265,6 +269,7 @@ addEventListener("resize", refresh);
 
 element("strip").setAttribute("aria-valuemax", series.end.toFixed(0));
 fillHead();
+fillCredit();
 fillShares();
 fillPlaces();
 now.t = series.begin;

@@ -1,6 +1,7 @@
 // What moves, drawn on a canvas above whatever map: track, roads in question, fixes, vehicle.
 //
-// A view projects: {project(lon, lat) -> {x, y}, width, height}. Nothing here knows the map.
+// A view projects: {project(lon, lat) -> {x, y}, width, height, bounds: [west, south, east, north]}.
+// Nothing here knows the map.
 
 import { CHI_95, STATUSES, colourOf, percent } from "./look.js";
 
@@ -24,32 +25,38 @@ export function drawScene(ctx, view, scene, look) {
   const labels = [];
   drawHypotheses(ctx, view, frame, look, labels);
   drawVehicle(ctx, view, frame, look);
-  for (const label of labels) drawPill(ctx, label, look);
+  drawPills(ctx, labels, look);
 }
 
-/** The way so far, coloured by P(road); points closer than two pixels are passed over. */
+/** The way so far, coloured by P(road); what is out of sight or within two pixels is passed over. */
 function drawTrack(ctx, view, series, from, to, look, alpha) {
-  if (to - from < 1) return;
   const paths = new Map();
-  let last = null;
+  let last = null; // the last place drawn to
+  let side = 0; // on which sides of the view the last row lies
   let low = 1;
   for (let i = from; i <= to; i += 1) {
     const lat = series.get("lat", i);
-    if (Number.isNaN(lat)) {
-      last = null;
-      continue;
-    }
+    const lon = series.get("lon", i);
+    const here = Number.isNaN(lat) ? 16 : outside(view.bounds, lon, lat);
     low = Math.min(low, series.get("p", i));
-    const at = view.project(series.get("lon", i), lat);
-    if (last && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) continue;
-    if (last && seen(view, at, last)) {
-      const key = Math.round(20 * low) / 20;
-      if (!paths.has(key)) paths.set(key, new Path2D());
-      const path = paths.get(key);
-      path.moveTo(last.x, last.y);
-      path.lineTo(at.x, at.y);
+    if (here & side || here & 16) {
+      last = null;
+    } else {
+      const at = view.project(lon, lat);
+      if (!last && i > from && !(side & 16)) last = view.project(series.get("lon", i - 1), series.get("lat", i - 1));
+      if (last && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
+        side = here;
+        continue;
+      }
+      if (last) {
+        const key = Math.round(20 * low) / 20;
+        if (!paths.has(key)) paths.set(key, new Path2D());
+        paths.get(key).moveTo(last.x, last.y);
+        paths.get(key).lineTo(at.x, at.y);
+      }
+      last = at;
     }
-    last = at;
+    side = here;
     low = 1;
   }
   ctx.globalAlpha = alpha;
@@ -61,12 +68,9 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
   ctx.globalAlpha = 1;
 }
 
-function seen(view, a, b) {
-  const room = 40;
-  return !(
-    Math.max(a.x, b.x) < -room || Math.min(a.x, b.x) > view.width + room ||
-    Math.max(a.y, b.y) < -room || Math.min(a.y, b.y) > view.height + room
-  );
+/** The sides of a box (west, south, east, north) that a place is beyond, as bits. */
+function outside([west, south, east, north], lon, lat) {
+  return (lon < west ? 1 : 0) | (lon > east ? 2 : 0) | (lat < south ? 4 : 0) | (lat > north ? 8 : 0);
 }
 
 /** The roads that the vehicle may be on, least probable first. */
@@ -78,10 +82,10 @@ function drawRoads(ctx, view, scene, look) {
     const path = new Path2D();
     line.forEach((at, i) => (i ? path.lineTo(at.x, at.y) : path.moveTo(at.x, at.y)));
     ctx.strokeStyle = colourOf(p, look);
-    ctx.globalAlpha = 0.22 + 0.25 * p;
+    ctx.globalAlpha = 0.1 + 0.36 * Math.sqrt(p);
     ctx.lineWidth = 15;
     ctx.stroke(path);
-    ctx.globalAlpha = 0.9;
+    ctx.globalAlpha = 0.3 + 0.6 * Math.sqrt(p);
     ctx.lineWidth = 1.5;
     ctx.stroke(path);
   }
@@ -268,6 +272,16 @@ function moved(lon, lat, east, north) {
 function offset(lon, lat, bearing, metres) {
   const angle = (bearing * Math.PI) / 180;
   return moved(lon, lat, metres * Math.sin(angle), metres * Math.cos(angle));
+}
+
+/** Labels, the most probable first; one that would hide another is left out. */
+function drawPills(ctx, labels, look) {
+  const taken = [];
+  for (const label of labels.reverse()) {
+    if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 19)) continue;
+    taken.push(label);
+    drawPill(ctx, label, look);
+  }
 }
 
 function drawPill(ctx, { x, y, text, colour }, look) {

@@ -24,7 +24,7 @@ function styleOf(about, look, here) {
     sources: {
       roads: {
         type: "vector", tiles: [here(about.tiles)], bounds: about.bounds,
-        maxzoom: about.maxzoom, attribution: about.attribution ?? "",
+        maxzoom: about.maxzoom, attribution: about.attribution,
       },
     },
     layers: [{ id: "land", type: "background", paint: { "background-color": look.land } }],
@@ -120,7 +120,11 @@ export class WorldMap {
 
   /** The view that a scene is drawn in. */
   view(width, height) {
-    return { width, height, project: (lon, lat) => this.map.project([lon, lat]) };
+    const box = this.map.getBounds();
+    return {
+      width, height, project: (lon, lat) => this.map.project([lon, lat]),
+      bounds: [box.getWest(), box.getSouth(), box.getEast(), box.getNorth()],
+    };
   }
 }
 

@@ -1,0 +1,1 @@
+"""What users of map matchers ask for, as drives through a small town."""
