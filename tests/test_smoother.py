@@ -260,7 +260,7 @@ def test_the_call_for_people_tells_lag_routes_and_alternatives(tmp_path):
     roads = whichroad.RoadMap.from_osm(tmp_path / "town.osm")
     drive = whichroad.simulate_drive(roads, seed=1, length_m=1500.0)
     plain = whichroad.match(drive.drive, roads, vehicle=drive.vehicle)
-    with pytest.raises(SettingError, match="without a lag"):
+    with pytest.raises(SettingError, match="no lag"):
         plain.routes()
     result = whichroad.match(drive.drive, roads, vehicle=drive.vehicle, lag="full")
     assert result.summary["lag"] == "full"

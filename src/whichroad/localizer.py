@@ -18,10 +18,8 @@ from .core.belief import (
     STARTED,
     Belief,
     H,
-    Route,
     new_belief,
     new_route,
-    normalise,
 )
 from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
@@ -43,8 +41,6 @@ from .core.output import (
     Output,
     new_output,
 )
-from .core.reduction import reduce
-from .core.start import cold_start
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
@@ -62,13 +58,13 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
-from .search import is_vague, search, set_clock
+from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
 from .watch import Watch
-from .ways import best_chain, tidied
+from .ways import best_chain, heaviest_chain, tidied
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _NOTHING = new_memory(0)
@@ -97,36 +93,6 @@ def _side(vehicle: Vehicle) -> float:
 
 def _lever(vehicle: Vehicle) -> Array:
     return np.array([vehicle.antenna_forward, vehicle.antenna_left])
-
-
-def _start_at(
-    belief: Belief, roads: RoadMap, route: Route, start: StartPose, time: float, mode: int,
-    settings: Settings, vehicle: Vehicle,
-) -> None:  # fmt: skip
-    """Begin from a given pose of M, before any fix."""
-    x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
-    turn = roads.plane.convergence(x, y)
-    heading = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
-    fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
-    par = settings.parameters()
-    scale = 1.0 + roads.arrays.curvature * float(x[0] ** 2 + y[0] ** 2)
-    work = new_work()
-    clock_mode = mode == CLOCK
-    cold_start(
-        belief, roads.arrays, route, work, 1.0, fix, 1.0, 0.01, scale, np.zeros(2), heading,
-        math.radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
-        8.0 if clock_mode else par.scale_sigma, par.drift_sigma if mode == WHEELS else 0.0,
-        _side(vehicle), par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start,
-        par.wrong_way,
-    )  # fmt: skip
-    n = int(belief.size[0])
-    for state in (8, 9):  # the pose owes nothing to the GNSS error of later fixes
-        belief.cov[:n, state, :] = 0.0
-        belief.cov[:n, :, state] = 0.0
-        belief.cov[:n, state, state] = 1.0
-    normalise(belief)
-    reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    set_clock(belief.clock, time, settings)
 
 
 def localize_recorded(
@@ -178,7 +144,7 @@ def localize_recorded(
             start=start if isinstance(start, StartPose) else None, progress=progress,
         )  # fmt: skip
     elif isinstance(start, StartPose):
-        _start_at(
+        start_at(
             belief, roads, route, start, float(epochs.time[0]), timeline.mode, settings, vehicle
         )
     par = settings.parameters()
@@ -197,25 +163,12 @@ def localize_recorded(
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
     if lag is None or not memory.size[0]:
-        return Recorded(output, *_best_route(route, belief), told)
+        return Recorded(output, *heaviest_chain(route, belief), told)
     past = Past(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
     return Recorded(smooth(past), *best_chain(memory, route, roads.arrays), told, past)
-
-
-def _best_route(route: Route, belief: Belief) -> tuple[NDArray[np.int32], Array, Array]:
-    n = int(belief.size[0])
-    if n == 0:
-        return np.zeros(0, np.int32), np.zeros(0), np.zeros(0)
-    node = int(belief.node[int(np.argmax(belief.log_weight[:n]))])
-    chain = []
-    while node >= 0:
-        chain.append(node)
-        node = int(route.parent[node])
-    at = np.array(chain[::-1], int)
-    return route.edge[at], route.time[at], route.abscissa[at]
 
 
 class Localizer:
@@ -405,7 +358,7 @@ class Localizer:
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._belief.clock[STARTED]:
-            _start_at(
+            start_at(
                 self._belief, self.roads, self._route, self._start, time, self._mode,
                 self.settings, self.vehicle,
             )  # fmt: skip

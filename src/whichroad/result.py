@@ -120,26 +120,16 @@ class Result:
     @cached_property
     def _parts(self) -> list[Alternative]:
         if self.ways is None:
-            raise SettingError(
-                "several ways are not known: this is the answer without a lag, or of several "
-                'drives; one drive matched with lag="full" was expected'
-            )
+            raise SettingError('no lag, or several drives; one with lag="full" was expected')
         return self.ways()
 
     @property
     def alternatives(self) -> list[Alternative]:
-        """Parts of the drive whose route is not sure, with the ways that compete.
-
-        Raises:
-            SettingError: The drive was matched without a lag, or there are several drives.
-        """
+        """Parts of the drive whose route is not sure, with the ways that compete; see `routes`."""
         return [part for part in self._parts if len(part.ways) > 1 and part.ways[1].p >= 0.001]
 
     def routes(self, k: int = 3) -> list[Way]:
-        """The most probable routes from the drive's start to its end, connected edges with P.
-
-        Args:
-            k: How many at most.
+        """The k most probable routes from the drive's start to its end, connected edges with P.
 
         Raises:
             SettingError: The drive was matched without a lag, or there are several drives.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.belief import OFF_ROAD, Route, new_route
+from .core.belief import OFF_ROAD, Belief, Route, new_route
 from .core.memory import Memory
 from .core.network import Roads
 from .core.ways import best_way, edge_probability
@@ -60,6 +60,28 @@ def tidied(route: Route, *users: NDArray[np.int64]) -> Route:
     for nodes in users:
         nodes[:] = number[nodes]
     return larger
+
+
+def heaviest_chain(route: Route, belief: Belief) -> "Chain":
+    """The edges that the most probable hypothesis has come by.
+
+    Args:
+        route: The tree of edges entered.
+        belief: The filter's.
+
+    Returns:
+        The edges.
+    """
+    n = int(belief.size[0])
+    if n == 0:
+        return Chain(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
+    node = int(belief.node[int(np.argmax(belief.log_weight[:n]))])
+    chain = []
+    while node >= 0:
+        chain.append(node)
+        node = int(route.parent[node])
+    at = np.array(chain[::-1], int)
+    return Chain(route.edge[at], route.time[at], route.abscissa[at])
 
 
 @dataclass(frozen=True, slots=True)
