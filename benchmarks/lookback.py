@@ -1,7 +1,7 @@
 """What looking back gains: drives in Heidelberg, filtered, with a lag of 10 s, and in full.
 
 The same simulated drives as `town`, with wheels or with GNSS alone (`--preset gnss`,
-`gnss10` for one fix in ten seconds); the first 20 s and all standstill are left out.
+`gnss10` for one fix in ten seconds, `gnssurban`, `urban`); the first 20 s and all standstill are left out.
 """
 
 from dataclasses import replace
@@ -125,7 +125,8 @@ def _reached(tables: dict[str, np.ndarray]) -> list[Figure]:
     """What the lag gains, of what full smoothing gains."""
     sums = {name: t.sum(axis=0) / t[:, EPOCHS].sum() for name, t in tables.items()}
     found = []
-    for what, column in (("right edges", STRICT), ("-log P(true edge)", LOG)):
+    names = {"right edges, strictly": STRICT, "right within 10 m": RIGHT, "-log P(true edge)": LOG}
+    for what, column in names.items():
         start, lag, full = (sums[name][column] for name in LAGS)
         found.append(
             Figure(
