@@ -1,7 +1,8 @@
 """What looking back gains: drives in Heidelberg, filtered, with a lag of 10 s, and in full.
 
 The same simulated drives as `town`, with wheels or with GNSS alone (`--preset gnss`,
-`gnss10` for one fix in ten seconds, `gnssurban`, `urban`); the first 20 s and all standstill are left out.
+`gnss10` for one fix in ten seconds, `gnssurban`, `urban`); the first 20 s and all standstill
+are left out.
 """
 
 from dataclasses import replace

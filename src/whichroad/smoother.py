@@ -226,4 +226,3 @@ def _looks(past: Past, steps: int) -> list[tuple[int, int, int]]:
         looks.append((min(known, steps - 1), first, last))
         first = last
     return looks
-
