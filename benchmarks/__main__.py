@@ -36,6 +36,8 @@ BENCHMARKS = {
     "sparse": ("sparse.run", "fixes 1 to 60 s apart, beside the peers: accuracy, speed, costs"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
+    "live": ("live.run", "the service: latency, throughput, 200 clients, kill -9, rubbish"),
+    "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 
@@ -68,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--tracks", metavar="0-9", help="kubicka, sparse: only these tracks")
     command.add_argument("--every", type=float, metavar="S", help="kubicka: seconds between fixes")
     command.add_argument("--preset", metavar="NAME", help="the simulator's preset")
-    command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers: for how long")
+    command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers, live: how long")
     command.add_argument("--metres", type=float, metavar="M", help="town, outage: per drive")
     command.add_argument(
         "--model", choices=("default", "paper"), help="kubicka, town, outage, comma: which filter"
@@ -79,9 +81,9 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
-    command.add_argument("--classes", metavar="A,B*", help="honesty, nostart: only these classes")
+    command.add_argument("--classes", metavar="A,B*", help="honesty, nostart, live: only these")
     command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
-    command.add_argument("--drives", type=int, metavar="N", help="honesty: per class and noise")
+    command.add_argument("--drives", type=int, metavar="N", help="honesty: per class; live: kills")
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
     command.add_argument("--parts", metavar="A,B", help="sparse: real, city, drives, cost")

@@ -9,12 +9,12 @@ import pytest
 
 import whichroad
 from whichroad.cli.match import say
+from whichroad.columns import points_table
 from whichroad.epochs import build_timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Localizer, localize_recorded
 from whichroad.reasons import STATUS, reason
 from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
-from whichroad.result import points_table
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive

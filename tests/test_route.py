@@ -31,7 +31,7 @@ def true_edges() -> list[int]:
 def driven(mode: int = WHEELS, seed: int = 0) -> list[Traversal]:
     fix = gnss(TRUTH, seed=seed)
     epochs = epochs_of(TRUTH, fix, np.arange(0, len(TRUTH.time), 10), course=0.1)
-    return traversals(epochs, localize(ROADS, epochs, mode=mode), ROADS)
+    return traversals(epochs, localize(ROADS, epochs, mode=mode), ROADS).rows()
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
@@ -83,7 +83,7 @@ def test_a_route_across_unmapped_ground_says_that_it_has_a_gap():
     epochs = epochs_of(truth, gnss(truth), np.arange(0, len(truth.time), 10), course=0.1)
     recorded = localize(roads, epochs)
     assert OFF_ROAD in recorded.route_edge
-    rows = traversals(epochs, recorded, roads)
+    rows = traversals(epochs, recorded, roads).rows()
     assert [r.edge for r in rows] == [0, 2]
     assert [r.gap for r in rows] == [False, True]
     assert rows[0].exit_m < 400.0
@@ -95,4 +95,4 @@ def test_nothing_localized_is_no_route():
     epochs = epochs_of(TRUTH, gnss(TRUTH), np.arange(0, 10, 10))
     far = epochs._replace(fix=epochs.fix + np.array([9e3, 0.0, 0.0, 0.0, 0.0]))
     recorded = localize(ROADS, far)
-    assert traversals(far, recorded, ROADS) == []
+    assert traversals(far, recorded, ROADS).rows() == []

@@ -12,8 +12,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 
+from .columns import path_table, points_table
+from .core.epoch import Epochs
+from .core.output import Output
 from .errors import SettingError, WhichroadError
 from .readers import drive_from_table, read_vehicle
 from .readers.trips import Parcel, parcels
@@ -166,14 +170,21 @@ class _Job(NamedTuple):
             else:
                 results.append(answer)
                 rows.append(_row(name, answer))
-        drives = pa.Table.from_pylist(rows, DRIVES)
-        if not results:
-            return Tables(POINTS.empty_table(), PATH.empty_table(), drives)
-        return Tables(
-            pa.concat_tables([r.to_arrow() for r in results]),
-            pa.concat_tables([r.path_arrow() for r in results]),
-            drives,
+        names = [row["drive_id"] for row in rows if "duration_s" in row]
+        return Tables(*self._together(names, results), pa.Table.from_pylist(rows, DRIVES))
+
+    def _together(self, names: list[str], results: list[Result]) -> tuple[pa.Table, pa.Table]:
+        """Points and path of some drives, each made at once."""
+        parts = [r.answered for r in results if r.answered is not None]
+        if not parts:
+            return POINTS.empty_table(), PATH.empty_table()
+        epochs = Epochs._make(map(np.concatenate, zip(*(a.epochs for a in parts), strict=True)))
+        output = Output._make(map(np.concatenate, zip(*(a.output for a in parts), strict=True)))
+        first = np.cumsum([0, *(len(a.epochs.time) for a in parts)])[:-1].tolist()
+        points = points_table(
+            names, epochs, output, self.roads, attributes=self.attributes, first=first
         )
+        return points, path_table(names, [a.way() for a in parts], self.roads)
 
     def _answer(self, name: str, rows: pa.Table) -> Result | str:
         """The answer to one trip, or why there is none."""

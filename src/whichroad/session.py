@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from .columns import path_table, points_table, summary_of
 from .core.belief import NO_EDGE, OFF_ROAD
 from .core.epoch import Epochs
 from .core.output import (
@@ -24,8 +25,9 @@ from .literal import localize_literal
 from .localizer import Recorded, localize_recorded
 from .readers import drive_from_table, read_drive, read_vehicle
 from .records import Drive, StartPose
-from .result import Result, path_table, points_table, summary_of
+from .result import Answered, Result
 from .roadmap import RoadMap
+from .route import Traversals, traversals
 from .search import MAP
 from .settings import Settings, Vehicle
 from .smoother import Lag
@@ -188,17 +190,18 @@ def _match_one(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
     )  # fmt: skip
-    path = cache(partial(path_table, drive.drive_id, timeline.epochs, recorded, roads))
+    way = cache(partial(traversals, timeline.epochs, recorded, roads.arrays))
     diagnosis = cache(lambda: recorded.diagnosis)
     return Result(
         partial(
             points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
             attributes=attributes,
         ),
-        path,
-        lambda: _summary(drive, timeline, recorded, path(), diagnosis()) | _looked_back(recorded),
+        lambda: path_table([drive.drive_id], [way()], roads),
+        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
+        Answered(timeline.epochs, recorded.output, way),
         None if recorded.past is None else recorded.past.ways,
     )  # fmt: skip
 
@@ -207,10 +210,10 @@ def _summary(
     drive: Drive,
     timeline: Timeline,
     recorded: Recorded,
-    path: pa.Table,
+    way: Traversals,
     diagnosis: tuple[Finding, ...],
 ) -> dict[str, Any]:
-    figures = summary_of(timeline.epochs, recorded.output, path, timeline.masked)
+    figures = summary_of(timeline.epochs, recorded.output, way, timeline.masked)
     return figures | {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),
@@ -279,7 +282,7 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
-        parts[0].ways if len(parts) == 1 else None,
+        ways=parts[0].ways if len(parts) == 1 else None,
     )
 
 

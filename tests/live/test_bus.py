@@ -2,14 +2,18 @@
 
 import asyncio
 import json
+import socket
 import threading
 import time
+from collections import Counter
 
 import can
 import pytest
+from websockets.sync.client import connect
 
-from live.service import free_port
-from whichroad import Localizer, read_vehicle
+from live.service import free_port, on_air
+from whichroad import GeoFix, Localizer, read_vehicle
+from whichroad.live.decode import CanStream
 from whichroad.live.server import Plan, Run
 from whichroad.live.sources import can_address, nmea_address
 from whichroad.readers.frames import read_frames
@@ -35,6 +39,7 @@ def running():
         thread = threading.Thread(target=lambda: loop.run_until_complete(run.run()))
         thread.start()
         runs.append((run, loop, thread))
+        run.loop = loop
         assert ready.wait(20)
         return run, port[0]
 
@@ -47,10 +52,6 @@ def running():
 
 def frames_of(files, begin, until):
     """Frames of the recorded drive, the first at `begin`."""
-    from collections import Counter
-
-    from whichroad.live.decode import CanStream
-
     drive = files / "drive"
     stream = CanStream(drive / "vehicle.dbc", read_vehicle(drive / "vehicle.toml"))
     found = read_frames(drive / "can.log", stream.frames, Counter())
@@ -64,8 +65,6 @@ def frames_of(files, begin, until):
 
 
 def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
-    from live.service import on_air
-
     drive = files / "drive"
     channel, udp = "whichroad-test", free_port()
     plan = Plan(
@@ -78,8 +77,6 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
     bursts = list(on_air(nmea_text(ride).encode(), begin))[:12]
     frames = frames_of(files, float(begin), 12.0)
     time.sleep(0.3)
-    import socket
-
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as bus:
         for number, burst in enumerate(bursts):  # the fix comes after the wheels of its second
@@ -102,3 +99,17 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
     assert run.engine.events.rewinds >= 8
     assert run.engine.events.skipped["late"] == 0
     assert run.engine.localizer.skipped == {}
+
+
+def test_who_asks_nothing_is_let_go_and_a_websocket_stays(town, observations, running, monkeypatch):
+    monkeypatch.setattr("whichroad.live.server._REQUEST_TIME", 0.3)
+    run, port = running(Plan(Localizer(town), nmea=[nmea_address(f"udp://:{free_port()}")]))
+    health = run.engine.sensor("test", "gnss")
+    idle = socket.create_connection(("127.0.0.1", port), timeout=10)
+    with connect(f"ws://127.0.0.1:{port}/ws") as listener:
+        assert idle.recv(10) == b""
+        time.sleep(0.5)
+        fix = next(one for one in observations if isinstance(one, GeoFix))
+        run.loop.call_soon_threadsafe(run.engine.take, health, [fix], time.perf_counter())
+        assert json.loads(listener.recv(timeout=10))["answered"]
+    idle.close()

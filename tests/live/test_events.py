@@ -1,9 +1,12 @@
 """Observations by their own times: late ones change nothing, much too late ones are refused."""
 
+import time
+
 import numpy as np
 import pytest
 
 from whichroad import GeoFix, Localizer
+from whichroad.live.engine import Engine
 from whichroad.live.events import Events
 from whichroad.live.state import bridge, from_bytes, restore, state_of, to_bytes
 
@@ -120,3 +123,33 @@ def test_who_slept_is_where_it_would_be_and_less_sure(town, ride, observations, 
     truth = answer(town, ride, observations[: observations.index(later[299]) + 1]).estimate()
     apart = np.array([last.pose.x - truth.pose.x, last.pose.y - truth.pose.y])
     assert apart @ np.linalg.solve(last.cov[:2, :2] + truth.cov[:2, :2], apart) < 13.8
+
+
+def test_a_fix_older_than_the_first_wheels_is_taken(town, ride, observations):
+    fix = next(one for one in observations if isinstance(one, GeoFix))
+    wheels = [one for one in observations if one.time > fix.time and not isinstance(one, GeoFix)]
+    events = Events(localizer(town, ride))
+    for one in wheels[:3]:
+        events.take(one)
+    assert events.take(fix)
+    assert events.skipped == {}
+    assert same(events.localizer.estimate(), answer(town, ride, [fix, *wheels[:3]]).estimate())
+
+
+def test_a_clock_far_from_the_others_is_refused_until_only_it_speaks(town, ride, observations):
+    engine = Engine(localizer(town, ride))
+    here, there = engine.sensor("a", "gnss"), engine.sensor("b", "gnss")
+    fixes = [one for one in observations if isinstance(one, GeoFix)]
+    for fix in fixes[:10]:
+        engine.take(here, [fix], time.perf_counter())
+        engine.take(there, [shifted(fix, 3600.0)], time.perf_counter())
+        engine.take(there, [shifted(fix, -3600.0)], time.perf_counter())
+    assert (here.skipped, there.skipped) == (0, 20)
+    assert engine.events.skipped == {
+        "clock ahead of the others": 10, "clock behind the others": 10
+    }  # fmt: skip
+    engine._heard -= 10.0
+    for fix in fixes[10:15]:
+        engine.take(there, [shifted(fix, -3600.0)], time.perf_counter())
+    assert engine.estimate().time == fixes[14].time - 3600.0
+    assert engine.estimate().edge is not None

@@ -71,7 +71,8 @@ class Service:
             await socket.close(1013)
             return
         await socket.accept()
-        transport = socket.scope["state"]["connection"].transport
+        connection = socket.scope["state"]["connection"]
+        transport = connection.transport
         if self.engine.published:
             transport.write(websocket_frame(self.engine.published))
         self.hub.sockets.add(transport)
@@ -83,6 +84,7 @@ class Service:
             pass
         finally:
             self.hub.sockets.discard(transport)
+            self.hub.sockets.dropped += connection.stalled
 
     async def events(self, request: Request) -> Response:
         """The same as server-sent events."""

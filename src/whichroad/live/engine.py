@@ -5,6 +5,7 @@ as it is made.  Nothing here waits for anything.
 """
 
 import json
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,13 +18,18 @@ from .health import Health, Latency
 from .messages import Around, EstimateMessage, Messages, PlayMessage
 from .reckoning import Reckoning
 from .recording import Recorder
+from .state import restore, state_of
 
 Sink = Callable[[bytes, EstimateMessage], None]
 
 LIVE = PlayMessage(mode="live", paused=False, speed=1.0, position_s=None, length_s=None)
 _SILENCE = 0.3  # s without an observation after which the filter goes on alone
 _HORIZON = 60.0  # s that it goes on
-_LEAST = 0.02  # s between messages
+_LEAST = 0.02  # s between messages that fixes call for
+_AHEAD = 5.0  # s by which clocks may differ beyond the window before they are doubted
+_DOUBT = 3.0  # s of silence of the others after which a doubted clock is believed
+_RECENT = 0.25  # s after a fix in which the next one is waited for,
+_BETWEEN = 1.5  # so that odometry calls for a message this many times later
 _RECORDED = 0.09  # s of event time between recorded estimates
 
 
@@ -63,9 +69,11 @@ class Engine:
         self.play: Callable[[], PlayMessage] = lambda: LIVE
         self.least = _LEAST  # s between messages that fixes call for
         self._every = 1.0 / rate
+        self._blank = state_of(localizer)
         self._fix: GeoFix | None = None
         self._fix_masked = False
-        self._told = self._heard = -1e9  # when the last message was made, something came
+        self._told = self._heard = -1e9  # when the last message was made, something came,
+        self._fresh = -1e9  # and the last message was made that a fix called for
         self._recorded = -1e18
 
     @property
@@ -93,14 +101,41 @@ class Engine:
             arrival: When they came, on the clock of `time.perf_counter`.
             recorded: Their times are not the world's.
         """
-        fresh = self.observe(observations)
         now = time.perf_counter()
+        if not recorded and not self._in_time(observations, now):
+            health.skipped += len(observations)
+            return
+        fresh = self.observe(observations)
         health.heard(
             len(observations), now, None if recorded else time.time() - observations[-1].time
         )
         self._heard = now
-        if now - self._told >= (self.least if fresh else self._every):
+        if fresh and now - self._fresh >= self.least:
+            self._fresh = now
             self.publish(arrival=arrival)
+        elif now - self._told >= (_BETWEEN if now - self._fresh < _RECENT else 1.0) * self._every:
+            self.publish(arrival=arrival)
+
+    def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
+        """Whether a clock agrees with the others; where only this one speaks, it is believed."""
+        events, silent = self.events, now - self._heard
+        if events.now < 0.0:
+            return True
+        ahead = observations[0].time - events.now
+        if ahead > silent + _AHEAD:
+            why = "clock ahead of the others"
+        elif ahead < -events.window - _AHEAD:
+            why = "clock behind the others"
+        else:
+            return True
+        if silent > _DOUBT:
+            restore(self.localizer, self._blank)
+            events.begin(-math.inf)
+            self.reckoning.stop()
+            events.skipped["clock jumped: started anew"] += 1
+            return True
+        events.skipped[why] += len(observations)
+        return False
 
     def observe(self, observations: Sequence[Observation]) -> bool:
         """Take observations without a word; returns whether one of them was a fix."""

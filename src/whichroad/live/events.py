@@ -14,7 +14,6 @@ from ..records import Observation
 from .state import State, restore, state_of
 
 _EVERY = 0.1  # s between states to go back to
-_AHEAD = 5.0  # s by which a sensor may lead before its clock is doubted
 
 
 class Events:
@@ -34,6 +33,7 @@ class Events:
         self.skipped: Counter[str] = Counter()
         self.rewinds = 0
         self.now = -float("inf")  # time of the newest observation
+        self._floor = -float("inf")  # no observation may be older: there is no state before it
         self._taken: deque[Observation] = deque()
         self._states: deque[State] = deque()
 
@@ -54,21 +54,18 @@ class Events:
         self.now = time
         return self.localizer.take(observation)
 
-    def forget(self) -> None:
-        """Forget what there is to go back to: the localizer was changed from outside."""
+    def begin(self, time: float) -> None:
+        """The localizer was brought to a time from outside; what is older is too late."""
         self._taken.clear()
         self._states.clear()
-
-    def begin(self, time: float) -> None:
-        """Start anew at a time; what is older is too late."""
-        self.forget()
-        self.now = time
+        self.now = self._floor = time
 
     def _keep(self, time: float) -> None:
         """Remember the state before an observation, and drop what is beyond the window."""
         states, taken = self._states, self._taken
         state = state_of(self.localizer)
-        states.append(State(time, state.arrays, state.plain, state.watched))
+        when = time if states else self._floor
+        states.append(State(when, state.arrays, state.plain, state.watched))
         while len(states) > 1 and states[1].time <= time - self.window:
             states.popleft()
         while taken and taken[0].time < states[0].time:

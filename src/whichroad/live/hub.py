@@ -64,10 +64,11 @@ class Sockets:
     def send(self, data: bytes) -> None:
         """To all of them; those that left too much lying are dropped."""
         for transport in tuple(self._open):
-            waiting = transport.get_write_buffer_size()
-            if transport.is_closing() or waiting > MOST_WAITING:
+            if transport.is_closing():
                 self._open.discard(transport)
-                self.dropped += waiting > 0
+            elif transport.get_write_buffer_size() > MOST_WAITING:
+                self._open.discard(transport)
+                self.dropped += 1
                 transport.abort()
             else:
                 transport.write(data)

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ..columns import points_table
 from ..core.epoch import Epochs, new_epochs
 from ..core.output import Output
 from ..errors import WriteError
 from ..localizer import Localizer
 from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
-from ..result import points_table
 from ..roadmap import RoadMap
 from ..tables import POINTS, RECORDING, TIME, times
 

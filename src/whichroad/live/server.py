@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,13 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from ..errors import SettingError
 from ..localizer import Localizer
-from ..records import Drive
+from ..records import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
 from .app import Service, application
 from .checkpoint import EVERY, Checkpoint
 from .decode import CanStream, NmeaStream
 from .engine import Engine
 from .hub import Hub
+from .messages import Around, Messages
 from .playback import Player, Tape
 from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
@@ -88,6 +89,13 @@ class Socket(WebSocketsSansIOProtocol):
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
         self.app_state = {**self.app_state, "connection": self}
+        self.stalled = False
+
+    def keepalive_timeout(self) -> None:
+        """It does not answer."""
+        self.stalled = True
+        super().keepalive_timeout()
+        self.transport.abort()  # what it has not taken by now it never will
 
 
 class Http(H11Protocol):
@@ -101,6 +109,11 @@ class Http(H11Protocol):
     def _give_up(self) -> None:
         if self.cycle is None and not self.transport.is_closing():
             self.transport.abort()
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        """It has asked, and is not ours any more."""
+        self._asked.cancel()
+        super().handle_websocket_upgrade(event)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop it."""
@@ -134,6 +147,7 @@ class Run:
         recorder = None
         if plan.record is not None:
             recorder = Recorder(plan.record, plan.localizer.roads, about)
+        warm_up(plan.localizer)
         self.engine = Engine(
             plan.localizer, window=0.0 if plan.tape is not None else plan.window, rate=plan.rate,
             recorder=recorder,
@@ -291,6 +305,28 @@ class Run:
             self.checkpoint.taken()()
         if self.engine.recorder is not None:
             self.engine.recorder.close()
+
+
+def warm_up(localizer: Localizer) -> None:
+    """Have every kernel ready before the first observation: one like it is driven elsewhere."""
+    roads, car = localizer.roads, localizer.vehicle
+    double = Localizer(roads, vehicle=car, settings=localizer.settings)
+    x, y, _ = roads.at(0, 0.5 * float(roads.arrays.length[0]))
+    lat, lon = roads.plane.to_geodetic(x, y)
+    kinds = (WheelTicks, WheelSpeed, SpeedYaw)
+    readings: list[Any] = [kind(0.1 * i, i, i) for kind in kinds for i in range(5)]
+    readings += [Distance(0.1 * i, float(i)) for i in range(5)]
+    for number, reading in enumerate(readings):
+        when = 1.0 + 0.1 * number
+        double.take(replace(reading, time=when))
+        if number % 2:
+            fix = GeoFix(when, lat, lon, 4.0, 0.0, 4.0, 5.0, 0.3, 90.0, 5.0)
+            double.take(fix)
+            Messages(roads).estimate(double.predict(when + 0.1), Around(fix=fix))
+    double = Localizer(roads, vehicle=car, settings=localizer.settings)
+    for i in range(3):
+        double.take(GeoFix(float(i), lat, lon, 4.0, 0.0, 4.0))
+        double.predict(i + 0.5)
 
 
 def _all(jobs: list[Callable[[], None]]) -> None:

@@ -30,7 +30,9 @@ _KEPT = "public, max-age=31536000, immutable"  # what has its version in its add
 _EDGES = 64  # at most, in one question
 
 
-def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseRoute]:
+def page_routes(
+    roads: "RoadMap", *, tiles_url: str | None = None, timeline: bool = False
+) -> list[BaseRoute]:
     """The page itself, MapLibre's files, and the roads that the page draws.
 
     The page opens a WebSocket at `/ws` and posts to `/control`, relative to where it is.
@@ -39,6 +41,7 @@ def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseR
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
+        timeline: Whether a whole recorded drive is told at `/timeline`.
 
     Returns:
         Routes for `/`, `/static/...`, `/maplibre/...`, `/roads/...` and `/favicon.ico`.
@@ -50,7 +53,7 @@ def page_routes(roads: "RoadMap", *, tiles_url: str | None = None) -> list[BaseR
     files = {path.name: path for path in STATIC.iterdir() if path.suffix in _KINDS}
     parts = {name: library / name for name in ("maplibre-gl.js", "maplibre-gl.css")}
     policy = _policy(tiles_url)
-    about = {**layer.about(), "tiles_url": tiles_url}
+    about = {**layer.about(), "tiles_url": tiles_url, "timeline": timeline}
     return [
         Route("/", partial(_page, files["page.html"], about, policy)),
         Route("/favicon.ico", partial(_file, files, "icon.svg")),

@@ -17,6 +17,7 @@ Remake = Callable[[list[Window]], Film]
 
 TICK = 0.05  # s between two looks at the clock
 FASTEST = 100.0  # times real time, where as fast as possible is asked for
+_MOMENT = 1e-3  # s; what is masked up to now is not masked now
 _LATER = 1e12  # s since 1970; a mask that is not over
 
 
@@ -31,18 +32,27 @@ class Player:
         film: What is played.
         remake: Answers the drive anew with GNSS withheld in some windows; None: the film is
             of a result, whose drive is not there.
+        position: Where it begins, s.
+        paused: Whether it waits there.
     """
 
-    def __init__(self, film: Film, remake: Remake | None = None) -> None:
+    def __init__(
+        self,
+        film: Film,
+        remake: Remake | None = None,
+        *,
+        position: float = 0.0,
+        paused: bool = False,
+    ) -> None:
         self.film = film
         self._remake = remake
         self._windows: list[Window] = list(film.masked)
-        self.position, self.speed, self.paused = 0.0, 1.0, False
+        self.position, self.speed, self.paused = position, 1.0, paused
         self._max = False
         self._seq, self._shown, self._edition = 0, -1, 0
         self._changed = asyncio.Condition()
         self._making = asyncio.Lock()
-        self.message: EstimateMessage = film.message(0, 0, self._play())
+        self.message: EstimateMessage = film.message(film.at(position), 0, self._play())
 
     def _play(self) -> PlayMessage:
         return {
@@ -133,7 +143,7 @@ class Player:
             raise Refused("this is a result without its drive: replay the drive to mask GNSS")
         async with self._making:
             now = float(self.film.time[0]) + self.position
-            kept = [(a, min(b, now)) for a, b in self._windows if a < now]
+            kept = [(a, min(b, now - _MOMENT)) for a, b in self._windows if a < now - _MOMENT]
             if on:
                 kept.append((now, _LATER))
             self._windows = kept

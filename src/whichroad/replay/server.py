@@ -74,7 +74,7 @@ def replay_app(
 
     return Starlette(
         routes=[
-            *page_routes(roads, tiles_url=tiles_url),
+            *page_routes(roads, tiles_url=tiles_url, timeline=True),
             Route("/timeline", columns),
             Route("/control", control, methods=["POST"]),
             WebSocketRoute("/ws", show),

@@ -80,7 +80,7 @@ function linesOf(series, from, to, x, y) {
       if (!line) {
         if (p < 0.01) return;
         line = { path: new Path2D(), last: 0, most: 0 };
-        line.path.moveTo(t, y(0));
+        line.path.moveTo(t, y(i === from ? p : 0));
         lines.set(edge, line);
       }
       line.now = p;
@@ -162,18 +162,18 @@ function drawSeconds(ctx, box, x, span, now, height, look) {
 
 const strips = new WeakMap(); // series -> its strip as an image, drawn once
 
-/** The whole drive: the least P(road) of each pixel column, the status below, and now. */
-export function drawDrive(canvas, series, now, look) {
+/** The whole drive: the least P(road) of each pixel column, the status below, and now.
+ * span: when it begins and ends; growing: whether the series does. Gives the time of a pixel. */
+export function drawDrive(canvas, series, now, look, span = [series.begin, series.end], growing = false) {
   const { ctx, width, height } = sharp(canvas);
   ctx.clearRect(0, 0, width, height);
-  if (series.length < 2) return null;
-  const begin = series.begin;
-  const scale = width / Math.max(series.end - begin, 1e-9);
+  const [begin, end] = span;
+  const scale = width / Math.max(end - begin, 1e-9);
   const bottom = height - STRIP - 2;
   const key = `${canvas.width} ${canvas.height} ${look.name}`;
   let strip = strips.get(series);
-  if (strip?.key !== key) {
-    const image = document.createElement("canvas");
+  if (strip?.key !== key || growing) {
+    const image = strip?.image ?? document.createElement("canvas");
     [image.width, image.height] = [canvas.width, canvas.height];
     const brush = image.getContext("2d");
     brush.setTransform(canvas.width / width, 0, 0, canvas.height / height, 0, 0);
@@ -192,19 +192,21 @@ export function drawDrive(canvas, series, now, look) {
   ctx.beginPath();
   ctx.arc(at, 4, 4, 0, 7);
   ctx.fill();
-  return (px) => begin + Math.min(Math.max(px / width, 0), 1) * (series.end - begin);
+  return (px) => begin + Math.min(Math.max(px / width, 0), 1) * (end - begin);
 }
 
 function drawColumns(ctx, series, x, width, bottom, look) {
   drawMasks(ctx, series, 0, series.length, x, 0, bottom, look);
   const low = new Float32Array(Math.ceil(width) + 1).fill(2);
+  const last = series.length ? Math.min(width, x(series.end)) : 0;
   for (let i = 0; i < series.length; i += 1) {
-    const column = Math.round(x(series.get("t", i)));
+    const column = Math.max(0, Math.round(x(series.get("t", i))));
     low[column] = Math.min(low[column], series.get("p", i));
   }
   let p = 0;
   ctx.globalAlpha = 0.85;
-  for (let column = 0; column < width; column += 1) {
+  const first = series.length ? Math.max(0, Math.floor(x(series.begin))) : 0;
+  for (let column = first; column < last; column += 1) {
     p = low[column] <= 1 ? low[column] : p;
     ctx.fillStyle = colourOf(p, look);
     ctx.fillRect(column, 1 + (1 - p) * (bottom - 1), 1.2, Math.max(1, p * (bottom - 1)));

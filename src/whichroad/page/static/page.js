@@ -40,7 +40,7 @@ function take(message) {
   keepFix(message.fix);
   keepReckoning(message.reckoning);
   edges.need(state.roads.slice(0, 6).map(([edge]) => edge));
-  if (message.play.mode === "replay" && !state.recorded) {
+  if (about.timeline && !state.recorded) {
     state.recorded = true;
     loadTimeline();
   }
@@ -94,8 +94,6 @@ function keepReckoning(one) {
 /** The whole of a recorded drive, for the strip to scrub in. */
 async function loadTimeline() {
   const told = await fetchJson("timeline").catch(() => null);
-  byId("drive").hidden = !told;
-  byId("app").classList.toggle("with-drive", Boolean(told));
   state.recording = told;
   if (!told) return;
   state.series = fromTimeline(told, told.begin);
@@ -169,7 +167,16 @@ function drawCharts(frame) {
   const span = state.recording ? [now - BEHIND, now + AHEAD] : [now - BEHIND - AHEAD, now];
   const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name);
   drawRace(byId("race"), state.series, now, span, state.look, nameOf);
-  if (state.recording) state.timeAt = drawDrive(byId("strip"), state.series, now, state.look);
+  const { length_s: length, position_s: position } = frame.play;
+  const known = length !== null && length > 0;
+  if (byId("drive").hidden === known) {
+    byId("drive").hidden = !known;
+    byId("app").classList.toggle("with-drive", known);
+  }
+  if (!known) return;
+  state.began = now - (position ?? 0);
+  const whole = state.recording ? undefined : [state.began, state.began + length];
+  state.timeAt = drawDrive(byId("strip"), state.series, now, state.look, whole, !state.recording);
 }
 
 map.on("render", drawOverlay);
@@ -294,9 +301,9 @@ addEventListener("keydown", (event) => {
 const strip = byId("strip");
 let lastSeek = 0;
 function scrub(event) {
-  if (!state.timeAt || !state.recording || performance.now() - lastSeek < 80) return;
+  if (!state.timeAt || performance.now() - lastSeek < 80) return;
   lastSeek = performance.now();
-  seek(state.timeAt(event.offsetX) - state.recording.begin);
+  seek(state.timeAt(event.offsetX) - state.began);
 }
 strip.addEventListener("pointerdown", (event) => {
   strip.setPointerCapture(event.pointerId);
@@ -328,4 +335,4 @@ map.on("sourcedata", function first(event) {
     document.documentElement.dataset.drawn = performance.now().toFixed(0);
   }));
 });
-window.whichroad = { state, map, edges };
+window.whichroad = { state, map, edges, take };

@@ -4,6 +4,7 @@
 // Nothing here knows the map.
 
 import { CHI_95, STATUSES, colourOf, percent } from "./look.js";
+import { roadsOf } from "./series.js";
 
 const EARTH = 6371008.8;
 const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
@@ -152,32 +153,31 @@ function drawReckoning(ctx, view, scene, look) {
   ctx.stroke();
 }
 
+/** Every hypothesis in the colour of its road's P; a road with several has one label. */
 function drawHypotheses(ctx, view, frame, look, labels) {
-  const many = scatter(frame.hypotheses);
+  const shares = new Map(roadsOf(frame.hypotheses));
+  if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;
+  const labelled = new Set();
+  for (const one of frame.hypotheses) {
+    const share = shares.get(one.edge_id ?? -1);
+    if (one.lat === null || share < NEAR || labelled.has(one.edge_id)) continue;
+    labelled.add(one.edge_id);
+    labels.push({ ...view.project(one.lon, one.lat), text: percent(share), colour: colourOf(share, look) });
+  }
   for (const one of [...frame.hypotheses].reverse()) {
     if (one.lat === null || one.p < 0.002) continue;
-    const colour = colourOf(one.p, look);
     const strong = one.p >= NEAR;
-    ctx.strokeStyle = colour;
+    ctx.strokeStyle = colourOf(shares.get(one.edge_id ?? -1), look);
     ctx.globalAlpha = strong ? 1 : 0.55;
-    if (one.ellipse && many) {
-      ctx.lineWidth = strong ? 1.6 : 1;
-      ctx.stroke(ellipsePath(view, one, one.ellipse));
-    }
-    if (!many) continue;
-    const at = arrow(ctx, view, one, strong ? 9 : 6);
+    ctx.lineWidth = strong ? 1.6 : 1;
+    if (one.ellipse) ctx.stroke(ellipsePath(view, one, one.ellipse));
+    arrow(ctx, view, one, strong ? 9 : 6);
     ctx.lineWidth = 2;
     ctx.fillStyle = look.paper;
     ctx.fill();
     ctx.stroke();
-    if (strong) labels.push({ ...at, text: percent(one.p), colour });
   }
   ctx.globalAlpha = 1;
-}
-
-/** Whether there is a choice worth showing. */
-function scatter(hypotheses) {
-  return hypotheses.length > 1 && hypotheses[0].p < 0.998;
 }
 
 function drawVehicle(ctx, view, frame, look) {
@@ -277,7 +277,7 @@ function offset(lon, lat, bearing, metres) {
 /** Labels, the most probable first; one that would hide another is left out. */
 function drawPills(ctx, labels, look) {
   const taken = [];
-  for (const label of labels.reverse()) {
+  for (const label of labels) {
     if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 19)) continue;
     taken.push(label);
     drawPill(ctx, label, look);

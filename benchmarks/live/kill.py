@@ -1,0 +1,48 @@
+"""kill -9 at random moments under load: what is lost, what is readable, what resumes."""
+
+import random
+import time
+
+from whichroad import read_drive
+from whichroad.evaluate.tables import read_table
+from whichroad.live.state import from_bytes
+
+from .. import Figure, Options
+from .process import Feed, Receiver, Served, can_options
+from .world import world
+
+
+def kill(options: Options) -> list[Figure]:
+    """So many times; the vehicle drives on meanwhile."""
+    times = options.more.get("drives", 10)
+    rng = random.Random(1)
+    resumed = readable = 0
+    lost, behind = [], []
+    with world(20_000.0) as here:
+        receiver = Receiver()
+        sources = ("--nmea", f"tcp://127.0.0.1:{receiver.port}", *can_options(here))
+        keep = ("--record", here.folder / "rec", "--state", here.folder / "state")
+        feed = Feed(here, receiver.send)
+        for number in range(times + 1):
+            served = Served(*here.options(), *sources, *keep)
+            served.answered()
+            time.sleep(rng.uniform(0.7, 2.0))
+            at = time.time()
+            said = served.kill()
+            resumed += number > 0 and "resumed" in said
+            state = from_bytes((here.folder / "state").read_bytes())
+            behind.append(at - state[1]["written"] if state else float("inf"))
+            try:
+                (drive,) = read_drive(here.folder / "rec", vehicle=here.vehicle)
+                readable += read_table(here.folder / "rec").num_rows > 0
+                lost.append(at - float(drive.odometry.time[-1]))
+            except Exception as error:
+                options.say(f"kill {number}: {error}")
+        feed.stop()
+        receiver.close()
+    return [
+        Figure("restarts that resume", float(resumed), f">= {times}", "", times),
+        Figure("recordings readable", float(readable), f">= {times + 1}", "", times + 1),
+        Figure("recording behind, worst", max(lost), "<= 1", "s", times + 1),
+        Figure("state behind, worst", max(behind), "<= 1", "s", times + 1),
+    ]

@@ -1,0 +1,305 @@
+"""What was found of drives, as columns: points, path, summary."""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from .core.belief import NO_EDGE, OFF_ROAD
+from .core.epoch import Epochs
+from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from .core.output import (
+    AMBIGUOUS,
+    V_GNSS_SCALE,
+    V_H,
+    V_HH,
+    V_LATERAL,
+    V_MAP_X,
+    V_MAP_Y,
+    V_MATCH_X,
+    V_MATCH_Y,
+    V_OFF,
+    V_P,
+    V_PROTECTION,
+    V_S,
+    V_SPEED,
+    V_X,
+    V_XX,
+    V_XY,
+    V_Y,
+    V_YY,
+    Output,
+)
+from .reasons import RECENT, STATUS, far_off, reason
+from .records import Array
+from .roadmap import RoadMap
+from .route import Traversals
+from .sensors.gnss import ellipse
+from .tables import PATH, POINTS, line_wkb, times
+
+_RULES = (
+    (AGAINST_ONE_WAY, "against_one_way"),
+    (TURN_BANNED, "turn_banned"),
+    (NO_ACCESS, "no_access"),
+    (U_TURN, "u_turn"),
+)
+_GAP = 1 << 20  # beyond all rules
+
+
+def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
+    return pa.array(values, mask=absent)
+
+
+def points_table(
+    drive_id: str | Sequence[str],
+    epochs: Epochs,
+    output: Output,
+    roads: RoadMap,
+    *,
+    attributes: bool = False,
+    first: Sequence[int] = (0,),
+) -> pa.Table:
+    """One row per epoch; what is not known yet is null.
+
+    Args:
+        drive_id: Its name, or those of d drives one behind the other.
+        epochs: (n,) what the sensors said.
+        output: (n,) what the filter said.
+        roads: The map.
+        attributes: Whether name, class and speed limit of the road are added.
+        first: (d,) the row at which each drive begins.
+
+    Returns:
+        A table with the columns of `tables.POINTS`.
+    """
+    names = [drive_id] if isinstance(drive_id, str) else drive_id
+    plane, v = roads.plane, output.value
+    none = output.live == 0
+    x, y = v[:, V_X], v[:, V_Y]
+    lat, lon = plane.to_geodetic(x, y)
+    map_lat, map_lon = plane.to_geodetic(v[:, V_MAP_X], v[:, V_MAP_Y])
+    match_lat, match_lon = plane.to_geodetic(v[:, V_MATCH_X], v[:, V_MATCH_Y])
+    turn = plane.convergence(x, y)
+    bearing = np.degrees(math.pi / 2 - (v[:, V_H] - turn)) % 360.0
+    c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
+    xx, xy, yy = v[:, V_XX], v[:, V_XY], v[:, V_YY]
+    ee = c * c * xx + 2 * c * s * xy + s * s * yy
+    nn = s * s * xx - 2 * c * s * xy + c * c * yy
+    en = c * s * (yy - xx) + (c * c - s * s) * xy
+    major, minor, axis = ellipse(ee, en, nn)
+    off = none | (output.edge < 0)
+    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[:, V_S])
+    source, forward = _sources(roads, edge, s, off)
+    status = np.array(STATUS)[output.status]
+    columns = {
+        "drive_id": _repeated(names, np.diff(first, append=len(x))),
+        "time": times(epochs.time),
+        "lat": _nullable(lat, none),
+        "lon": _nullable(lon, none),
+        "bearing_deg": _nullable(bearing, none),
+        "speed_mps": _nullable(v[:, V_SPEED], none),
+        "cov_ee_m2": _nullable(ee, none),
+        "cov_en_m2": _nullable(en, none),
+        "cov_nn_m2": _nullable(nn, none),
+        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[:, V_HH], 0))), none),
+        "ellipse_major_m": _nullable(major, none),
+        "ellipse_minor_m": _nullable(minor, none),
+        "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
+        "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
+        "source_id": source,
+        "forward": forward,
+        "abscissa_m": _nullable(v[:, V_S], off),
+        "lateral_m": _nullable(v[:, V_LATERAL], off),
+        "matched_lat": _nullable(match_lat, off),
+        "matched_lon": _nullable(match_lon, off),
+        "map_lat": _nullable(map_lat, none),
+        "map_lon": _nullable(map_lon, none),
+        "p_road": _nullable(v[:, V_P], none),
+        "p_off_road": _nullable(v[:, V_OFF], none),
+        "status": pa.array(status),
+        "reason": _reasons(epochs, output, roads, first),
+        "alternatives": _alternatives(output),
+        "protection_level_m": _nullable(v[:, V_PROTECTION], none),
+        "gnss_scale": _nullable(v[:, V_GNSS_SCALE], none | (v[:, V_GNSS_SCALE] == 0.0)),
+    }
+    table = pa.table(columns).cast(POINTS)
+    if attributes:
+        for name, column in _attributes(roads, edge, off).items():
+            table = table.append_column(name, column)
+    return table
+
+
+def _sources(
+    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
+) -> tuple[pa.Array, pa.Array]:
+    """Source ids as text and directions; few streets differ, so each is asked for once."""
+    if not len(edge):
+        return pa.array([], pa.string()), pa.array([], pa.bool_())
+    _, first, at = np.unique(roads.piece(edge, s), return_index=True, return_inverse=True)
+    ids, forward = roads.sources(edge[first], s[first])
+    texts = pa.array([str(i) for i in ids], pa.string())
+    return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
+
+
+_ATTRIBUTES = ("name", "highway", "speed_limit_kmh", "lanes", "layer", "bridge", "tunnel")
+
+
+def _attributes(
+    roads: RoadMap, edge: NDArray[Any], absent: NDArray[np.bool_]
+) -> dict[str, pa.Array]:
+    unique, at = np.unique(edge, return_inverse=True)
+    rows = [roads.attributes(int(e)) for e in unique]
+    return {
+        name: pa.array([row.get(name) for row in rows]).take(pa.array(at, mask=absent))
+        for name in _ATTRIBUTES
+    }
+
+
+def _alternatives(output: Output) -> pa.Array:
+    on = output.alt_edge >= 0
+    ends = np.concatenate([[0], np.cumsum(on.sum(axis=1))]).astype(np.int32)
+    rows = pa.StructArray.from_arrays(
+        [
+            pa.array(output.alt_edge[on].astype(np.int64)),
+            pa.array(output.alt_p[on].astype(np.float64)),
+        ],
+        names=["edge_id", "p"],
+    )
+    return pa.ListArray.from_arrays(pa.array(ends), rows)
+
+
+def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[int]) -> pa.Array:
+    """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
+    n, status = len(epochs.time), output.status
+    if not n:
+        return pa.array([], pa.string())
+    away = np.rint(_disbelieved(epochs, output, begins))
+    scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
+    scale[away > 0.0] = 0.0
+    key = (1e3 * away + scale) * 20.0 + 2.0 * status + (output.live > 0)
+    key = np.where(status == AMBIGUOUS, -1.0 - np.arange(n), key)  # the roads that compete
+    _, first, at = np.unique(key, return_index=True, return_inverse=True)
+
+    @cache
+    def name(edge: int) -> str | None:
+        return roads.name(edge)
+
+    texts = [
+        reason(
+            STATUS[status[k]],
+            roads=_shares(output, k),
+            name=name,
+            disbelieved=away[k],
+            scale=0.1 * scale[k],
+            answered=output.live[k] > 0,
+        )
+        for k in first
+    ]
+    return pa.array(texts, pa.string()).take(pa.array(at))
+
+
+def _shares(output: Output, k: int) -> list[tuple[int, float]]:
+    """The alternatives of epoch k and their P."""
+    pairs = zip(output.alt_edge[k].tolist(), output.alt_p[k].tolist(), strict=True)
+    return [(edge, p) for edge, p in pairs if edge != NO_EDGE]
+
+
+def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
+    """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
+    v, k = output.value, np.flatnonzero(epochs.has_fix)
+    if not len(k):
+        return np.zeros(len(v))
+    away = np.hypot(epochs.fix[k, 0] - v[k, V_X], epochs.fix[k, 1] - v[k, V_Y])
+    own = epochs.fix[k, 2] * np.maximum(v[k, V_GNSS_SCALE], 1.0)
+    far = far_off(away, np.sqrt(own**2 + v[k, V_XX] + v[k, V_YY])) & (output.live[k] > 0)
+    last = np.searchsorted(k, np.arange(len(v)), side="right") - 1
+    begin = np.repeat(first, np.diff(first, append=len(v)))  # of the row's own drive
+    recent = (last >= 0) & (k[last] >= begin) & (epochs.time - epochs.time[k[last]] <= RECENT)
+    return np.where(recent, np.where(far, away, 0.0)[last], 0.0)
+
+
+def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap) -> pa.Table:
+    """One row per traversed edge, in driving order, drive after drive.
+
+    Args:
+        names: (d,) of the drives.
+        ways: (d,) their routes.
+        roads: The map.
+
+    Returns:
+        A table with the columns of `tables.PATH`.
+    """
+    way = Traversals._make(np.concatenate(columns) for columns in zip(*ways, strict=True))
+    count = np.array([len(w.edge) for w in ways])
+    edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
+    source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
+    x, y, first = roads.edge_lines(edges, enter, leave)
+    lat, lon = roads.plane.to_geodetic(x, y)
+    duration = way.exit_time - way.enter_time
+    passed = duration > 0.0
+    speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
+    arrays = roads.arrays
+    columns = {
+        "drive_id": _repeated(names, count),
+        "seq": pa.array(np.arange(rows) - np.repeat(np.cumsum(count) - count, count)),
+        "edge_id": pa.array(edges, pa.int64()),
+        "source_id": source,
+        "from_node": pa.array(arrays.from_node[edges].astype(np.int64)),
+        "to_node": pa.array(arrays.to_node[edges].astype(np.int64)),
+        "forward": forward,
+        "enter_time": times(way.enter_time),
+        "exit_time": times(way.exit_time),
+        "enter_m": pa.array(enter),
+        "exit_m": pa.array(leave),
+        "duration_s": pa.array(duration),
+        "mean_speed_mps": _nullable(speed, ~passed),
+        "p": pa.array(way.p),
+        "broken_rule": _broken(way),
+        "geometry": line_wkb(lon, lat, first) if rows else pa.array([], pa.binary()),
+    }
+    return pa.table(columns).cast(PATH)
+
+
+def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
+    """Each name as often as told."""
+    return pa.array(names, pa.string()).take(pa.array(np.repeat(np.arange(len(names)), count)))
+
+
+def _broken(way: Traversals) -> pa.Array:
+    """Names of the rules that driving each edge broke, or `gap`, or None."""
+    unique, at = np.unique(np.where(way.gap, _GAP, way.rules), return_inverse=True)
+    words = [_rule_names(int(b)) for b in unique]
+    return pa.array(words, pa.string()).take(pa.array(at))
+
+
+def _rule_names(bits: int) -> str | None:
+    if bits == _GAP:
+        return "gap"
+    return ",".join(name for bit, name in _RULES if bits & bit) or None
+
+
+def summary_of(epochs: Epochs, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
+    """The drive in numbers, for people and for JSON."""
+    n = len(epochs.time)
+    known = output.live > 0
+    shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
+    length = float(np.sum(np.abs(way.exit_m - way.enter_m)))
+    return {
+        "epochs": n,
+        "fixes": int(epochs.has_fix.sum()),
+        "fixes_masked": masked,
+        "epochs_without_answer": int((~known).sum()),
+        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
+        "path_m": length,
+        "edges": len(way.edge),
+        "gaps": int(way.gap.sum()),
+        "mean_p_road": float(output.value[known, V_P].mean()) if known.any() else 0.0,
+        "mean_p_off_road": float(output.value[known, V_OFF].mean()) if known.any() else 0.0,
+        "mean_live_hypotheses": float(output.live[known].mean()) if known.any() else 0.0,
+        "status": {k: v for k, v in shares.items() if v > 0},
+        "off_road_epochs": int((output.alt_edge[:, 0] == OFF_ROAD).sum()),
+    }

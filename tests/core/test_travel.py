@@ -1,0 +1,138 @@
+"""Between fixes that lie far apart hypotheses move along routes, and nothing gets lost."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenes import grid_town, localize, network, parallel_roads, straight_road
+from strategies import seeds
+from whichroad.core.belief import OFF_ROAD
+from whichroad.core.epoch import CLOCK, Epochs, new_epochs
+from whichroad.core.network import Roads
+from whichroad.core.output import V_P, V_S, V_X, V_XX, V_Y, V_YY
+from whichroad.settings import Settings
+
+TOWN = network(grid_town(8, 8, 150.0))
+
+
+def fixes(at: np.ndarray, time: np.ndarray, sigma: float = 5.0) -> Epochs:
+    """Positions alone, (n, 2) m, at (n,) s."""
+    epochs = new_epochs(len(time))
+    epochs.time[:] = time
+    epochs.has_fix[:] = 1
+    epochs.fix[:, :2] = at
+    epochs.fix[:, 2:4] = sigma
+    epochs.speed_sigma[:] = np.inf
+    epochs.course_sigma[:] = np.inf
+    return epochs
+
+
+def drive(roads: Roads, seed: int, seconds: float, edges: int = 14) -> tuple[Epochs, list[int]]:
+    """Somebody drives at 10 m/s, turns as most do, and is seen now and then."""
+    rng = np.random.default_rng(seed)
+    route = [int(rng.integers(len(roads.length)))]
+    for _ in range(edges):
+        turns = np.arange(roads.succ_first[route[-1]], roads.succ_first[route[-1] + 1])
+        turns = turns[roads.succ[turns] != roads.opposite[route[-1]]]
+        p = roads.succ_prior[turns].astype(float)
+        route.append(int(roads.succ[rng.choice(turns, p=p / p.sum())]))
+    ends = np.concatenate([[0.0], np.cumsum(roads.length[route])])
+    time = np.arange(0.0, ends[-1] / 10.0, seconds)
+    piece = np.clip(np.searchsorted(ends, 10.0 * time, side="right") - 1, 0, len(route) - 1)
+    share = (10.0 * time - ends[piece]) / roads.length[route][piece]
+    a, b = roads.first[route], roads.first[np.array(route) + 1] - 1
+    way = np.array([roads.x[b] - roads.x[a], roads.y[b] - roads.y[a]])[:, piece]
+    at = np.array([roads.x[a], roads.y[a]])[:, piece] + share * way
+    return fixes(at.T + rng.normal(0.0, 3.0, at.T.shape), time), route[: piece[-1] + 1]
+
+
+@pytest.mark.parametrize("seconds", [5.0, 15.0])
+def test_routes_through_a_grid_are_found(seconds: float):
+    right = 0
+    for seed in range(12):
+        epochs, route = drive(TOWN, seed, seconds)
+        found = [e for e in localize(TOWN, epochs, mode=CLOCK).route_edge.tolist() if e >= 0]
+        right += len(set(found) & set(route)) / len(set(found) | set(route)) > 0.8
+    assert right >= 10
+
+
+@pytest.mark.parametrize("seconds", [3.0, 10.0, 60.0, 300.0])
+@given(seed=seeds)
+def test_every_fix_has_an_answer_whose_probabilities_sum_to_one(seconds: float, seed: int):
+    rng = np.random.default_rng(seed)
+    wild = np.cumsum(rng.normal(0.0, 8.0 * seconds**0.8, (12, 2)), axis=0) + 500.0
+    output = localize(TOWN, fixes(wild, seconds * np.arange(12.0)), mode=CLOCK).output
+    assert (output.live > 0).all()
+    assert np.isfinite(output.value).all()
+    assert (output.alt_p.sum(axis=1) <= 1.0 + 1e-5).all()
+    assert (output.value[:, V_XX] > 0).all()
+    assert (output.value[:, V_YY] > 0).all()
+
+
+@given(seed=seeds, seconds=st.sampled_from([10.0, 30.0]))
+def test_the_chain_of_edges_is_connected_while_the_map_is(seed: int, seconds: float):
+    epochs, _ = drive(TOWN, seed, seconds)
+    edges = localize(TOWN, epochs, mode=CLOCK).route_edge.tolist()
+    for a, b in pairwise(edges):
+        if OFF_ROAD not in (a, b) and a != b:
+            assert b in TOWN.succ[TOWN.succ_first[a] : TOWN.succ_first[a + 1]] or b == a ^ 1
+
+
+def test_along_a_straight_road_the_answer_is_between_fix_and_lane():
+    roads = network(straight_road())
+    time = 10.0 * np.arange(12.0)
+    at = np.column_stack([100.0 + 12.0 * time, np.full(12, -1.75)])
+    output = localize(roads, fixes(at, time), mode=CLOCK).output
+    assert (output.edge[2:] == 0).all()
+    assert np.abs(output.value[2:, V_X] - at[2:, 0]).max() < 5.0
+    assert np.abs(output.value[2:, V_Y] - at[2:, 1]).max() < 1.0
+    assert np.abs(output.value[2:, V_S] - at[2:, 0]).max() < 5.0
+
+
+def test_parallel_roads_that_fixes_cannot_tell_apart_stay_in_doubt():
+    roads = network(parallel_roads(8.0))
+    time = 20.0 * np.arange(6.0)
+    at = np.column_stack([100.0 + 12.0 * time, np.full(6, 4.0)])
+    output = localize(roads, fixes(at, time), mode=CLOCK).output
+    assert (output.value[:, V_P] < 0.75).all()
+
+
+def test_a_car_that_stands_for_ten_minutes_between_two_fixes_is_where_it_was():
+    roads = network(straight_road())
+    time = np.array([0.0, 20.0, 40.0, 640.0, 660.0])
+    x = np.array([100.0, 300.0, 500.0, 510.0, 700.0])
+    output = localize(roads, fixes(np.column_stack([x, 0 * x]), time), mode=CLOCK).output
+    assert (output.edge[1:] == 0).all()
+    assert np.abs(output.value[1:, V_X] - x[1:]).max() < 8.0
+
+
+def test_a_missing_road_is_a_gap_and_the_drive_goes_on():
+    roads = network([[[0.0, 0.0], [1000.0, 0.0]], [[1500.0, 800.0], [3000.0, 800.0]]])
+    time = 20.0 * np.arange(14.0)
+    x = 100.0 + 10.0 * time
+    y = np.interp(x, [1000.0, 1500.0], [0.0, 800.0])
+    recorded = localize(roads, fixes(np.column_stack([x, y]), time), mode=CLOCK)
+    assert recorded.output.edge[3] == 0
+    assert (recorded.output.edge[-3:] == 2).all()
+    assert {0, 2} <= set(recorded.route_edge.tolist())
+
+
+@pytest.mark.parametrize("tunnel", [8.0, 40.0, 90.0])
+def test_one_trace_may_be_dense_and_sparse_and_dense_again(tunnel: float):
+    roads = network(straight_road())
+    time = np.concatenate([np.arange(40.0), 40.0 + tunnel + np.arange(40.0)])
+    at = np.column_stack([100.0 + 12.0 * time, np.full(80, -1.75)])
+    recorded = localize(roads, fixes(at, time), mode=CLOCK)
+    assert (recorded.output.edge[5:] == 0).all()
+    assert np.abs(recorded.output.value[5:, V_X] - at[5:, 0]).max() < 6.0
+    assert set(recorded.route_edge.tolist()) == {0}
+
+
+def test_settings_hold_for_sparse_fixes_too():
+    epochs, _ = drive(TOWN, 3, 10.0)
+    near = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=1e-4)).output
+    few = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=0.05)).output
+    assert few.live.mean() <= near.live.mean()

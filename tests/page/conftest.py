@@ -1,0 +1,61 @@
+"""The paper's drive in files, its map, and its film, made once."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import uvicorn
+from starlette.applications import Starlette
+
+from whichroad import read_drive, read_vehicle
+from whichroad.replay.film import Film
+from whichroad.replay.opening import Remaking
+from whichroad.replay.server import listen
+from whichroad.roadmap import RoadMap
+from whichroad.simulate import write_demo
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("demo")
+    write_demo(made, force=True)
+    return made
+
+
+@pytest.fixture(scope="session")
+def roads(folder: Path) -> RoadMap:
+    return RoadMap.from_osm(folder / "map.osm")
+
+
+@pytest.fixture(scope="session")
+def remaking(folder: Path, roads: RoadMap) -> Remaking:
+    car = read_vehicle(folder / "vehicle.toml")
+    (drive,) = read_drive(
+        folder / "drive.nmea", vehicle=car, can=folder / "can.log", dbc=folder / "vehicle.dbc"
+    )
+    return Remaking(drive, roads, car)
+
+
+@pytest.fixture(scope="session")
+def film(remaking: Remaking) -> Film:
+    return remaking([])
+
+
+@contextmanager
+def served(app: Starlette) -> Iterator[str]:
+    """An application on a free port of this machine; gives its address."""
+    door = listen("127.0.0.1", 0)
+    server = uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="on"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [door]}, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    try:
+        yield f"http://127.0.0.1:{door.getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(10)
+        door.close()

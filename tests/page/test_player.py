@@ -1,0 +1,104 @@
+"""The clock of a replay, and who looks on."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from whichroad.replay.film import Film
+from whichroad.replay.opening import Remaking
+from whichroad.replay.player import TICK, Player, Refused
+
+
+def run(story: Any) -> None:
+    asyncio.run(asyncio.wait_for(story, 30))
+
+
+def test_time_passes_as_fast_as_it_is_asked_to_and_stands_when_paused(film: Film):
+    async def story() -> None:
+        player = Player(film)
+        running = asyncio.create_task(player.run())
+        await player.control("speed", 20)
+        while player.position < 5.0:
+            await asyncio.sleep(TICK)
+        await player.control("pause")
+        stood = player.position
+        await asyncio.sleep(4 * TICK)
+        assert player.position == stood
+        running.cancel()
+
+    run(story())
+
+
+def test_a_step_is_one_epoch_and_leaves_the_clock_paused(film: Film):
+    async def story() -> None:
+        player = Player(film)
+        await player.control("seek", 100.0)
+        before = player.message["epoch_s"]
+        await player.control("step")
+        assert player.paused
+        assert player.message["epoch_s"] > before
+        assert film.at(player.position) == film.at(100.0) + 1
+
+    run(story())
+
+
+def test_it_stops_at_the_end_and_begins_again_when_resumed(film: Film):
+    async def story() -> None:
+        player = Player(film)
+        await player.control("seek", 1e8)
+        assert player.message["play"]["position_s"] == pytest.approx(film.length, abs=1e-3)
+        assert player.paused
+        await player.control("resume")
+        assert player.position == 0.0
+
+    run(story())
+
+
+def test_masking_answers_anew_from_there_and_unmasking_gives_gnss_back(
+    film: Film, remaking: Remaking
+):
+    async def story() -> None:
+        player = Player(film, remaking)
+        await player.control("seek", 90.0)
+        await player.control("mask")
+        assert player.message["gnss_masked"]
+        await player.control("seek", 129.0)
+        k = film.at(129.0)
+        assert player.film.columns["ellipse_major_m"][k] > film.columns["ellipse_major_m"][k]
+        await player.control("unmask")
+        await player.control("seek", 140.0)
+        assert not player.message["gnss_masked"]
+        assert player.film.is_masked(film.time[k - 1])
+
+    run(story())
+
+
+def test_a_looker_on_is_told_of_a_new_timeline_and_of_the_newest_message_only(
+    film: Film, remaking: Remaking
+):
+    async def story() -> None:
+        player = Player(film, remaking)
+        messages = player.messages()
+        assert (await anext(messages))["type"] == "estimate"
+        for second in range(10, 60, 10):
+            await player.control("seek", second)
+        newest = await anext(messages)
+        assert newest["play"]["position_s"] == 50.0
+        await player.control("mask")
+        assert (await anext(messages))["type"] == "timeline"
+        await messages.aclose()
+
+    run(story())
+
+
+@pytest.mark.parametrize(
+    ("action", "value"),
+    [
+        ("seek", "soon"), ("seek", -1), ("seek", float("nan")), ("seek", True), ("seek", None),
+        ("speed", 0), ("speed", 1e9), ("speed", []), ("fly", None), ([], None), ("mask", None),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_refused(film: Film, action: Any, value: Any):
+    with pytest.raises(Refused):
+        asyncio.run(Player(film).control(action, value))

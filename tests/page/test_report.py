@@ -1,0 +1,79 @@
+"""The report: one file that needs nothing else."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from whichroad.errors import WriteError
+from whichroad.page.routes import STATIC
+from whichroad.page.standalone import MODULES, standalone
+from whichroad.reasons import STATUS
+from whichroad.replay.film import Film
+from whichroad.replay.report import report_data, write_report
+from whichroad.roadmap import RoadMap
+
+NAMES = re.compile(
+    r"^(?:export )?(?:async )?(?:const|let|function|class) (\w+|\{[^}]*\}|\[[^\]]*\])", re.M
+)
+
+
+def test_the_file_names_nothing_outside_of_itself(film: Film, roads: RoadMap, tmp_path: Path):
+    path = tmp_path / "report.html"
+    write_report(film, path, roads)
+    text = path.read_text("utf-8").replace("http://www.w3.org/2000/svg", "")
+    assert not re.search(r"https?://|<link rel=\"stylesheet|src=|^import ", text, re.M)
+    assert "{{" not in text.split('<script type="application/json"')[0]
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S).group(1))  # type: ignore[union-attr]
+    assert data["drive_id"] == film.drive_id
+    assert len(data["line"]["t"]) == len(data["poses"]) == len(data["more"]["edge"])
+    assert data["roads"]
+
+
+def test_the_modules_of_a_report_have_no_name_twice():
+    names = [
+        name
+        for module in MODULES
+        for name in NAMES.findall((STATIC / f"{module}.js").read_text("utf-8"))
+    ]
+    assert len(names) == len(set(names))
+
+
+def test_codes_of_a_status_mean_the_same_in_the_browser():
+    text = (STATIC / "look.js").read_text("utf-8")
+    table = text[text.index("export const STATUS = {") : text.index("export const STATUSES")]
+    assert tuple(re.findall(r"^  (\w+): \{", table, re.M)) == STATUS
+
+
+def test_a_name_cannot_break_out_of_the_page():
+    page = standalone("</title><script>alert(1)</script>", {"name": "</script><b>{{style}}"})
+    assert "<script>alert" not in page
+    assert "</script><b>" not in page
+    assert "{{style}}" in page
+
+
+def test_a_report_without_a_map_has_a_track_and_no_roads(film: Film, tmp_path: Path):
+    data = report_data(film)
+    assert data["roads"] == []
+    assert data["edges"] == {}
+    assert data["line"]["lat"]
+    write_report(film, tmp_path / "plain.html")
+
+
+def test_to_pass_from_one_edge_to_the_next_is_no_place_to_look_at(film: Film, roads: RoadMap):
+    kinds = [place["kind"] for place in report_data(film, roads)["places"]]
+    without = [place["kind"] for place in report_data(film)["places"]]
+    assert kinds.count("outage") == without.count("outage") > 0
+    assert 0 < kinds.count("ambiguous") < without.count("ambiguous")
+
+
+def test_a_file_that_is_there_is_kept_unless_told_otherwise(film: Film, tmp_path: Path):
+    path = tmp_path / "report.html"
+    path.write_text("mine")
+    with pytest.raises(WriteError, match="exists"):
+        write_report(film, path)
+    assert path.read_text() == "mine"
+    write_report(film, path, force=True)
+    with pytest.raises(WriteError, match=r"\.html was expected"):
+        write_report(film, tmp_path / "report.pdf")
