@@ -230,3 +230,22 @@ def test_the_demo_refuses_a_folder_with_something_else(run, tmp_path):
     (tmp_path / "points.parquet").write_text("mine")
     assert "--force" in one_error(run("demo", "--out", tmp_path))
     assert (tmp_path / "points.parquet").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--map", "m"],
+        ["--map", "m", "--nmea", "somewhere"],
+        ["--map", "m", "--nmea", "udp://:1", "--speed", "fast"],
+        ["--map", "m", "--nmea", "udp://:1", "--host", "0.0.0.0"],
+        ["--map", "m", "--nmea", "udp://:1", "--nmea-out", "http://here"],
+        ["--map", "m", "--nmea", "udp://:1", "--window", "99"],
+        ["--map", "m", "--can", "can0"],
+    ],
+)
+def test_a_service_that_cannot_be_is_refused_in_one_line(run, town, arguments):
+    arguments = [str(town / "town.map") if one == "m" else one for one in arguments]
+    code, out, err = run("live", *arguments, "--port", 0)
+    assert (code in (1, 2), out) == (True, "")
+    assert "Traceback" not in err

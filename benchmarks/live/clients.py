@@ -7,7 +7,18 @@ import time
 
 from .. import Figure, Options
 from .latency import ms
-from .process import Feed, Listener, Receiver, Served, can_options, latencies, quantile, shake
+from .process import (
+    Feed,
+    Listener,
+    Listening,
+    Receiver,
+    Served,
+    ahead,
+    can_options,
+    latencies,
+    quantile,
+    shake,
+)
 from .world import world
 
 MOST = 200
@@ -15,22 +26,26 @@ _CROWD = "from benchmarks.live.clients import crowd; import sys; crowd(int(sys.a
 
 
 def clients(options: Options) -> list[Figure]:
-    """Latency of one listener without and among 199 others and one that is stalled."""
+    """Latency of one listener without and among 199 others and one that is stalled.
+
+    Service and listener go before other processes where that is permitted: what the service
+    adds is measured, not what else the machine does.
+    """
     seconds = options.more.get("seconds", 20.0)
     with world() as here:
         receiver = Receiver()
         sources = ("--nmea", f"tcp://127.0.0.1:{receiver.port}", *can_options(here))
-        with Served(*here.options(), *sources) as served:
+        with Served(*here.options(), *sources, first=ahead()) as served:
             feed = Feed(here, receiver.send)
             served.answered()
-            alone = listen(served.port, feed, 0.5 * seconds)
+            alone = hear(served.port, feed, 0.5 * seconds)
             stalled = shake(served.port, 4096)
             others = subprocess.Popen([sys.executable, "-c", _CROWD, str(served.port)])
             end = time.monotonic() + 30.0
             while served.get("/health")["listeners"] < MOST - 1 and time.monotonic() < end:
                 time.sleep(0.1)
             most = served.get("/health")["listeners"]
-            among = listen(served.port, feed, seconds)
+            among = hear(served.port, feed, seconds)
             feed.stop()
             health = served.get("/health")
             others.kill()
@@ -49,14 +64,11 @@ def clients(options: Options) -> list[Figure]:
     ]
 
 
-def listen(port, feed, seconds):
+def hear(port, feed, seconds):
     """Latencies of a listener for so long."""
-    listener, end = Listener(port), time.monotonic() + seconds
-    begin = time.perf_counter()
-    while time.monotonic() < end and listener.read():
-        pass
-    listener.socket.close()
-    return latencies({k: at for k, at in feed.sent.items() if at > begin}, listener.heard)
+    listening, begin = Listening(port, seconds, ahead()), time.perf_counter()
+    heard = listening.heard()
+    return latencies({k: at for k, at in feed.sent.items() if at > begin}, heard)
 
 
 def crowd(port):

@@ -13,16 +13,27 @@ import time
 from .. import Skipped
 from .world import FRAME, World, burst, payload
 
+_LATE = 3  # hundredths of a second that a receiver takes
 CHANNEL = "239.74.163.2"
 _CODE = "from whichroad.cli import main; main()"
 _FIX = re.compile(rb'"fix":\{"epoch_s":([0-9.]+)')
 
 
+def ahead():
+    """The command that lets a process go before others, if that is permitted."""
+    chrt = ("chrt", "-f", "10")
+    try:
+        done = subprocess.run([*chrt, "true"], capture_output=True)
+    except OSError:
+        return ()
+    return chrt if done.returncode == 0 else ()
+
+
 class Served:
     """`whichroad live` as a user starts it."""
 
-    def __init__(self, *arguments, out=False):
-        command = [sys.executable, "-c", _CODE, "live", "--port", "0", "--no-page"]
+    def __init__(self, *arguments, out=False, first=()):
+        command = [*first, sys.executable, "-c", _CODE, "live", "--port", "0", "--no-page"]
         self.process = subprocess.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -94,39 +105,37 @@ class Feed:
     def __init__(self, world: World, send, wheels=True):
         self.sent = {}
         self._world, self._send = world, send
+        self._bus = bus() if wheels else None
         self._stop = threading.Event()
-        log = world.drive.odometry
         self._begin = round(time.time() + 0.2, 1)
-        self._start = float(log.time[0])
-        self._threads = [threading.Thread(target=self._fixes)]
-        if wheels:
-            self._threads.append(threading.Thread(target=self._wheels, args=(bus(),)))
-        for thread in self._threads:
-            thread.start()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
 
-    def _fixes(self):
-        fixes = self._world.drive.fixes
-        for row in range(len(fixes)):
-            when = self._begin + 0.1 * row
-            data = burst(fixes, row, when)
-            if not self._until(when + 0.03):  # receivers take a moment
-                return
-            self.sent[round(100.0 * when)] = time.perf_counter()
-            try:
-                self._send(data)
-            except OSError:
-                self.sent.pop(round(100.0 * when), None)
-
-    def _wheels(self, bus):
-        import can
-
-        log = self._world.drive.odometry
+    def _run(self):
+        log, fixes = self._world.drive.odometry, self._world.drive.fixes
         for row in range(len(log.time)):
             if not self._until(self._begin + 0.01 * row):
                 break
-            data = payload(log, row)
-            bus.send(can.Message(arbitration_id=FRAME, data=data, is_extended_id=False))
-        bus.shutdown()
+            if self._bus is not None:
+                self._turn(payload(log, row))
+            number, tenth = divmod(row - _LATE, 10)
+            if tenth == 0 and 0 <= number < len(fixes):
+                when = self._begin + 0.1 * number
+                self._say(burst(fixes, number, when), round(100.0 * when))
+        if self._bus is not None:
+            self._bus.shutdown()
+
+    def _say(self, data, epoch):
+        self.sent[epoch] = time.perf_counter()
+        try:
+            self._send(data)
+        except OSError:
+            self.sent.pop(epoch, None)
+
+    def _turn(self, data):
+        import can
+
+        self._bus.send(can.Message(arbitration_id=FRAME, data=data, is_extended_id=False))
 
     def _until(self, when):
         wait = when - time.time()
@@ -135,8 +144,7 @@ class Feed:
     def stop(self):
         """No more."""
         self._stop.set()
-        for thread in self._threads:
-            thread.join()
+        self._thread.join()
 
 
 def bus():
@@ -229,6 +237,32 @@ class Listener:
             rest = rest[end:]
         self._rest = rest
         return bool(data)
+
+
+_LISTEN = "from benchmarks.live.process import listen; import sys; listen(*sys.argv[1:])"
+
+
+class Listening:
+    """A listener in a process of its own, for so many seconds."""
+
+    def __init__(self, port, seconds, first=()):
+        command = [*first, sys.executable, "-c", _LISTEN, str(port), str(seconds)]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._process.stdout.readline()
+
+    def heard(self):
+        """When each fix was first spoken of, by its epoch; waits until the seconds are over."""
+        out, _ = self._process.communicate()
+        return {int(epoch): at for epoch, at in json.loads(out).items()}
+
+
+def listen(port, seconds):
+    """Listen, and print what was heard when."""
+    listener, end = Listener(int(port)), time.monotonic() + float(seconds)
+    print("here", flush=True)
+    while time.monotonic() < end and listener.read():
+        pass
+    print(json.dumps(listener.heard))
 
 
 def latencies(sent, heard, skip=10):

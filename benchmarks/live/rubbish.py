@@ -8,7 +8,7 @@ import time
 
 from .. import Figure, Options
 from .latency import ms
-from .process import Feed, Listener, Served, can_options, latencies, quantile
+from .process import Feed, Listening, Served, can_options, latencies, quantile
 from .world import world
 
 _SENDERS = 4  # of each kind and port
@@ -39,10 +39,8 @@ def rubbish(options: Options) -> list[Figure]:
             ]
             for thread in threads:
                 thread.start()
-            listener, begin = Listener(served.port), time.perf_counter()
-            end = time.monotonic() + seconds
-            while time.monotonic() < end and listener.read():
-                pass
+            listening, begin = Listening(served.port, seconds), time.perf_counter()
+            heard = listening.heard()
             until = time.perf_counter()
             stop.set()
             for thread in threads:
@@ -51,8 +49,8 @@ def rubbish(options: Options) -> list[Figure]:
             memory = served.memory()
             feed.stop()
             true.close()
-    sent = {k: at for k, at in feed.sent.items() if begin < at < until - 0.2}
-    found = latencies(sent, listener.heard, 0)
+    sent = {k: at for k, at in feed.sent.items() if begin < at < until - 0.5}
+    found = latencies(sent, heard, 0)
     return [
         Figure("the service lives", float(lives), ">= 1", "", len(threads)),
         Figure("fixes of the true stream served", 100.0 * len(found) / max(len(sent), 1),

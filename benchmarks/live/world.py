@@ -78,7 +78,8 @@ def finer(drive: Drive) -> Drive:
 
 def burst(fixes: Fixes, row: int, when: float) -> bytes:
     """GGA, GST and RMC of one fix, as if it were made at `when`."""
-    moment, hundredths = time.gmtime(when), round(when * 100.0) % 100
+    whole, hundredths = divmod(round(when * 100.0), 100)
+    moment = time.gmtime(whole)
     clock = time.strftime("%H%M%S", moment) + f".{hundredths:02d}"
     lat, lon = float(fixes.lat_deg[row]), float(fixes.lon_deg[row])
     place = f"{angle(lat, 2)},{'N' if lat >= 0 else 'S'},{angle(lon, 3)},{'E' if lon >= 0 else 'W'}"

@@ -54,6 +54,7 @@ def _scored(
         metrics.score_trace(graph, d, i, a) for d, i, a in zip(drives, index, given, strict=True)
     ]
     out: dict[str, Any] = scores.pooled(rows)
+    out["unanswered"] = sum(scores.unanswered(a, t.t) for a, t in zip(given, traces, strict=True))
     if any("said" in a for a in given):
         p, right = [], []
         pbf = options.need("maps", "heidelberg.osm.pbf")

@@ -1,6 +1,6 @@
 """What the map and the trips cost us: building, opening, memory per thread, threads.
 
-`python -m benchmarks.sparse.cost MAP.osm.pbf COMPILED TRIPS.parquet` prints JSON; it is run
+`python -m benchmarks.sparse.cost COMPILED TRIPS.parquet TRACES.json` prints JSON; it is run
 as a process of its own, so that nothing else stands in its memory.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import Options
+from .. import Options, data_folder
 from . import harness, runner
 
 COPIES = 25  # of the trips of a seed
@@ -35,10 +35,16 @@ def measure(options: Options) -> dict[str, Any]:
         done = runner.run(options, name, pbf, some)
         if done is not None:
             found["maps"][name] = {"build": done.prepare, "load": done.load}
+    some |= {
+        text: [made(graph, t, *harness.condition(text), seed=2)[0] for t in trips]
+        for text in ("1s/5m/gm", "10s/5m/gm", "60s/5m/gm")
+    }
+    traces = harness.cache(options) / "cost.traces.json"
+    traces.write_text(json.dumps({text: [t.to_json() for t in ts] for text, ts in some.items()}))
     table = harness.cache(options) / "cost.parquet"
     pq.write_table(_table(graph, trips, made), table, row_group_size=1 << 15)
     compiled = harness.our_maps(options, pbf) / "region0.map"
-    arguments = [sys.executable, "-m", "benchmarks.sparse.cost", pbf, compiled, table]
+    arguments = [sys.executable, "-m", "benchmarks.sparse.cost", compiled, table, traces]
     done_ = subprocess.run([str(a) for a in arguments], capture_output=True, text=True)
     if done_.returncode:
         options.say(f"cost: {done_.stderr.strip().splitlines()[-1]}")
@@ -95,7 +101,30 @@ def _pass(roads: Any, table: Path, threads: int, rows: int) -> float:
     return rows / (time.perf_counter() - start)
 
 
-def main(pbf: Path, compiled: Path, table: Path) -> None:
+def _rates(roads: Any, traces: Path) -> dict[str, tuple[float, float]]:
+    """Fixes per second trip by trip: the answer alone, and with its tables read out."""
+    from ..peers.whichroad_adapter import Adapter
+
+    simulate = harness.module(Options(data=data_folder()), "simulate")
+    adapter = Adapter()
+    adapter.maps = [(-180.0, 180.0, roads)]
+    out = {}
+    for text, rows in json.loads(traces.read_text()).items():
+        trips = [simulate.Trace.from_json(row) for row in rows]
+        fixes, spent = sum(len(t.t) for t in trips), [0.0, 0.0]
+        for trip in trips:
+            adapter.match(trip)  # warm
+            start = time.perf_counter()
+            result = adapter.match(trip)
+            spent[0] += time.perf_counter() - start
+            result.to_arrow()
+            result.path_arrow()
+            spent[1] += time.perf_counter() - start
+        out[text] = (fixes / spent[0], fixes / spent[1])
+    return out
+
+
+def main(compiled: Path, table: Path, traces: Path) -> None:
     import pyarrow.parquet as pq
 
     import whichroad
@@ -116,7 +145,8 @@ def main(pbf: Path, compiled: Path, table: Path) -> None:
         json.dumps(
             {
                 "open_ms": 1e3 * float(np.median(opened)),
-                "trips": rows,
+                "rates": _rates(roads, traces),
+                "fixes": rows,
                 "one_thread": one,
                 "two_threads": two,
                 "rss_before": before,

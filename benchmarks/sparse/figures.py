@@ -37,8 +37,7 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> list[Figure
         mine = matchers.get(runner.OURS)
         if mine is None:
             continue
-        none = sum(t["missing"] for t in mine["tracks"].values())
-        n = len(mine["tracks"])
+        n, none = len(mine["tracks"]), mine["unanswered"]
         out.append(Figure(f"real tracks that failed, {every} s", mine["fails"], "<= 0", "", n))
         out.append(Figure(f"real fixes without an answer, {every} s", none, "<= 0", "", n))
         out += _calibration(mine, f"real, {every} s")
@@ -70,8 +69,8 @@ def _city(seed: str, conditions: dict[str, Any]) -> list[Figure]:
         bound = max((100 * v["directed"] for v in peers.values()), default=None)
         goal = f">= {bound:.2f}" if bound is not None else ""
         out.append(Figure(f"right directed edge, {where}", 100 * ours["directed"], goal, "%", n))
-        none = ours["missing"] * ours["points"]
-        out.append(Figure(f"fixes without an answer, {where}", none, "<= 0", "", n))
+        title = f"fixes without an answer, {where}"
+        out.append(Figure(title, ours["unanswered"], "<= 0", "", n))
         out += _calibration(ours, where)
     return out
 
@@ -122,6 +121,9 @@ def _cost(found: dict[str, Any]) -> list[Figure]:
         wall = maps[runner.OURS]["build"]["wall"]
         out.append(Figure("build of the map of Heidelberg", wall, goal, "s"))
     if "open_ms" in found:
+        for text, (alone, tables) in found["rates"].items():
+            out.append(Figure(f"match, {text}, trip by trip", alone, "", "1/s"))
+            out.append(Figure(f"the same, tables read out, {text}", tables, "", "1/s"))
         out += [
             Figure("open it, compiled", found["open_ms"], "<= 50", "ms", 20),
             Figure("memory beside the map, one thread", found["one_thread_mib"], "<= 100", "MiB"),

@@ -40,9 +40,10 @@ def _scored(
     options: Options, condition: dict[str, Any], traces: list[Any], tracks: list[Any], graph: Any
 ) -> dict[str, Any]:
     metrics = harness.module(options, "metrics")
-    rows, p, right = {}, [], []
+    rows, p, right, silent = {}, [], [], 0
     for trace, track, answer in zip(traces, tracks, scores.answers(condition, traces), strict=True):
         rows[str(track["id"])] = scores.brief(metrics.score_route(graph, track["route"], answer))
+        silent += scores.unanswered(answer, trace.t)
         if "said" in answer:
             on = _on_route(metrics, graph, track["route"], answer)
             a, b = scores.decisions(answer["said"], trace.t, lambda i, edge, on=on: bool(on[i]))
@@ -50,6 +51,7 @@ def _scored(
     out: dict[str, Any] = {
         "tracks": rows,
         "fails": len(condition["errors"]),
+        "unanswered": silent,
         "rate": condition["points"] / max(condition["wall"], 1e-9),
         "peak_mib": condition["peak_mib"],
     }

@@ -171,9 +171,11 @@ def _cost(found: dict[str, Any]) -> str:
     head = ["Heidelberg", "build s", "build peak MiB", "on disk MiB", "load s", "loaded MiB"]
     out = ["## Costs\n", "Load counts the import of the package.\n", _table(head, rows)]
     if "open_ms" in found:
+        rates = [[text, f"{a:,.0f}", f"{b:,.0f}"] for text, (a, b) in found["rates"].items()]
+        out.append(_table(["match, fixes/s", "the answer", "with points and path tables"], rates))
         out.append(
             f"`RoadMap.open` takes {found['open_ms']:.1f} ms. `match_many` over "
-            f"{found['trips']:,} fixes: {found['one_thread']:,.0f} fixes/s with one thread, "
+            f"{found['fixes']:,} fixes: {found['one_thread']:,.0f} fixes/s with one thread, "
             f"{found['two_threads']:,.0f} with two (threads pinned to cores), all tables built; "
             f"beside the map it needs {found['one_thread_mib']:.0f} MiB with one thread and "
             f"{found['two_threads_mib']:.0f} MiB with two, however many trips there are.\n"

@@ -51,6 +51,14 @@ def at_fixes(said: dict[str, Any], t: np.ndarray) -> np.ndarray:
     return np.where(np.abs(time[k] - t) < 1e-3, k, -1)
 
 
+def unanswered(answer: dict[str, Any], t: np.ndarray) -> int:
+    """Fixes of which nothing is said: no pose of ours, no matched point of a peer."""
+    if "said" not in answer:
+        return sum(q is None for q in answer["points"]) if answer["points"] else len(t)
+    lat = answer["said"]["lat"]
+    return sum(k < 0 or lat[k] is None for k in at_fixes(answer["said"], t))
+
+
 def decisions(
     said: dict[str, Any], t: np.ndarray, is_right: Callable[[int, int], bool]
 ) -> tuple[list[float], list[bool]]:

@@ -73,7 +73,7 @@ def test_what_there_is_to_go_back_to_does_not_grow(town, ride, observations):
     events = Events(localizer(town, ride), window=1.0)
     for one in observations:
         events.take(one)
-    assert len(events._states) <= 12
+    assert len(events._states) <= 22
     assert events.now - events._taken[0].time <= 1.3
 
 

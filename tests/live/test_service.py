@@ -220,3 +220,19 @@ def test_datagrams_and_callers_are_heard(town_map, log, airing):
         assert said["epoch_s"] == pytest.approx(time.time(), abs=5.0)
     sender.close()
     caller.close()
+
+
+def test_a_crowd_of_rubbish_does_not_keep_the_receiver_out(town_map, log, airing):
+    port = free_port()
+    with Served(*town_map, "--nmea", f"listen://127.0.0.1:{port}") as served:
+        crowd = [knock(port) for _ in range(40)]
+        for one in crowd:
+            one.sendall(os.urandom(2000))
+        caller = knock(port)
+        airing(on_air(log, int(time.time()) - 60), caller.sendall)
+        served.until(lambda said: said["answered"])
+        crowd += [knock(port) for _ in range(40)]
+        seq = served.get("/estimate")["fix"]["epoch_s"]
+        served.until(lambda said: said["fix"]["epoch_s"] > seq + 5)
+        for one in [*crowd, caller]:
+            one.close()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from whichroad.errors import WriteError
-from whichroad.page.routes import STATIC
+from whichroad.page.files import STATIC
 from whichroad.page.standalone import MODULES, standalone
 from whichroad.reasons import STATUS
 from whichroad.replay.film import Film

@@ -9,7 +9,8 @@ import pytest
 from websockets.sync.client import connect
 
 from whichroad.errors import SettingError
-from whichroad.page.routes import STATIC, maplibre_folder, page_routes
+from whichroad.page.files import STATIC, maplibre_folder
+from whichroad.page.routes import page_routes
 from whichroad.replay.film import Film
 from whichroad.replay.player import Player
 from whichroad.replay.server import listen, replay_app

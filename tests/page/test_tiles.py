@@ -104,8 +104,8 @@ def test_the_same_map_has_the_same_version_and_another_has_not(roads: RoadMap, l
     assert RoadLayer(RoadMap.from_edges(frame)).version != layer.version
 
 
-def test_only_streets_near_a_box_are_drawn_in_a_report(roads: RoadMap):
-    west, south, east, north = RoadLayer(roads).bounds
-    everything = drawn_near(roads, (west, south, east, north), 10.0)
-    corner = drawn_near(roads, (west, south, west, south), 10.0)
-    assert len(corner) < len(everything) <= len(roads)
+def test_only_streets_near_the_track_and_main_roads_are_drawn_in_a_report(roads: RoadMap):
+    lon, lat = (np.array(column) for column in zip(*edge_of(roads, 0)["line"], strict=True))
+    everything, near = (drawn_near(roads, lat, lon, margin) for margin in (1e5, 20.0))
+    assert 0 < len(near) < len(everything) <= len(roads)
+    assert edge_of(roads, 0)["name"] in {name for _, name, _ in near}

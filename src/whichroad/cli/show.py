@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import SettingError
 from ..terminal import progress_line
 from .arguments import Force, MapOption, read_start, read_window
 
@@ -48,8 +49,15 @@ def replay(
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from ..readers import read_drive, read_vehicle
     from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
-    from ..replay.server import listen, replay_app, serve
     from ..session import open_map
+
+    try:
+        from ..replay.server import listen, replay_app, serve
+    except ImportError as error:
+        raise SettingError(
+            f"{error.name}: the page needs packages that are not installed; Starlette and uvicorn "
+            'were expected; pip install "whichroad[live]"'
+        ) from error
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)

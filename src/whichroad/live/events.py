@@ -13,7 +13,7 @@ from ..localizer import Localizer
 from ..records import Observation
 from .state import State, restore, state_of
 
-_EVERY = 0.1  # s between states to go back to
+_EVERY = 0.05  # s between states to go back to
 
 
 class Events:

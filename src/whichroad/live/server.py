@@ -130,6 +130,11 @@ def serve(plan: Plan) -> None:
         ReadError: The .dbc cannot be read.
     """
     sys.setswitchinterval(0.0005)  # a thread that draws tiles must not hold the filter up
+    with contextlib.suppress(ImportError, OSError, ValueError):  # as many sockets as may be
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(Run(plan).run())
 

@@ -86,9 +86,13 @@ class NmeaInput:
         health: Of the input.
         stream: A decoder of its own.
         deliver: Takes the fixes.
+
+    Attributes:
+        useful: When a fix came out last, on the clock of `time.perf_counter`.
     """
 
     def __init__(self, health: Health, stream: NmeaStream, deliver: Deliver) -> None:
+        self.useful = 0.0
         self._health, self._stream, self._deliver = health, stream, deliver
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
@@ -108,8 +112,7 @@ class NmeaInput:
         before = self._stream.skipped
         fixes = self._stream.feed(data)
         self._health.skipped += self._stream.skipped - before
-        if fixes:
-            self._deliver(self._health, fixes, self._arrival)
+        self._pass_on(fixes)
         if self._quiet is not None:
             self._quiet.cancel()
         self._quiet = asyncio.get_running_loop().call_later(QUIET, self._flush)
@@ -120,8 +123,11 @@ class NmeaInput:
         return 0.0 if self._allowance > 65_536 else 0.1
 
     def _flush(self) -> None:
-        fixes = self._stream.flush()
+        self._pass_on(self._stream.flush())
+
+    def _pass_on(self, fixes: Sequence[Observation]) -> None:
         if fixes:
+            self.useful = time.perf_counter()
             self._deliver(self._health, fixes, self._arrival)
 
 
@@ -156,17 +162,24 @@ def _keep_alive(sock: Any) -> None:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
+def _make_room(peers: dict[Any, NmeaInput]) -> Any:
+    """Let go who was of no use for longest, where there are too many; returns who that is."""
+    if len(peers) < _MOST_PEERS:
+        return None
+    who = min(peers, key=lambda one: peers[one].useful)
+    del peers[who]
+    return who
+
+
 async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Let receivers connect to us, for ever; each has a decoder of its own."""
-    peers = 0
+    peers: dict[asyncio.StreamWriter, NmeaInput] = {}
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        nonlocal peers
-        if peers >= _MOST_PEERS:
-            writer.transport.abort()
-            return
-        peers += 1
-        into = make()
+        gone = _make_room(peers)
+        if gone is not None:
+            gone.transport.abort()
+        into = peers[writer] = make()
         try:
             while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
                 into.feed(data)
@@ -175,7 +188,7 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
         except (OSError, TimeoutError):
             pass
         finally:
-            peers -= 1
+            peers.pop(writer, None)
             writer.transport.abort()
 
     server = await asyncio.start_server(serve, address.place, address.number, limit=1 << 16)
@@ -189,10 +202,10 @@ async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInpu
 
     class Datagrams(asyncio.DatagramProtocol):
         def datagram_received(self, data: bytes, addr: Any) -> None:
-            into = senders.pop(addr, None) or make()
-            if len(senders) >= _MOST_PEERS:
-                senders.pop(next(iter(senders)))  # that was silent for longest
-            senders[addr] = into
+            into = senders.get(addr)
+            if into is None:
+                _make_room(senders)
+                into = senders[addr] = make()
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
     transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(

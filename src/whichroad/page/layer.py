@@ -7,7 +7,6 @@ import hashlib
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ _RANK = {
     "residential": 3, "unclassified": 3, "living_street": 3, "road": 3,
 }  # fmt: skip
 _SMALL = 4  # rank of everything else
+_MAIN = 1  # ranks up to which a road is drawn to find one's way
 
 
 class RoadLayer:
@@ -189,34 +189,40 @@ def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:
 
 
 def drawn_near(
-    roads: RoadMap, box: Sequence[float], margin: float
+    roads: RoadMap, lat: Array, lon: Array, margin: float
 ) -> list[tuple[int, str, list[list[float]]]]:
-    """Streets near a box for a drawing: rank, name, and line (lon, lat).
+    """Streets near a track, and main roads about it, for a drawing: rank, name, (lon, lat) line.
 
     Args:
         roads: The map.
-        box: West, south, east, north, degrees.
-        margin: About it, m.
+        lat: (n,) the track, degrees; at least one place.
+        lon: (n,)
+        margin: How near, m.
     """
     arrays, plane = roads.arrays, roads.plane
-    corners = np.array([(box[1], box[0]), (box[1], box[2]), (box[3], box[0]), (box[3], box[2])])
-    x, y = plane.from_geodetic(corners[:, 0].copy(), corners[:, 1].copy())
+    x, y = plane.from_geodetic(lat, lon)
+    low, high = (x.min() - margin, y.min() - margin), (x.max() + margin, y.max() + margin)
     begin, opposite = arrays.first[:-1], arrays.opposite
-    near = (
-        (np.maximum.reduceat(arrays.x, begin) > x.min() - margin)
-        & (np.minimum.reduceat(arrays.x, begin) < x.max() + margin)
-        & (np.maximum.reduceat(arrays.y, begin) > y.min() - margin)
-        & (np.minimum.reduceat(arrays.y, begin) < y.max() + margin)
+    about = (
+        (np.maximum.reduceat(arrays.x, begin) > low[0])
+        & (np.minimum.reduceat(arrays.x, begin) < high[0])
+        & (np.maximum.reduceat(arrays.y, begin) > low[1])
+        & (np.minimum.reduceat(arrays.y, begin) < high[1])
     )
     once = (opposite < 0) | (opposite > np.arange(len(opposite)))
-    edges = np.flatnonzero(near & once)
-    names, ranks = _names_of(roads, edges), _ranks(roads, edges)
-    drawn = []
-    for edge, name, rank in zip(edges.tolist(), names, ranks.tolist(), strict=True):
-        line = shapely.simplify(shapely.linestrings(roads.edge_line(edge)), 0.5)
+    edges = np.flatnonzero(about & once)
+    ranks = _ranks(roads, edges)
+    lines = np.array([shapely.LineString(roads.edge_line(edge)) for edge in edges.tolist()])
+    track = shapely.LineString(np.column_stack([np.append(x, x[-1]), np.append(y, y[-1])]))
+    track = shapely.simplify(track, 5.0)
+    shapely.prepare(track)
+    near = shapely.dwithin(track, lines, margin) | (ranks <= _MAIN)
+    edges, ranks, lines = edges[near], ranks[near], shapely.simplify(lines[near], 0.5)
+    names, drawn = _names_of(roads, edges), []
+    for name, rank, line in zip(names, ranks.tolist(), lines, strict=True):
         points = shapely.get_coordinates(line)
-        lat, lon = plane.to_geodetic(points[:, 0].copy(), points[:, 1].copy())
-        drawn.append((rank, name, np.round(np.column_stack([lon, lat]), 6).tolist()))
+        to_lat, to_lon = plane.to_geodetic(points[:, 0].copy(), points[:, 1].copy())
+        drawn.append((rank, name, np.round(np.column_stack([to_lon, to_lat]), 6).tolist()))
     return drawn
 
 

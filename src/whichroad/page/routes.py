@@ -1,6 +1,5 @@
 """The page's addresses, for any Starlette application."""
 
-import importlib.util
 import json
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,11 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..errors import SettingError
+from .files import STATIC, maplibre_folder
 from .layer import RoadLayer, edge_of
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
-
-STATIC = Path(__file__).parent / "static"
 
 _KINDS = {
     ".html": "text/html",
@@ -62,23 +60,6 @@ def page_routes(
         Route("/roads/edges", partial(_edges, layer)),
         Route("/roads/{version}/{z:int}/{x:int}/{y:int}.mvt", partial(_tile, layer)),
     ]
-
-
-def maplibre_folder() -> Path:
-    """Where the package `maplibre` keeps MapLibre GL; found without importing it.
-
-    Raises:
-        SettingError: It is not installed.
-    """
-    spec = importlib.util.find_spec("maplibre")
-    for place in (spec.submodule_search_locations or []) if spec else []:
-        folder = Path(place) / "srcjs"
-        if (folder / "maplibre-gl.js").is_file():
-            return folder
-    raise SettingError(
-        "maplibre: the package that brings the map's drawing library is not installed; it was "
-        'expected for the page; pip install "whichroad[live]"'
-    )
 
 
 def _policy(tiles_url: str | None) -> str:

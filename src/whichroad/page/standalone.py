@@ -4,7 +4,7 @@ import json
 import re
 from typing import Any
 
-from .routes import STATIC
+from .files import STATIC
 
 MODULES = ("look", "series", "scene", "chart", "panel", "papermap", "report")
 

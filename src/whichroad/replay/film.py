@@ -239,29 +239,47 @@ def _from_poses(poses: dict[str, NDArray[Any]], roads: "RoadMap") -> Choices:
     return Choices(edge, poses["p"], lat, lon, bearing, major, minor, axis)
 
 
-def _from_table(points: Any, columns: dict[str, Array], edge: NDArray[np.int64]) -> Choices:
-    """Alternatives without poses: the best has the answer's, the others none."""
-    n = len(edge)
-    lists = points["alternatives"].to_pylist() if "alternatives" in points.column_names else []
-    most = max((len(row or ()) for row in lists), default=0) + 2
-    edges, p = np.full((n, most), NONE, np.int64), np.zeros((n, most))
-    off = np.nan_to_num(columns["p_off_road"]) if "p_off_road" in columns else np.zeros(n)
-    for k in range(n):
-        row = (lists[k] if lists else None) or []
-        said = [(int(one["edge_id"]), float(one["p"])) for one in row]
-        if not said and edge[k] >= 0:
-            said = [(int(edge[k]), float(columns["p_road"][k]))]
-        if off[k] > 0.0:
-            said.append((OFF, float(off[k])))
-        for j, (one, share) in enumerate(sorted(said, key=lambda pair: -pair[1])[:most]):
-            edges[k, j], p[k, j] = one, share
-    best = (edges == edge[:, None]) | ((edges == OFF) & (edge[:, None] == NONE))
+def _from_table(points: Any, columns: dict[str, Array], best: NDArray[np.int64]) -> Choices:
+    """Alternatives without poses: the best has the answer's, the others none.
+
+    Args:
+        points: (n,) rows, with or without `alternatives`.
+        columns: Their numbers.
+        best: (n,) the most probable edge, NONE off the roads.
+    """
+    n = len(best)
+    edge, p = _alternatives(points, n)
+    if not edge.shape[1]:  # a table without them: the best alone
+        edge = np.where(best >= 0, best, NONE)[:, None]
+        p = np.where(best >= 0, np.nan_to_num(columns["p_road"]), 0.0)[:, None]
+    off = np.nan_to_num(columns.get("p_off_road", np.zeros(n)))
+    edge = np.column_stack([edge, np.where(off > 0.0, OFF, NONE)])
+    p = np.column_stack([p, off])
+    order = np.argsort(-p, axis=1, kind="stable")
+    edge, p = np.take_along_axis(edge, order, 1), np.take_along_axis(p, order, 1)
+    here = (edge == best[:, None]) & (edge >= 0) | ((edge == OFF) & (best[:, None] == NONE))
 
     def own(name: str) -> Array:
         column = columns.get(name, np.full(n, np.nan))
-        return np.where(best, column[:, None], np.nan)
+        return np.where(here, column[:, None], np.nan)
 
     return Choices(
-        edges, p, own("lat"), own("lon"), own("bearing_deg"), own("ellipse_major_m"),
+        edge, p, own("lat"), own("lon"), own("bearing_deg"), own("ellipse_major_m"),
         own("ellipse_minor_m"), own("ellipse_bearing_deg"),
     )  # fmt: skip
+
+
+def _alternatives(points: Any, n: int) -> tuple[NDArray[np.int64], Array]:
+    """The lists of the column `alternatives` as (n, k) edges and P."""
+    if "alternatives" not in points.column_names:
+        return np.empty((n, 0), np.int64), np.empty((n, 0))
+    lists = points["alternatives"].combine_chunks()
+    flat = lists.flatten()
+    count = lists.value_lengths().fill_null(0).to_numpy()
+    row = np.repeat(np.arange(n), count)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    most = int(count.max(initial=0))
+    edge, p = np.full((n, most), NONE, np.int64), np.zeros((n, most))
+    edge[row, place] = flat.field("edge_id").to_numpy(zero_copy_only=False)
+    p[row, place] = flat.field("p").to_numpy(zero_copy_only=False)
+    return edge, p

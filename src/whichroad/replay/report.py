@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
 ROWS = 5000  # epochs in a report
-_MARGIN = 250.0  # m of roads about the track
+_MARGIN = 400.0  # m of roads about the track
 _APART = 3.0  # s; stretches closer than this are one
 _SHORT = 0.4  # s; shorter stretches are not listed
 _PLACES = 300
@@ -73,7 +73,11 @@ def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
     known = np.isfinite(c["lat"])
     box = [c["lon"][known].min(), c["lat"][known].min(), c["lon"][known].max(),
            c["lat"][known].max()] if known.any() else [0.0, 0.0, 0.0, 0.0]  # fmt: skip
-    near = [] if roads is None or not known.any() else drawn_near(roads, box, _MARGIN)
+    near = (
+        []
+        if roads is None or not known.any()
+        else drawn_near(roads, c["lat"][known], c["lon"][known], _MARGIN)
+    )
     words = sorted(set(film.reason))
     return {
         "drive_id": film.drive_id,

@@ -53,7 +53,7 @@ def timeline(film: "Film", rows: int = ROWS) -> dict[str, Any]:
         "lon": _rounded(c["lon"][at], 7),
         "p": _rounded(np.nan_to_num(c["p_road"][at]), 4),
         "off": _rounded(np.nan_to_num(c["p_off_road"][at]), 4),
-        "status": film.status[at].tolist(),
+        "status": np.where(np.isfinite(c["lat"][at]), film.status[at], -1).tolist(),
         "masked": film.is_masked(film.time[at]).astype(int).tolist(),
         "roads": [
             [

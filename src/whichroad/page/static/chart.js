@@ -22,7 +22,7 @@ export function sharp(canvas) {
 /** The P of every road about now. span: [from, to] in seconds. */
 export function drawRace(canvas, series, now, span, look, nameOf) {
   const { ctx, width, height } = sharp(canvas);
-  const box = { left: 30, right: width - (width < 520 ? 48 : 168), top: 8, bottom: height - 22 };
+  const box = { left: 30, right: width - (width < 520 ? 54 : 168), top: 8, bottom: height - 22 };
   ctx.clearRect(0, 0, width, height);
   const x = (t) => box.left + ((t - span[0]) / (span[1] - span[0])) * (box.right - box.left);
   const y = (p) => box.bottom - p * (box.bottom - box.top);

@@ -80,9 +80,9 @@ export function clock(seconds) {
 }
 
 /** What to call an edge. */
-export function titleOf(edge, name) {
+export function titleOf(edge, name, highway) {
   if (edge === null || edge < 0) return "off the roads";
-  return name || `edge ${edge}`;
+  return name || (highway ? `unnamed ${highway.replaceAll("_", " ")}` : `edge ${edge}`);
 }
 
 /** The theme that is wished: the switch's, else the system's. */

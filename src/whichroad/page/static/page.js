@@ -62,7 +62,7 @@ function keepRow(message) {
   }
   if (!series.length || message.epoch_s - series.end >= CLOSE) {
     const lat = message.pose?.lat;
-    const status = STATUSES.indexOf(message.status);
+    const status = message.answered ? STATUSES.indexOf(message.status) : -1;
     series.push(
       {
         t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_road, off: message.p_off_road,
@@ -165,7 +165,7 @@ function drawOverlay() {
 function drawCharts(frame) {
   const now = frame.epoch_s;
   const span = state.recording ? [now - BEHIND, now + AHEAD] : [now - BEHIND - AHEAD, now];
-  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name);
+  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway);
   drawRace(byId("race"), state.series, now, span, state.look, nameOf);
   const { length_s: length, position_s: position } = frame.play;
   const known = length !== null && length > 0;

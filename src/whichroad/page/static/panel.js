@@ -20,7 +20,7 @@ export function fillPanel(frame, roads, known, look) {
   const road = frame.road ?? {};
   const name = road.edge_id === null || road.edge_id === undefined
     ? frame.answered ? "Off the roads" : "Waiting for a fix"
-    : titleOf(road.edge_id, road.name);
+    : titleOf(road.edge_id, road.name, road.highway);
   say("road", name);
   say("road-kind", kindOf(road));
   fillLimit(road.speed_limit_kmh);
@@ -41,7 +41,7 @@ export function fillPanel(frame, roads, known, look) {
 }
 
 function kindOf(road) {
-  if (!road.highway) return road.edge_id === null || road.edge_id === undefined ? "" : `edge ${road.edge_id}`;
+  if (!road.highway) return road.name ? `edge ${road.edge_id}` : "";
   return `${road.highway.replaceAll("_", " ")} · edge ${road.edge_id}`;
 }
 
@@ -79,8 +79,8 @@ function fillRoads(roads, known, look) {
   while (list.children.length > shown.length) list.lastChild.remove();
   shown.forEach(([edge, p], i) => {
     const [bar, name, share] = list.children[i].children;
-    const title = titleOf(edge, known.get(edge)?.name);
-    const suffix = edge >= 0 && known.get(edge)?.name ? ` ${edge}` : "";
+    const title = titleOf(edge, known.get(edge)?.name, known.get(edge)?.highway);
+    const suffix = edge >= 0 && known.has(edge) ? ` ${edge}` : "";
     if (name.dataset.title !== title + suffix) {
       name.dataset.title = title + suffix;
       name.textContent = title;

@@ -80,7 +80,7 @@ function draw() {
   element("time").textContent = `${clock(now.t)} / ${clock(series.end)}`;
   element("play").setAttribute("aria-pressed", String(now.playing));
   element("follow").setAttribute("aria-pressed", String(now.follow));
-  drawRace(element("race"), series, now.t, [now.t - 30, now.t + 30], now.look, (edge) => titleOf(edge, edges.get(edge)?.name));
+  drawRace(element("race"), series, now.t, [now.t - 30, now.t + 30], now.look, (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway));
   now.timeAt = drawDrive(element("strip"), series, now.t, now.look);
   element("strip").setAttribute("aria-valuenow", now.t.toFixed(0));
   element("strip").setAttribute("aria-valuetext", clock(now.t));

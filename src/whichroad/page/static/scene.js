@@ -9,6 +9,8 @@ import { roadsOf } from "./series.js";
 const EARTH = 6371008.8;
 const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
 const STEPS = 40; // points of an ellipse
+const LOOK_FROM = 30; // m; where they are smaller than a dozen pixels roads have no labels
+const AHEAD = 58; // pixels from the vehicle to the label of its road
 
 /** Draws everything of one moment.
  * scene: {series, now, frame, edges, fixes, reckoning, trail} */
@@ -24,9 +26,9 @@ export function drawScene(ctx, view, scene, look) {
   drawFixes(ctx, view, scene, look);
   if (!frame.pose) return;
   const labels = [];
-  drawHypotheses(ctx, view, frame, look, labels);
-  drawVehicle(ctx, view, frame, look);
+  drawHypotheses(ctx, view, scene, look, labels);
   drawPills(ctx, labels, look);
+  drawVehicle(ctx, view, frame, look);
 }
 
 /** The way so far, coloured by P(road); what is out of sight or within two pixels is passed over. */
@@ -153,16 +155,23 @@ function drawReckoning(ctx, view, scene, look) {
   ctx.stroke();
 }
 
-/** Every hypothesis in the colour of its road's P; a road with several has one label. */
-function drawHypotheses(ctx, view, frame, look, labels) {
+/** Every hypothesis in the colour of its road's P; each road's P stands on it, some way ahead. */
+function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
   const shares = new Map(roadsOf(frame.hypotheses));
   if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;
   const labelled = new Set();
-  for (const one of frame.hypotheses) {
+  const here = view.project(frame.pose.lon, frame.pose.lat);
+  const there = moved(frame.pose.lon, frame.pose.lat, LOOK_FROM, 0);
+  const close = Math.abs(view.project(there.lon, there.lat).x - here.x) > 12;
+  for (const one of close ? frame.hypotheses : []) {
     const share = shares.get(one.edge_id ?? -1);
-    if (one.lat === null || share < NEAR || labelled.has(one.edge_id)) continue;
+    if (share < NEAR || labelled.has(one.edge_id)) continue;
     labelled.add(one.edge_id);
-    labels.push({ ...view.project(one.lon, one.lat), text: percent(share), colour: colourOf(share, look) });
+    const pose = one.lat === null ? frame.pose : one;
+    const at = view.project(pose.lon, pose.lat);
+    const known = edges.get(one.edge_id);
+    const foot = known && footOn(known.line.map(([lon, lat]) => view.project(lon, lat)), at);
+    labels.push({ ...(foot ? foot.ahead : at), text: percent(share), colour: colourOf(share, look), foot });
   }
   for (const one of [...frame.hypotheses].reverse()) {
     if (one.lat === null || one.p < 0.002) continue;
@@ -274,29 +283,59 @@ function offset(lon, lat, bearing, metres) {
   return moved(lon, lat, metres * Math.sin(angle), metres * Math.cos(angle));
 }
 
+/** The point of a line that is nearest to a place, and one some pixels ahead of it, or behind. */
+function footOn(line, at) {
+  let best = null;
+  for (let i = 0; i + 1 < line.length; i += 1) {
+    const [a, b] = [line[i], line[i + 1]];
+    const [dx, dy] = [b.x - a.x, b.y - a.y];
+    const square = dx * dx + dy * dy || 1e-9;
+    const t = Math.min(Math.max(((at.x - a.x) * dx + (at.y - a.y) * dy) / square, 0), 1);
+    const [x, y] = [a.x + t * dx, a.y + t * dy];
+    const away = Math.hypot(x - at.x, y - at.y);
+    if (!best || away < best.away) best = { x, y, away, i };
+  }
+  if (!best) return null;
+  const forth = walked(best, line.slice(best.i + 1));
+  if (forth.left < 0.4 * AHEAD) return { ...best, ahead: forth };
+  const back = walked(best, line.slice(0, best.i + 1).reverse());
+  return { ...best, ahead: back.left < forth.left ? back : forth };
+}
+
+/** Some pixels along a line; `left` is what the line was too short for. */
+function walked(from, line) {
+  let left = AHEAD;
+  let { x, y } = from;
+  for (const next of line) {
+    const long = Math.hypot(next.x - x, next.y - y);
+    const share = Math.min(left / (long || 1e-9), 1);
+    [x, y] = [x + share * (next.x - x), y + share * (next.y - y)];
+    left -= share * long;
+    if (left <= 1e-6) break;
+  }
+  return { x, y, left };
+}
+
 /** Labels, the most probable first; one that would hide another is left out. */
 function drawPills(ctx, labels, look) {
   const taken = [];
+  ctx.font = "600 11px system-ui, sans-serif";
   for (const label of labels) {
-    if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 19)) continue;
+    if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 20)) continue;
     taken.push(label);
     drawPill(ctx, label, look);
   }
 }
 
 function drawPill(ctx, { x, y, text, colour }, look) {
-  ctx.font = "600 11px system-ui, sans-serif";
   const width = ctx.measureText(text).width + 12;
-  const left = x + 13;
-  const top = y - 23;
+  const [left, top] = [x - width / 2, y - 9];
   ctx.beginPath();
   ctx.roundRect(left, top, width, 18, 9);
   ctx.fillStyle = look.paper;
-  ctx.globalAlpha = 0.94;
   ctx.fill();
-  ctx.globalAlpha = 1;
   ctx.strokeStyle = colour;
-  ctx.lineWidth = 1.5;
+  ctx.lineWidth = 2;
   ctx.stroke();
   ctx.fillStyle = look.ink;
   ctx.fillText(text, left + 6, top + 13);

@@ -1,0 +1,86 @@
+"""`whichroad replay`, `whichroad report` and `match --report`."""
+
+import re
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import pytest
+
+from whichroad import cli
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run the command line here: exit code, standard output, standard error."""
+
+    def call(*arguments: Any) -> tuple[Any, str, str]:
+        monkeypatch.setattr(sys, "argv", ["whichroad", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code, said.out, said.err
+
+    return call
+
+
+@pytest.fixture
+def logs(folder: Path) -> list[str]:
+    options = {"can": "can.log", "dbc": "vehicle.dbc", "vehicle": "vehicle.toml", "map": "map.osm"}
+    named = [part for name, file in options.items() for part in (f"--{name}", str(folder / file))]
+    return [str(folder / "drive.nmea"), *named]
+
+
+def test_match_and_its_report_are_one_call(run: Any, logs: list[str], tmp_path: Path):
+    page = tmp_path / "report.html"
+    code, _, _ = run("match", *logs, "--mask", "90:130", "--report", page)
+    assert code == 0
+    assert '"masked":' in page.read_text("utf-8")
+    code, _, said = run("match", *logs, "--report", page)
+    assert code == 1
+    assert "exists" in said
+    code, _, said = run("match", *logs, "--report", tmp_path / "report.png")
+    assert code == 1
+    assert ".html was expected" in said
+
+
+def test_a_report_of_points_needs_no_drive(run: Any, logs: list[str], folder: Path, tmp_path: Path):
+    points, page = tmp_path / "points.parquet", tmp_path / "report.html"
+    assert run("match", *logs, "-o", points)[0] == 0
+    assert run("report", points, "--map", folder / "map.osm", "-o", page)[0] == 0
+    assert page.stat().st_size > 100_000
+    code, _, said = run("report", folder / "truth.parquet", "-o", tmp_path / "truth.html")
+    assert code == 1
+    assert "whichroad match -o" in said
+
+
+def test_a_port_that_is_taken_is_one_sentence_and_exit_code_1(run: Any, logs: list[str]):
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        code, _, said = run("replay", *logs, "--port", door.getsockname()[1], "--no-browser")
+    assert code == 1
+    assert said.count("\n") == 1
+    assert "--port" in said
+
+
+def test_replay_serves_until_it_is_interrupted(logs: list[str]):
+    command = [sys.executable, "-m", "whichroad", "replay", *logs, "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        url = re.search(r"http://\S+", process.stdout.readline())
+        assert url is not None
+        with urlopen(url.group(), timeout=20) as answer:
+            assert b"whichroad" in answer.read()
+        process.terminate()
+        assert process.wait(20) is not None
+
+
+def test_a_report_needs_neither_a_server_nor_maplibre():
+    code = (
+        "import sys\n"
+        "for name in ('starlette', 'uvicorn', 'maplibre'): sys.modules[name] = None\n"
+        "import whichroad.replay.report, whichroad.replay.opening, whichroad.replay.points"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
