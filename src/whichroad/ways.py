@@ -14,6 +14,7 @@ from .core.network import Roads
 from .core.ways import best_way, edge_probability
 from .records import Array
 
+_OFF = 0.5  # what an epoch off the roads counts for the route, which is to be of roads
 _CLOSE = 2.0  # s between two steps, in which an edge is entered at the second
 _HOPS = 256  # edges between two steps, at most
 _DETOUR = 3.0  # times the distance between two edges that no hypothesis joins, and
@@ -117,8 +118,14 @@ def best_chain(memory: Memory, route: Route, roads: Roads, *, viterbi: bool = Fa
     p, score = np.zeros((2, nodes))
     back, way = np.zeros(nodes, np.int64), np.zeros(steps, np.int64)
     edge_probability(memory, p)
+    p[memory.edge[:nodes] == OFF_ROAD] *= _OFF
     weight = np.diff(memory.time[:steps], append=memory.time[steps - 1]) + 0.1
     best_way(memory, weight, p, viterbi, score, back, way)
+    return _told(memory, route, roads, way)
+
+
+def _told(memory: Memory, route: Route, roads: Roads, way: NDArray[np.int64]) -> Chain:
+    """The edges that a chain of nodes, one a step, has driven."""
     edge = memory.edge[way]
     at = np.flatnonzero(np.diff(edge, prepend=-9))
     rows: list[tuple[int, float, float]] = []
