@@ -107,16 +107,23 @@ def decode(raw: Any, t: Any) -> dict[str, Any]:
         points.append([float(lat[k]), float(lon[k])] if known else None)
     lines = shapely.from_wkb(raw.path_arrow()["geometry"].to_numpy(zero_copy_only=False))
     route = [np.asarray(line.coords)[:, 1::-1].tolist() for line in lines]
-    return {"points": points, "route": route, "said": _said(table)}
+    return {"points": points, "route": route, "said": _said(table, raw.path_arrow())}
 
 
 SAID = ("lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "edge_id", "p_road", "p_off_road")
 
 
-def _said(table: Any) -> dict[str, Any]:
+def _said(table: Any, path: Any) -> dict[str, Any]:
     """What no peer says, for the scores of our own: pose, covariance and probabilities."""
     micros = table["time"].cast("int64").to_pylist()
-    return {"time": [t / 1e6 for t in micros], **{n: table[n].to_pylist() for n in SAID}}
+    others = table["alternatives"].to_pylist()
+    return {
+        "time": [t / 1e6 for t in micros],
+        **{n: table[n].to_pylist() for n in SAID},
+        "alternatives": [[[a["edge_id"], a["p"]] for a in row or ()] for row in others],
+        "path": path["edge_id"].to_pylist(),
+        "entered": [t / 1e6 for t in path["enter_time"].cast("int64").to_pylist()],
+    }
 
 
 def _regions(pbf: str, folder: Path) -> list[tuple[float, float, str]]:

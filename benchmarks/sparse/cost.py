@@ -129,7 +129,10 @@ def main(compiled: Path, table: Path, traces: Path) -> None:
 
     import whichroad
 
-    opened = []
+    whichroad.Localizer(whichroad.RoadMap.open(compiled))  # libraries and compiled kernels
+    base, opened = _status("VmRSS"), []
+    whole = [np.array(a) for a in whichroad.RoadMap.open(compiled).arrays if hasattr(a, "nbytes")]
+    touched = sum(a.nbytes for a in whole) / 2**20
     for _ in range(20):
         start = time.perf_counter()
         roads = whichroad.RoadMap.open(compiled)
@@ -149,6 +152,8 @@ def main(compiled: Path, table: Path, traces: Path) -> None:
                 "fixes": rows,
                 "one_thread": one,
                 "two_threads": two,
+                "libraries_mib": base,
+                "map_mib": touched,
                 "rss_before": before,
                 "one_thread_mib": after_one - before,
                 "two_threads_mib": _status("VmHWM") - before,

@@ -120,6 +120,10 @@ def _cost(found: dict[str, Any]) -> list[Figure]:
         goal = f"<= {min(peers):.2f}" if peers else ""
         wall = maps[runner.OURS]["build"]["wall"]
         out.append(Figure("build of the map of Heidelberg", wall, goal, "s"))
+        peaks = [maps[p]["build"]["peak_mib"] for p in ("valhalla", "osrm") if p in maps]
+        goal = f"<= {min(peaks):.0f}" if peaks else ""
+        peak = maps[runner.OURS]["build"]["peak_mib"]
+        out.append(Figure("memory of that build, with Python itself", peak, goal, "MiB"))
     if "open_ms" in found:
         for text, (alone, tables) in found["rates"].items():
             out.append(Figure(f"match, {text}, trip by trip", alone, "", "1/s"))

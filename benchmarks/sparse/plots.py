@@ -13,6 +13,7 @@ COLOURS = {
     "fastmm": "#5b8e7d",
     "best": "#3d3d3d",
 }
+SHADES = {1: "#440154", 5: "#3b528b", 10: "#21918c", 30: "#5ec962", 60: "#e8c23c"}  # by interval
 LABELS = {"best": "best peer of each track"}
 
 
@@ -156,7 +157,7 @@ def honesty_plot(store: dict[str, Any], path: Path) -> None:
     panels: dict[str, dict[str, Any]] = {}
     if "real" in store:
         panels["real tracks"] = {
-            f"{k} s": v[runner.OURS]["calibration"]["bins"]
+            f"{k}s": v[runner.OURS]["calibration"]["bins"]
             for k, v in store["real"].items()
             if "calibration" in v.get(runner.OURS, {})
         }
@@ -174,14 +175,17 @@ def honesty_plot(store: dict[str, Any], path: Path) -> None:
         }
     if not panels:
         return
-    figure, axes = _axes(len(panels), "Is P(edge) true?", 3.6)
+    figure, axes = _axes(len(panels), "Is P(edge) true?  (dashed: white noise)", 3.6)
     for axis, (title, lines) in zip(axes, panels.items(), strict=True):
         axis.plot([0, 1], [0, 1], color="#a0a0a0", lw=0.8)
         for label, bins in lines.items():
+            every = int(label.split("s")[0])
             some = [(p, share) for p, share, n in bins if n >= 20]
             if some:
                 p, share = zip(*some, strict=True)
-                axis.plot(p, share, lw=1, marker="o", ms=2.5, label=f"{title}: {label}")
+                style = "--" if label.endswith("white") else "-"
+                axis.plot(p, share, style, color=SHADES[every], lw=1, marker="o", ms=2.5,
+                          label=f"{every} s")  # fmt: skip
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("said", fontsize=8)
     axes[0].set_ylabel("was so", fontsize=8)

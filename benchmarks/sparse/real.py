@@ -17,6 +17,7 @@ def measure(options: Options, every: tuple[int, ...], wanted: list[int]) -> dict
     pbf, _ = harness.real_map(options)
     traces = {f"{k}s/real": [harness.real_trace(options, t, k) for t in some] for k in every}
     found: dict[str, Any] = {str(k): {} for k in every}
+    lines: dict[str, dict[str, list[Any]]] = {str(k): {} for k in every}
     for name in runner.present(options, HERE):
         done = runner.run(options, name, pbf, traces, options.more.get("seconds", 1e9))
         if done is None:
@@ -24,7 +25,18 @@ def measure(options: Options, every: tuple[int, ...], wanted: list[int]) -> dict
         for k in every:
             condition = done.conditions[f"{k}s/real"]
             found[str(k)][name] = _scored(options, condition, traces[f"{k}s/real"], some, graph)
+            given = scores.answers(condition, traces[f"{k}s/real"])
+            lines[str(k)][name] = [_lines(graph, a["route"]) for a in given]
             options.say(f"{name} at {k} s: {condition['points'] / condition['wall']:,.0f} fixes/s")
+    metrics = harness.module(options, "metrics")
+    for k, by_name in lines.items():
+        if runner.OURS in by_name and len(by_name) > 1:
+            for i, track in enumerate(some):
+                true = _lines(graph, [graph.nodes_latlon(r) for r in track["route"]])
+                ours = by_name[runner.OURS][i]
+                others = [v[i] for name, v in by_name.items() if name != runner.OURS]
+                row = found[k][runner.OURS]["tracks"][str(track["id"])]
+                row["shared"] = _shared(metrics, true, ours, others)
     stored = harness.stored(options, "kubicka-dev")["peers"]
     for name in harness.PEERS:
         for k in every:
@@ -46,7 +58,7 @@ def _scored(
         silent += scores.unanswered(answer, trace.t)
         if "said" in answer:
             on = _on_route(metrics, graph, track["route"], answer)
-            a, b = scores.decisions(answer["said"], trace.t, lambda i, edge, on=on: bool(on[i]))
+            a, b = scores.road_decisions(answer["said"], trace.t, on)
             p, right = p + a, right + b
     out: dict[str, Any] = {
         "tracks": rows,
@@ -60,18 +72,44 @@ def _scored(
     return out
 
 
+def _lines(graph: Any, parts: Any) -> list[np.ndarray]:
+    return [np.column_stack(graph.xy(*np.asarray(q, float).T)) for q in parts if len(q) > 1]
+
+
+def _shared(metrics: Any, true: list[Any], ours: list[Any], others: list[list[Any]]) -> float:
+    """Metres of our mismatch that every other matcher has too: the truth's own error, mostly."""
+    driven, found = metrics.densify(true), metrics.densify(ours)
+    if not len(found):
+        return 0.0
+    missed = _away(metrics, driven, found)
+    extra = _away(metrics, found, driven)
+    for lines in others:
+        theirs = metrics.densify(lines)
+        if not len(theirs):
+            return 0.0
+        missed &= _away(metrics, driven, theirs)
+        extra &= ~_away(metrics, found, theirs)
+    return float(driven[missed, 3].sum() + found[extra, 3].sum())
+
+
+def _away(metrics: Any, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Which samples of a b does not cover, as the harness counts it."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(metrics._embed(b))
+    gap, _ = tree.query(metrics._embed(a), distance_upper_bound=metrics.NEAR * np.sqrt(2))
+    return ~np.isfinite(gap)
+
+
 def _on_route(metrics: Any, graph: Any, route: Any, answer: dict[str, Any]) -> np.ndarray:
     """Whether each matched point lies on the true route, in its direction."""
     from scipy.spatial import cKDTree
 
-    def lines(parts: Any) -> list[np.ndarray]:
-        return [np.column_stack(graph.xy(*np.asarray(q, float).T)) for q in parts if len(q) > 1]
-
-    true = metrics.densify(lines([graph.nodes_latlon(r) for r in route]))
+    true = metrics.densify(_lines(graph, [graph.nodes_latlon(r) for r in route]))
     points = [
         None if q is None else tuple(float(v) for v in graph.xy(*q)) for q in answer["points"]
     ]
-    heading = metrics.travel_headings(points, lines(answer["route"]))
+    heading = metrics.travel_headings(points, _lines(graph, answer["route"]))
     tree = cKDTree(true[:, :2])
     on = np.zeros(len(points), bool)
     for i, (point, h) in enumerate(zip(points, heading, strict=True)):

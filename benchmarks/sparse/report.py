@@ -71,9 +71,36 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
         head = [title, runner.OURS, "best peer of each track", *harness.PEERS]
         out.append(_table(head, rows))
     out.append("![Route mismatch of the real tracks](img/sparse-real.png)\n")
+    out.append(_rest(found))
     out.append(_worst(found))
     out.append("![Tracks one by one](img/sparse-tracks.png)\n")
     return "\n".join(out)
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f}"
+
+
+def _rest(found: dict[str, Any]) -> str:
+    """Track by track: what is wrong at the densest interval, and how much everybody shares."""
+    every = next(iter(found))
+    ours = found[every].get(runner.OURS, {"tracks": {}})["tracks"]
+    rows = [
+        [n, f"{row['d0'] / 1e3:.1f}", f"{100 * real.wrong(row) / row['d0']:.2f}",
+         _metres(real.wrong(row)), _metres(row.get("shared"))]
+        for n, row in sorted(ours.items(), key=lambda item: int(item[0]))
+        if real.wrong(row) > 0.01 * row["d0"]
+    ]  # fmt: skip
+    if not rows or not any("shared" in row for row in ours.values()):
+        return ""
+    total = sum(real.wrong(r) for r in ours.values())
+    shared = sum(r.get("shared", 0.0) for r in ours.values())
+    words = (
+        f"Tracks with more than 1 % at {every} s. *Shared* are metres of our mismatch that every "
+        f"other matcher of this run has too, mostly the truth's own error: "
+        f"{100 * shared / total:.0f} % of all.\n\n"
+    )
+    return words + _table(["track", "km", "mismatch %", "m", "shared m"], rows)
 
 
 def _worst(found: dict[str, Any]) -> str:
@@ -92,10 +119,11 @@ def _worst(found: dict[str, Any]) -> str:
         for metres, n, row, name, best in sorted(lost, key=lambda r: -r[0])[:3]:
             rows.append([
                 f"{every} s", n, f"{100 * real.wrong(row) / row['d0']:.2f}",
-                f"{row['d_minus']:.0f}", f"{row['d_plus']:.0f}",
+                f"{row['d_minus']:.0f}", f"{row['d_plus']:.0f}", _metres(row.get("shared")),
                 f"{100 * real.wrong(best) / best['d0']:.2f} ({name})", f"{metres:+.0f}",
             ])  # fmt: skip
-    head = ["every", "track", "mismatch %", "missed m", "extra m", "best peer %", "m worse"]
+    head = ["every", "track", "mismatch %", "missed m", "extra m", "shared m", "best peer %",
+            "m worse"]  # fmt: skip
     return "Where most is lost against the best peer of the track:\n\n" + _table(head, rows)
 
 
@@ -173,13 +201,16 @@ def _cost(found: dict[str, Any]) -> str:
     if "open_ms" in found:
         rates = [[text, f"{a:,.0f}", f"{b:,.0f}"] for text, (a, b) in found["rates"].items()]
         out.append(_table(["match, fixes/s", "the answer", "with points and path tables"], rates))
-        out.append(
-            f"`RoadMap.open` takes {found['open_ms']:.1f} ms. `match_many` over "
-            f"{found['fixes']:,} fixes: {found['one_thread']:,.0f} fixes/s with one thread, "
-            f"{found['two_threads']:,.0f} with two (threads pinned to cores), all tables built; "
-            f"beside the map it needs {found['one_thread_mib']:.0f} MiB with one thread and "
-            f"{found['two_threads_mib']:.0f} MiB with two, however many trips there are.\n"
+        words = (
+            "Python, its libraries and the compiled kernels take {libraries_mib:.0f} MiB, which is "
+            "most of our build's peak; the map itself is {map_mib:.0f} MiB of arrays. "
+            "`RoadMap.open` takes {open_ms:.1f} ms. `match_many` over {fixes:,} fixes: "
+            "{one_thread:,.0f} fixes/s with one thread, {two_threads:,.0f} with two (threads "
+            "pinned to cores), all tables built; beside the map it needs {one_thread_mib:.0f} MiB "
+            "with one thread and {two_threads_mib:.0f} MiB with two, however many trips there "
+            "are.\n"
         )
+        out.append(words.format(**found))
     return "\n".join(out)
 
 

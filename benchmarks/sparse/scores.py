@@ -13,6 +13,7 @@ from . import harness
 CHI2_95 = 5.991  # two degrees of freedom
 SAME_M = 1.0  # a true position this near to an edge is on it
 SAME_TURN = 0.5  # cosine between the edge and the true course
+BESIDE = 2  # edges of the path, before and behind
 KEPT = ("d_minus", "d_plus", "d0", "n", "missing", "right", "directed", "sq")
 
 
@@ -80,6 +81,31 @@ def decisions(
         else:
             p.append(float(road))
             right.append(is_right(i, edge))
+    return p, right
+
+
+def road_decisions(
+    said: dict[str, Any], t: np.ndarray, on_route: np.ndarray
+) -> tuple[list[float], list[bool]]:
+    """P of the road that the path takes at each fix, and whether the true route takes it.
+
+    Where only the route is known, not the edge at a moment, the probabilities of the path's
+    edges next to each other are one: which of them a fix is on is not told by the truth.
+
+    Args:
+        said: As the adapter gives it.
+        t: (n,) times of the fixes.
+        on_route: (n,) whether the matched point lies on the true route.
+    """
+    p, right = [], []
+    path, entered = said["path"], np.asarray(said["entered"])
+    for i, k in enumerate(at_fixes(said, t)):
+        if k < 0 or said["p_road"][k] is None:
+            continue
+        here = int(np.searchsorted(entered, t[i], side="right")) - 1
+        near = set(path[max(here - BESIDE, 0) : here + BESIDE + 1]) | {said["edge_id"][k]}
+        p.append(min(sum(q for edge, q in said["alternatives"][k] if edge in near), 1.0))
+        right.append(bool(on_route[i]))
     return p, right
 
 
