@@ -16,6 +16,7 @@ BENCHMARKS = {
     "town": ("town.run", "simulated drives in Heidelberg: right road, honesty of the pose"),
     "outage": ("town.outage", "the same with 1.5 km without GNSS"),
     "consistency": ("scenes.consistency.run", "ellipses over many short drives, both frames"),
+    "lookback": ("lookback.run", "the same drives filtered, with a lag of 10 s, and in full"),
     "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
     "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
     "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),

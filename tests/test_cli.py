@@ -208,8 +208,9 @@ def test_a_drive_is_simulated_answered_and_evaluated(run, town, tmp_path):
     seconds = len(geopandas.read_parquet(points)) / 10
     assert abs(len((tmp_path / "thin.csv").read_text().splitlines()) - seconds / 5) <= 3
 
-    code, out, _ = run("match", *drive, *roads)
-    assert (code, "nothing was written" in out) == (0, True)
+    code, out, _ = run("match", *drive, *roads, "--lag", "full")
+    assert (code, "nothing was written" in out, "decided until s" in out) == (0, True, True)
+    one_error(run("match", *drive, *roads, "--lag", "soon"))
 
 
 @pytest.mark.slow

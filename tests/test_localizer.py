@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenes import Town, Truth, drive_along, gnss, network
-from whichroad import localizer
+from whichroad import localizer, ways
 from whichroad.core.belief import Route, new_route
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
 from whichroad.epochs import build_timeline
@@ -150,6 +150,7 @@ def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a
         return trees[-1]
 
     monkeypatch.setattr(localizer, "new_route", small_tree)
+    monkeypatch.setattr(ways, "new_route", small_tree)
     cut = localize_recorded(TOWN, timeline, vehicle=CAR)
     assert len(trees) > 2
     for a, b in zip(cut.output, whole.output, strict=True):

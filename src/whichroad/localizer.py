@@ -18,13 +18,12 @@ from .core.belief import (
     STARTED,
     Belief,
     H,
-    Route,
     new_belief,
     new_route,
-    normalise,
 )
 from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
+from .core.memory import enlarged, is_full, new_memory
 from .core.motion import arc_chord
 from .core.output import (
     V_GNSS_SCALE,
@@ -42,12 +41,10 @@ from .core.output import (
     Output,
     new_output,
 )
-from .core.reduction import reduce
-from .core.start import cold_start
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
-from .errors import DriveError
+from .errors import DriveError, SettingError
 from .reasons import STATUS, far_off
 from .records import (
     Array,
@@ -61,13 +58,16 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
-from .search import is_vague, search, set_clock
+from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
+from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
 from .watch import Watch
+from .ways import best_chain, heaviest_chain, tidied
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
+_NOTHING = new_memory(0)
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
@@ -82,6 +82,7 @@ class Recorded(NamedTuple):
     route_time: Array  # when each was entered, s
     route_abscissa: Array
     diagnose: Callable[[], tuple[Finding, ...]] = tuple
+    past: Past | None = None  # what it can be looked back over with, where that was asked for
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -97,36 +98,6 @@ def _lever(vehicle: Vehicle) -> Array:
     return np.array([vehicle.antenna_forward, vehicle.antenna_left])
 
 
-def _start_at(
-    belief: Belief, roads: RoadMap, route: Route, start: StartPose, time: float, mode: int,
-    settings: Settings, vehicle: Vehicle,
-) -> None:  # fmt: skip
-    """Begin from a given pose of M, before any fix."""
-    x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
-    turn = roads.plane.convergence(x, y)
-    heading = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
-    fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
-    par = settings.parameters()
-    scale = 1.0 + roads.arrays.curvature * float(x[0] ** 2 + y[0] ** 2)
-    work = new_work()
-    clock_mode = mode == CLOCK
-    cold_start(
-        belief, roads.arrays, route, work, 1.0, fix, 1.0, 0.01, scale, np.zeros(2), heading,
-        math.radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
-        8.0 if clock_mode else par.scale_sigma, par.drift_sigma if mode == WHEELS else 0.0,
-        _side(vehicle), par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start,
-        par.wrong_way,
-    )  # fmt: skip
-    n = int(belief.size[0])
-    for state in (8, 9):  # the pose owes nothing to the GNSS error of later fixes
-        belief.cov[:n, state, :] = 0.0
-        belief.cov[:n, :, state] = 0.0
-        belief.cov[:n, state, state] = 1.0
-    normalise(belief)
-    reduce(belief, route, scale, par.prune, par.merge, int(par.components))
-    set_clock(belief.clock, time, settings)
-
-
 def localize_recorded(
     roads: RoadMap,
     timeline: Timeline,
@@ -136,6 +107,7 @@ def localize_recorded(
     start: StartPose | str | None = None,
     poses: bool = False,
     progress: Callable[[int], None] | None = None,
+    lag: Lag | None = None,
 ) -> Recorded:
     """Localize a recorded drive.
 
@@ -149,6 +121,7 @@ def localize_recorded(
             the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
         progress: Told how many epochs are done, now and then.
+        lag: By how much later knowledge epochs are answered; None: by what was known then.
 
     Returns:
         One output row per epoch, and the most probable route.
@@ -164,7 +137,8 @@ def localize_recorded(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
-    belief, work, route = new_belief(), new_work(), new_route(1 << 15)
+    belief, work, route = new_belief(lag is not None), new_work(), new_route(1 << 15)
+    memory = new_memory(0 if lag is None else 1 << 8)
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -173,58 +147,31 @@ def localize_recorded(
             start=start if isinstance(start, StartPose) else None, progress=progress,
         )  # fmt: skip
     elif isinstance(start, StartPose):
-        _start_at(
+        start_at(
             belief, roads, route, start, float(epochs.time[0]), timeline.mode, settings, vehicle
         )
     par = settings.parameters()
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(
-            belief, roads.arrays, route, work, epochs, output, done, target,
-            timeline.mode, _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
-            settings.ambiguous_below, False,
+            belief, roads.arrays, route, work, epochs, output, done, target, timeline.mode,
+            _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
+            settings.ambiguous_below, False, memory,
         )  # fmt: skip
-        if done < target or len(route.edge) - route.size[0] < 4096:
-            route = _tidy(route, belief)
+        if lag is not None and is_full(memory):
+            memory = enlarged(memory)
+        elif done < target or len(route.edge) - route.size[0] < 4096:
+            route = tidied(route, belief.node[: belief.size[0]], memory.tree[: memory.size[1]])
         if progress is not None:
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
-    return Recorded(output, *_best_route(route, belief), told)
-
-
-def _tidy(route: Route, belief: Belief) -> Route:
-    """Keep the nodes that living hypotheses descend from, and make room for more."""
-    n = int(belief.size[0])
-    used = int(route.size[0])
-    keep = np.zeros(used, bool)
-    for node in belief.node[:n]:
-        while node >= 0 and not keep[node]:
-            keep[node] = True
-            node = route.parent[node]
-    kept = np.flatnonzero(keep)
-    number = np.full(used + 1, -1, np.int64)
-    number[kept] = np.arange(len(kept))
-    larger = new_route(max(len(route.edge), 4 * len(kept) + (1 << 14)))
-    larger.edge[: len(kept)] = route.edge[kept]
-    larger.parent[: len(kept)] = number[route.parent[kept]]
-    larger.time[: len(kept)] = route.time[kept]
-    larger.abscissa[: len(kept)] = route.abscissa[kept]
-    larger.size[0] = len(kept)
-    belief.node[:n] = number[belief.node[:n]]
-    return larger
-
-
-def _best_route(route: Route, belief: Belief) -> tuple[NDArray[np.int32], Array, Array]:
-    n = int(belief.size[0])
-    if n == 0:
-        return np.zeros(0, np.int32), np.zeros(0), np.zeros(0)
-    node = int(belief.node[int(np.argmax(belief.log_weight[:n]))])
-    chain = []
-    while node >= 0:
-        chain.append(node)
-        node = int(route.parent[node])
-    at = np.array(chain[::-1], int)
-    return route.edge[at], route.time[at], route.abscissa[at]
+    if lag is None or not memory.size[0]:
+        return Recorded(output, *heaviest_chain(route, belief), told)
+    past = Past(
+        roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
+        settings.outage_after_s, settings.ambiguous_below, lag,
+    )  # fmt: skip
+    return Recorded(smooth(past), *best_chain(memory, route, roads.arrays), told, past)
 
 
 class Localizer:
@@ -241,6 +188,10 @@ class Localizer:
         settings: The model's numbers.
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
             the filter.
+        lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
+
+    Raises:
+        SettingError: The lag is not a number of seconds.
     """
 
     def __init__(
@@ -250,12 +201,15 @@ class Localizer:
         vehicle: Vehicle | None = None,
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
+        lag: float | str | None = None,
     ) -> None:
         self.roads = roads
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
-        self._belief, self._work, self._route = new_belief(), new_work(), new_route(0)
+        self._belief, self._work = new_belief(lag is not None), new_work()
+        self._past = None if lag is None else Window(lag)
+        self._route = new_route(0 if lag is None else 1 << 14)
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
@@ -325,6 +279,7 @@ class Localizer:
         """
         belief = Belief._make(a.copy() for a in self._belief)
         real, self._belief = self._belief, belief
+        past, self._past = self._past, None
         try:
             ahead = max(time - float(real.clock[NOW]), 0.0)
             turn = self._rate[1] * min(ahead, _TURNING)
@@ -332,7 +287,7 @@ class Localizer:
             self._run()
             return self.estimate()
         finally:
-            self._belief = real
+            self._belief, self._past = real, past
 
     def _take_odometry(self, reading: WheelTicks | WheelSpeed | Distance | SpeedYaw) -> None:
         arc, turn = self._increment(reading)
@@ -421,7 +376,7 @@ class Localizer:
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._belief.clock[STARTED]:
-            _start_at(
+            start_at(
                 self._belief, self.roads, self._route, self._start, time, self._mode,
                 self.settings, self.vehicle,
             )  # fmt: skip
@@ -434,25 +389,65 @@ class Localizer:
         e.has_fix[0] = 0
 
     def _run(self) -> None:
+        if self._past is not None:
+            self._route = self._past.make_room(self._belief, self._route)
         run(
             self._belief, self.roads.arrays, self._route, self._work,
             self._epoch, self._output, 0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
+            _NOTHING if self._past is None else self._past.memory,
         )  # fmt: skip
 
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
-        value = self._output.value[0].tolist()
-        edge = int(self._output.edge[0])
-        answered = self._output.live[0] > 0
+        return self._estimate(self._belief, self._output)
+
+    def lagged(self) -> Estimate | None:
+        """The estimate of a moment the lag ago, by all that was observed since.
+
+        Of the last epoch before that moment at which something was observed; None before
+        there is one.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(True)
+        return None if found is None else self._estimate(found[0], found[1])
+
+    @property
+    def decided_until(self) -> float | None:
+        """The last time at which one road has 0.999 of the probability, by all that is known.
+
+        What was driven before it is decided as well as it ever will be; None: nothing is.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(False)
+        return None if found is None else found[2]
+
+    def _look(self, back: bool) -> tuple[Belief, Output, float | None] | None:
+        if self._past is None:
+            raise SettingError(
+                "lag is None; seconds were expected, to look back: Localizer(lag=10)"
+            )
+        return self._past.look(
+            self.roads, self._route, float(self._belief.clock[NOW]), self._mode, self._side,
+            self.settings, back,
+        )  # fmt: skip
+
+    def _estimate(self, belief: Belief, output: Output) -> Estimate:
+        value = output.value[0].tolist()
+        edge = int(output.edge[0])
+        answered = output.live[0] > 0
         xx, xy, xh, yy, yh, hh = value[V_XX : V_HH + 1]
         return Estimate(
-            float(self._belief.clock[NOW]),
+            float(belief.clock[NOW]),
             pose_at(self.roads.plane, value[V_X], value[V_Y], value[V_H]),
             np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
             edge if edge >= 0 else None, value[V_P], value[V_OFF],
-            STATUS[int(self._output.status[0])], value[V_S], value[V_LATERAL],
+            STATUS[int(output.status[0])], value[V_S], value[V_LATERAL],
             value[V_PROTECTION] if answered else math.inf,
             value[V_GNSS_SCALE] if answered else 1.0,
-            Snapshot(self._belief, self._output, value, self.roads, self._far_fix),
+            Snapshot(belief, output, value, self.roads, self._far_fix),
         )  # fmt: skip

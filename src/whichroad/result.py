@@ -1,6 +1,7 @@
 """What a matched drive says, as tables: points, path, summary."""
 
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from .core.epoch import Epochs
 from .core.output import Output
 from .diagnosis import Finding
+from .errors import SettingError
 from .route import Traversals
 from .tables import geo_frame
+from .ways import Alternative, Way, best_ways
 from .writers import write_table
 
 
@@ -35,6 +38,7 @@ class Result:
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
         answered: Of one drive: what its tables are made of.
+        ways: Tells parts of the route and the ways that compete; None: nobody looked back.
     """
 
     def __init__(
@@ -45,8 +49,9 @@ class Result:
         hypotheses: dict[str, NDArray[Any]] | None = None,
         diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
         answered: Answered | None = None,
+        ways: Callable[[], list[Alternative]] | None = None,
     ) -> None:
-        self.answered = answered
+        self.answered, self.ways = answered, ways
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -85,6 +90,25 @@ class Result:
     def path_arrow(self) -> pa.Table:
         """Path as an Arrow table, geometry as WKB."""
         return self._made("path")
+
+    @cached_property
+    def _parts(self) -> list[Alternative]:
+        if self.ways is None:
+            raise SettingError('no lag, or several drives; one with lag="full" was expected')
+        return self.ways()
+
+    @property
+    def alternatives(self) -> list[Alternative]:
+        """Parts of the drive whose route is not sure, with the ways that compete; see `routes`."""
+        return [part for part in self._parts if len(part.ways) > 1 and part.ways[1].p >= 0.001]
+
+    def routes(self, k: int = 3) -> list[Way]:
+        """The k most probable routes from the drive's start to its end, connected edges with P.
+
+        Raises:
+            SettingError: The drive was matched without a lag, or there are several drives.
+        """
+        return best_ways(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.

@@ -30,6 +30,7 @@ from .roadmap import RoadMap
 from .route import Traversals, traversals
 from .search import MAP
 from .settings import Settings, Vehicle
+from .smoother import Lag
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
@@ -108,7 +109,7 @@ def match(
     model: str = "default",
     start: Start = None,
     mask: Sequence[Window] = (),
-    lag: None = None,
+    lag: float | str | None = None,
     attributes: bool = False,
     hypotheses: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
@@ -125,7 +126,8 @@ def match(
             a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
             both wheels tell; else the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
-        lag: None: every epoch is answered by what was known then, as on line.
+        lag: By how much later knowledge an epoch is answered: seconds, "200m" driven, or "full"
+            for the drive's end.  None: by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         progress: Told (drive_id, epochs done, epochs in all).
@@ -142,11 +144,9 @@ def match(
     if model not in MODELS:
         raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
     pose = _start(start, model)
-    if lag is not None:
-        raise SettingError(
-            f"lag is {lag!r}; None was expected: looking back is not there yet, every epoch is "
-            "answered by what was known then"
-        )
+    later = Lag.of(lag)
+    if later is not None and model == "paper":
+        raise SettingError(f"lag is {lag!r}; None was expected: the paper's method looks at now")
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     road_map = open_map(roads)
@@ -160,7 +160,7 @@ def match(
             parts.append(
                 _match_one(
                     one, road_map, vehicle or Vehicle(), tuned, model, pose, windows,
-                    attributes, hypotheses, progress,
+                    attributes, hypotheses, progress, later,
                 )
             )  # fmt: skip
         except (DriveError, MapError) as error:
@@ -178,12 +178,14 @@ MODELS = ("default", "paper")
 def _match_one(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
-    hypotheses: bool, progress: Callable[[str, int, int], None] | None,
+    hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
 ) -> Result:  # fmt: skip
     _check_distance(drive, roads)
     timeline = build_timeline(drive, roads.plane, vehicle, mask)
     n = len(timeline.epochs.time)
-    localize: Callable[..., Recorded] = localize_literal if model == "paper" else localize_recorded
+    localize: Callable[..., Recorded] = (
+        localize_literal if model == "paper" else partial(localize_recorded, lag=lag)
+    )
     recorded = localize(
         roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
         progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
@@ -196,10 +198,11 @@ def _match_one(
             attributes=attributes,
         ),
         lambda: path_table([drive.drive_id], [way()], roads),
-        lambda: _summary(drive, timeline, recorded, way(), diagnosis()),
+        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
         Answered(timeline.epochs, recorded.output, way),
+        None if recorded.past is None else recorded.past.ways,
     )  # fmt: skip
 
 
@@ -218,6 +221,12 @@ def _summary(
         "notes": list(drive.notes),
         "diagnosis": [asdict(finding) for finding in diagnosis],
     }
+
+
+def _looked_back(recorded: Recorded) -> dict[str, Any]:
+    """What the summary says of the lag."""
+    past = recorded.past
+    return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
 
 
 def _check_distance(drive: Drive, roads: RoadMap) -> None:
@@ -273,6 +282,7 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
+        ways=parts[0].ways if len(parts) == 1 else None,
     )
 
 

@@ -128,8 +128,9 @@ def _return_children(crowd: Belief, one: Belief, i: int) -> bool:
 
 def _rows(capacity: int, small: Belief) -> Belief:
     """A belief with so many rows, and the clock and size of a small one."""
-    big = [np.zeros((capacity, *a.shape[1:]), a.dtype) for a in small[:-3]]
-    return Belief(*big, small.size, small.clock, np.zeros((len(small.scratch), capacity)))
+    big = [np.zeros((capacity, *a.shape[1:]), a.dtype) for a in small[:-4]]
+    scratch = np.zeros((len(small.scratch), capacity))
+    return Belief(*big, small.size, small.clock, scratch, np.zeros((capacity, 0)))
 
 
 def thinned(weight: Array, most: int, rng: np.random.Generator) -> tuple[Array, Array]:

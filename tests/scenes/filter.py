@@ -8,6 +8,7 @@ import numpy as np
 from whichroad.core.belief import Belief, new_route
 from whichroad.core.drive import run
 from whichroad.core.epoch import WHEELS, Epochs
+from whichroad.core.memory import new_memory
 from whichroad.core.network import Roads
 from whichroad.core.output import (
     Output,
@@ -55,6 +56,6 @@ def steps(
     for k in range(n):
         run(
             belief, roads, route, work, epochs, output, k, k + 1, mode, 1.0, np.zeros(2), par,
-            settings.outage_after_s, settings.ambiguous_below, False,
+            settings.outage_after_s, settings.ambiguous_below, False, new_memory(0),
         )  # fmt: skip
         yield k, belief, output

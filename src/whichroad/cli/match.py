@@ -53,6 +53,13 @@ def match(
     attributes: Annotated[
         bool, typer.Option("--attributes", help="Add name, class and limit of the road.")
     ] = False,
+    lag: Annotated[
+        str | None,
+        typer.Option(
+            metavar="S|full",
+            help="Answer by what was known S seconds (or `200m`) later, or at the drive's end.",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="One .html file that shows the answer, to open anywhere.")
     ] = None,
@@ -77,7 +84,7 @@ def match(
     if len(drive) == 1 and plain and are_many(drive[0]):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, every=every, force=force,
-            vehicle=vehicle, attributes=attributes,
+            vehicle=vehicle, attributes=attributes, lag=lag,
         )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
@@ -87,7 +94,7 @@ def match(
         network = session.open_map(roads)
         result = session.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
-            attributes=attributes, hypotheses=report is not None, progress=progress,
+            attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
         progress("writing", 0, 0)
         _write(result, out, path_out, every, force)

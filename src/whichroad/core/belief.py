@@ -45,6 +45,7 @@ PULL = 23  # m/s², its change
 EVIDENCE = 24  # log-likelihood of all that was observed
 WHITE = 28  # variance of what changes from fix to fix, over the reported one, as seen
 BEFORE = 29  # and 30, 31: x, y, time of the last fix; 32 to 34: of the one before it
+ORIGINS = 35  # hypotheses of the epoch last remembered; 0: nothing is remembered
 CLOCKS = 40
 
 CAPACITY = 160  # hypotheses, children of one epoch included
@@ -71,6 +72,7 @@ class Belief(NamedTuple):
     size: Ints  # (1,)
     clock: Vector  # see the names above
     scratch: Matrix  # (6, C)
+    share: Matrix  # (C, KEPT or 0) of each hypothesis, what it owes to those last remembered
 
 
 class Route(NamedTuple):
@@ -83,8 +85,8 @@ class Route(NamedTuple):
     size: Ints  # (1,)
 
 
-def new_belief() -> Belief:
-    """An empty belief."""
+def new_belief(remembered: bool = False) -> Belief:
+    """An empty belief; `remembered` where its past is kept (`core.memory`)."""
     c = CAPACITY
     return Belief(
         np.zeros((c, N)),
@@ -101,6 +103,7 @@ def new_belief() -> Belief:
         np.zeros(1, np.int64),
         np.zeros(CLOCKS),
         np.zeros((6, c)),
+        np.zeros((c, KEPT if remembered else 0)),
     )
 
 

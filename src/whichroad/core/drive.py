@@ -28,6 +28,7 @@ from .belief import (
 from .epoch import CLOCK, WHEELS, Epochs
 from .fixes import begin_at, stand, take_fix
 from .gnss import forward_only
+from .memory import GNSS_AGED, JUMPED, MAP_AGED, Memory, is_full, note_motion, remember
 from .motion import arc_chord, predict_free
 from .network import Roads
 from .output import Output, say
@@ -157,7 +158,7 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
 def run(
     belief: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs, output: Output,
     first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,
-    outage_after: float, ambiguous_below: float, cut: bool,
+    outage_after: float, ambiguous_below: float, cut: bool, memory: Memory,
 ) -> int:  # fmt: skip
     """Localize over epochs first … last − 1: the paper's Figure 7, once per epoch.
 
@@ -180,13 +181,18 @@ def run(
         outage_after: Seconds without a fix that make an outage.
         ambiguous_below: P(edge) below which the road is ambiguous.
         cut: Whether Gaussians are cut at the ends of edges.
+        memory: What is kept for looking back; of no length where nobody will.
 
     Returns:
-        The epoch it stopped before: `last`, or earlier when the route tree is full.
+        The epoch it stopped before: `last`, or earlier when the route tree or the memory
+        is full.
     """
     clock = belief.clock
+    remembers = len(memory.time) > 0
     for k in range(first, last):
         if len(route.edge) - route.size[0] < 2048 and len(route.edge) > 2048:
+            return k
+        if remembers and is_full(memory):
             return k
         fix = epochs.has_fix[k] == 1
         dt = epochs.time[k] - clock[NOW]
@@ -218,6 +224,8 @@ def run(
             dt = 0.0
         elif mode == WHEELS:
             pieces = max(1, math.ceil(abs(epochs.arc[k]) / _STEP))
+        if remembers and not begin:
+            note_motion(memory, epochs, k, 0.0 if stands else dt, clock[SPEED], mode)
         for piece in range(pieces):
             done = piece == pieces - 1
             arc = 0.0
@@ -235,6 +243,9 @@ def run(
                         belief, roads, route, work, scale, epochs.fix[k],
                         epochs.time[k], dt, side, par,
                     )  # fmt: skip
+                    if remembers:
+                        memory.since[JUMPED] = 1.0
+                        memory.since[MAP_AGED] += moved
                 else:
                     moved = abs(clock[SPEED]) * dt if mode == CLOCK else abs(epochs.arc[k])
                     changed = _move_along(
@@ -249,6 +260,8 @@ def run(
                 see_fix = False
             if see_fix:
                 normalise(belief)
+                if remembers:
+                    memory.since[GNSS_AGED] += clock[MOVING]
                 chi2 = take_fix(
                     belief, roads, route, work, scale, epochs, k, mode, side, lever, par
                 )  # fmt: skip
@@ -281,6 +294,8 @@ def run(
                     clock[SINCE_LEFT] = 0.0
                 if mode == WHEELS and not begin:
                     turn_with_heading(belief, roads, side, par.lane_sigma)
+                if remembers:
+                    memory.since[MAP_AGED] += clock[TRAVELLED]
                 observe_roads(
                     belief, roads, scale, side, with_heading, par.relative_sigma,
                     par.edge_heading_sigma, par.node_radius, par.node_sigma,
@@ -297,6 +312,8 @@ def run(
                     most = (most + 1) // 2
                 reduce(belief, route, scale, par.prune, limit, most)
         clock[SPEED] = _speed(belief, epochs, k, dt, mode)
+        if remembers:
+            remember(belief, memory, k, changed, par.off_road_leave)
         say(
             belief,
             roads,

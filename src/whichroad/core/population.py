@@ -58,6 +58,7 @@ def new_population(capacity: int, clock: Vector) -> Belief:
         np.zeros(1, np.int64),
         clock,
         np.zeros((6, capacity)),
+        np.zeros((capacity, 0)),
     )
 
 

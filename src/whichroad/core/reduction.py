@@ -9,7 +9,7 @@ import math
 
 from ._jit import kernel
 from .angles import wrap
-from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, Belief, H, Route, X, Y, normalise
+from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, ORIGINS, Belief, H, Route, X, Y, normalise
 from .gaussian import merge_moments
 from .switching import copy_hypothesis, enter
 
@@ -89,6 +89,8 @@ def _merge_into(belief: Belief, i: int, j: int, scale: float) -> None:
     )
     share = wi / (wi + wj)
     belief.stay[i] = share * belief.stay[i] + (1.0 - share) * belief.stay[j]
+    for a in range(int(belief.clock[ORIGINS])):
+        belief.share[i, a] = share * belief.share[i, a] + (1.0 - share) * belief.share[j, a]
     belief.log_weight[i] = math.log(wi + wj)
     belief.probability[i] = wi + wj
     belief.edge[j] = NO_EDGE

@@ -11,6 +11,7 @@ from .belief import (
     MX,
     MY,
     OFF_ROAD,
+    ORIGINS,
     B,
     Belief,
     D,
@@ -189,6 +190,8 @@ def cold_start(
     for i in range(kept, n):
         belief.fresh[i] = 1
         belief.node[i] = parent
+        for a in range(int(belief.clock[ORIGINS])):
+            belief.share[i, a] = 0.0
     belief.size[0] = n
     return found
 

@@ -18,6 +18,7 @@ from .belief import (
     MY,
     NOW,
     OFF_ROAD,
+    ORIGINS,
     Belief,
     N,
     Route,
@@ -87,6 +88,8 @@ def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
     belief.stay[target] = belief.stay[source]
     belief.node[target] = belief.node[source]
     belief.fresh[target] = belief.fresh[source]
+    for a in range(int(belief.clock[ORIGINS])):
+        belief.share[target, a] = belief.share[source, a]
 
 
 @kernel

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.belief import OFF_ROAD, Belief, Route, new_belief, new_route
 from ..core.drive import run
+from ..core.memory import new_memory
 from ..core.output import new_output
 from ..core.paper import Literal, new_bench
 from ..core.paper_drive import run_paper
@@ -82,9 +83,9 @@ def _epochs_of_ours(
     side = 1.0 if car.driving_side == "right" else -1.0
     for k in range(n):
         run(
-            belief, roads, route, work, timeline.epochs, output, k, k + 1,
-            timeline.mode, side, lever, parameters, settings.outage_after_s,
-            settings.ambiguous_below, False,
+            belief, roads, route, work, timeline.epochs, output, k, k + 1, timeline.mode, side,
+            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
+            new_memory(0),
         )  # fmt: skip
         yield _seen_of_ours(belief, route, roads.length)
 

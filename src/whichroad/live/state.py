@@ -19,8 +19,8 @@ from ..localizer import Localizer
 from ..records import Distance, SpeedYaw, WheelSpeed, WheelTicks
 from ..roadmap import RoadMap
 
-_MAGIC = b"whichroad state 2\n"
-_WHOLE = ("size", "clock")  # the other fields have a row for each hypothesis
+_MAGIC = b"whichroad state 3\n"
+_WHOLE = ("size", "clock", "output.", "past.")  # the other fields have a row for each hypothesis
 _READINGS = {kind.__name__: kind for kind in (WheelTicks, WheelSpeed, Distance, SpeedYaw)}
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
@@ -52,7 +52,7 @@ def state_of(localizer: Localizer) -> State:
     """A copy of all that a localizer remembers."""
     n = int(localizer._belief.size[0])
     arrays = {
-        name: array.copy() if name in _WHOLE or name.startswith("output.") else array[:n].copy()
+        name: array.copy() if name.startswith(_WHOLE) else array[:n].copy()
         for name, array in _arrays(localizer)
     }
     reading = localizer._reading
@@ -78,7 +78,7 @@ def restore(localizer: Localizer, state: State) -> None:
     """
     n = int(state.arrays["size"][0])
     for name, array in _arrays(localizer):
-        if name in _WHOLE or name.startswith("output."):
+        if name.startswith(_WHOLE):
             array[:] = state.arrays[name]
         else:
             array[:n] = state.arrays[name]
@@ -90,6 +90,8 @@ def restore(localizer: Localizer, state: State) -> None:
     localizer._reading = None if reading is None else _READINGS[reading[0]](*reading[1:])
     localizer._mode = plain["mode"]
     localizer._far_fix = (plain["far_fix"][0], plain["far_fix"][1])
+    if localizer._past is not None:
+        localizer._past.forget_after(state.time, localizer._belief)
     watch = localizer._watch
     watch._waiting = min(max(state.watched, 0), watch._waiting)
 
@@ -99,6 +101,8 @@ def _arrays(localizer: Localizer) -> list[tuple[str, NDArray[Any]]]:
     arrays: list[tuple[str, NDArray[Any]]] = [
         (name, getattr(localizer._belief, name)) for name in Belief._fields if name != "scratch"
     ]
+    if localizer._past is not None:
+        arrays.append(("past.since", localizer._past.memory.since))
     return arrays + [(f"output.{n}", getattr(localizer._output, n)) for n in Output._fields]
 
 

@@ -10,5 +10,6 @@ vehicle may come on to any road, so where nothing fits the search begins again.
 
 from .follow import MAP, is_vague, search, set_clock
 from .pieces import Pieces, pieces_of
+from .pose import start_at
 
-__all__ = ["MAP", "Pieces", "is_vague", "pieces_of", "search", "set_clock"]
+__all__ = ["MAP", "Pieces", "is_vague", "pieces_of", "search", "set_clock", "start_at"]

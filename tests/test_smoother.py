@@ -1,0 +1,275 @@
+"""What looking back says: laws that hold for every lag, and routes that are roads."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+import whichroad
+from oracles.chains import all_chains, random_memory
+from scenes import Town, drive_along, epochs_of, gnss, grid_town, network
+from strategies import seeds
+from whichroad.core.belief import OFF_ROAD, new_route
+from whichroad.core.epoch import CLOCK, WHEELS, Epochs
+from whichroad.core.output import V_H, V_HH, V_P, V_X, V_XX, V_XY, V_Y, V_YY
+from whichroad.epochs import Timeline
+from whichroad.errors import SettingError
+from whichroad.frames import Plane
+from whichroad.localizer import Localizer, Recorded, localize_recorded
+from whichroad.records import GeoFix
+from whichroad.simulate.town import draw_town
+from whichroad.smoother import Lag
+from whichroad.ways import Alternative, Way, alternatives, best_ways, joins, shortest
+
+PLANE = Plane(49.4, 8.7)
+TOWN = Town(network(grid_town(5, 4, 120.0), curvature=PLANE.curvature), PLANE)
+CROSSINGS = [(0, 0), (1, 0), (2, 0), (2, 1), (3, 1), (3, 2), (3, 3)]  # of the town
+CORNERS = [[i * 120.0 + 10.0 * math.sin(j), j * 120.0 + 8.0 * math.cos(i)] for i, j in CROSSINGS]
+TRUTH = drive_along(CORNERS)
+POSE = [V_X, V_Y, V_H, V_XX, V_XY, V_YY, V_HH, V_P]
+
+
+def epochs(mode: int = WHEELS, seed: int = 1) -> Epochs:
+    rows = gnss(TRUTH, sigma=3.0, seed=seed)
+    at = np.arange(0, len(TRUTH.time), 10)
+    found = epochs_of(TRUTH, rows, at, course=0.1)
+    return found if mode == WHEELS else Epochs(*(a[at] for a in found))
+
+
+def look(lag: object, mode: int = WHEELS, seed: int = 1, until: int | None = None) -> Recorded:
+    rows = Epochs(*(a[:until] for a in epochs(mode, seed)))
+    return localize_recorded(TOWN, Timeline(rows, mode, 0), lag=Lag.of(lag))
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+def test_asking_for_a_lag_leaves_the_filter_as_it_is(mode: int):
+    plain, asked = look(None, mode), look("full", mode)
+    assert plain.past is None
+    assert asked.past is not None
+    for a, b in zip(plain.output, asked.past.filtered, strict=True):
+        np.testing.assert_array_equal(a, b)
+    for a, b in zip(plain.output, look(0, mode).output, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+@pytest.mark.parametrize("lag", [math.inf, "inf", 1e6, "1e6m"])
+def test_a_lag_beyond_the_drive_is_full_smoothing(lag: object, mode: int):
+    full, late = look("full", mode), look(lag, mode)
+    for a, b in zip(full.output, late.output, strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(full.route_edge, late.route_edge)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+def test_at_the_end_smoothing_is_filtering(mode: int):
+    full = look("full", mode)
+    plain = look(None, mode)
+    assert full.past is not None
+    last = int(full.past.memory.epoch[full.past.memory.size[0] - 1])
+    np.testing.assert_allclose(
+        full.output.value[last, POSE], plain.output.value[last, POSE], rtol=1e-9, atol=1e-9
+    )
+    assert full.output.edge[last] == plain.output.edge[last]
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+def test_probabilities_sum_to_one_and_shares_too(mode: int):
+    full = look("full", mode)
+    assert full.past is not None
+    memory = full.past.memory
+    steps, nodes, links = memory.size.tolist()
+    first = memory.first_node[:steps]
+    for p in (memory.p, memory.smoothed):
+        np.testing.assert_allclose(np.add.reduceat(p[:nodes], first), 1.0, atol=1e-6)
+    after = int(memory.first_node[1])
+    share = np.add.reduceat(memory.share[:links], memory.first_link[after:nodes])
+    np.testing.assert_allclose(share, 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+def test_a_fixed_lag_looks_back_from_so_much_later(mode: int):
+    """Each epoch is what full smoothing of a drive that ends then makes of it."""
+    lagged, full = look(8, mode), look("full", mode)
+    assert lagged.past is not None
+    memory, time = lagged.past.memory, lagged.past.epochs.time
+    steps = int(memory.size[0])
+    checked = 0
+    for step in range(0, steps, max(steps // 6, 1)):
+        k = int(memory.epoch[step])
+        for later in memory.epoch[:steps][memory.time[:steps] >= memory.time[step] + 8.0][:8]:
+            short = look("full", mode, until=int(later) + 1).output
+            if np.allclose(short.value[k, POSE], lagged.output.value[k, POSE], atol=1e-9):
+                assert time[later] - time[k] <= 8.0 * 1.125 + 1.0 + 1e-6
+                checked += 1
+                break
+    assert checked >= 4
+    assert not np.allclose(lagged.output.value[:, POSE], full.output.value[:, POSE])
+
+
+@pytest.mark.parametrize("mode", [WHEELS, CLOCK])
+@pytest.mark.parametrize("lag", [5, "full"])
+def test_the_route_is_connected_and_ends_where_the_drive_does(lag: object, mode: int):
+    answer = look(lag, mode)
+    edges = [e for e in answer.route_edge.tolist() if e != OFF_ROAD]
+    for a, b in itertools.pairwise(edges):
+        assert joins(TOWN.arrays, a, b)
+    assert (np.diff(answer.route_time) >= 0.0).all()
+    assert len(edges) >= 5
+
+
+def test_looking_back_finds_the_truth_more_surely():
+    """Positions over some receivers: nearer, and as far off as said."""
+    squared, nees = np.zeros(2), np.zeros(2)
+    n = 0
+    for seed in range(6):
+        full = look("full", WHEELS, seed)
+        assert full.past is not None
+        for i, output in enumerate((full.past.filtered, full.output)):
+            v = output.value[50:]
+            error = np.column_stack([v[:, V_X] - TRUTH.x[50:], v[:, V_Y] - TRUTH.y[50:]])
+            cov = v[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2)
+            squared[i] += (error**2).sum()
+            nees[i] += np.einsum("ni,ni->", error, np.linalg.solve(cov, error[..., None])[..., 0])
+        n += len(v)
+    assert squared[1] < 0.9 * squared[0]
+    assert nees[1] / (2 * n) < 1.3
+    assert full.past is not None
+    assert full.past.decided_until() == pytest.approx(TRUTH.time[-1], abs=8.0)
+
+
+def fixes() -> list[GeoFix]:
+    rows = epochs(CLOCK)
+    lat, lon = PLANE.to_geodetic(rows.fix[:, 0], rows.fix[:, 1])
+    return [
+        GeoFix(float(t), float(a), float(o), 9.0, 0.0, 9.0)
+        for t, a, o in zip(rows.time, lat, lon, strict=True)
+    ]
+
+
+def test_on_line_a_lag_ago_is_the_drive_so_far_looked_back_over():
+    online = Localizer(TOWN, lag=10)
+    seen = fixes()
+    for k, fix in enumerate(seen):
+        now = online.update(fix)
+        lagged = online.lagged()
+        if k < 10:
+            assert lagged is None
+        if k % 13 != 12:
+            continue
+        rows = [online.roads.plane.from_geodetic(np.array([f.lat_deg]), np.array([f.lon_deg]))
+                for f in seen[: k + 1]]  # fmt: skip
+        drive = Epochs(*(a[: k + 1] for a in epochs(CLOCK)))
+        drive.fix[:, 0], drive.fix[:, 1] = np.array(rows)[:, 0, 0], np.array(rows)[:, 1, 0]
+        drive.fix[:, 2:4], drive.course_sigma[:] = 3.0, np.inf
+        batch = localize_recorded(TOWN, Timeline(drive, CLOCK, 0), lag=Lag.of("full"))
+        assert lagged is not None
+        at = int(np.argmin(np.abs(drive.time - lagged.time)))
+        value = batch.output.value[at]
+        assert lagged.time == pytest.approx(now.time - 10.0, abs=1.0)
+        assert [lagged.pose.x, lagged.pose.y] == pytest.approx(value[[V_X, V_Y]], abs=0.05)
+        assert lagged.p_road == pytest.approx(value[V_P], abs=0.02)
+    decided = online.decided_until
+    assert decided is not None
+    assert seen[-1].time - 30.0 < decided <= seen[-1].time
+
+
+def test_a_long_drive_on_line_stays_small():
+    online = Localizer(TOWN, lag=2)
+    start = fixes()
+    size = 0
+    for k in range(1200):
+        fix = start[min(k, 40)]
+        online.update(GeoFix(float(k), fix.lat_deg, fix.lon_deg, 9.0, 0.0, 9.0))
+        if k == 400:
+            size = len(online._past.memory.time)  # type: ignore[union-attr]
+    assert online._past is not None
+    assert len(online._past.memory.time) == size
+    assert online.lagged() is not None
+
+
+def test_lags_that_make_no_sense_are_refused():
+    for lag in (-1, "soon", "5km", True, float("nan")):
+        with pytest.raises(SettingError, match="lag is"):
+            Lag.of(lag)
+    for lag in ("full", "100m"):
+        with pytest.raises(SettingError, match="seconds"):
+            Localizer(TOWN, lag=lag)
+    with pytest.raises(SettingError, match="lag is None"):
+        Localizer(TOWN).lagged()
+    assert str(Lag.of("200m")) == "200m"
+    assert str(Lag.of(7)) == "7s"
+    assert str(Lag.of("full")) == "full"
+
+
+@given(seeds)
+def test_ways_have_the_probability_of_all_their_chains(seed: int):
+    memory = random_memory(seed, edges=3)
+    chains = all_chains(memory)
+    # every edge is followed by every other: two streets and a way round
+    roads = network([[[0, 0], [100, 0]], [[100, 0], [0, 0.1]], [[0, 0.1], [100, 0.1]]])
+    memory.smoothed[:] = memory.p
+    memory.tree[:] = -1
+    exact: dict[tuple[int, ...], float] = {}
+    for nodes, p in zip(chains.nodes, chains.p, strict=True):
+        edges = tuple(int(e) for e, _ in itertools.groupby(memory.edge[nodes]))
+        exact[edges] = exact.get(edges, 0.0) + p
+    everywhere = roads._replace(
+        succ=np.tile(np.arange(6, dtype=np.int32), 6),
+        succ_first=np.arange(0, 37, 6, dtype=np.int32),
+    )
+    first = memory.first_node[: memory.size[0]]
+    memory.smoothed[: first[-1]] *= 0.5  # nothing is sure before the end
+    parts = alternatives(memory, new_route(1), everywhere)
+    if len(parts) != 1:
+        return
+    for way in parts[0].ways:
+        assert way.p == pytest.approx(exact[way.edges], abs=2e-3)
+
+
+def test_routes_come_in_the_order_of_their_probability():
+    one = Alternative(0.0, 1.0, (Way(0.7, (0, 1, 2)), Way(0.3, (0, 5, 2))))
+    two = Alternative(3.0, 4.0, (Way(0.6, (2, 3)), Way(0.4, (2, 4, 3))))
+    routes = best_ways([one, two], 10)
+    assert [r.p for r in routes] == pytest.approx([0.42, 0.28, 0.18, 0.12])
+    assert routes[0].edges == (0, 1, 2, 3)
+    assert routes[3].edges == (0, 5, 2, 4, 3)
+    assert math.fsum(r.p for r in routes) == pytest.approx(1.0)
+
+
+def test_a_way_that_no_hypothesis_took_is_the_shortest():
+    arrays = TOWN.arrays
+    a = 0
+    after = arrays.succ[arrays.succ_first[a] : arrays.succ_first[a + 1]]
+    b = int(after[after != arrays.opposite[a]][0])
+    c = next(
+        int(e) for e in arrays.succ[arrays.succ_first[b] : arrays.succ_first[b + 1]]
+        if e != arrays.opposite[b] and not joins(arrays, a, int(e))
+    )  # fmt: skip
+    between = shortest(arrays, a, c)
+    assert between is not None
+    assert len(between) == 1
+    assert joins(arrays, between[-1], c)
+    assert shortest(arrays, a, b) == []
+
+
+def test_the_call_for_people_tells_lag_routes_and_alternatives(tmp_path):
+    (tmp_path / "town.osm").write_text(draw_town())
+    roads = whichroad.RoadMap.from_osm(tmp_path / "town.osm")
+    drive = whichroad.simulate_drive(roads, seed=1, length_m=1500.0)
+    plain = whichroad.match(drive.drive, roads, vehicle=drive.vehicle)
+    with pytest.raises(SettingError, match="no lag"):
+        plain.routes()
+    result = whichroad.match(drive.drive, roads, vehicle=drive.vehicle, lag="full")
+    assert result.summary["lag"] == "full"
+    assert "lag" not in plain.summary
+    routes = result.routes(2)
+    assert 0.0 < routes[0].p <= 1.0
+    assert all(joins(roads.arrays, a, b) for a, b in itertools.pairwise(routes[0].edges))
+    for part in result.alternatives:
+        assert len(part.ways) > 1
+        assert part.start <= part.end
+    with pytest.raises(SettingError, match="paper"):
+        whichroad.match(drive.drive, roads, model="paper", lag=5)
