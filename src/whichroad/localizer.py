@@ -21,7 +21,7 @@ from .core.belief import (
     new_belief,
     new_route,
 )
-from .core.drive import run
+from .core.drive import SPARSE, run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
 from .core.memory import enlarged, is_full, new_memory
 from .core.motion import arc_chord
@@ -171,7 +171,11 @@ def localize_recorded(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
-    return Recorded(smooth(past), *best_chain(memory, route, roads.arrays), told, past)
+    sparse = timeline.mode == CLOCK and float(np.median(np.diff(epochs.time))) > SPARSE
+    chain = (
+        heaviest_chain(route, belief) if sparse else best_chain(memory, route, roads.arrays)
+    )  # between fixes far apart a route is chosen as a whole, which epochs do not see
+    return Recorded(smooth(past), *chain, told, past)
 
 
 class Localizer:

@@ -45,7 +45,7 @@ _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matte
 _MOMENT = 0.1  # s, over which the odometer's speed is smoothed
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
 _BLIND = 500.0  # times more merging without a heading sensor
-_SPARSE = 2.5  # s; fixes farther apart are joined by routes
+SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
 
 
@@ -213,7 +213,7 @@ def run(
             and epochs.speed[k] < _STANDING
             and clock[SPEED] < 3.0 * _STANDING
         )
-        sparse = mode == CLOCK and fix and dt > _SPARSE and not begin and not stands
+        sparse = mode == CLOCK and fix and dt > SPARSE and not begin and not stands
         with_heading = mode == WHEELS
         changed = begin
         chi2 = 0.0
