@@ -12,7 +12,7 @@ from whichroad.cli.arguments import read_window
 from whichroad.errors import DriveError
 
 HEAVY = {"numpy", "numba", "pandas", "geopandas", "pyarrow", "shapely", "pyproj", "osmium"}
-HEAVY |= {"matplotlib", "can", "cantools", "rich"}
+HEAVY |= {"matplotlib", "can", "cantools", "rich", "starlette", "uvicorn", "websockets", "serial"}
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def run(monkeypatch, capsys):
     return call
 
 
-@pytest.mark.parametrize("command", [[], ["match"], ["map"], ["simulate"], ["warmup"]])
+@pytest.mark.parametrize("command", [[], ["match"], ["map"], ["simulate"], ["live"], ["warmup"]])
 def test_help_loads_nothing_that_takes_time(command):
     code = "import sys, whichroad.cli as c\ntry: c.main()\nfinally: print(*sys.modules)"
     done = subprocess.run(
