@@ -102,11 +102,6 @@ def test_a_field_without_roads_is_off_road_and_the_rest_goes_on():
     assert roads().attributes(int(last.edge_id), last.abscissa_m)["name"] == "Column 3"
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the ellipse of the slow error is smoothed over some seconds, and one wide fix makes "
-    "those after it wide too: the pose is up to 15 m off",
-)
 def test_a_point_is_worth_what_it_says_of_itself():
     table = drive()
     k = 22

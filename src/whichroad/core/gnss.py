@@ -44,6 +44,7 @@ _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its
 _MOST = 9.0  # the most that one fix may say of the scale, in units of what is expected
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
+_SPIKE = 9.0  # of the variance; more is no change of the receiver's, but of this fix
 _STEP = 0.97  # of the scale of slow errors
 
 
@@ -102,6 +103,11 @@ def gnss_root(
     begin = interval < 0.0
     if not begin:
         new = 1.0 - math.exp(-interval / smoothing)
+        wider = (xx + yy) / (_SPIKE * (clock[GNSS_XX] + clock[GNSS_YY]))
+        if wider > 1.0:  # one fix that knows that it is bad says little of those after it
+            xx /= wider
+            xy /= wider
+            yy /= wider
         xx = clock[GNSS_XX] + new * (xx - clock[GNSS_XX])
         xy = clock[GNSS_XY] + new * (xy - clock[GNSS_XY])
         yy = clock[GNSS_YY] + new * (yy - clock[GNSS_YY])
