@@ -2,6 +2,8 @@
 
 import time
 
+import numpy as np
+
 from whichroad import read_drive
 from whichroad.writers import write_table
 
@@ -34,15 +36,15 @@ def throughput(options: Options) -> list[Figure]:
         (drive,) = read_drive(here.folder / "rec", vehicle=here.vehicle)
         recorded = len(drive.fixes) + len(drive.odometry.time)
     taken = last - first
-    half = [one for one in memory if one[0] >= 0.5 * last] or memory[-1:]
-    growth = (memory[-1][1] - half[0][1]) / max(memory[-1][0] - half[0][0], 1) * 1e6
+    half = np.array([one for one in memory if one[0] >= 0.5 * last])
+    growth = float(np.polyfit(1e-6 * half[:, 0], half[:, 1], 1)[0]) if len(half) > 2 else 0.0
     return [
         Figure("observations a second", taken / (end - begin), ">= 20000", "1/s", taken),
         Figure("the same per second of processor time", taken / used, "", "1/s", taken),
         Figure("observations lost", float(sum(health["skipped"].values())), "<= 0", "", taken),
         Figure("recorded before kill -9", 100.0 * recorded / last, "", "%", last),
         Figure("resident memory", memory[-1][1], "", "MB", taken),
-        Figure("its growth in the second half", growth, "<= 2", "MB/million", taken),
+        Figure("its slope over the second half", growth, "<= 2", "MB/million", taken),
     ]
 
 
