@@ -2,11 +2,11 @@
 
 import math
 
-from ._jit import kernel
+from ._jit import Vector, kernel
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .network import Roads
 from .road import track
-from .routes import find_routes, goal_of
+from .routes import Search, find_routes, goal_of
 from .switching import Work
 
 SPEED_SIGMA = 5.0  # m/s, about the usual speed of the roads
@@ -21,6 +21,7 @@ _DETOUR = 4.0  # nats; a detour that nobody can avoid costs nothing up to this
 _EXCESS = 10.0  # m longer than the shortest way a route is likely to be,
 _EXCESS_RATE = 1.8  # m/s, and the more, the longer it took,
 _EXCESS_MOST = 120.0  # m, up to this
+_LABELS = 3000  # of one search
 _U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one-way
 
 
@@ -67,6 +68,61 @@ def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
 
 
 @kernel
+def _heaviest(waits: Vector, n: int) -> int:
+    """The hypothesis of the largest weight among those that wait."""
+    top = 0
+    for j in range(n):
+        if waits[j] > waits[top]:
+            top = j
+    return top
+
+
+@kernel
+def _u_turn_cost(roads: Roads, edge: int) -> float:
+    """Nats of turning round on an edge."""
+    other = roads.opposite[edge]
+    if other < 0:
+        return math.inf
+    return 2.0 * _U_TURN if roads.rule[other] else _U_TURN
+
+
+@kernel
+def _haste_cost(went: float, dt: float, usual: float, rate: float, straight: float) -> float:
+    """Nats of a route that is longer than anybody drives in that time."""
+    speed = max(1.3 * usual / USUAL, 1.3 * rate, _FAST, 1.15 * straight / max(dt, 1.0))
+    over = max(went / max(dt, 1.0) / speed - 1.0, 0.0)
+    return 0.5 * (over / _FASTER) ** 2
+
+
+@kernel
+def _note(
+    search: Search, pairs: int, i: int, label: int, goal: int, score: float, cost: float
+) -> int:
+    """Write down one pair of a hypothesis and a road, while there is room."""
+    if pairs >= len(search.pair_score):
+        return pairs
+    search.pair_source[pairs] = i
+    search.pair_label[pairs] = label
+    search.pair_goal[pairs] = goal
+    search.pair_score[pairs] = score
+    search.pair_cost[pairs] = cost
+    return pairs + 1
+
+
+@kernel
+def _keep(search: Search, pairs: int, least: float, cheapest: float) -> int:
+    """Drop the pairs below a score; what even the cheapest costs is no one's."""
+    kept = 0
+    for p in range(pairs):
+        if search.pair_score[p] >= least:
+            kept = _note(
+                search, kept, search.pair_source[p], search.pair_label[p], search.pair_goal[p],
+                search.pair_score[p], search.pair_cost[p] - cheapest,
+            )  # fmt: skip
+    return kept
+
+
+@kernel
 def choose_legs(
     belief: Belief, roads: Roads, work: Work, found: int, scale: float,
     x: float, y: float, radius: float, sigma: float, dt: float,
@@ -94,97 +150,55 @@ def choose_legs(
     best = -math.inf
     cheapest = _DETOUR
     _, old, far, _ = spread_of(dt)
+    per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _EXCESS_MOST))
     n = belief.size[0]
     waits = belief.scratch[0]
     for i in range(n):
         waits[i] = -math.inf if belief.edge[i] == OFF_ROAD else belief.log_weight[i]
-    while True:
-        i = 0  # the heaviest that waits
-        for j in range(n):
-            if waits[j] > waits[i]:
-                i = j
-        if n == 0 or waits[i] < best - _WORTH or waits[i] == -math.inf:
+    while n > 0:
+        i = _heaviest(waits, n)
+        if waits[i] < best - _WORTH or waits[i] == -math.inf:
             break
         waits[i] = -math.inf
         edge = belief.edge[i]
         _, tx, ty = track(belief, roads, i, scale)
         s = min(max(belief.abscissa[i], 0.0), roads.length[edge])
         variance = variance_along(belief, i, tx, ty, old, far)
-        spread = math.sqrt(variance)
         rate = belief.mean[i, K]
         straight = math.hypot(belief.mean[i, X] - x, belief.mean[i, Y] - y) / scale
-        per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _EXCESS_MOST))
-        longest = (
-            max(
-                old * rate + 1.3 * float(roads.speed[edge]) * (dt - old) + 4.0 * spread,
-                1.5 * straight,
-            )
-            + 100.0
-        )
-        u_turn = math.inf
-        if roads.opposite[edge] >= 0:
-            u_turn = _U_TURN
-            if roads.rule[roads.opposite[edge]]:
-                u_turn = 2.0 * _U_TURN
-        stay = goal_of(search, work.near_edge, edge)
+        reach = old * rate + 1.3 * float(roads.speed[edge]) * (dt - old)
+        longest = max(reach + 4.0 * math.sqrt(variance), 1.5 * straight) + 100.0
         floor = belief.log_weight[i] - 0.5 * math.log(variance + sigma * sigma)
-        limit = floor + per_metre * straight - best + _WORTH
         hits = find_routes(
-            roads, search, work.near_edge, edge, s, x, y, radius * scale, per_metre, u_turn,
-            longest, limit, _WORTH, 3000,
+            roads, search, work.near_edge, edge, s, x, y, radius * scale, per_metre,
+            _u_turn_cost(roads, edge), longest, floor + per_metre * straight - best + _WORTH,
+            _WORTH, _LABELS,
         )  # fmt: skip
-        for h in range(-1, hits):
-            label = -1
-            cost = 0.0
-            length = -s
-            usual = USUAL * float(roads.speed[edge])
-            if h < 0:
-                if stay < 0:
-                    continue
-                goal = stay
-            else:
-                label = search.hit[h]
-                goal = goal_of(search, work.near_edge, search.edge[label])
-                cost = search.cost[label]
-                length = search.length[label]
-                usual = usual_speed(roads, length, search.time[label], search.edge[label])
+        for h in range(-1, hits):  # -1: on along the edge
+            label = search.hit[h] if h >= 0 else -1
+            goal = goal_of(search, work.near_edge, search.edge[label] if h >= 0 else edge)
+            if goal < 0:
+                continue
             to = work.near_s[goal]
+            if h < 0:
+                length = -s
+                cost = per_metre * max(to - s, 0.0)
+                usual = USUAL * float(roads.speed[edge])
+            else:
+                length = search.length[label]
+                cost = search.cost[label] + per_metre * max(to, 0.0)
+                usual = usual_speed(roads, length, search.time[label], search.edge[label])
             went = length + to
             if went < -4.0 * sigma:
                 continue
-            cost += per_metre * (max(to, 0.0) if h >= 0 else max(to - s, 0.0))
             cost -= per_metre * straight
             cheapest = min(cheapest, cost)
-            fast = (
-                went
-                / max(dt, 1.0)
-                / max(1.3 * usual / USUAL, 1.3 * rate, _FAST, 1.15 * straight / max(dt, 1.0))
-            )
-            if fast > 1.0:  # nobody drives that fast
-                cost += 0.5 * ((fast - 1.0) / _FASTER) ** 2
+            cost += _haste_cost(went, dt, usual, rate, straight)
             off = went - usual * (dt - old) - rate * old
             wide = heavy_tail(variance, off, sigma) + sigma * sigma
-            score = (
-                belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
-                - 0.5 * (work.near_distance[goal] / sigma) ** 2
-            )  # fmt: skip
-            if score < best - _WORTH or pairs >= len(search.pair_score):
-                continue
-            best = max(best, score)
-            search.pair_source[pairs] = i
-            search.pair_label[pairs] = label
-            search.pair_goal[pairs] = goal
-            search.pair_score[pairs] = score
-            search.pair_cost[pairs] = cost
-            pairs += 1
-    kept = 0
-    for p in range(pairs):
-        if search.pair_score[p] < best - _WORTH:
-            continue
-        search.pair_source[kept] = search.pair_source[p]
-        search.pair_label[kept] = search.pair_label[p]
-        search.pair_goal[kept] = search.pair_goal[p]
-        search.pair_score[kept] = search.pair_score[p]
-        search.pair_cost[kept] = search.pair_cost[p] - cheapest
-        kept += 1
-    return kept
+            score = belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
+            score -= 0.5 * (work.near_distance[goal] / sigma) ** 2
+            if score >= best - _WORTH:
+                best = max(best, score)
+                pairs = _note(search, pairs, i, label, goal, score, cost)
+    return _keep(search, pairs, best - _WORTH, cheapest)
