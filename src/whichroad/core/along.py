@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import kernel
+from ._jit import Vector, kernel
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -10,6 +10,7 @@ from .belief import (
     MY,
     OFF_ROAD,
     Belief,
+    H,
     K,
     N,
     Route,
@@ -164,3 +165,31 @@ def advance_along(
             scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
         )  # fmt: skip
     return changed
+
+
+@kernel
+def forward_only(belief: Belief, row: Vector, scale: float) -> None:
+    """Without odometry a vehicle drives forwards.
+
+    The speed is cut to what is above −0.5 m/s, and the hypothesis weighed by how much
+    that was.  Off the roads a negative speed is first told as the other heading.
+    """
+    for i in range(belief.size[0]):
+        mean = belief.mean[i]
+        cov = belief.cov[i]
+        if belief.edge[i] == OFF_ROAD and mean[K] < -0.5:
+            mean[K] = -mean[K]
+            mean[H] = wrap(mean[H] + math.pi)
+            for j in range(N):
+                cov[K, j] = -cov[K, j]
+            for j in range(N):
+                cov[j, K] = -cov[j, K]
+        sigma = math.sqrt(cov[K, K])
+        z = (mean[K] + 0.5) / sigma
+        if z < 2.5:
+            belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
+            cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
+            for j in range(N):
+                row[j] = 0.0
+            row[K] = 1.0
+            reshape_along(mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale)

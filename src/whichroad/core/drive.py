@@ -3,7 +3,7 @@
 import math
 
 from ._jit import Vector, kernel
-from .along import advance_along
+from .along import advance_along, forward_only
 from .belief import (
     MISFITS,
     MOVING,
@@ -27,7 +27,6 @@ from .belief import (
 )
 from .epoch import CLOCK, WHEELS, Epochs
 from .fixes import begin_at, stand, take_fix
-from .gnss import forward_only
 from .memory import GNSS_AGED, JUMPED, MAP_AGED, Memory, is_full, note_motion, remember
 from .motion import arc_chord, predict_free
 from .network import Roads

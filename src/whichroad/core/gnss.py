@@ -15,7 +15,6 @@ from .belief import (
     GNSS_YY,
     GX,
     GY,
-    OFF_ROAD,
     QUICK_SCALE,
     SLOW_SCALE,
     STOOD,
@@ -34,9 +33,6 @@ from .belief import (
 from .gaussian import (
     condition,
     innovation_variance,
-    normal_cdf,
-    reshape_along,
-    truncated_moments,
 )
 from .motion import age_gnss
 
@@ -376,31 +372,3 @@ def observe_rate(
     for i in range(belief.size[0]):
         nu = speed - odometer_speed * belief.mean[i, K]
         belief.log_weight[i] += condition(belief.mean[i], belief.cov[i], row, nu, variance, scale)
-
-
-@kernel
-def forward_only(belief: Belief, row: Vector, scale: float) -> None:
-    """Without odometry a vehicle drives forwards.
-
-    The speed is cut to what is above −0.5 m/s, and the hypothesis weighed by how much
-    that was.  Off the roads a negative speed is first told as the other heading.
-    """
-    for i in range(belief.size[0]):
-        mean = belief.mean[i]
-        cov = belief.cov[i]
-        if belief.edge[i] == OFF_ROAD and mean[K] < -0.5:
-            mean[K] = -mean[K]
-            mean[H] = wrap(mean[H] + math.pi)
-            for j in range(N):
-                cov[K, j] = -cov[K, j]
-            for j in range(N):
-                cov[j, K] = -cov[j, K]
-        sigma = math.sqrt(cov[K, K])
-        z = (mean[K] + 0.5) / sigma
-        if z < 2.5:
-            belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
-            cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
-            for j in range(N):
-                row[j] = 0.0
-            row[K] = 1.0
-            reshape_along(mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale)

@@ -31,7 +31,7 @@ from .belief import (
     normalise,
 )
 from .epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from .gnss import forward_only, observe_fix, observe_state
+from .gnss import observe_fix, observe_state
 from .grid import near, vertex_at
 from .motion import predict_free
 from .network import Roads
