@@ -13,6 +13,7 @@ after fixes that fit nothing for long.
 import math
 
 from ._jit import Vector, kernel
+from .along import forward_only
 from .angles import wrap
 from .belief import (
     LAST_FIX,
