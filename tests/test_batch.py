@@ -9,9 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import whichroad
-from whichroad import columns
-from whichroad.batch import Tables, match_many, match_stream
+from whichroad import columns, parcel
+from whichroad.batch import match_many, match_stream
 from whichroad.frames import Plane
+from whichroad.localizer import localize_recorded
+from whichroad.parcel import Tables
 from whichroad.readers import trips
 from whichroad.tables import ATTRIBUTES, DRIVES, PATH, POINTS
 
@@ -120,28 +122,24 @@ def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
 
 
 def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatch):
-    from whichroad import batch
-
-    def match(drive, *args, **kwargs):
-        if drive.drive_id == "car 2":
+    def localize(roads, timeline, **more):
+        if timeline.epochs.time[0] == 1.6e9 + 100:
             raise ZeroDivisionError("oops")
-        return whichroad.match(drive, *args, **kwargs)
+        return localize_recorded(roads, timeline, **more)
 
-    monkeypatch.setattr(batch, "match", match)
+    monkeypatch.setattr(parcel, "localize_recorded", localize)
     rows = match_many(fleet, roads).drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 2 for i in range(7)]
     assert "ZeroDivisionError: oops" in rows[2]["reason"]
 
 
 def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatch):
-    from whichroad import batch
-
     def path_table(names, *args):
         if "car 3" in names:
             raise ZeroDivisionError("oops")
         return columns.path_table(names, *args)
 
-    monkeypatch.setattr(batch, "path_table", path_table)
+    monkeypatch.setattr(parcel, "path_table", path_table)
     many = match_many(fleet, roads)
     rows = many.drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 3 for i in range(7)]

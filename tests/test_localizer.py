@@ -1,13 +1,14 @@
 """The on-line filter: what it says is what the recorded drive gives, and it refuses openly."""
 
 import math
+import threading
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from scenes import Town, Truth, drive_along, gnss, network
-from whichroad import localizer, ways
+from whichroad import localizer, scratch, ways
 from whichroad.core.belief import Route, new_route
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
 from whichroad.epochs import build_timeline
@@ -149,7 +150,8 @@ def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a
         trees.append(new_route(2100))
         return trees[-1]
 
-    monkeypatch.setattr(localizer, "new_route", small_tree)
+    monkeypatch.setattr(scratch, "_free", threading.local())
+    monkeypatch.setattr(scratch, "new_route", small_tree)
     monkeypatch.setattr(ways, "new_route", small_tree)
     cut = localize_recorded(TOWN, timeline, vehicle=CAR)
     assert len(trees) > 2

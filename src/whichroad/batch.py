@@ -8,35 +8,19 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-import pyarrow as pa
-
-from .columns import path_table, points_table
-from .core.epoch import Epochs
-from .core.output import Output
-from .errors import SettingError, WhichroadError
-from .readers import drive_from_table, read_vehicle
+from .errors import SettingError
+from .parcel import Job, Tables, joined
+from .readers import read_vehicle
 from .readers.trips import Parcel, parcels
-from .records import Drive
-from .result import Result
 from .roadmap import RoadMap
-from .session import match, open_map
+from .session import open_map
 from .settings import Settings, Vehicle
-from .tables import ATTRIBUTES, DRIVES, PATH, POINTS
+from .smoother import Lag
 
 Progress = Callable[[str, int, int], None]
-
-
-class Tables(NamedTuple):
-    """What many trips say."""
-
-    points: pa.Table  # one row per epoch, `tables.POINTS`
-    path: pa.Table  # one row per edge driven, `tables.PATH`
-    drives: pa.Table  # one row per trip, `tables.DRIVES`, also where there is no answer
 
 
 def match_many(
@@ -83,7 +67,7 @@ def match_many(
             attributes=attributes, threads=threads, progress=progress,
         )
     )  # fmt: skip
-    return _joined(parts)
+    return joined(parts)
 
 
 def match_stream(
@@ -111,7 +95,7 @@ def match_stream(
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     workers = threads or _cores()
-    job = _Job(open_map(roads), vehicle, settings, lag, attributes)
+    job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes)
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         for tables in _in_order(pool, job.tables, parcels(table, drive_id), 2 * workers):
@@ -119,13 +103,6 @@ def match_stream(
             if progress:
                 progress("trips", done, 0)
             yield tables
-
-
-def _joined(parts: list[Tables]) -> Tables:
-    """Tables one behind the other."""
-    if not parts:
-        return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
-    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
 
 
 def _in_order(
@@ -153,91 +130,3 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-class _Job(NamedTuple):
-    """What all trips share."""
-
-    roads: RoadMap
-    vehicle: Vehicle | None
-    settings: Settings | None
-    lag: Any
-    attributes: bool
-
-    def tables(self, parcel: Parcel) -> Tables:
-        """The answers to the trips of a parcel."""
-        answers = [
-            (name, self._answer(name, parcel.table.slice(low, high - low)))
-            for name, (low, high) in zip(parcel.names, pairwise(parcel.first), strict=True)
-        ]
-        try:
-            return self._together(answers)
-        except Exception:  # find out which trip's tables cannot be made
-            return _joined([self._alone(name, answer) for name, answer in answers])
-
-    def _alone(self, name: str, answer: Result | str) -> Tables:
-        try:
-            return self._together([(name, answer)])
-        except Exception as error:
-            return self._together([(name, _unexpected(error))])
-
-    def _together(self, answers: list[tuple[str, Result | str]]) -> Tables:
-        """The tables of some trips, each made at once."""
-        rows = [_failed(n, a) if isinstance(a, str) else _row(n, a) for n, a in answers]
-        drives = pa.Table.from_pylist(rows, DRIVES)
-        found = [(n, a.answered) for n, a in answers if isinstance(a, Result) and a.answered]
-        if not found:
-            columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
-            return Tables(columns.empty_table(), PATH.empty_table(), drives)
-        names, parts = [n for n, _ in found], [a for _, a in found]
-        epochs = Epochs._make(map(np.concatenate, zip(*(a.epochs for a in parts), strict=True)))
-        output = Output._make(map(np.concatenate, zip(*(a.output for a in parts), strict=True)))
-        first = np.cumsum([0, *(len(a.epochs.time) for a in parts)])[:-1].tolist()
-        points = points_table(
-            names, epochs, output, self.roads, attributes=self.attributes, first=first
-        )
-        return Tables(points, path_table(names, [a.way() for a in parts], self.roads), drives)
-
-    def _answer(self, name: str, rows: pa.Table) -> Result | str:
-        """The answer to one trip, or why there is none."""
-        if not name:
-            return f"{rows.num_rows:,} rows name no trip; a drive_id in each was expected"
-        try:
-            drives = drive_from_table(rows, vehicle=self.vehicle, settings=self.settings)
-            return self._matched(drives[0])
-        except SettingError:
-            raise  # it is the caller's, not the trip's
-        except WhichroadError as error:
-            return str(error)
-        except Exception as error:  # one trip's trouble is not the others'
-            return _unexpected(error)
-
-    def _matched(self, drive: Drive) -> Result:
-        return match(
-            drive, self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
-            attributes=self.attributes,
-        )  # fmt: skip
-
-
-def _unexpected(error: Exception) -> str:
-    return f"this should not happen ({type(error).__name__}: {error}); please report it"
-
-
-def _failed(name: str, reason: str) -> dict[str, Any]:
-    return {"drive_id": name, "answered": False, "reason": reason, "epochs": 0, "fixes": 0,
-            "epochs_without_answer": 0}  # fmt: skip
-
-
-def _row(name: str, result: Result) -> dict[str, Any]:
-    """A trip's summary as a row of `tables.DRIVES`."""
-    told = result.summary
-    answered = told["epochs_without_answer"] < told["epochs"]
-    row = {field: told.get(field) for field in DRIVES.names}
-    row |= {
-        "drive_id": name,
-        "answered": answered,
-        "reason": None if answered else "no epoch could be answered",
-        "skipped": list(told["skipped"].items()),
-        "notes": list(told["notes"]),
-    }
-    return row

@@ -284,24 +284,36 @@ def _rule_names(bits: int) -> str | None:
     return ",".join(name for bit, name in _RULES if bits & bit) or None
 
 
+def figures_of(epochs: Epochs, output: Output, way: Traversals) -> dict[str, Any]:
+    """What `tables.DRIVES` tells of a drive in numbers."""
+    n = len(epochs.time)
+    known = output.live > 0
+    answered = int(np.count_nonzero(known))
+    rows = slice(None) if answered == n else known
+    return {
+        "epochs": n,
+        "fixes": int(np.count_nonzero(epochs.has_fix)),
+        "epochs_without_answer": n - answered,
+        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
+        "path_m": float(np.sum(np.abs(way.exit_m - way.enter_m))),
+        "edges": len(way.edge),
+        "gaps": int(np.count_nonzero(way.gap)),
+        "mean_p_road": _mean(output.value[rows, V_P]),
+        "mean_p_off_road": _mean(output.value[rows, V_OFF]),
+    }
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(values.mean()) if len(values) else 0.0
+
+
 def summary_of(epochs: Epochs, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
     """The drive in numbers, for people and for JSON."""
     n = len(epochs.time)
-    known = output.live > 0
     shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
-    length = float(np.sum(np.abs(way.exit_m - way.enter_m)))
-    return {
-        "epochs": n,
-        "fixes": int(epochs.has_fix.sum()),
+    return figures_of(epochs, output, way) | {
         "fixes_masked": masked,
-        "epochs_without_answer": int((~known).sum()),
-        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
-        "path_m": length,
-        "edges": len(way.edge),
-        "gaps": int(way.gap.sum()),
-        "mean_p_road": float(output.value[known, V_P].mean()) if known.any() else 0.0,
-        "mean_p_off_road": float(output.value[known, V_OFF].mean()) if known.any() else 0.0,
-        "mean_live_hypotheses": float(output.live[known].mean()) if known.any() else 0.0,
+        "mean_live_hypotheses": _mean(output.live[output.live > 0]),
         "status": {k: v for k, v in shares.items() if v > 0},
         "off_road_epochs": int((output.alt_edge[:, 0] == OFF_ROAD).sum()),
     }

@@ -7,6 +7,7 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from .core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from .errors import DriveError
 from .frames import Plane
-from .records import Array, Drive
+from .records import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
@@ -102,6 +103,36 @@ def build_timeline(
         mode,
         masked,
     )  # fmt: skip
+
+
+def timelines_of(fixes: Fixes, first: Sequence[int], plane: Plane) -> list[Timeline | None]:
+    """Timelines of drives that are fixes alone, made at once.
+
+    Args:
+        fixes: (n,) of the drives, one behind the other, each in the order of time.
+        first: (d,) the row at which each begins.
+        plane: The map's plane.
+
+    Returns:
+        What `build_timeline` gives for each drive; None where fixes are too close to be
+        epochs of their own.
+    """
+    n = len(fixes)
+    if not n:
+        return []
+    apart = np.diff(fixes.time, prepend=-np.inf) > _SAME
+    apart[first] = True
+    good = np.logical_and.reduceat(apart, first)
+    still, ones = np.zeros(n), np.ones(n, np.uint8)
+    fix, course, course_sigma = fix_rows(fixes, plane)
+    epochs = Epochs(
+        fixes.time, still, still, still, still, np.zeros(n, np.uint8), ones, fix,
+        fixes.speed, fixes.sigma_speed, course, course_sigma,
+    )  # fmt: skip
+    return [
+        Timeline(Epochs._make([column[low:high] for column in epochs]), CLOCK, 0) if own else None
+        for own, (low, high) in zip(good, pairwise([*first, n]), strict=True)
+    ]
 
 
 def _nearest(time: Array, wanted: Array) -> NDArray[np.int64]:

@@ -18,6 +18,7 @@ from .core.belief import (
     STARTED,
     Belief,
     H,
+    Route,
     new_belief,
     new_route,
 )
@@ -58,6 +59,7 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
+from .scratch import Scratch
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
@@ -137,7 +139,8 @@ def localize_recorded(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
             'give start=(lat, lon, bearing), or start="map" where both wheels were recorded'
         )
-    belief, work, route = new_belief(lag is not None), new_work(), new_route(1 << 15)
+    scratch = Scratch.taken()
+    belief, work, route = scratch.renewed(lag is not None)
     memory = new_memory(0 if lag is None else 1 << 8)
     output = new_output(n, poses)
     done = 0
@@ -165,15 +168,19 @@ def localize_recorded(
         if progress is not None:
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
+    heaviest = heaviest_chain(route, belief)
+    if lag is not None:  # the tree goes on being looked into
+        route = Route._make(a[: max(int(route.size[0]), 1)].copy() for a in route)
+    scratch.give_back()
     if lag is None or not memory.size[0]:
-        return Recorded(output, *heaviest_chain(route, belief), told)
+        return Recorded(output, *heaviest, told)
     past = Past(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
     sparse = timeline.mode == CLOCK and float(np.median(np.diff(epochs.time))) > SPARSE
     chain = (
-        heaviest_chain(route, belief) if sparse else best_chain(memory, route, roads.arrays)
+        heaviest if sparse else best_chain(memory, route, roads.arrays)
     )  # between fixes far apart a route is chosen as a whole, which epochs do not see
     return Recorded(smooth(past), *chain, told, past)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from .columns import path_table, points_table, summary_of
 from .core.belief import NO_EDGE, OFF_ROAD
@@ -24,7 +25,7 @@ from .errors import DriveError, MapError, SettingError
 from .literal import localize_literal
 from .localizer import Recorded, localize_recorded
 from .readers import drive_from_table, read_drive, read_vehicle
-from .records import Drive, StartPose
+from .records import Array, Drive, Fixes, StartPose
 from .result import Answered, Result
 from .roadmap import RoadMap
 from .route import Traversals, traversals
@@ -84,7 +85,7 @@ def _seconds(value: Any) -> float:
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 
-def _tuned(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
+def tuned_by(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
     """The settings with what the vehicle's `[noise]` overrides."""
     settings = settings or Settings()
     return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
@@ -150,7 +151,7 @@ def match(
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     road_map = open_map(roads)
-    tuned = _tuned(settings, vehicle)
+    tuned = tuned_by(settings, vehicle)
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
     parts: list[Result] = []
     failed: list[str] = []
@@ -180,8 +181,7 @@ def _match_one(
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
     hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
 ) -> Result:  # fmt: skip
-    _check_distance(drive, roads)
-    timeline = build_timeline(drive, roads.plane, vehicle, mask)
+    timeline = timeline_of(drive, roads, vehicle, mask)
     n = len(timeline.epochs.time)
     localize: Callable[..., Recorded] = (
         localize_literal if model == "paper" else partial(localize_recorded, lag=lag)
@@ -229,12 +229,33 @@ def _looked_back(recorded: Recorded) -> dict[str, Any]:
     return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
 
 
-def _check_distance(drive: Drive, roads: RoadMap) -> None:
+def timeline_of(
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = ()
+) -> Timeline:
+    """A drive in epochs.
+
+    Raises:
+        MapError: It is nowhere near the map.
+        DriveError: There is neither a fix nor odometry.
+    """
+    if drive.fixes is not None and len(drive.fixes):
+        _check_distance(drive.drive_id, drive.fixes, roads)
+    return build_timeline(drive, roads.plane, vehicle, mask)
+
+
+def are_near(fixes: Fixes, roads: RoadMap) -> NDArray[np.bool_]:
+    """Whether each of (n,) fixes is not too far from the map for its drive to be matched."""
+    return np.asarray(_away(fixes, roads) <= _FAR)
+
+
+def _away(fixes: Fixes, roads: RoadMap) -> Array:
+    """Metres from the circle around the map, negative inside, (n,)."""
+    return np.asarray(_ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - roads.reach)
+
+
+def _check_distance(name: str, fixes: Fixes, roads: RoadMap) -> None:
     """Refuse a drive that is wholly off the map, with the distance and a hint."""
-    fixes = drive.fixes
-    if fixes is None or not len(fixes):
-        return
-    away = _ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - roads.reach
+    away = _away(fixes, roads)
     nearest = int(np.argmin(away))
     if away[nearest] <= _FAR:
         return
@@ -244,7 +265,7 @@ def _check_distance(drive: Drive, roads: RoadMap) -> None:
     )
     hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
     raise MapError(
-        f"{drive.drive_id}: position lat {lat:.4f}, lon {lon:.4f} is "
+        f"{name}: position lat {lat:.4f}, lon {lon:.4f} is "
         f"{away[nearest] / 1000:,.0f} km from the map; {hint}"
     )
 

@@ -18,7 +18,7 @@ _NUMBER = "unparsable number"
 _TIME = "unparsable time"
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # A bare number of seconds since 1970 stays below 1e11 until the year 5138.
-_LARGEST = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
+LARGEST = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
 
 
 def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
@@ -111,7 +111,7 @@ def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipp
         return values
     middle = (len(sizes) - 1) // 2
     size = float(np.partition(sizes, middle)[middle])
-    return values * next(factor for largest, factor in _LARGEST if size < largest)
+    return values * next(factor for largest, factor in LARGEST if size < largest)
 
 
 def _nullable(column: "pa.ChunkedArray") -> Array:

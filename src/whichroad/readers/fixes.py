@@ -102,11 +102,13 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
         skipped: Where to count.
     """
     lat, lon = reported.lat_deg, reported.lon_deg
-    possible = np.isfinite(reported.time)
-    # receivers without a fix write 0, 0: in the Gulf of Guinea there is no road
-    possible &= (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & ((lat != 0) | (lon != 0))
+    possible = np.isfinite(reported.time) & is_place(lat, lon)
     r = reported.rows(np.flatnonzero(keep(possible, IMPOSSIBLE, skipped)))
-    r = r.rows(in_order(r.time, skipped))
+    return completed(r.rows(in_order(r.time, skipped)), settings, skipped)
+
+
+def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
+    """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked."""
     cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
     speed, sigma_speed = _or_unknown(r.speed, r.sigma_speed, len(r.time))
     bearing, sigma_bearing = _course(r.bearing_deg, speed, sigma_speed)
@@ -123,6 +125,13 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
         sigma_bearing_deg=sigma_bearing,
         flags=flags,
     )
+
+
+def is_place(lat: Array, lon: Array) -> Bools:
+    """Whether degrees (n,) can be where a vehicle is."""
+    # receivers without a fix write 0, 0: in the Gulf of Guinea there is no road
+    possible: Bools = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & ((lat != 0) | (lon != 0))
+    return possible
 
 
 def _column(values: Array | None, n: int) -> Array:

@@ -40,11 +40,12 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
             own.pop("speed", None)
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: there is no speed to tell whether they mean anything")
-        fixes = make_fixes(_reported(own), settings, skipped)
+        fixes = make_fixes(reported(own), settings, skipped)
     return Drive("", fixes, odometry, notes=tuple(notes))
 
 
-def _reported(columns: Columns) -> Reported:
+def reported(columns: Columns) -> Reported:
+    """What columns of fixes say, by the most exact of their covariances."""
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is counted as no covariance
         ee, en, nn = _covariance(columns)
     return Reported(
