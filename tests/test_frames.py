@@ -113,7 +113,8 @@ def test_a_scalar_gives_what_an_array_gives(origin, x, y, heading):
     plane = Plane(*origin)
     xs, ys, headings = (np.array([value]) for value in (x, y, heading))
     lat, lon, bearing = plane.pose(x, y, heading)
-    assert [lat, lon, bearing] == [float(a[0]) for a in plane.pose(xs, ys, headings)]
+    series = [float(a[0]) for a in plane.pose(xs, ys, headings)]  # the scalar iterates
+    assert series == pytest.approx([lat, lon, bearing], rel=1e-15, abs=1e-13)
     back = plane.from_geodetic(np.array([lat]), np.array([lon]))
     assert plane.from_geodetic(lat, lon) == tuple(float(a[0]) for a in back)
     assert plane.convergence(x, y) == plane.convergence(xs, ys)[0]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from .core.output import (
     V_YY,
     Output,
 )
-from .reasons import RECENT, STATUS, far_off, reason
+from .reasons import COUNTS, RECENT, STATUS, far_off, reason, title
 from .records import Array
 from .roadmap import RoadMap
 from .route import Traversals
@@ -179,35 +179,38 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[in
     away = np.rint(_disbelieved(epochs, output, begins))
     scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
     scale[away > 0.0] = 0.0
-    key = (1e3 * away + scale) * 20.0 + 2.0 * status + (output.live > 0)
-    key = np.where(status == AMBIGUOUS, -1.0 - np.arange(n), key)  # the roads that compete
+    vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
+    key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
     _, first, at = np.unique(key, return_index=True, return_inverse=True)
-
-    @cache
-    def name(edge: int) -> str | None:
-        return roads.name(edge)
-
     texts = [
         reason(
-            STATUS[status[k]],
-            roads=shares,
-            name=name,
+            "on_road" if vie[k] else STATUS[status[k]],
             disbelieved=away[k],
             scale=0.1 * scale[k],
             answered=output.live[k] > 0,
         )
-        for k, shares in zip(first, _shares(output, first), strict=True)
+        for k in first
     ]
+    rows = np.flatnonzero(vie)
+    words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
+    also = [texts[k] for k in at[rows].tolist()]
+    at[rows] = len(texts) + np.arange(len(rows))
+    texts += [f"{w}; {more}" if more else w for w, more in zip(words, also, strict=True)]
     return pa.array(texts, pa.string()).take(pa.array(at))
 
 
-def _shares(output: Output, rows: NDArray[Any]) -> list[list[tuple[int, float]]]:
-    """The alternatives of some epochs and their P."""
-    edges, chances = output.alt_edge[rows].tolist(), output.alt_p[rows].tolist()
-    return [
-        [(edge, p) for edge, p in zip(*pair, strict=True) if edge != NO_EDGE]
-        for pair in zip(edges, chances, strict=True)
-    ]
+def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> list[str]:
+    """`reasons.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
+    row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
+    edge, which = np.unique(edges[row, rank], return_inverse=True)
+    names = dict(zip(edge.tolist(), roads.names(np.maximum(edge, 0)), strict=True))
+    titles = [title(e, names.__getitem__) for e in names]
+    cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
+    share, which = np.unique(which * 128 + cents, return_inverse=True)
+    words = [f"{titles[k >> 7]} ({0.01 * (k & 127):.2f})" for k in share.tolist()]
+    said = [words[k] for k in which.tolist()]
+    ends = np.searchsorted(row, np.arange(len(edges) + 1)).tolist()
+    return [" or ".join(said[low:high]) for low, high in pairwise(ends)]
 
 
 def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:

@@ -74,10 +74,8 @@ class Plane:
         if isinstance(x, float) and isinstance(y, float):
             lat, lon = geodesy.to_geodetic(self.sphere, x, y)
             return math.degrees(lat), math.degrees(lon)
-        east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        lats, lons = np.empty(east.shape), np.empty(east.shape)
-        geodesy.to_geodetic_all(
-            self.sphere, east.ravel(), north.ravel(), lats.ravel(), lons.ravel()
+        lats, lons = _geodetic(
+            self.sphere, np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         )
         return _as_given(np.degrees(lats)), _as_given(np.degrees(lons))
 
@@ -143,6 +141,45 @@ class Plane:
             return math.degrees(lat_rad), math.degrees(lon_rad), bearing % 360.0
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
+
+
+_N = geodesy.FLATTENING / (2.0 - geodesy.FLATTENING)
+# geodetic less conformal latitude χ as a sum of sines of 2χ, 4χ, ...: powers of _N from the
+# first, the second, ... on
+_SINES = (
+    (2.0, -2 / 3, -2.0, 116 / 45, 26 / 45, -2854 / 675),
+    (7 / 3, -8 / 5, -227 / 45, 2704 / 315, 2323 / 945),
+    (56 / 15, -136 / 35, -1262 / 105, 73814 / 2835),
+    (4279 / 630, -332 / 35, -399572 / 14175),
+    (4174 / 315, -144838 / 6237),
+    (601676 / 22275,),
+)
+_SERIES = tuple(
+    math.fsum(c * _N ** (k + j) for j, c in enumerate(row)) for k, row in enumerate(_SINES, 1)
+)
+
+
+def _geodetic(sphere: geodesy.Sphere, x: Array, y: Array) -> tuple[Array, Array]:
+    """`geodesy.to_geodetic` of many points, radians, to within some nanometres.
+
+    Its iteration takes ten times as long as the series (Karney 2011, equation 36; Clenshaw).
+    """
+    u, v = x / (2.0 * sphere.radius), y / (2.0 * sphere.radius)
+    with np.errstate(all="ignore"):  # a pole, and what is no point
+        t = u * u + v * v
+        part = 1.0 / (1.0 + t)
+        east, north, up = 2.0 * u * part, 2.0 * v * part, (1.0 - t) * part
+        ahead = up * sphere.cos0 - north * sphere.sin0
+        tangent = (up * sphere.sin0 + north * sphere.cos0) / np.sqrt(east * east + ahead * ahead)
+        q = (np.arcsinh(tangent) - sphere.shift) / sphere.power
+        sine, cosine = np.tanh(q), 1.0 / np.cosh(q)
+        double = 2.0 * (cosine * cosine - sine * sine)
+        this, before = np.zeros_like(q), np.zeros_like(q)
+        for c in reversed(_SERIES):
+            this, before = c + double * this - before, this
+        lat = np.arctan2(sine, cosine) + 2.0 * sine * cosine * this
+        lon = sphere.lon0 + np.arctan2(east, ahead) / sphere.power
+        return lat, lon - 2.0 * math.pi * np.floor(lon / (2.0 * math.pi) + 0.5)
 
 
 def _as_given(values: Array) -> object:

@@ -141,7 +141,7 @@ def localize_recorded(
         )
     scratch = Scratch.taken()
     belief, work, route = scratch.renewed(lag is not None)
-    memory = new_memory(0 if lag is None else 1 << 8)
+    memory = _NOTHING if lag is None else new_memory(1 << 8)
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):

@@ -6,7 +6,7 @@ from typing import Any
 STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
 
 RECENT = 3.0  # s; what is said of a fix holds for so long
-_COUNTS = 0.05  # P from which on a third road is named
+COUNTS = 0.05  # P from which on a third road is named
 _FAR = 20.0  # m
 _SIGMAS = 6.0
 _LARGE = 1.5  # of the GNSS scale, from which on it is worth a word
@@ -59,13 +59,14 @@ def reason(
 def competing(roads: Sequence[tuple[int, float]], name: Callable[[int], str | None]) -> str:
     """The roads that compete: "Kettengasse, edge 12 (0.61) or edge 40 (0.35)"."""
     return " or ".join(
-        f"{_title(edge, name)} ({p:.2f})"
+        f"{title(edge, name)} ({p:.2f})"
         for rank, (edge, p) in enumerate(roads)
-        if p >= _COUNTS or rank < 2
+        if p >= COUNTS or rank < 2
     )
 
 
-def _title(edge: int, name: Callable[[int], str | None]) -> str:
+def title(edge: int, name: Callable[[int], str | None]) -> str:
+    """What an edge is called where roads compete."""
     if edge < 0:
         return "off the roads"
     street = name(edge)

@@ -108,6 +108,7 @@ DRIVES = pa.schema(
 """One row per trip of many, also where it has no answer."""
 
 _WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
+_WKB_HEAD = np.dtype([("order", "u1"), ("type", "<u4"), ("count", "<u4")])
 
 
 def times(seconds: NDArray[np.float64]) -> pa.Array:
@@ -153,11 +154,19 @@ def line_wkb(
     Returns:
         n binary values.
     """
-    import shapely
-
-    line_of = np.repeat(np.arange(len(first) - 1), np.diff(first))
-    lines = shapely.linestrings(np.column_stack([lon, lat]), indices=line_of)
-    return pa.array(shapely.to_wkb(lines), pa.binary())
+    count = np.diff(first)
+    size = _WKB_HEAD.itemsize + 16 * count
+    ends = np.concatenate([[0], np.cumsum(size)])
+    heads = np.empty(len(count), _WKB_HEAD)
+    heads["order"], heads["type"], heads["count"] = 1, 2, count
+    is_head = np.zeros(ends[-1], bool)
+    is_head[(ends[:-1, None] + np.arange(_WKB_HEAD.itemsize)).ravel()] = True
+    cells = np.empty(ends[-1], np.uint8)
+    cells[is_head] = heads.view(np.uint8)
+    cells[~is_head] = np.column_stack([lon, lat]).astype("<f8").view(np.uint8).ravel()
+    kind, width = (pa.binary(), np.int32) if ends[-1] < 1 << 31 else (pa.large_binary(), np.int64)
+    buffers = [None, pa.py_buffer(ends.astype(width).tobytes()), pa.py_buffer(cells.tobytes())]
+    return pa.Array.from_buffers(kind, len(count), buffers)
 
 
 def geometry(table: pa.Table) -> pa.Array | None:

@@ -279,7 +279,11 @@ class RoadMap:
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""
-        return cast(str | None, self._values("name", self.way[edge : edge + 1])[0])
+        return self.names(np.array([edge]))[0]
+
+    def names(self, edge: NDArray[Any]) -> list[str | None]:
+        """`name` of (n,) edges."""
+        return self._values("name", self.way[edge])
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
