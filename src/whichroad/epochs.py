@@ -71,6 +71,10 @@ def build_timeline(
             f"{drive.drive_id}: there is neither a fix nor odometry in it; "
             "a table or log with time, lat, lon or wheel data was expected"
         )
+    if motion is None and fixes is not None and not mask:
+        alone = timelines_of(fixes, [0], plane)[0]
+        if alone is not None:
+            return alone
     streams = [m.time for m in (motion, fixes) if m is not None]
     time = _union(streams)
     n = len(time)
@@ -114,8 +118,7 @@ def timelines_of(fixes: Fixes, first: Sequence[int], plane: Plane) -> list[Timel
         plane: The map's plane.
 
     Returns:
-        What `build_timeline` gives for each drive; None where fixes are too close to be
-        epochs of their own.
+        One for each drive; None where fixes are too close to be epochs of their own.
     """
     n = len(fixes)
     if not n:

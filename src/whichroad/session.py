@@ -36,6 +36,7 @@ from .smoother import Lag
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
 
+_USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
 _FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
 
 
@@ -87,7 +88,7 @@ def _seconds(value: Any) -> float:
 
 def tuned_by(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
     """The settings with what the vehicle's `[noise]` overrides."""
-    settings = settings or Settings()
+    settings = settings or _USUAL
     return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
 
 
@@ -155,12 +156,12 @@ def match(
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
     parts: list[Result] = []
     failed: list[str] = []
-    drives = _drives(drive, vehicle, settings)
+    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL)
     for one in drives:
         try:
             parts.append(
                 _match_one(
-                    one, road_map, vehicle or Vehicle(), tuned, model, pose, windows,
+                    one, road_map, vehicle or _A_CAR, tuned, model, pose, windows,
                     attributes, hypotheses, progress, later,
                 )
             )  # fmt: skip

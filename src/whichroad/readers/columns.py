@@ -36,7 +36,9 @@ def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
     if _is_text(kind):
         return _parsed(column, name, skipped)
     try:
-        return _floats(pc.cast(column, pa.float64(), safe=False))
+        return _floats(
+            column if pa.types.is_float64(kind) else pc.cast(column, pa.float64(), safe=False)
+        )
     except pa.ArrowException:
         skipped[f"{_NUMBER} in {name}"] += len(column) - column.null_count
         return np.full(len(column), np.nan)

@@ -41,7 +41,9 @@ class Reported:
     bearing_deg: Array | None = None
 
     def rows(self, index: NDArray[np.int64]) -> "Reported":
-        """The rows at `index`."""
+        """The rows at `index`, each at most once."""
+        if len(index) == len(self.time) and (np.diff(index) > 0).all():
+            return self
         chosen: dict[str, Any] = {
             f.name: None if (column := getattr(self, f.name)) is None else column[index]
             for f in fields(self)

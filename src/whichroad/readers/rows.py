@@ -34,8 +34,10 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         blank = np.isnan(columns["lat"]) & np.isnan(columns["lon"])
         if odometry is None:
             keep(~blank, "no position", skipped)
-        rows = np.flatnonzero(~blank)
-        own = {k: v[rows] for k, v in columns.items()}
+        own = dict(columns)
+        if blank.any():
+            rows = np.flatnonzero(~blank)
+            own = {k: v[rows] for k, v in columns.items()}
         if isinstance(odometry, SpeedYawRate):
             own.pop("speed", None)
         elif "bearing" in own and "speed" not in own:
