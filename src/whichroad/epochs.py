@@ -32,6 +32,13 @@ class Timeline:
     mode: int
     masked: int  # fixes withheld
 
+    @property
+    def interval(self) -> float:
+        """Median of the seconds between epochs; 0 where there is but one."""
+        steps = np.sort(np.diff(self.epochs.time))
+        n = len(steps)
+        return float(0.5 * (steps[(n - 1) // 2] + steps[n // 2])) if n else 0.0
+
 
 def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tuple[float, float]]:
     """Windows in absolute seconds; numbers below ten years count from the drive's start."""

@@ -18,7 +18,6 @@ from .core.belief import (
     STARTED,
     Belief,
     H,
-    Route,
     new_belief,
     new_route,
 )
@@ -59,7 +58,7 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
-from .scratch import Scratch
+from .scratch import Scratch, trimmed
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .settings import Settings, Vehicle
@@ -141,7 +140,7 @@ def localize_recorded(
         )
     scratch = Scratch.taken()
     belief, work, route = scratch.renewed(lag is not None)
-    memory = _NOTHING if lag is None else new_memory(1 << 8)
+    memory, view = (_NOTHING, None) if lag is None else scratch.back()
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -169,20 +168,21 @@ def localize_recorded(
             progress(done)
     told = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
     heaviest = heaviest_chain(route, belief)
-    if lag is not None:  # the tree goes on being looked into
-        route = Route._make(a[: max(int(route.size[0]), 1)].copy() for a in route)
-    scratch.give_back()
     if lag is None or not memory.size[0]:
+        scratch.give_back()
         return Recorded(output, *heaviest, told)
+    route, memory = trimmed(route, memory)
     past = Past(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
-    sparse = timeline.mode == CLOCK and float(np.median(np.diff(epochs.time))) > SPARSE
+    sparse = timeline.mode == CLOCK and timeline.interval > SPARSE
     chain = (
         heaviest if sparse else best_chain(memory, route, roads.arrays)
     )  # between fixes far apart a route is chosen as a whole, which epochs do not see
-    return Recorded(smooth(past), *chain, told, past)
+    smoothed = smooth(past, view)
+    scratch.give_back()
+    return Recorded(smoothed, *chain, told, past)
 
 
 class Localizer:

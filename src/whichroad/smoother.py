@@ -11,7 +11,7 @@ import numpy as np
 
 from .core.belief import ORIGINS, Belief, Route
 from .core.epoch import Epochs
-from .core.lookback import look_at, look_back, new_view
+from .core.lookback import View, look_at, look_back, new_view
 from .core.memory import Memory, enlarged, is_full, new_memory
 from .core.output import V_SPEED, Output, new_output
 from .core.parameters import Parameters
@@ -185,10 +185,14 @@ def travelled(past: Past) -> Array:
     return np.asarray(np.cumsum(np.abs(past.filtered.value[:, V_SPEED]) * np.clip(dt, 0.0, None)))
 
 
-def smooth(past: Past) -> Output:
+def smooth(past: Past, view: View | None = None) -> Output:
     """Answer every epoch by what was known the lag later.
 
     A fixed lag may be longer by an eighth, as one look back answers for several epochs.
+
+    Args:
+        past: The drive.
+        view: Scratch space, as new; None: it is made.
 
     Returns:
         What is known of each epoch; of those before the first answer nothing.
@@ -198,7 +202,7 @@ def smooth(past: Past) -> Output:
     if not steps or past.lag.length == 0.0:
         return told
     epochs = past.epochs
-    view = new_view()
+    view = view or new_view()
     for known, first, last in _looks(past, steps):
         look_back(
             past.memory, view, past.roads.arrays, past.route, epochs, past.filtered, told, known,
