@@ -77,10 +77,10 @@ def heaviest_chain(route: Route, belief: Belief) -> "Chain":
     if n == 0:
         return Chain(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
     node = int(belief.node[int(np.argmax(belief.log_weight[:n]))])
-    chain, parent = [], memoryview(route.parent)  # which is read one by one faster than an array
+    chain = []
     while node >= 0:
         chain.append(node)
-        node = parent[node]
+        node = int(route.parent[node])
     at = np.array(chain[::-1], int)
     return Chain(route.edge[at], route.time[at], route.abscissa[at])
 
