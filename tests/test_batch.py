@@ -72,6 +72,75 @@ def test_each_trip_is_answered_as_if_it_were_alone(roads, fleet):
     assert many.drives.schema.equals(DRIVES)
 
 
+def odd_trips() -> list[pa.Table]:
+    """Trips about whose reading there is something to say, in columns of one type."""
+
+    def changed(name: str, column: str, rows: slice, value: float) -> pa.Table:
+        table = trip(name, 1, 1.6e9 + 1000.0, 9)
+        values = table[column].to_numpy().copy()
+        values[rows] = value
+        return table.set_column(table.column_names.index(column), column, pa.array(values))
+
+    late = trip("late", 0)
+    return [
+        changed("twice", "time", slice(4, 6), 1.6e9 + 1004.0),
+        changed("nearly twice", "time", slice(5, 6), 1.6e9 + 1004.00005),
+        late.take([*range(10), 12, 11, 10, *range(13, 32)]),
+        changed("nowhere", "lat", slice(3, 4), 95.0),
+        changed("null island", "lat", slice(0, 1), 0.0),
+        changed("no number", "lon", slice(7, 9), np.nan),
+        trip("one fix", 2).slice(0, 1),
+    ]
+
+
+@pytest.mark.parametrize("lag", [None, "full", "5s"])
+@pytest.mark.parametrize("sigma", ["float", "integer", "text", "nothing"])
+@pytest.mark.parametrize("units", ["s", "s and ms"])
+def test_odd_trips_among_plain_ones_are_answered_as_if_they_were_alone(
+    roads, fleet, lag, sigma, units
+):
+    alone = [fleet.slice(32 * i, 32) for i in range(3)] + odd_trips()
+    if units == "s and ms":
+        alone.append(trip("milliseconds", 1, 1.6e12))
+    kinds = {"float": pa.float64(), "integer": pa.int32(), "text": pa.string()}
+    if sigma in kinds:
+        alone = [
+            t.append_column("sigma_m", pa.array(np.full(len(t), 4)).cast(kinds[sigma]))
+            for t in alone
+        ]
+    mixed = [alone[i] for i in (3, 0, 4, 5, 1, 6, 7, 2, 8, 9)] + alone[10:]
+    many = match_many(pa.concat_tables(mixed), roads, lag=lag)
+    for table in mixed:
+        one = whichroad.match(table, roads, lag=lag)
+        name = one.summary["drive_id"]
+        mine = pa.compute.equal(many.points["drive_id"], name)
+        assert many.points.filter(mine).equals(one.to_arrow()), name
+        mine = pa.compute.equal(many.path["drive_id"], name)
+        assert many.path.filter(mine).equals(one.path_arrow()), name
+        row = many.drives.filter(pa.compute.equal(many.drives["drive_id"], name)).to_pylist()[0]
+        told = one.summary | {"skipped": list(one.summary["skipped"].items())}
+        told |= {"notes": list(one.summary["notes"]), "answered": True, "reason": None}
+        assert row == {field: told[field] for field in DRIVES.names}
+
+
+def test_speeds_courses_and_stamps_are_read_as_of_a_trip_alone(roads, fleet):
+    n = len(fleet)
+    more = fleet.set_column(
+        1,
+        "time",
+        pa.array(np.round(fleet["time"].to_numpy() * 1e3).astype(np.int64)).cast(
+            pa.timestamp("ms", tz="UTC")
+        ),
+    )
+    more = more.append_column("speed_kmh", pa.array(np.full(n, 43.0)))
+    more = more.append_column("course", pa.array(np.full(n, 90.0)))
+    more = more.append_column("hdop", pa.array(np.linspace(0.5, 2.0, n)))
+    many = match_many(more, roads)
+    for i in range(7):
+        one = whichroad.match(more.slice(32 * i, 32), roads).to_arrow()
+        assert many.points.slice(32 * i, 32).equals(one)
+
+
 def test_there_is_one_row_for_every_trip_in_the_order_in_which_they_begin(roads, fleet):
     many = match_many(fleet, roads)
     assert many.drives["drive_id"].to_pylist() == [f"car {i}" for i in range(7)]

@@ -1,5 +1,6 @@
 """Several sensors on one clock: nothing counted twice, nothing lost, gaps known."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from strategies import seeds
 from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.epochs import Timeline, build_timeline
+from whichroad.epochs import Timeline, build_timeline, timelines_of
 from whichroad.errors import DriveError
 from whichroad.frames import Plane
 from whichroad.records import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
@@ -146,3 +147,29 @@ def test_a_drive_without_fixes_and_odometry_is_refused():
         timeline()
     with pytest.raises(DriveError, match="neither"):
         timeline(odometer([1.0], [0.0]))
+
+
+@given(seeds, st.lists(st.integers(1, 9), min_size=1, max_size=5))
+def test_drives_of_fixes_alone_are_put_on_their_clocks_at_once(seed: int, counts: list[int]):
+    rng = np.random.default_rng(seed)
+    parts = [fixes_at(np.cumsum(rng.uniform(1e-5, 3e-4, n)).tolist()) for n in counts]
+    columns = [np.concatenate(c) for c in zip(*(_columns(p) for p in parts), strict=True)]
+    first = np.cumsum([0, *counts[:-1]]).tolist()
+    for one, part in zip(timelines_of(Fixes(*columns), first, PLANE), parts, strict=True):
+        together = (np.diff(part.time) <= 1e-4).any()
+        assert (one is None) == together
+        if one is not None:
+            masked = timeline(fixes=part, mask=[(-9.0, -8.0)])  # which hides nothing
+            for a, b in zip(one.epochs, masked.epochs, strict=True):
+                np.testing.assert_array_equal(a, b)
+
+
+def _columns(fixes: Fixes) -> list[np.ndarray]:
+    return [getattr(fixes, f.name) for f in dataclasses.fields(Fixes)]
+
+
+@given(st.lists(st.floats(0.01, 100.0), max_size=12))
+def test_the_usual_interval_is_the_median(steps: list[float]):
+    line = timeline(fixes=fixes_at(np.cumsum([0.0, *steps]).tolist()))
+    wanted = np.median(np.diff(line.epochs.time)) if steps else 0.0
+    assert line.interval == wanted

@@ -6,14 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import whichroad
+from strategies import seeds
 from whichroad.cli.match import say
-from whichroad.columns import points_table
+from whichroad.columns import _competing, points_table
+from whichroad.core.belief import NO_EDGE
 from whichroad.epochs import build_timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Localizer, localize_recorded
-from whichroad.reasons import STATUS, reason
+from whichroad.reasons import STATUS, competing, reason
 from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle
@@ -93,6 +97,20 @@ def test_where_roads_compete_the_reason_names_them(roads: RoadMap):
     assert all("South Street, edge " in r and "North Street, edge " in r for r in ambiguous)
     first = ambiguous[50]
     assert first.count("(0.") == first.count(" or ") + 1
+
+
+@given(seeds, st.integers(0, 8))
+def test_many_are_put_into_words_as_one_is(roads: RoadMap, seed: int, rows: int):
+    """Also shares that lie between two of two decimals: 0.125, 0.375, ..."""
+    rng = np.random.default_rng(seed)
+    edges = rng.integers(-1, len(roads), (rows, 6)).astype(np.int32)
+    edges[np.arange(6) >= rng.integers(1, 7, (rows, 1))] = NO_EDGE
+    p = -np.sort(-rng.integers(0, 41, (rows, 6)) / 40.0).astype(np.float32).astype(float)
+    wanted = [
+        competing([(e, q) for e, q in zip(*pair, strict=True) if e != NO_EDGE], roads.name)
+        for pair in zip(edges.tolist(), p.tolist(), strict=True)
+    ]
+    assert _competing(edges, p, roads) == wanted
 
 
 def test_on_line_the_same_roads_are_named(roads: RoadMap):

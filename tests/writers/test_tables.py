@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -71,3 +73,11 @@ def test_thinning_keeps_the_first_row_of_each_cell_of_each_drive():
 def test_thinning_nothing_gives_nothing():
     empty = tables.POINTS.empty_table()
     assert tables.thinned(empty, 1.0).num_rows == 0
+
+
+@given(st.lists(st.integers(2, 7), max_size=6), st.integers(0, 99))
+def test_lines_are_the_bytes_that_shapely_writes(counts: list[int], seed: int):
+    lon, lat = np.random.default_rng(seed).uniform(-90.0, 90.0, (2, sum(counts)))
+    first = np.cumsum([0, *counts])
+    lines = [shapely.LineString(np.column_stack([lon[a:b], lat[a:b]])) for a, b in pairwise(first)]
+    assert tables.line_wkb(lon, lat, first).to_pylist() == [shapely.to_wkb(x) for x in lines]
