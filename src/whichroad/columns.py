@@ -126,7 +126,7 @@ def points_table(
         "protection_level_m": _nullable(v[:, V_PROTECTION], none),
         "gnss_scale": _nullable(v[:, V_GNSS_SCALE], none | (v[:, V_GNSS_SCALE] == 0.0)),
     }
-    table = pa.table(columns).cast(POINTS)
+    table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
         for name, column in _attributes(roads, edge, off).items():
             table = table.append_column(name, column)
@@ -266,7 +266,7 @@ def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap)
         "broken_rule": _broken(way),
         "geometry": line_wkb(lon, lat, first) if rows else pa.array([], pa.binary()),
     }
-    return pa.table(columns).cast(PATH)
+    return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
