@@ -83,7 +83,12 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
     command.add_argument("--classes", metavar="A,B*", help="honesty, nostart, live: only these")
     command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
-    command.add_argument("--drives", type=int, metavar="N", help="honesty: per class; live: kills")
+    command.add_argument(
+        "--drives",
+        type=int,
+        metavar="N",
+        help="honesty: per class, with --seeds those of noises other than good; live: kills",
+    )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
     command.add_argument("--parts", metavar="A,B", help="sparse: real, city, drives, cost")

@@ -32,10 +32,14 @@ def run(options: Options) -> list[Figure]:
     names = chosen(more.get("classes"), dict(CLASSES), ",".join(CLASSES))
     noises = chosen(more.get("noise"), dict(NOISES), ",".join(NOISES))
     seeds = options.seeds or range(more.get("drives", DRIVES))
+    few = seeds[: more["drives"]] if options.seeds and "drives" in more else seeds
     settings = more.get("settings", {})
     memory = Memory(Path(more["resume"]) if "resume" in more else None)
     todo: list[Task] = [
-        task for noise in noises for name in names for task in tasks(name, noise, seeds, settings)
+        task
+        for noise in noises
+        for name in names
+        for task in tasks(name, noise, seeds if noise == "good" else few, settings)
     ]
     done = spread(todo, memory, more.get("processes", os.cpu_count() or 1), options.say)
     summaries = [
@@ -48,6 +52,6 @@ def run(options: Options) -> list[Figure]:
         for name in names
     ]
     if "write" in more:
-        write_report(Path(more["write"]), summaries, seeds)
+        write_report(Path(more["write"]), summaries, seeds, few)
         options.say(f"wrote {more['write']}")
     return [f for s in summaries for f in figures_of(s, seeds_text(seeds))]

@@ -14,7 +14,7 @@ _HEAD = """# Are the printed probabilities true?
 Written by `python -m benchmarks honesty --write docs/honesty.md`; do not edit by hand.
 
 {drives:,} short drives, each with a truth that is known and noise of its own (drives
-{seeds} of each class and noise). {misses} of {asked} figures miss their goal.
+{seeds}). {misses} of {asked} figures miss their goal.
 
 ## What was done
 
@@ -50,14 +50,21 @@ from both roads.
 """
 
 
-def write_report(path: Path, summaries: list[Summary], seeds: range) -> None:
+def _which(seeds: range, few: range) -> str:
+    """Which drives of each class and noise were driven."""
+    if seeds == few:
+        return f"{seeds_text(seeds)} of each class and noise"
+    return f"{seeds_text(seeds)} of each class; {seeds_text(few)} of the noises other than `good`"
+
+
+def write_report(path: Path, summaries: list[Summary], seeds: range, few: range) -> None:
     """Write the page and its pictures, which lie in `img` beside it."""
     noises = list(dict.fromkeys(s.noise for s in summaries))
     found = [f for s in summaries for f in figures_of(s, seeds_text(seeds))]
     missed = [f for f in found if f.met is False]
     parts = [
         _HEAD.format(
-            drives=sum(s.drives for s in summaries), seeds=seeds_text(seeds), misses=len(missed),
+            drives=sum(s.drives for s in summaries), seeds=_which(seeds, few), misses=len(missed),
             asked=sum(f.met is not None for f in found), variants=VARIANTS,
         )
     ]  # fmt: skip
