@@ -177,10 +177,10 @@ def localize_recorded(
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
     sparse = timeline.mode == CLOCK and timeline.interval > SPARSE
+    smoothed = smooth(past, view)  # first: the route is chosen by the smoothed probabilities
     chain = (
         heaviest if sparse else best_chain(memory, route, roads.arrays)
     )  # between fixes far apart a route is chosen as a whole, which epochs do not see
-    smoothed = smooth(past, view)
     scratch.give_back()
     return Recorded(smoothed, *chain, told, past)
 
