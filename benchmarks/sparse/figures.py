@@ -3,7 +3,7 @@
 from typing import Any
 
 from .. import Figure, interval, share
-from . import city, harness, real, runner
+from . import city, harness, real, runner, scores
 
 QUARTER = ("2", "1s/10m/white")  # a seed and condition with a goal of its own
 RATIOS = {"1s/5m/gm": 3.3, "10s/5m/gm": 2.7, "60s/5m/gm": 3.4}  # times OSRM
@@ -41,6 +41,8 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> list[Figure
         n, none = len(mine["tracks"]), mine["unanswered"]
         out.append(Figure(f"real tracks that failed, {every} s", mine["fails"], "<= 0", "", n))
         out.append(Figure(f"real fixes without an answer, {every} s", none, "<= 0", "", n))
+        off = 100 * scores.pooled(list(mine["tracks"].values()))["missing"]
+        out.append(Figure(f"real fixes answered by: on no road, {every} s", off, "", "%", n))
         out += _calibration(mine, f"real, {every} s")
     return out
 

@@ -129,6 +129,8 @@ def pools(
             str(n) for n, row in sets.items() if row["usable"] == "1" and n != 43
         },
     }
+    for name in list(chosen):  # nothing was chosen on these
+        chosen[f"{name}, odd tracks"] = {n for n in chosen[name] if int(n) % 2}
     out: dict[str, dict[str, dict[str, Any]]] = {}
     for name, members in chosen.items():
         out[name] = {}
