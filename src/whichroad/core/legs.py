@@ -191,7 +191,7 @@ def choose_legs(
             went = length + to
             if went < -4.0 * sigma:
                 continue
-            cost -= per_metre * straight
+            cost -= per_metre * min(straight, max(went, 0.0))
             cheapest = min(cheapest, cost)
             cost += _haste_cost(went, dt, usual, rate, straight)
             off = went - usual * (dt - old) - rate * old

@@ -18,6 +18,7 @@ from .along import _ACROSS, _CORNER, _CORNER_DOUBT, _CORNER_RADIUS
 from .angles import wrap
 from .belief import GX, GY, MX, MY, OFF_ROAD, B, D, H, K, N, Route, X, Y
 from .epoch import CLOCK, WHEELS
+from .legs import SPEED_SIGMA, USUAL, heavy_tail, spread_of
 from .memory import (
     ARC,
     FORWARD,
@@ -37,6 +38,8 @@ from .parameters import Parameters
 from .segment import locate, project
 
 _HOPS = 256  # nodes of the route tree between two steps, at most
+_WIDE = 30.0  # m, across the road, between fixes far apart
+_STOOD = 0.7  # m/s and less: it stood since the last fix
 _STRANGE = 16.0  # squared sigmas beyond which a state moved by what is not modelled here
 
 
@@ -60,14 +63,15 @@ def new_bench() -> Bench:
 @kernel
 def _gone(
     roads: Roads, route: Route, edge: int, node: int, then_edge: int, then_node: int
-) -> float:
-    """Metres from the start of the edge of then to the start of the edge of now.
+) -> tuple[float, float]:
+    """Metres and seconds from the start of the edge of then to the start of the edge of now.
 
     Along the route tree; negative where it does not tell.
     """
     if edge == then_edge:
-        return 0.0
+        return 0.0, 0.0
     total = 0.0
+    time = 0.0
     for _ in range(_HOPS):
         node = int(route.parent[node]) if node >= 0 else -1
         if node < 0:
@@ -76,10 +80,11 @@ def _gone(
         if at == OFF_ROAD or roads.opposite[edge] == at:
             break
         total += roads.length[at]
+        time += roads.length[at] / max(roads.speed[at], 1.0)
         if node == then_node or at == then_edge:
-            return float(total)
+            return float(total), float(time)
         edge = at
-    return -1.0
+    return -1.0, 0.0
 
 
 @kernel
@@ -168,19 +173,23 @@ def _rolled(
 @kernel
 def _followed(
     bench: Bench, mean: Vector, roads: Roads, then_edge: int, then_segment: int, edge: int,
-    gone: float, odometer: float, scale: float, par: Parameters, q: Vector,
-) -> None:  # fmt: skip
-    """Moved along the road (`motion.predict_along`); q[X] holds the variance along it."""
+    gone: float, distance: float, odometer: float, smooth: bool, scale: float, q: Vector,
+) -> float:  # fmt: skip
+    """Moved a distance along the road (`motion.predict_along`), its derivative by κ given.
+
+    Fills F and the mean; q[X], q[Y] and q[H] are left alone.  `smooth`: corners are cut.
+    Returns the turn of a corner.
+    """
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
     _, s, across, tx, ty = project(roads, then_edge, then_segment, qx, qy)
-    s += odometer * mean[K] - gone
+    s += distance - gone
     at = roads.first[edge]
     at, cx, cy, nx, ny = locate(roads, edge, at, s)
     heading = math.atan2(ny, nx)
     turn = wrap(heading - math.atan2(ty, tx))
     bent = min(abs(turn), 1.6)
-    if bent > _CORNER:
+    if smooth and bent > _CORNER:
         s += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
         at, cx, cy, nx, ny = locate(roads, edge, at, s)
     c = math.cos(turn)
@@ -201,15 +210,69 @@ def _followed(
     bench.mean[Y] = cy - across * nx - scale * mean[MY]
     bench.mean[H] = heading
     bench.mean[K] = mean[K]
-    along = q[X] + (_CORNER_DOUBT * bent) ** 2
-    beside = _ACROSS * abs(odometer * mean[K])
+    return bent
+
+
+@kernel
+def _noise_along(
+    bench: Bench, along: float, beside: float, with_rate: float, heading: float, q: Vector
+) -> None:
+    """Variances along and across the new heading, and the covariance of the first with κ."""
+    nx = math.cos(bench.mean[H])
+    ny = math.sin(bench.mean[H])
     cov = bench.cov
     cov[X, Y] = (along - beside) * nx * ny
-    cov[X, K] = q[Y] * nx
-    cov[Y, K] = q[Y] * ny
+    cov[X, K] = with_rate * nx
+    cov[Y, K] = with_rate * ny
     q[X] = along * nx * nx + beside * ny * ny
     q[Y] = along * ny * ny + beside * nx * nx
-    q[H] = par.edge_heading_sigma**2
+    q[H] = heading
+
+
+@kernel
+def _travelled(
+    bench: Bench, memory: Memory, roads: Roads, route: Route, i: int, j: int, mean: Vector,
+    cov: Matrix, dt: float, scale: float, par: Parameters, q: Vector,
+) -> bool:  # fmt: skip
+    """Moved along a route between fixes far apart (`core.travel`); whether that is known."""
+    edge = memory.edge[j]
+    then_edge = memory.edge[i]
+    if edge == OFF_ROAD or then_edge == OFF_ROAD:
+        return False
+    gone, time = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
+    if gone < 0.0:
+        return False
+    then = memory.mean[j]
+    rate = memory.cov[j, K * (K + 3) // 2]
+    if edge == then_edge and abs(then[K]) < _STOOD and rate < 1.0:
+        for a in (X, Y):
+            bench.f[a, a] = 1.0
+            bench.mean[a] = mean[a]
+            q[a] = 0.1
+        q[H] = par.edge_heading_sigma**2
+        q[K] = rate
+        bench.mean[K] = then[K]
+        return True
+    keep, old, far, cross = spread_of(dt)
+    usual = USUAL * (gone / time if time > 0.5 else float(roads.speed[edge]))
+    distance = usual * (dt - old) + mean[K] * old
+    _followed(
+        bench, mean, roads, then_edge, memory.segment[i], edge, gone, distance, old, False,
+        scale, q,
+    )  # fmt: skip
+    nx = math.cos(bench.mean[H])
+    ny = math.sin(bench.mean[H])
+    off = (nx * (then[X] - bench.mean[X]) + ny * (then[Y] - bench.mean[Y])) / scale
+    variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
+    heavy = heavy_tail(variance, off, 0.0) - variance
+    harder = 1.0 + heavy / max(far, 1.0)
+    _noise_along(
+        bench, far + heavy, _WIDE * _WIDE, cross * harder, par.edge_heading_sigma**2 + 0.02, q
+    )
+    bench.f[K, K] = keep
+    bench.mean[K] = usual + keep * (mean[K] - usual)
+    q[K] = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
+    return True
 
 
 @kernel
@@ -273,19 +336,25 @@ def predict_link(
             q[X] = (3.0 * par.along_noise) ** 2 * metres
             q[H] = 0.0025 * metres
         if past[JUMPED] > 0.0:
-            known = False
+            known = _travelled(
+                bench, memory, roads, route, i, j, mean, cov, odometer, scale, par, q
+            )
         elif then_edge == OFF_ROAD:
             q[Y] = 0.25 * q[X]
             _rolled(bench, mean, past, odometer, 0.0, 0.0, scale, q)
         else:
             gone = -1.0
             if edge != OFF_ROAD:
-                gone = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
+                gone, _ = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
             known = gone >= 0.0
             if known:
-                _followed(
-                    bench, mean, roads, then_edge, memory.segment[i], edge, gone, odometer,
-                    scale, par, q,
+                bent = _followed(
+                    bench, mean, roads, then_edge, memory.segment[i], edge, gone,
+                    odometer * mean[K], odometer, True, scale, q,
+                )  # fmt: skip
+                _noise_along(
+                    bench, q[X] + (_CORNER_DOUBT * bent) ** 2, _ACROSS * abs(odometer * mean[K]),
+                    q[Y], par.edge_heading_sigma**2, q,
                 )  # fmt: skip
     _spread(bench, q, cov)
     if not known:

@@ -49,6 +49,8 @@ from .switching import Work, copy_hypothesis, cut_along, enter, rescale
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
 _RETURN = 0.5  # of what was off the roads is back on one at the next fix
+_STANDS = 1.0  # of those that stand vehicles stand still until the next fix,
+_STAND_TIME = 30.0  # s, and the fewer the longer it takes
 _MOST = 24  # routes that become hypotheses
 _WIDE = 30.0  # m, across the road before the road is observed
 
@@ -100,6 +102,7 @@ def _arrive(
     off = work.near_s[goal] - at
     heavy = heavy_tail(variance, off, sigma) - variance
     variance += heavy
+    harder = 1.0 + heavy / max(far, 1.0)  # than usual it braked, or hurried
     far += heavy
     segment, foot, _, nx, ny = project(
         roads, edge, vertex_at(roads, edge, work.near_s[goal]), zx, zy
@@ -113,7 +116,8 @@ def _arrive(
         mean, cov, old, bent, heading, nx, ny, far, 0.0, 0.0,
         par.edge_heading_sigma**2 + 0.02,
     )  # fmt: skip
-    decay(mean, cov, K, usual, keep, SPEED_SIGMA * SPEED_SIGMA)
+    decay(mean, cov, K, usual, keep, SPEED_SIGMA * SPEED_SIGMA * harder)
+    cross *= harder
     cov[X, K] += cross * nx
     cov[Y, K] += cross * ny
     cov[K, X] = cov[X, K]
@@ -147,6 +151,23 @@ def _arrive(
     if label >= 0:
         belief.fresh[child] = 1
         _enter_chain(belief, roads, route, search, child, label, went, dt, since)
+    belief.size[0] = child + 1
+
+
+@kernel
+def _stand(belief: Belief, i: int, dt: float) -> None:
+    """Append a child of hypothesis i that has stood all the time; the others drove."""
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    share = _STANDS * math.exp(-dt / _STAND_TIME - 0.5 * mean[K] ** 2 / (cov[K, K] + 0.5))
+    share /= math.sqrt(1.0 + 2.0 * cov[K, K])
+    if belief.probability[i] * share < 1e-4 or belief.size[0] >= CAPACITY:
+        return
+    child = belief.size[0]
+    copy_hypothesis(belief, i, child)
+    rescale(belief, i, 1.0 - share)
+    rescale(belief, child, share)
+    decay(belief.mean[child], belief.cov[child], K, 0.0, 0.0, 0.02)
     belief.size[0] = child + 1
 
 
@@ -288,6 +309,9 @@ def travel(
         pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, dt)
     children = 0
     since = belief.clock[NOW] - dt
+    for i in range(n):
+        if belief.edge[i] != OFF_ROAD:
+            _stand(belief, i, dt)
     while children < _MOST and pairs > 0 and belief.size[0] < CAPACITY:
         best = 0
         for p in range(pairs):
