@@ -125,7 +125,7 @@ def _keep(search: Search, pairs: int, least: float, cheapest: float) -> int:
 @kernel
 def choose_legs(
     belief: Belief, roads: Roads, work: Work, found: int, scale: float,
-    x: float, y: float, radius: float, sigma: float, dt: float,
+    x: float, y: float, radius: float, sigma: float, jitter: float, dt: float,
 ) -> int:  # fmt: skip
     """Routes from all hypotheses to the roads near a fix, by what they may be worth.
 
@@ -140,6 +140,7 @@ def choose_legs(
         y: Where the fix would be on the map, plane.
         radius: In which the roads lie, m.
         sigma: Of the fix and the map together, m.
+        jitter: Of what the fix's error changes from one fix to the next, m.
         dt: Since the last epoch, s.
 
     Returns:
@@ -195,7 +196,7 @@ def choose_legs(
             cheapest = min(cheapest, cost)
             cost += _haste_cost(went, dt, usual, rate, straight)
             off = went - usual * (dt - old) - rate * old
-            wide = heavy_tail(variance, off, sigma) + sigma * sigma
+            wide = heavy_tail(variance, off, jitter) + sigma * sigma
             score = belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
             score -= 0.5 * (work.near_distance[goal] / sigma) ** 2
             if score >= best - _WORTH:

@@ -18,6 +18,7 @@ from .belief import (
     MY,
     NOW,
     OFF_ROAD,
+    WHITE,
     Belief,
     D,
     H,
@@ -74,7 +75,7 @@ def _on_line(
 @kernel
 def _arrive(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, pair: int,
-    scale: float, zx: float, zy: float, sigma: float, dt: float, since: float, side: float,
+    scale: float, zx: float, zy: float, jitter: float, dt: float, since: float, side: float,
     par: Parameters,
 ) -> None:  # fmt: skip
     """Append a child of hypothesis i that has taken the route of a pair."""
@@ -100,7 +101,7 @@ def _arrive(
     at = distance - length  # where the speed would have it
     variance = variance_along(belief, i, tx, ty, old, far)
     off = work.near_s[goal] - at
-    heavy = heavy_tail(variance, off, sigma) - variance
+    heavy = heavy_tail(variance, off, jitter) - variance
     variance += heavy
     harder = 1.0 + heavy / max(far, 1.0)  # than usual it braked, or hurried
     far += heavy
@@ -298,6 +299,8 @@ def travel(
     y = fix[1] + scale * (mean[MY] - age * (root[1] * mean[GX] + root[2] * mean[GY]))
     factor = belief.clock[GNSS_SCALE] * (1.0 + par.gnss_white_ratio**2)
     sigma = math.sqrt(factor * fix[2] ** 2 + par.map_sigma**2)
+    white = max(belief.clock[WHITE], belief.clock[GNSS_SCALE] * par.gnss_white_ratio**2)
+    jitter = math.sqrt(white + belief.clock[GNSS_SCALE] * (1.0 - age * age)) * fix[2]
     radius = 4.0 * sigma + 3.0
     found = near(
         roads, x, y, radius, work.near_edge, work.near_s, work.near_lateral, work.near_distance
@@ -306,7 +309,9 @@ def travel(
     set_goals(search, work.near_edge, found)
     pairs = 0
     if found > 0:
-        pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, dt)
+        pairs = choose_legs(
+            belief, roads, work, found, scale, x, y, radius, sigma, jitter, dt
+        )
     children = 0
     since = belief.clock[NOW] - dt
     for i in range(n):
@@ -323,7 +328,7 @@ def travel(
         own = belief.mean[i]
         zx = fix[0] + scale * (own[MX] - age * (root[0] * own[GX] + root[1] * own[GY]))
         zy = fix[1] + scale * (own[MY] - age * (root[1] * own[GX] + root[2] * own[GY]))
-        _arrive(belief, roads, route, work, i, best, scale, zx, zy, sigma, dt, since, side, par)
+        _arrive(belief, roads, route, work, i, best, scale, zx, zy, jitter, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
     off = 0
