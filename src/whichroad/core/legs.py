@@ -6,7 +6,7 @@ from ._jit import Vector, kernel
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .network import Roads
 from .road import track
-from .routes import Search, find_routes, goal_of
+from .routes import Search, dearness, find_routes, goal_of
 from .switching import Work
 
 SPEED_SIGMA = 5.0  # m/s, about the usual speed of the roads
@@ -187,7 +187,8 @@ def choose_legs(
                 usual = USUAL * float(roads.speed[edge])
             else:
                 length = search.length[label]
-                cost = search.cost[label] + per_metre * max(to, 0.0)
+                last = dearness(roads, search.edge[label])
+                cost = search.cost[label] + per_metre * max(to, 0.0) * last
                 usual = usual_speed(roads, length, search.time[label], search.edge[label])
             went = length + to
             if went < -4.0 * sigma:
