@@ -61,6 +61,7 @@ from .roadmap import RoadMap
 from .scratch import Scratch, trimmed
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
+from .sensors.odometry import step_between
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
@@ -316,21 +317,7 @@ class Localizer:
             self._odometer = (reading.time, 0.0, 0.0)
             return 0.0, 0.0
         dt = reading.time - before.time
-        car = self.vehicle
-        match reading, before:
-            case WheelTicks(), WheelTicks():
-                left = (reading.left - before.left) * car.metres_per_tick_left
-                right = (reading.right - before.right) * car.metres_per_tick_right
-            case WheelSpeed(), WheelSpeed():
-                left = 0.5 * (reading.left + before.left) * dt
-                right = 0.5 * (reading.right + before.right) * dt
-            case Distance(), Distance():
-                left = right = reading.distance - before.distance
-            case SpeedYaw(), SpeedYaw():
-                half = 0.25 * (reading.yaw_rate + before.yaw_rate) * dt * car.track_width
-                middle = 0.5 * (reading.speed + before.speed) * dt
-                left, right = middle - half, middle + half
-        arc, turn = 0.5 * (left + right), (right - left) / car.track_width
+        arc, turn = step_between(before, reading, self.vehicle)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went

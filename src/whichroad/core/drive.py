@@ -238,10 +238,7 @@ def run(
                 elif stands:
                     moved = 0.0
                 elif sparse:
-                    moved = travel(
-                        belief, roads, route, work, scale, epochs.fix[k],
-                        epochs.time[k], dt, side, par,
-                    )  # fmt: skip
+                    moved = travel(belief, roads, route, work, scale, epochs.fix[k], dt, side, par)
                     if remembers:
                         memory.since[JUMPED] = 1.0
                         memory.since[MAP_AGED] += moved

@@ -148,13 +148,6 @@ def to_plane_all(sphere: Sphere, lat: Vector, lon: Vector, x: Vector, y: Vector)
 
 
 @kernel
-def to_geodetic_all(sphere: Sphere, x: Vector, y: Vector, lat: Vector, lon: Vector) -> None:
-    """`to_geodetic` of (n,) points into lat and lon, radians."""
-    for i in range(len(x)):
-        lat[i], lon[i] = to_geodetic(sphere, x[i], y[i])
-
-
-@kernel
 def convergence_all(sphere: Sphere, x: Vector, y: Vector, out: Vector) -> None:
     """`convergence` of (n,) points into out, radians."""
     for i in range(len(x)):

@@ -293,7 +293,7 @@ def hand_over(
             f = work.edge[d]
             ahead = s - work.offset[d]
             if cut:
-                _cut_along(belief, child, work, tx, ty, ahead, sigma, 0.0, 1e9, scale)
+                cut_along(belief, child, work, tx, ty, ahead, sigma, 0.0, 1e9, scale)
             track(belief, roads, child, scale)
             belief.stay[child] = max(
                 normal_cdf((roads.length[f] - ahead) / belief.spread[child]), 1e-6
@@ -301,7 +301,7 @@ def hand_over(
         belief.stay[i] = now
         rescale(belief, i, 1.0 - given)
         if cut:
-            _cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
+            cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
             track(belief, roads, i, scale)
             belief.stay[i] = max(normal_cdf((length - belief.abscissa[i]) / belief.spread[i]), 1e-6)
     return changed
@@ -341,7 +341,7 @@ def _back_up(
 
 
 @kernel
-def _cut_along(
+def cut_along(
     belief: Belief, i: int, work: Work, tx: float, ty: float, s: float, sigma: float,
     low: float, high: float, scale: float,
 ) -> None:  # fmt: skip

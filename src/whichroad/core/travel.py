@@ -27,7 +27,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import condition, normal_cdf, reshape_along, truncated_moments
+from .gaussian import condition, normal_cdf
 from .grid import near, vertex_at
 from .legs import (
     SPEED_SIGMA,
@@ -44,7 +44,7 @@ from .parameters import Parameters
 from .road import track
 from .routes import Search, set_goals
 from .segment import locate, project
-from .switching import Work, copy_hypothesis, enter, rescale
+from .switching import Work, copy_hypothesis, cut_along, enter, rescale
 
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
@@ -246,7 +246,7 @@ def _mass(roads: Roads, work: Work, c: int, sigma: float, par: Parameters) -> fl
 @kernel
 def travel(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float,
-    fix: Vector, time: float, dt: float, side: float, par: Parameters,
+    fix: Vector, dt: float, side: float, par: Parameters,
 ) -> float:  # fmt: skip
     """Take every hypothesis along the routes to the roads near a fix.
 
@@ -257,7 +257,6 @@ def travel(
         work: Scratch; its root is that of the last fix.
         scale: Local scale of the plane.
         fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
-        time: Of the fix, s.
         dt: Since the last epoch, s.
         side: 1 where one drives on the right, -1 on the left.
         par: The settings.
@@ -344,7 +343,6 @@ def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
 
     The weight is multiplied by the mass between the ends, and the Gaussian is cut to them.
     """
-    row = work.row
     for i in range(belief.size[0]):
         edge = belief.edge[i]
         if edge == OFF_ROAD:
@@ -353,20 +351,10 @@ def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
         s = belief.abscissa[i]
         sigma = belief.spread[i]
         length = roads.length[edge]
-        high = normal_cdf((length - s) / sigma)
-        mass = high - normal_cdf(-s / sigma)
+        mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
         if mass < 0.999:
             belief.log_weight[i] += math.log(max(mass, 1e-12))
-            cut, variance = truncated_moments(s, sigma, 0.0, length)
-            for j in range(N):
-                row[j] = 0.0
-            row[X] = tx
-            row[Y] = ty
-            row[MX] = tx
-            row[MY] = ty
-            reshape_along(
-                belief.mean[i], belief.cov[i], row, cut - s, variance / (sigma * sigma), scale
-            )
+            cut_along(belief, i, work, tx, ty, s, sigma, 0.0, length, scale)
             track(belief, roads, i, scale)
         room = (length - belief.abscissa[i]) / belief.spread[i]
         belief.stay[i] = max(normal_cdf(room), 1e-6)

@@ -3,7 +3,8 @@
 import math
 
 from ..frames import Plane
-from ..records import Distance, Estimate, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..records import Distance, Estimate, GeoFix, Observation
+from ..sensors.odometry import step_between
 from ..settings import Vehicle
 from .messages import ReckoningMessage
 
@@ -47,29 +48,12 @@ class Reckoning:
         self._before = reading
         if before is None or pose is None or type(before) is not type(reading):
             return
-        arc, turn = self._increment(before, reading)
+        arc, turn = step_between(before, reading, self._vehicle)
         x, y, heading = pose
         middle = heading + 0.5 * turn
         step = arc * (1.0 + self._plane.curvature * (x * x + y * y))
         self._pose = (x + step * math.cos(middle), y + step * math.sin(middle), heading + turn)
         self._travelled += abs(arc)
-
-    def _increment(self, before: Observation, reading: Observation) -> tuple[float, float]:
-        """Arc (m) and turn (rad) between two readings."""
-        dt, car = reading.time - before.time, self._vehicle
-        match reading, before:
-            case WheelTicks(), WheelTicks():
-                left = (reading.left - before.left) * car.metres_per_tick_left
-                right = (reading.right - before.right) * car.metres_per_tick_right
-            case WheelSpeed(), WheelSpeed():
-                left = 0.5 * (reading.left + before.left) * dt
-                right = 0.5 * (reading.right + before.right) * dt
-            case SpeedYaw(), SpeedYaw():
-                turn = 0.5 * (reading.yaw_rate + before.yaw_rate) * dt
-                return 0.5 * (reading.speed + before.speed) * dt, turn
-            case _:
-                return 0.0, 0.0
-        return 0.5 * (left + right), (right - left) / car.track_width
 
     def message(self) -> ReckoningMessage | None:
         """What is published; None without a reset or a heading."""

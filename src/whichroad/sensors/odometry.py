@@ -8,7 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import Array, Odometer, OdometryLog, SpeedYawRate, WheelCounts, WheelSpeeds
+from ..records import (
+    Array,
+    Distance,
+    Observation,
+    Odometer,
+    OdometryLog,
+    SpeedYaw,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeed,
+    WheelSpeeds,
+    WheelTicks,
+)
 from ..settings import Vehicle
 
 
@@ -52,3 +64,34 @@ def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
                 log.time, _integral(log.time, log.speed), _integral(log.time, log.yaw_rate)
             )
     return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
+
+
+def step_between(before: Observation, reading: Observation, car: Vehicle) -> tuple[float, float]:
+    """The same of two readings of one sensor that follow one another.
+
+    Args:
+        before: The earlier one.
+        reading: The later one, of the same kind.
+        car: Metres per count and track width.
+
+    Returns:
+        Distance (m, negative in reverse) and turn (rad, counter-clockwise; 0 of an
+        odometer, which measures none).
+    """
+    dt = reading.time - before.time
+    match reading, before:
+        case WheelTicks(), WheelTicks():
+            left = (reading.left - before.left) * car.metres_per_tick_left
+            right = (reading.right - before.right) * car.metres_per_tick_right
+        case WheelSpeed(), WheelSpeed():
+            left = 0.5 * (reading.left + before.left) * dt
+            right = 0.5 * (reading.right + before.right) * dt
+        case Distance(), Distance():
+            left = right = reading.distance - before.distance
+        case SpeedYaw(), SpeedYaw():
+            half = 0.25 * (reading.yaw_rate + before.yaw_rate) * dt * car.track_width
+            middle = 0.5 * (reading.speed + before.speed) * dt
+            left, right = middle - half, middle + half
+        case _:
+            return 0.0, 0.0
+    return 0.5 * (left + right), (right - left) / car.track_width
