@@ -67,6 +67,10 @@ def live(
     clock: Annotated[
         Clock, typer.Option(help="Times of observations: the sensors', or when they arrive.")
     ] = Clock.sensor,
+    lag: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=600.0, metavar="S", help="Tell also what is known S later."),
+    ] = None,
     rate: Annotated[
         float,
         typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
@@ -102,7 +106,7 @@ def live(
         raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
     with progress_line() as progress:
         progress("reading the map", 0, 0)
-        plan = _plan(roads, vehicle, pose)
+        plan = _plan(roads, vehicle, pose, lag)
         car = plan.localizer.vehicle
         plan.tape = _recorded(play, nmea, can, dbc, car)
         if plan.tape is None:
@@ -119,7 +123,7 @@ def live(
     serve(plan)
 
 
-def _plan(roads: Path, vehicle: Path | None, start: Any) -> "Plan":
+def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "Plan":
     """The filter on its map, warm."""
     try:
         from ..live.server import Plan
@@ -135,7 +139,8 @@ def _plan(roads: Path, vehicle: Path | None, start: Any) -> "Plan":
 
     car = Vehicle() if vehicle is None else read_vehicle(vehicle)
     settings = Settings(**car.noise)
-    return Plan(Localizer(open_map(roads), vehicle=car, settings=settings, start=start))
+    network = open_map(roads)
+    return Plan(Localizer(network, vehicle=car, settings=settings, start=start, lag=lag))
 
 
 def _speed(text: str) -> float | None:
