@@ -6,7 +6,7 @@ their likelihoods are densities of the same quantity and may be compared.
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -70,7 +70,7 @@ def _fix_row(
     return float(ex * dx + ey * dy)
 
 
-@kernel
+@part
 def gnss_root(
     belief: Belief, fix: Vector, factor: float, interval: float, smoothing: float, root: Vector
 ) -> None:
@@ -133,7 +133,7 @@ def gnss_root(
     root[2] = (yy + det) / trace
 
 
-@kernel
+@part
 def observe_fix(
     belief: Belief,
     fix: Vector,
@@ -209,7 +209,7 @@ def observe_fix(
     return best
 
 
-@kernel
+@part
 def adapt_scale(
     belief: Belief, fix: Vector, root: Vector, white: float, drifted: float, scale: float,
     lever: Vector, gain: float, slow_gain: float, least: float, row: Vector,
@@ -309,7 +309,7 @@ def adapt_scale(
     clock[GNSS_SCALE] = min(max(learnt, least), 400.0)
 
 
-@kernel
+@part
 def age_receiver(belief: Belief, time: float, correlation_time: float, fault_time: float) -> None:
     """Let the GNSS error of every hypothesis wander over a time (s) spent moving.
 

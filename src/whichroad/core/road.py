@@ -6,7 +6,7 @@ their likelihoods are densities of the same quantity and may be compared.
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .angles import wrap
 from .belief import (
     MX,
@@ -57,7 +57,7 @@ def track(belief: Belief, roads: Roads, i: int, scale: float) -> tuple[float, fl
     return across / scale, tx, ty
 
 
-@kernel
+@part
 def observe_roads(
     belief: Belief,
     roads: Roads,
@@ -166,7 +166,7 @@ def observe_roads(
                 belief.log_weight[i] += fit - off_road_cost * travelled
 
 
-@kernel
+@part
 def bend(
     roads: Roads, edge: int, segment: int, s: float, sigma: float
 ) -> tuple[float, float, float]:

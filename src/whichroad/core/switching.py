@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Ints, Ints32, Vector, kernel
+from ._jit import Ints, Ints32, Vector, kernel, part
 from .belief import (
     CAPACITY,
     MX,
@@ -222,7 +222,7 @@ def destinations(
     return count, total
 
 
-@kernel
+@part
 def hand_over(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
     side: float, lane_sigma: float, prune: float, cut: bool,
