@@ -30,10 +30,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import (
-    condition,
-    innovation_variance,
-)
+from .gaussian import LOG_2PI, condition, innovation_variance, update
 from .motion import age_gnss
 
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
@@ -202,10 +199,12 @@ def observe_fix(
         extra1 = 0.0
     for i in range(n):
         nu = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
-        gain = condition(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
+        s0 = update(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
+        misfit = nu * nu / s0
         nu = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
-        gain += condition(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
-        belief.log_weight[i] += gain
+        s1 = update(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
+        misfit += nu * nu / s1
+        belief.log_weight[i] -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
     return best
 
 
