@@ -9,11 +9,16 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
+from numba.core import cgutils as _cgutils
+from numba.core import types
+from numba.extending import intrinsic as _intrinsic
+from numba.np import arrayobj as _arrayobj
 
 from .belief import N
+
+intrinsic: Any = _intrinsic  # these have no types
+cgutils: Any = _cgutils
+arrayobj: Any = _arrayobj
 
 _ROW = types.Array(types.float64, 1, "C")
 _PARTS = ((0, 4), (4, 4), (8, N - 8))
@@ -28,10 +33,10 @@ def ten(typing_context: Any) -> Any:
     """Room for a row, not cleared, for as long as the kernel runs that asks for it."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        row = make_array(_ROW)(context, builder)
+        row = arrayobj.make_array(_ROW)(context, builder)
         data = cgutils.alloca_once(builder, ir.DoubleType(), size=N)
         number = context.get_constant
-        populate_array(
+        arrayobj.populate_array(
             row, data=data, shape=[number(types.intp, N)], strides=[number(types.intp, 8)],
             itemsize=number(types.intp, 8), meminfo=None,
         )  # fmt: skip
