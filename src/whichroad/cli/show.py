@@ -16,6 +16,11 @@ DriveId = Annotated[
     str | None, typer.Option(help="Which drive, where there are several in the input.")
 ]
 
+PathFile = Annotated[
+    Path | None,
+    typer.Option("--path", help="The path of `match --path-out`: the way between far fixes."),
+]
+
 
 def replay(
     drive: Annotated[
@@ -34,6 +39,7 @@ def replay(
         list[str] | None,
         typer.Option(metavar="START:END", help="Withhold GNSS from the start, as `match` does."),
     ] = None,
+    path: PathFile = None,
     drive_id: DriveId = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
     host: Annotated[
@@ -64,7 +70,7 @@ def replay(
         network = open_map(roads)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
-            player = play_result(drive[0], network, drive_id)
+            player = play_result(drive[0], network, drive_id, path)
         else:
             car = None if vehicle is None else read_vehicle(vehicle)
             progress("reading the drive", 0, 0)
@@ -84,6 +90,7 @@ def report(
     roads: Annotated[
         Path | None, typer.Option("--map", help="The map, to draw the roads near the track.")
     ] = None,
+    path: PathFile = None,
     drive_id: DriveId = None,
     force: Force = False,
 ) -> None:
@@ -96,7 +103,7 @@ def report(
     check_report(out, force=force)
     with progress_line() as progress:
         progress("reading the answer", 0, 0)
-        points = read_points(result, drive_id)
+        points = read_points(result, drive_id, path)
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)
         progress("writing", 0, 0)
