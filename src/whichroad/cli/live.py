@@ -10,7 +10,7 @@ import typer
 
 from ..errors import SettingError
 from ..terminal import progress_line
-from .arguments import MapOption, read_start
+from .arguments import MapOption, extra_live, read_start
 
 if TYPE_CHECKING:
     from ..live.server import Plan
@@ -125,13 +125,8 @@ def live(
 
 def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "Plan":
     """The filter on its map, warm."""
-    try:
+    with extra_live("live"):
         from ..live.server import Plan
-    except ImportError as error:
-        raise SettingError(
-            f"live: the package {error.name} is not installed; it was expected for the service; "
-            'pip install "whichroad[live]"'
-        ) from None
     from ..localizer import Localizer
     from ..readers import read_vehicle
     from ..session import open_map
@@ -201,6 +196,9 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
     from ..live.sources import can_address, nmea_address
 
     plan.nmea = [nmea_address(one) for one in nmea or ()]
+    if any(address.kind == "serial" for address in plan.nmea):
+        with extra_live("live"):
+            import serial  # noqa: F401
     if can is not None:
         if dbc is None:
             raise typer.BadParameter("--can needs the --dbc that describes its frames")
