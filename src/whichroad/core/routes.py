@@ -52,6 +52,7 @@ def new_search() -> Search:
         np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256),
     )  # fmt: skip
 
+
 _USUAL = 12.0  # m/s
 _BY_TIME = 0.6  # of the cost of a way is its time, the rest its length
 _CHEAPEST, _DEAREST = 0.75, 2.0

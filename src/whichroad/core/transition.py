@@ -9,16 +9,13 @@ by the same equations as in `core.motion`, and F, which the smoother needs too.
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from ._jit import Matrix, Vector, kernel
-from .along import _ACROSS, _CORNER, _CORNER_DOUBT, _CORNER_RADIUS
+from .along import _ACROSS, _CORNER_DOUBT
 from .angles import wrap
 from .belief import GX, GY, MX, MY, OFF_ROAD, B, D, H, K, N, Route, X, Y
 from .epoch import CLOCK, WHEELS
-from .legs import SPEED_SIGMA, USUAL, heavy_tail, spread_of
+from .gain import Bench, spread_forward
 from .memory import (
     ARC,
     FORWARD,
@@ -35,56 +32,10 @@ from .memory import (
 )
 from .network import Roads, lane_sigma_of
 from .parameters import Parameters
-from .segment import locate, project
+from .retrace import follow, gone_along, noise_along, retrace_travel
+from .segment import locate
 
-_HOPS = 256  # nodes of the route tree between two steps, at most
-_WIDE = 30.0  # m, across the road, between fixes far apart
-_STOOD = 0.7  # m/s and less: it stood since the last fix
 _STRANGE = 16.0  # squared sigmas beyond which a state moved by what is not modelled here
-
-
-class Bench(NamedTuple):
-    """What one link is worked out on."""
-
-    f: Matrix  # (N, N) F
-    mean: Vector  # (N,) x⁻
-    cov: Matrix  # (N, N) P⁻
-    cross: Matrix  # (N, N) Pᵢ Fᵀ
-    root: Matrix  # (N, N) Cholesky factor of P⁻, scaled
-    gain: Matrix  # (N, N)
-
-
-def new_bench() -> Bench:
-    """Scratch space for one thread."""
-    f, cov, cross, root, gain = np.zeros((5, N, N))
-    return Bench(f, np.zeros(N), cov, cross, root, gain)
-
-
-@kernel
-def _gone(
-    roads: Roads, route: Route, edge: int, node: int, then_edge: int, then_node: int
-) -> tuple[float, float]:
-    """Metres and seconds from the start of the edge of then to the start of the edge of now.
-
-    Along the route tree; negative where it does not tell.
-    """
-    if edge == then_edge:
-        return 0.0, 0.0
-    total = 0.0
-    time = 0.0
-    for _ in range(_HOPS):
-        node = int(route.parent[node]) if node >= 0 else -1
-        if node < 0:
-            break
-        at = route.edge[node]
-        if at == OFF_ROAD or roads.opposite[edge] == at:
-            break
-        total += roads.length[at]
-        time += roads.length[at] / max(roads.speed[at], 1.0)
-        if node == then_node or at == then_edge:
-            return float(total), float(time)
-        edge = at
-    return -1.0, 0.0
 
 
 @kernel
@@ -171,111 +122,6 @@ def _rolled(
 
 
 @kernel
-def _followed(
-    bench: Bench, mean: Vector, roads: Roads, then_edge: int, then_segment: int, edge: int,
-    gone: float, distance: float, odometer: float, smooth: bool, scale: float, q: Vector,
-) -> float:  # fmt: skip
-    """Moved a distance along the road (`motion.predict_along`), its derivative by κ given.
-
-    Fills F and the mean; q[X], q[Y] and q[H] are left alone.  `smooth`: corners are cut.
-    Returns the turn of a corner.
-    """
-    qx = mean[X] + scale * mean[MX]
-    qy = mean[Y] + scale * mean[MY]
-    _, s, across, tx, ty = project(roads, then_edge, then_segment, qx, qy)
-    s += distance - gone
-    at = roads.first[edge]
-    at, cx, cy, nx, ny = locate(roads, edge, at, s)
-    heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
-    bent = min(abs(turn), 1.6)
-    if smooth and bent > _CORNER:
-        s += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
-        at, cx, cy, nx, ny = locate(roads, edge, at, s)
-    c = math.cos(turn)
-    sine = math.sin(turn)
-    f = bench.f
-    f[X, X] = c
-    f[X, Y] = -sine
-    f[Y, X] = sine
-    f[Y, Y] = c
-    f[X, MX] = c - 1.0
-    f[X, MY] = -sine
-    f[Y, MX] = sine
-    f[Y, MY] = c - 1.0
-    f[X, K] = nx * odometer
-    f[Y, K] = ny * odometer
-    f[K, K] = 1.0
-    bench.mean[X] = cx + across * ny - scale * mean[MX]
-    bench.mean[Y] = cy - across * nx - scale * mean[MY]
-    bench.mean[H] = heading
-    bench.mean[K] = mean[K]
-    return bent
-
-
-@kernel
-def _noise_along(
-    bench: Bench, along: float, beside: float, with_rate: float, heading: float, q: Vector
-) -> None:
-    """Variances along and across the new heading, and the covariance of the first with κ."""
-    nx = math.cos(bench.mean[H])
-    ny = math.sin(bench.mean[H])
-    cov = bench.cov
-    cov[X, Y] = (along - beside) * nx * ny
-    cov[X, K] = with_rate * nx
-    cov[Y, K] = with_rate * ny
-    q[X] = along * nx * nx + beside * ny * ny
-    q[Y] = along * ny * ny + beside * nx * nx
-    q[H] = heading
-
-
-@kernel
-def _travelled(
-    bench: Bench, memory: Memory, roads: Roads, route: Route, i: int, j: int, mean: Vector,
-    cov: Matrix, dt: float, scale: float, par: Parameters, q: Vector,
-) -> bool:  # fmt: skip
-    """Moved along a route between fixes far apart (`core.travel`); whether that is known."""
-    edge = memory.edge[j]
-    then_edge = memory.edge[i]
-    if edge == OFF_ROAD or then_edge == OFF_ROAD:
-        return False
-    gone, time = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
-    if gone < 0.0:
-        return False
-    then = memory.mean[j]
-    rate = memory.cov[j, K * (K + 3) // 2]
-    if edge == then_edge and abs(then[K]) < _STOOD and rate < 1.0:
-        for a in (X, Y):
-            bench.f[a, a] = 1.0
-            bench.mean[a] = mean[a]
-            q[a] = 0.1
-        q[H] = par.edge_heading_sigma**2
-        q[K] = rate
-        bench.mean[K] = then[K]
-        return True
-    keep, old, far, cross = spread_of(dt)
-    usual = USUAL * (gone / time if time > 0.5 else float(roads.speed[edge]))
-    distance = usual * (dt - old) + mean[K] * old
-    _followed(
-        bench, mean, roads, then_edge, memory.segment[i], edge, gone, distance, old, False,
-        scale, q,
-    )  # fmt: skip
-    nx = math.cos(bench.mean[H])
-    ny = math.sin(bench.mean[H])
-    off = (nx * (then[X] - bench.mean[X]) + ny * (then[Y] - bench.mean[Y])) / scale
-    variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
-    heavy = heavy_tail(variance, off, 0.0) - variance
-    harder = 1.0 + heavy / max(far, 1.0)
-    _noise_along(
-        bench, far + heavy, _WIDE * _WIDE, cross * harder, par.edge_heading_sigma**2 + 0.02, q
-    )
-    bench.f[K, K] = keep
-    bench.mean[K] = usual + keep * (mean[K] - usual)
-    q[K] = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
-    return True
-
-
-@kernel
 def predict_link(
     bench: Bench, q: Vector, memory: Memory, roads: Roads, route: Route, step: int, i: int,
     j: int, mean: Vector, cov: Matrix, mode: int, scale: float, side: float, par: Parameters,
@@ -336,7 +182,7 @@ def predict_link(
             q[X] = (3.0 * par.along_noise) ** 2 * metres
             q[H] = 0.0025 * metres
         if past[JUMPED] > 0.0:
-            known = _travelled(
+            known = retrace_travel(
                 bench, memory, roads, route, i, j, mean, cov, odometer, scale, par, q
             )
         elif then_edge == OFF_ROAD:
@@ -345,46 +191,21 @@ def predict_link(
         else:
             gone = -1.0
             if edge != OFF_ROAD:
-                gone, _ = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
+                gone, _ = gone_along(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
             known = gone >= 0.0
             if known:
-                bent = _followed(
+                bent = follow(
                     bench, mean, roads, then_edge, memory.segment[i], edge, gone,
                     odometer * mean[K], odometer, True, scale, q,
                 )  # fmt: skip
-                _noise_along(
+                noise_along(
                     bench, q[X] + (_CORNER_DOUBT * bent) ** 2, _ACROSS * abs(odometer * mean[K]),
                     q[Y], par.edge_heading_sigma**2, q,
                 )  # fmt: skip
-    _spread(bench, q, cov)
+    spread_forward(bench, q, cov)
     if not known:
         _anew(bench, memory, j)
     _doubt(bench, memory, j, scale)
-
-
-@kernel
-def _spread(bench: Bench, q: Vector, cov: Matrix) -> None:
-    """P Fᵀ and F P Fᵀ + Q; the part of Q off the diagonal is in `cov` already."""
-    f = bench.f
-    for a in range(N):
-        for b in range(N):
-            total = 0.0
-            for c in range(N):
-                if f[b, c] != 0.0:
-                    total += cov[a, c] * f[b, c]
-            bench.cross[a, b] = total
-    for a in range(N):
-        for b in range(a, N):
-            total = bench.cov[a, b]
-            for c in range(N):
-                if f[a, c] != 0.0:
-                    total += f[a, c] * bench.cross[c, b]
-            if a == b:
-                total += q[a]
-            bench.cov[a, b] = total
-    for a in range(N):
-        for b in range(a):
-            bench.cov[a, b] = bench.cov[b, a]
 
 
 @kernel
@@ -410,34 +231,3 @@ def _doubt(bench: Bench, memory: Memory, j: int, scale: float) -> None:
             off /= scale
         if off * off > _STRANGE * bench.cov[a, a]:
             bench.cov[a, a] += off * off
-
-
-@kernel
-def solve_gain(bench: Bench) -> None:
-    """G = Pᵢ Fᵀ (P⁻)⁻¹, by a Cholesky factor that leaves out what has no variance."""
-    cov = bench.cov
-    root = bench.root
-    for a in range(N):
-        for b in range(a + 1):
-            norm = math.sqrt(max(cov[a, a], 0.0) * max(cov[b, b], 0.0))
-            total = cov[a, b] / norm if norm > 1e-18 else 0.0
-            for c in range(b):
-                total -= root[a, c] * root[b, c]
-            if a == b:
-                root[a, a] = math.sqrt(total) if total > 1e-9 else 0.0
-            else:
-                root[a, b] = total / root[b, b] if root[b, b] > 0.0 else 0.0
-    for r in range(N):
-        row = bench.gain[r]
-        for a in range(N):
-            total = bench.cross[r, a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0
-            for c in range(a):
-                total -= root[a, c] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N - 1, -1, -1):
-            total = row[a]
-            for c in range(a + 1, N):
-                total -= root[c, a] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N):
-            row[a] = row[a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0

@@ -309,9 +309,7 @@ def travel(
     set_goals(search, work.near_edge, found)
     pairs = 0
     if found > 0:
-        pairs = choose_legs(
-            belief, roads, work, found, scale, x, y, radius, sigma, jitter, dt
-        )
+        pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, jitter, dt)
     children = 0
     since = belief.clock[NOW] - dt
     for i in range(n):
