@@ -48,7 +48,9 @@ def _move_to(
     shrink = variance / (sigma * sigma)
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
+    across = tx * ny - ty * nx
+    onwards = tx * nx + ty * ny
+    turn = 0.0 if across == 0.0 and onwards > 0.0 else math.atan2(across, onwards)
     bent = min(abs(turn), 1.6)
     if bent > _CORNER:  # a corner on the map is an arc on the ground, and shorter
         cut += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
@@ -65,10 +67,10 @@ def _move_to(
         mean, cov, odometer, turn, heading, nx, ny, q_along + doubt, q_rate, q_cross,
         heading_variance,
     )  # fmt: skip
-    across = _ACROSS * abs(odometer * mean[K])
-    cov[X, X] += across * ny * ny
-    cov[Y, Y] += across * nx * nx
-    cov[X, Y] -= across * nx * ny
+    aside = _ACROSS * abs(odometer * mean[K])
+    cov[X, X] += aside * ny * ny
+    cov[Y, Y] += aside * nx * nx
+    cov[X, Y] -= aside * nx * ny
     cov[Y, X] = cov[X, Y]
     if shrink < 0.9999:
         row = work.row

@@ -142,8 +142,11 @@ def predict_along(
         q_cross: Covariance added between κ and the abscissa.
         heading_variance: Of the vehicle's heading about the road's, rad².
     """
-    c = math.cos(turn)
-    s = math.sin(turn)
+    c = 1.0
+    s = 0.0
+    if turn != 0.0:
+        c = math.cos(turn)
+        s = math.sin(turn)
     sx = ten()  # what surrounds the road
     sy = ten()
     set_to(sx, cov[X])

@@ -197,6 +197,12 @@ def bend(
         _, _, _, tx, ty = locate(roads, edge, segment, inside)
         return math.atan2(ty, tx), 0.0, 0.0
     step = min(max(sigma, 2.0), 15.0)
+    low = max(inside - 2.0 * step - _HALF_CHORD, 0.0)
+    low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
+    high = min(inside + 2.0 * step + _HALF_CHORD, length)
+    high_segment, _, _, _, _ = locate(roads, edge, low_segment, high)
+    if low_segment == high_segment:  # straight, as far as it is looked at
+        return math.atan2(ty, tx), 0.0, 0.0
     middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
     near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
     near_low = _turn_to(roads, edge, segment, max(inside - step, 0.0), middle)
