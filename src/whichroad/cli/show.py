@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import SettingError
 from ..terminal import progress_line
-from .arguments import Force, MapOption, read_start, read_window
+from .arguments import Force, MapOption, extra_live, read_start, read_window
 
 if TYPE_CHECKING:
     from ..replay.player import Player
@@ -57,13 +56,11 @@ def replay(
     from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
     from ..session import open_map
 
-    try:
+    with extra_live("replay"):
+        import uvicorn  # noqa: F401  # now, not when the drive has been answered
+        import websockets  # noqa: F401  # uvicorn would do without, and the page would be mute
+
         from ..replay.server import listen, replay_app, serve
-    except ImportError as error:
-        raise SettingError(
-            f"{error.name}: the page needs packages that are not installed; Starlette and uvicorn "
-            'were expected; pip install "whichroad[live]"'
-        ) from error
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)

@@ -179,6 +179,7 @@ class Film:
             "p_off_road": self._get("p_off_road", k) or 0.0,
             "road": self._road(k), "status": STATUS[self.status[k]],
             "reason": self.reason[k] or "", "dead_reckoning": False,
+            "lagged": None, "decided_until": None,
             "hypotheses": self.hypotheses(k),
             "fix": self._fix(k),
             "reckoning": self.reckoning.at(k), "sensors": self.signals.sensors(time),
