@@ -170,12 +170,16 @@ def advance_along(
 
 
 @part
-def forward_only(belief: Belief, row: Vector, scale: float) -> None:
+def forward_only(belief: Belief, row: Vector, scale: float) -> bool:
     """Without odometry a vehicle drives forwards.
 
     The speed is cut to what is above −0.5 m/s, and the hypothesis weighed by how much
     that was.  Off the roads a negative speed is first told as the other heading.
+
+    Returns:
+        Whether any weight was changed.
     """
+    weighed = False
     for i in range(belief.size[0]):
         mean = belief.mean[i]
         cov = belief.cov[i]
@@ -189,9 +193,11 @@ def forward_only(belief: Belief, row: Vector, scale: float) -> None:
         sigma = math.sqrt(cov[K, K])
         z = (mean[K] + 0.5) / sigma
         if z < 2.5:
+            weighed = True
             belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
             cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
             for j in range(N):
                 row[j] = 0.0
             row[K] = 1.0
             reshape_along(mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale)
+    return weighed

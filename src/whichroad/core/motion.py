@@ -214,7 +214,12 @@ def age_map(
 @kernel
 def age_gnss(mean: Vector, cov: Matrix, time: float, correlation_time: float) -> None:
     """Let the GNSS error wander over a time (s) spent moving."""
-    keep = math.exp(-time / correlation_time)
+    wander(mean, cov, math.exp(-time / correlation_time))
+
+
+@kernel
+def wander(mean: Vector, cov: Matrix, keep: float) -> None:
+    """Let the GNSS error wander until so much of it is kept."""
     decay(mean, cov, GX, 0.0, keep, 1.0)
     decay(mean, cov, GY, 0.0, keep, 1.0)
 

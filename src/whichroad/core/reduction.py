@@ -38,14 +38,16 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vj = belief.spread[j] ** 2
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        along = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        along = 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj))
         if along > best:
             return float(along)  # dearer than another pair, whatever the rest
         gap = wrap(belief.mean[i, H] - belief.mean[j, H])
         vi = belief.cov[i, H, H]
         vj = belief.cov[j, H, H]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        turned = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        turned = 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj))
+        if turned > best:
+            return float(turned)
         nx = math.sin(belief.mean[i, H])
         ny = -math.cos(belief.mean[i, H])
         dx = belief.mean[i, X] - belief.mean[j, X]
@@ -56,7 +58,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vi = nx * nx * ci[X, X] + 2.0 * nx * ny * ci[X, Y] + ny * ny * ci[Y, Y]
         vj = nx * nx * cj[X, X] + 2.0 * nx * ny * cj[X, Y] + ny * ny * cj[Y, Y]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        across = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        across = 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj))
         return float(max(along, turned, across))
     gap = wrap(belief.mean[i, H] - belief.mean[j, H])
     if abs(gap) > _OPPOSED:
@@ -64,7 +66,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = belief.cov[i, H, H]
     vj = belief.cov[j, H, H]
     v = (wi * vi + wj * vj) / w + shares * gap * gap
-    turned = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    turned = 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj)) / w
     dx = (belief.mean[i, X] - belief.mean[j, X]) / scale
     dy = (belief.mean[i, Y] - belief.mean[j, Y]) / scale
     ci = belief.cov[i]
@@ -75,7 +77,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = ci[X, X] * ci[Y, Y] - ci[X, Y] ** 2
     vj = cj[X, X] * cj[Y, Y] - cj[X, Y] ** 2
     v = xx * yy - xy * xy
-    apart = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    apart = 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj)) / w
     return float(max(turned, apart))
 
 

@@ -22,7 +22,7 @@ class Search(NamedTuple):
     slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
     goal: Ints32  # (_GOALS,) number of the goal
     goal_stamp: Ints  # (_GOALS,)
-    counts: Ints  # (4,) searches, steps, labels used, goals hit by the last search
+    counts: Ints  # (4,) searches, steps, labels used, goals
     edge: Ints32  # (LABELS,)
     parent: Ints32  # (LABELS,) label that it was reached from, -1: the origin
     cost: Vector  # (LABELS,) nats
@@ -57,6 +57,7 @@ def set_goals(search: Search, edges: Ints, n: int) -> None:
     """Begin a step: forget all labels, and note the edges that are looked for."""
     search.counts[1] += 1
     search.counts[2] = 0
+    search.counts[3] = n
     step = search.counts[1]
     for c in range(n):
         place = edges[c] & (_GOALS - 1)
@@ -271,6 +272,8 @@ def find_routes(
                 limit = min(limit, search.key[n] + slack)
             search.hit[hits] = label
             hits += 1
+            if hits == search.counts[3]:
+                return hits
         cost = search.cost[label] + per_metre * roads.length[current]
         length = search.length[label] + roads.length[current]
         time = search.time[label] + roads.length[current] / max(float(roads.speed[current]), 1.0)
