@@ -12,6 +12,7 @@ from .streets import Ints
 Ints32 = NDArray[np.int32]
 
 _HALF = 2**31  # columns and rows count from -2³¹, as in `core.grid.cell_key`
+_AT_ONCE = 1 << 14  # segments; what they need while they are cut is a small part of the map
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
 
 
@@ -31,7 +32,13 @@ def build(x: Array, y: Array, first: Ints32, size: float) -> tuple[Ints, Ints32,
     begins[first[1:] - 1] = False
     vertex = np.flatnonzero(begins).astype(np.int32)
     edge = np.repeat(np.arange(len(first) - 1, dtype=np.int32), np.diff(first) - 1)
-    segment, key = _entries(x[vertex], y[vertex], x[vertex + 1], y[vertex + 1], size)
+    segments, keys = [], []
+    for low in range(0, len(vertex), _AT_ONCE):
+        v = vertex[low : low + _AT_ONCE]
+        part, found = _entries(x[v], y[v], x[v + 1], y[v + 1], size)
+        segments.append(part + np.int32(low))
+        keys.append(found)
+    segment, key = np.concatenate(segments), np.concatenate(keys)
     order = np.argsort(key, kind="stable")
     key, segment = key[order], segment[order]
     new = np.flatnonzero(np.append(True, key[1:] != key[:-1]))
