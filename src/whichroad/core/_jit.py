@@ -51,9 +51,7 @@ def _writable(base: Path) -> bool:
 @functools.cache
 def cache_folder() -> Path | None:
     """First writable place for compiled kernels, or None: compile anew each time."""
-    from numba import config
-
-    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), config.CACHE_DIR]
+    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), _config().CACHE_DIR]
     xdg = os.environ.get("XDG_CACHE_HOME")
     bases.append(f"{xdg}/whichroad" if xdg else None)
     with contextlib.suppress(RuntimeError):
@@ -79,6 +77,13 @@ def _delete_stale(root: Path) -> None:
         for folder in root.iterdir():
             if folder.is_dir() and folder.stat().st_mtime < limit:
                 shutil.rmtree(folder, ignore_errors=True)
+
+
+def _config() -> Any:
+    """Numba's settings, attributes made at run time."""
+    from numba import config
+
+    return config
 
 
 class _Kernel:
@@ -107,13 +112,13 @@ class _Kernel:
 
 def _compile(function: Callable[..., Any], counted: bool) -> Any:
     import numba
-    from numba import config
 
-    folder = cache_folder()
+    njit: Any = numba.njit  # `_nrt` is not in its public signature
+    config, folder = _config(), cache_folder()
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder) if folder else before
     try:
-        return numba.njit(
+        return njit(
             cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted
         )(function)  # fmt: skip
     finally:
