@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .belief import (
     BEFORE,
     GNSS_SCALE,
@@ -50,7 +50,7 @@ _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the rece
 _FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
 
 
-@kernel
+@part
 def begin_at(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,
@@ -99,7 +99,7 @@ def _vouched(epochs: Epochs, k: int, mode: int) -> bool:
     return bool(mode == WHEELS or epochs.speed_sigma[k] < 1.0)
 
 
-@kernel
+@part
 def _learn_scale(
     belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters, white: float, moving: float,
@@ -126,7 +126,7 @@ def _learn_scale(
     )  # fmt: skip
 
 
-@kernel
+@part
 def stand(
     belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters,
@@ -140,7 +140,7 @@ def stand(
     clock[LAST_FIX] = epochs.time[k]
 
 
-@kernel
+@part
 def _doubt(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, side: float, lever: Vector, white: float, par: Parameters,
@@ -167,7 +167,7 @@ def _doubt(
         )  # fmt: skip
 
 
-@kernel
+@part
 def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parameters) -> None:
     """What changes from fix to fix, from second differences of positions: nothing drives so.
 
@@ -198,7 +198,7 @@ def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parame
     clock[BEFORE + 2] = t
 
 
-@kernel
+@part
 def take_fix(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,

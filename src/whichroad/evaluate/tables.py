@@ -15,6 +15,8 @@ Bools = NDArray[np.bool_]
 def read_table(path: Path) -> Any:
     """A table from a file, the suffix chooses; the points of a recording, a folder."""
     path = path / "points.arrow" if path.is_dir() else path
+    if not path.is_file():
+        raise ReadError(f"{path}: there is no such file; a table was expected; check the name")
     try:
         match path.suffix.lower():
             case ".parquet":
