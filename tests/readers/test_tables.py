@@ -318,6 +318,23 @@ def test_semicolons_a_mark_of_utf8_and_old_encodings_do_not_disturb(put):
         assert len(read_drive(put("x.csv", content))[0].fixes) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.json", b'[{"time": 0, "lat": 49.4, "lon": 8.7}]', "JSON; .*columns time, lat, lon"),
+        ("x.geojson", b'{"type": "FeatureCollection", "features": [], "x": 1}', "JSON"),
+        ("x.kml", b"<kml><coordinates>8.65,49.48</coordinates></kml>", "no GPX; .*export GPX"),
+        ("x.csv.gz", b"\x1f\x8b\x08rubbish", "unpack it"),
+        ("x.xlsx", b"PK\x03\x04rubbish", "save it as CSV"),
+        ("x.csv", "time,lat,lon\n0,49.4,8.7\n".encode("utf-16"), "save it in UTF-8"),
+        ("x.bin", b"\x00\x01\x02", "unknown format"),
+    ],
+)
+def test_what_is_not_read_is_told_what_it_is_and_what_to_do(put, name, content, said):
+    with pytest.raises(ReadError, match=said):
+        read_drive(put(name, content))
+
+
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_commas_are_decimal_where_they_do_not_part_columns(put, delimiter):
     rows = [["recorded_at", "lat", "lon", "speed_kmh"]]

@@ -15,8 +15,6 @@ Bools = NDArray[np.bool_]
 def read_table(path: Path) -> Any:
     """A table from a file, the suffix chooses; the points of a recording, a folder."""
     path = path / "points.arrow" if path.is_dir() else path
-    if not path.is_file():
-        raise ReadError(f"{path}: there is no such file; a table was expected; check the name")
     try:
         match path.suffix.lower():
             case ".parquet":
@@ -36,8 +34,9 @@ def read_table(path: Path) -> Any:
 
                 return geopandas.read_file(path)
     except (OSError, ValueError, RuntimeError) as error:
+        seen = error if path.is_file() else "there is no such file"
         raise ReadError(
-            f"{path}: {error}; a table of points was expected; check that it is one"
+            f"{path}: {seen}; a table of points was expected; check that it is one"
         ) from error
     raise ReadError(
         f"{path}: the suffix {path.suffix!r} names no table; one of .parquet, .arrow, .feather, "
