@@ -218,8 +218,8 @@ def find_routes(
 ) -> int:  # fmt: skip
     """The cheapest routes from abscissa s of an edge to the goals around a point.
 
-    A route costs `per_metre` for its length, more on slow roads, and each turn -log(prior / the largest prior
-    there).  A* with the straight distance to the goals' circle.
+    A route costs `per_metre` for its length, more of it on slow roads, and each turn
+    -log(prior / the largest prior there).  A* with the straight distance to the goals' circle.
 
     Args:
         roads: The network.
