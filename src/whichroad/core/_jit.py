@@ -92,9 +92,9 @@ class _Kernel:
     So importing, opening a map and building one need no compiler: numba alone is 70 MiB.
     """
 
-    def __init__(self, function: Callable[..., Any], counted: bool, inlined: bool) -> None:
+    def __init__(self, function: Callable[..., Any], inlined: bool) -> None:
         functools.update_wrapper(self, function)
-        self._made_of = function, counted, inlined
+        self._made_of = function, inlined
 
     def __call__(self, *args: Any) -> Any:
         return self._dispatcher(*args)
@@ -110,7 +110,7 @@ class _Kernel:
         return getattr(self._dispatcher, name)  # `_numba_type_`: what numba takes this for
 
 
-def _compile(function: Callable[..., Any], counted: bool, inlined: bool) -> Any:
+def _compile(function: Callable[..., Any], inlined: bool) -> Any:
     import numba
 
     njit: Any = numba.njit  # `_nrt` is not in its public signature
@@ -119,7 +119,7 @@ def _compile(function: Callable[..., Any], counted: bool, inlined: bool) -> Any:
     config.CACHE_DIR = str(folder) if folder else before
     try:
         return njit(
-            cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted,
+            cache=folder is not None, nogil=True, error_model="numpy", _nrt=False,
             forceinline=inlined,
         )(function)  # fmt: skip
     finally:
@@ -135,7 +135,7 @@ def kernel(function: F) -> F:
     took three quarters of the filter's time, since a belief and a map are some sixty
     arrays, each counted at each call.
     """
-    return cast(F, _Kernel(function, counted=False, inlined=False))
+    return cast(F, _Kernel(function, inlined=False))
 
 
 def part(function: F) -> F:
@@ -144,9 +144,4 @@ def part(function: F) -> F:
     A map, a belief and the scratch are some hundred arrays of seven numbers, each of which a
     call passes anew: 0.1 to 0.2 µs, more than much of what is called takes.
     """
-    return cast(F, _Kernel(function, counted=False, inlined=True))
-
-
-def allocating_kernel(function: F) -> F:
-    """The same for kernels that make arrays; for building, never for the hot loop."""
-    return cast(F, _Kernel(function, counted=True, inlined=False))
+    return cast(F, _Kernel(function, inlined=True))
