@@ -11,6 +11,8 @@ from .belief import (
     MISFITS,
     MOVING,
     ODOMETER_SPEED,
+    OFF_ROAD,
+    ON_ROAD_AT,
     PULL,
     QUICK_SCALE,
     SCALED_AT,
@@ -47,7 +49,8 @@ _NEXT = 2.5  # s, between fixes whose second difference is noise
 _LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
-_FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
+_FAR = 20.0  # m; a fix so far away may be the truth, of which the belief knew nothing
+_ASTRAY = 5.0  # s off the roads, from which on a fix far away is doubted less than the belief
 
 
 @kernel
@@ -86,6 +89,7 @@ def begin_at(
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     clock[SCALED_AT] = epochs.time[k]
+    clock[ON_ROAD_AT] = epochs.time[k]
     clock[LEARNT] = 0.0
     clock[BEFORE + 2] = -math.inf
     clock[BEFORE + 5] = -math.inf
@@ -138,6 +142,24 @@ def stand(
     white = math.sqrt(clock[GNSS_SCALE]) * par.gnss_white_ratio
     _learn_scale(belief, work, scale, epochs, k, mode, lever, par, white, 0.0)
     clock[LAST_FIX] = epochs.time[k]
+
+
+@kernel
+def _astray(belief: Belief, now: float) -> bool:
+    """Whether the belief has been off the roads for a while; then it counts anew.
+
+    A fix seldom misfits for long: what the receiver is worth and the slow error adapt to it.
+    Roads do not; a belief that left them with a wrong position would stay wrong.
+    """
+    off = 0.0
+    for i in range(belief.size[0]):
+        if belief.edge[i] == OFF_ROAD:
+            off += belief.probability[i]
+    clock = belief.clock
+    astray = now > clock[ON_ROAD_AT] + _ASTRAY
+    if off < 0.5 or astray:
+        clock[ON_ROAD_AT] = now
+    return off >= 0.5 and astray
 
 
 @kernel
@@ -228,7 +250,8 @@ def take_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
         _vouched(epochs, k, mode) and since < _RECENT and clock[LEARNT] > _YOUNG, work.row,
     )  # fmt: skip
-    if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
+    misfit = chi2 > 4.0 * par.gnss_gate
+    if mode == WHEELS and par.gnss_lost > 0.0 and (_astray(belief, epochs.time[k]) or misfit):
         _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
@@ -248,7 +271,7 @@ def take_fix(
             belief, K, epochs.speed[k], (epochs.speed_sigma[k] ** 2 + 0.04) * thin, scale,
             work.row,
         )  # fmt: skip
-    if chi2 > 4.0 * par.gnss_gate:
+    if misfit:
         clock[MISFITS] += 1.0
     else:
         clock[MISFITS] = 0.0
