@@ -5,7 +5,9 @@
     ├── MapError       the road map cannot serve, or is not a map
     ├── DriveError     nothing in the drive could be answered
     ├── WriteError     the output cannot be written
-    └── SettingError   a setting is out of bounds or contradicts another (also a ValueError)
+    ├── SettingError   a setting is out of bounds or contradicts another (also a ValueError)
+    └── NetworkError   a network of `whichroad.exact`, its evidence or a question about it makes
+                       no sense (also a ValueError; it lives there)
 
 Every message reads `where: what was seen; what was expected; what to do`.
 """

@@ -221,6 +221,7 @@ class Localizer:
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._belief, self._work = new_belief(lag is not None), new_work()
         self._past = None if lag is None else Window(lag)
+        self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
         self._route = new_route(0 if lag is None else 1 << 14)
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)

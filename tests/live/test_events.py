@@ -82,7 +82,7 @@ def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     kept = {"_belief", "_output", "_odometer", "_rate", "_began", "_reading", "_mode", "_far_fix"}
     kept |= {"_interval", "_past"}
     stays = {"roads", "vehicle", "settings", "skipped", "_work", "_route", "_epoch", "_par"}
-    stays |= {"_lever", "_side", "_start", "_watch"}
+    stays |= {"_lever", "_side", "_start", "_watch", "lag"}
     assert vars(localizer(town, ride)).keys() == kept | stays
 
 

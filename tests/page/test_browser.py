@@ -257,7 +257,7 @@ def test_a_report_opens_offline_and_its_places_lead_somewhere(
     page.wait_for_selector("#places button")
     before = page.inner_text("#time")
     page.locator("#places button").nth(3).click()
-    page.wait_for_selector("#places button[aria-current=true]")
+    page.wait_for_selector("#places li:nth-child(4) button[aria-current=true]")
     assert page.inner_text("#time") != before
     assert page.inner_text("#status") in ("ambiguous", "no GNSS", "off the roads", "lost")
     page.keyboard.press("ArrowRight")

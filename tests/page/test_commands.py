@@ -57,6 +57,33 @@ def test_a_report_of_points_needs_no_drive(run: Any, logs: list[str], folder: Pa
     assert "whichroad match -o" in said
 
 
+BARE = "import sys; sys.modules[sys.argv.pop(1)] = None; from whichroad.cli import main; main()"
+
+
+@pytest.mark.parametrize(
+    ("command", "package"),
+    [
+        *((command, name) for command in ("replay", "live") for name in ("starlette", "uvicorn")),
+        ("replay", "websockets"),
+        ("live", "websockets"),
+        ("live", "serial"),
+    ],
+)
+def test_without_the_extra_a_command_says_what_to_install(
+    logs: list[str], command: str, package: str
+):
+    source = ["--nmea", "/dev/ttyNONE"] if command == "live" else logs[:1]
+    done = subprocess.run(
+        [sys.executable, "-c", BARE, package, command, *source, *logs[-2:]],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1] == (
+        f"error: {command}: the package {package} is not installed; it was expected for this "
+        'command; pip install "whichroad[live]", or ".[live]" in the source folder'
+    )
+
+
 def test_a_port_that_is_taken_is_one_sentence_and_exit_code_1(run: Any, logs: list[str]):
     with socket.create_server(("127.0.0.1", 0)) as door:
         code, _, said = run("replay", *logs, "--port", door.getsockname()[1], "--no-browser")

@@ -1,5 +1,6 @@
 """The report: one file that needs nothing else."""
 
+import copy
 import json
 import re
 from pathlib import Path
@@ -62,10 +63,13 @@ def test_a_report_without_a_map_has_a_track_and_no_roads(film: Film, tmp_path: P
 
 
 def test_to_pass_from_one_edge_to_the_next_is_no_place_to_look_at(film: Film, roads: RoadMap):
-    kinds = [place["kind"] for place in report_data(film, roads)["places"]]
-    without = [place["kind"] for place in report_data(film)["places"]]
-    assert kinds.count("outage") == without.count("outage") > 0
-    assert 0 < kinds.count("ambiguous") < without.count("ambiguous")
+    bare = copy.copy(film)
+    bare.route = None
+    without = [place["kind"] for place in report_data(bare)["places"]]
+    for shown in (film, bare):  # by the route, and by the map alone
+        kinds = [place["kind"] for place in report_data(shown, roads)["places"]]
+        assert kinds.count("outage") == without.count("outage") > 0
+        assert 0 < kinds.count("ambiguous") < without.count("ambiguous")
 
 
 def test_a_file_that_is_there_is_kept_unless_told_otherwise(film: Film, tmp_path: Path):

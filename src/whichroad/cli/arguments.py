@@ -1,12 +1,16 @@
 """What several commands ask for, and how its text is understood."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from ..errors import SettingError
 
 if TYPE_CHECKING:
     from ..records import StartPose
@@ -104,3 +108,23 @@ def _moment(text: str) -> Moment | None:
     except ValueError:
         return None
     return time if time.tzinfo else time.replace(tzinfo=UTC)
+
+
+@contextmanager
+def extra_live(command: str) -> Iterator[None]:
+    """What is imported within comes with the extra `live`.
+
+    Args:
+        command: Which needs it.
+
+    Raises:
+        SettingError: One of the packages is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        package = str(error.name).partition(".")[0]
+        raise SettingError(
+            f"{command}: the package {package} is not installed; it was expected for this "
+            'command; pip install "whichroad[live]", or ".[live]" in the source folder'
+        ) from None

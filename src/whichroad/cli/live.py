@@ -10,7 +10,7 @@ import typer
 
 from ..errors import SettingError
 from ..terminal import progress_line
-from .arguments import MapOption, read_start
+from .arguments import MapOption, extra_live, read_start
 
 if TYPE_CHECKING:
     from ..live.server import Plan
@@ -67,6 +67,10 @@ def live(
     clock: Annotated[
         Clock, typer.Option(help="Times of observations: the sensors', or when they arrive.")
     ] = Clock.sensor,
+    lag: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=600.0, metavar="S", help="Tell also what is known S later."),
+    ] = None,
     rate: Annotated[
         float,
         typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
@@ -102,7 +106,7 @@ def live(
         raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
     with progress_line() as progress:
         progress("reading the map", 0, 0)
-        plan = _plan(roads, vehicle, pose)
+        plan = _plan(roads, vehicle, pose, lag)
         car = plan.localizer.vehicle
         plan.tape = _recorded(play, nmea, can, dbc, car)
         if plan.tape is None:
@@ -119,15 +123,10 @@ def live(
     serve(plan)
 
 
-def _plan(roads: Path, vehicle: Path | None, start: Any) -> "Plan":
+def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "Plan":
     """The filter on its map, warm."""
-    try:
+    with extra_live("live"):
         from ..live.server import Plan
-    except ImportError as error:
-        raise SettingError(
-            f"live: the package {error.name} is not installed; it was expected for the service; "
-            'pip install "whichroad[live]"'
-        ) from None
     from ..localizer import Localizer
     from ..readers import read_vehicle
     from ..session import open_map
@@ -135,7 +134,8 @@ def _plan(roads: Path, vehicle: Path | None, start: Any) -> "Plan":
 
     car = Vehicle() if vehicle is None else read_vehicle(vehicle)
     settings = Settings(**car.noise)
-    return Plan(Localizer(open_map(roads), vehicle=car, settings=settings, start=start))
+    network = open_map(roads)
+    return Plan(Localizer(network, vehicle=car, settings=settings, start=start, lag=lag))
 
 
 def _speed(text: str) -> float | None:
@@ -196,6 +196,9 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
     from ..live.sources import can_address, nmea_address
 
     plan.nmea = [nmea_address(one) for one in nmea or ()]
+    if any(address.kind == "serial" for address in plan.nmea):
+        with extra_live("live"):
+            import serial  # noqa: F401
     if can is not None:
         if dbc is None:
             raise typer.BadParameter("--can needs the --dbc that describes its frames")

@@ -5,15 +5,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import SettingError
 from ..terminal import progress_line
-from .arguments import Force, MapOption, read_start, read_window
+from .arguments import Force, MapOption, extra_live, read_start, read_window
 
 if TYPE_CHECKING:
     from ..replay.player import Player
 
 DriveId = Annotated[
     str | None, typer.Option(help="Which drive, where there are several in the input.")
+]
+
+PathFile = Annotated[
+    Path | None,
+    typer.Option("--path", help="The path of `match --path-out`: the way between far fixes."),
 ]
 
 
@@ -34,6 +38,7 @@ def replay(
         list[str] | None,
         typer.Option(metavar="START:END", help="Withhold GNSS from the start, as `match` does."),
     ] = None,
+    path: PathFile = None,
     drive_id: DriveId = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
     host: Annotated[
@@ -51,20 +56,18 @@ def replay(
     from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
     from ..session import open_map
 
-    try:
+    with extra_live("replay"):
+        import uvicorn  # noqa: F401  # now, not when the drive has been answered
+        import websockets  # noqa: F401  # uvicorn would do without, and the page would be mute
+
         from ..replay.server import listen, replay_app, serve
-    except ImportError as error:
-        raise SettingError(
-            f"{error.name}: the page needs packages that are not installed; Starlette and uvicorn "
-            'were expected; pip install "whichroad[live]"'
-        ) from error
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
-            player = play_result(drive[0], network, drive_id)
+            player = play_result(drive[0], network, drive_id, path)
         else:
             car = None if vehicle is None else read_vehicle(vehicle)
             progress("reading the drive", 0, 0)
@@ -84,6 +87,7 @@ def report(
     roads: Annotated[
         Path | None, typer.Option("--map", help="The map, to draw the roads near the track.")
     ] = None,
+    path: PathFile = None,
     drive_id: DriveId = None,
     force: Force = False,
 ) -> None:
@@ -96,7 +100,7 @@ def report(
     check_report(out, force=force)
     with progress_line() as progress:
         progress("reading the answer", 0, 0)
-        points = read_points(result, drive_id)
+        points = read_points(result, drive_id, path)
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)
         progress("writing", 0, 0)

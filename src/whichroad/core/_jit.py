@@ -82,7 +82,7 @@ def _delete_stale(root: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def _compile(function: F, counted: bool) -> F:
+def _compile(function: F, counted: bool, inlined: bool) -> F:
     folder = cache_folder()
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder) if folder else before
@@ -90,7 +90,8 @@ def _compile(function: F, counted: bool) -> F:
         return cast(
             F,
             _njit(
-                cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted
+                cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted,
+                forceinline=inlined,
             )(function),
         )  # fmt: skip
     finally:
@@ -106,9 +107,18 @@ def kernel(function: F) -> F:
     took three quarters of the filter's time, since a belief and a map are some sixty
     arrays, each counted at each call.
     """
-    return _compile(function, counted=False)
+    return _compile(function, counted=False, inlined=False)
+
+
+def part(function: F) -> F:
+    """A kernel that becomes a part of those that call it: for what has one caller.
+
+    A map, a belief and the scratch are some hundred arrays of seven numbers, each of which a
+    call passes anew: 0.1 to 0.2 µs, more than much of what is called takes.
+    """
+    return _compile(function, counted=False, inlined=True)
 
 
 def allocating_kernel(function: F) -> F:
     """The same for kernels that make arrays; for building, never for the hot loop."""
-    return _compile(function, counted=True)
+    return _compile(function, counted=True, inlined=False)

@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, part
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -30,7 +30,7 @@ _CORNER_DOUBT = 3.0  # m/rad
 _ACROSS = 0.015  # m²/m; nobody follows the line of a map to the inch
 
 
-@kernel
+@part
 def _move_to(
     belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
     lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
@@ -88,7 +88,7 @@ def _move_to(
     belief.stay[i] = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
 
 
-@kernel
+@part
 def advance_along(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
     q_along: float, q_rate: float, q_cross: float, heading_variance: float,
@@ -167,7 +167,7 @@ def advance_along(
     return changed
 
 
-@kernel
+@part
 def forward_only(belief: Belief, row: Vector, scale: float) -> None:
     """Without odometry a vehicle drives forwards.
 

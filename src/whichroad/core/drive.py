@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .along import advance_along, forward_only
 from .belief import (
     MISFITS,
@@ -48,7 +48,7 @@ SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
 
 
-@kernel
+@part
 def _roll(
     belief: Belief, scale: float, epochs: Epochs, k: int, pieces: int, par: Parameters
 ) -> None:
@@ -73,7 +73,7 @@ def _roll(
         )  # fmt: skip
 
 
-@kernel
+@part
 def _move_along(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, dt: float, mode: int, side: float, par: Parameters,
@@ -112,7 +112,7 @@ def _move_along(
     return changed or turns
 
 
-@kernel
+@part
 def _odometer_speed(clock: Vector, arc: float, dt: float) -> None:
     """Smooth the odometer's speed, and see how fast it changes."""
     if dt > 1e-6:
@@ -121,7 +121,7 @@ def _odometer_speed(clock: Vector, arc: float, dt: float) -> None:
         clock[PULL] = behind / (_MOMENT + dt)
 
 
-@kernel
+@part
 def _count_motion(clock: Vector, moved: float, dt: float) -> None:
     """Distances and times that slow states and the map's spacing are measured by."""
     clock[TRAVELLED] += moved
@@ -142,7 +142,7 @@ def _off_road_matters(belief: Belief) -> bool:
     return False
 
 
-@kernel
+@part
 def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> float:
     """Speed of M over ground, m/s, by the weighted κ."""
     rate = 0.0

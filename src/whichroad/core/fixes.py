@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .belief import (
     BEFORE,
     GNSS_SCALE,
@@ -53,7 +53,7 @@ _FAR = 20.0  # m; a fix so far away may be the truth, of which the belief knew n
 _ASTRAY = 5.0  # s off the roads, from which on a fix far away is doubted less than the belief
 
 
-@kernel
+@part
 def begin_at(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,
@@ -103,7 +103,7 @@ def _vouched(epochs: Epochs, k: int, mode: int) -> bool:
     return bool(mode == WHEELS or epochs.speed_sigma[k] < 1.0)
 
 
-@kernel
+@part
 def _learn_scale(
     belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters, white: float, moving: float,
@@ -130,7 +130,7 @@ def _learn_scale(
     )  # fmt: skip
 
 
-@kernel
+@part
 def stand(
     belief: Belief, work: Work, scale: float, epochs: Epochs, k: int, mode: int, lever: Vector,
     par: Parameters,
@@ -144,7 +144,7 @@ def stand(
     clock[LAST_FIX] = epochs.time[k]
 
 
-@kernel
+@part
 def _astray(belief: Belief, now: float) -> bool:
     """Whether the belief has been off the roads for a while; then it counts anew.
 
@@ -162,7 +162,7 @@ def _astray(belief: Belief, now: float) -> bool:
     return off >= 0.5 and astray
 
 
-@kernel
+@part
 def _doubt(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, side: float, lever: Vector, white: float, par: Parameters,
@@ -189,7 +189,7 @@ def _doubt(
         )  # fmt: skip
 
 
-@kernel
+@part
 def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parameters) -> None:
     """What changes from fix to fix, from second differences of positions: nothing drives so.
 
@@ -220,7 +220,7 @@ def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parame
     clock[BEFORE + 2] = t
 
 
-@kernel
+@part
 def take_fix(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
     k: int, mode: int, side: float, lever: Vector, par: Parameters,

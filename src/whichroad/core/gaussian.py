@@ -2,11 +2,12 @@
 
 import math
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .angles import wrap
 from .belief import H, N, X, Y
+from .rows import add_times, set_times, ten
 
-_LOG_2PI = math.log(2.0 * math.pi)
+LOG_2PI = math.log(2.0 * math.pi)
 
 
 @kernel
@@ -41,58 +42,52 @@ def condition(
     Returns:
         The log-density ℓ of the innovation.
     """
-    g0 = 0.0
-    g1 = 0.0
-    g2 = 0.0
-    g3 = 0.0
-    g4 = 0.0
-    g5 = 0.0
-    g6 = 0.0
-    g7 = 0.0
-    g8 = 0.0
-    g9 = 0.0
-    for j in range(N):
-        h = row[j]
-        if h != 0.0:
-            g0 += cov[j, 0] * h
-            g1 += cov[j, 1] * h
-            g2 += cov[j, 2] * h
-            g3 += cov[j, 3] * h
-            g4 += cov[j, 4] * h
-            g5 += cov[j, 5] * h
-            g6 += cov[j, 6] * h
-            g7 += cov[j, 7] * h
-            g8 += cov[j, 8] * h
-            g9 += cov[j, 9] * h
-    g = (g0, g1, g2, g3, g4, g5, g6, g7, g8, g9)
-    s = variance
-    for j in range(N):
-        s += row[j] * g[j]
-    gain = innovation / s
-    mean[X] += scale * g0 * gain
-    mean[Y] += scale * g1 * gain
-    for j in range(2, N):
-        mean[j] += g[j] * gain
+    s = update(mean, cov, row, innovation, variance, scale)
+    return -0.5 * (innovation * innovation / s + math.log(s) + LOG_2PI)
+
+
+@kernel
+def update(
+    mean: Vector, cov: Matrix, row: Vector, innovation: float, variance: float, scale: float
+) -> float:
+    """`condition`, which see; returns the innovation variance s, and takes no logarithm."""
+    g = ten()
+    s = variance + _covariance(cov, row, g)
+    _move(mean, g, innovation / s, scale)
+    set_times(g, 1.0 / math.sqrt(s), g)  # both factors alike: P stays symmetric to the bit
     for i in range(N):
-        f = g[i] / s
-        for j in range(i + 1):
-            c = cov[i, j] - f * g[j]
-            cov[i, j] = c
-            cov[j, i] = c
-    return -0.5 * (innovation * gain + math.log(s) + _LOG_2PI)
+        add_times(cov[i], -g[i], g)
+    return s
+
+
+@part
+def _covariance(cov: Matrix, row: Vector, g: Vector) -> float:
+    """Set g = P hᵀ; returns h g."""
+    for j in range(N):
+        g[j] = 0.0
+    for j in range(N):
+        if row[j] != 0.0:
+            add_times(g, row[j], cov[j])
+    v = 0.0
+    for j in range(N):
+        v += row[j] * g[j]
+    return v
+
+
+@part
+def _move(mean: Vector, g: Vector, gain: float, scale: float) -> None:
+    """M += g gain, with X and Y in the plane's units."""
+    x = mean[X] + scale * g[X] * gain
+    y = mean[Y] + scale * g[Y] * gain
+    add_times(mean, gain, g)
+    mean[X] = x
+    mean[Y] = y
 
 
 @kernel
 def innovation_variance(cov: Matrix, row: Vector, variance: float) -> float:
     """H P hᵀ + r."""
-    s = variance
-    for i in range(N):
-        if row[i] != 0.0:
-            t = 0.0
-            for j in range(N):
-                t += cov[i, j] * row[j]
-            s += row[i] * t
-    return s
+    return variance + _covariance(cov, row, ten())
 
 
 @kernel
@@ -135,47 +130,16 @@ def reshape_along(
 
     Exact moments of a Gaussian whose component h·x was cut to an interval.
     """
-    # The product g is written out here as in `condition`: as a function of its own, which
-    # returns ten numbers, it cost a third of the filter's speed.
-    v = innovation_variance(cov, row, 0.0)
+    g = ten()
+    v = _covariance(cov, row, g)
     if v <= 1e-12:
         return
-    factor = (1.0 - shrink) / v
-    gain = shift / v
-    g0 = 0.0
-    g1 = 0.0
-    g2 = 0.0
-    g3 = 0.0
-    g4 = 0.0
-    g5 = 0.0
-    g6 = 0.0
-    g7 = 0.0
-    g8 = 0.0
-    g9 = 0.0
-    for j in range(N):
-        h = row[j]
-        if h != 0.0:
-            g0 += cov[j, 0] * h
-            g1 += cov[j, 1] * h
-            g2 += cov[j, 2] * h
-            g3 += cov[j, 3] * h
-            g4 += cov[j, 4] * h
-            g5 += cov[j, 5] * h
-            g6 += cov[j, 6] * h
-            g7 += cov[j, 7] * h
-            g8 += cov[j, 8] * h
-            g9 += cov[j, 9] * h
-    g = (g0, g1, g2, g3, g4, g5, g6, g7, g8, g9)
-    mean[X] += scale * g0 * gain
-    mean[Y] += scale * g1 * gain
-    for j in range(2, N):
-        mean[j] += g[j] * gain
+    _move(mean, g, shift / v, scale)
+    kept = (shrink - 1.0) / v
+    set_times(g, math.sqrt(abs(kept)), g)
+    sign = math.copysign(1.0, kept)
     for i in range(N):
-        f = g[i] * factor
-        for j in range(i + 1):
-            c = cov[i, j] - f * g[j]
-            cov[i, j] = c
-            cov[j, i] = c
+        add_times(cov[i], sign * g[i], g)
 
 
 @kernel
@@ -189,29 +153,21 @@ def merge_moments(
     `share_a` is α, the first one's share of the common weight; β = 1 − α.
     """
     beta = 1.0 - share_a
-    d0 = (mean_b[0] - mean_a[0]) / scale
-    d1 = (mean_b[1] - mean_a[1]) / scale
-    d2 = wrap(mean_b[H] - mean_a[H])
-    d = (
-        d0,
-        d1,
-        d2,
-        mean_b[3] - mean_a[3],
-        mean_b[4] - mean_a[4],
-        mean_b[5] - mean_a[5],
-        mean_b[6] - mean_a[6],
-        mean_b[7] - mean_a[7],
-        mean_b[8] - mean_a[8],
-        mean_b[9] - mean_a[9],
-    )
+    d = ten()
+    set_times(d, -1.0, mean_a)
+    add_times(d, 1.0, mean_b)
+    d[X] /= scale
+    d[Y] /= scale
+    d[H] = wrap(d[H])
+    x = mean_a[X] + beta * d[X] * scale
+    y = mean_a[Y] + beta * d[Y] * scale
+    add_times(mean_a, beta, d)
+    mean_a[X] = x
+    mean_a[Y] = y
+    mean_a[H] = wrap(mean_a[H])
+    set_times(d, math.sqrt(share_a * beta), d)
     for i in range(N):
-        di = share_a * beta * d[i]
-        for j in range(i + 1):
-            c = share_a * cov_a[i, j] + beta * cov_b[i, j] + di * d[j]
-            cov_a[i, j] = c
-            cov_a[j, i] = c
-    mean_a[X] += beta * d0 * scale
-    mean_a[Y] += beta * d1 * scale
-    mean_a[H] = wrap(mean_a[H] + beta * d2)
-    for i in range(3, N):
-        mean_a[i] += beta * d[i]
+        row = cov_a[i]
+        set_times(row, share_a, row)
+        add_times(row, beta, cov_b[i])
+        add_times(row, d[i], d)

@@ -6,7 +6,7 @@ their likelihoods are densities of the same quantity and may be compared.
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -30,10 +30,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import (
-    condition,
-    innovation_variance,
-)
+from .gaussian import LOG_2PI, condition, innovation_variance, update
 from .motion import age_gnss
 
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
@@ -70,7 +67,7 @@ def _fix_row(
     return float(ex * dx + ey * dy)
 
 
-@kernel
+@part
 def gnss_root(
     belief: Belief, fix: Vector, factor: float, interval: float, smoothing: float, root: Vector
 ) -> None:
@@ -133,7 +130,7 @@ def gnss_root(
     root[2] = (yy + det) / trace
 
 
-@kernel
+@part
 def observe_fix(
     belief: Belief,
     fix: Vector,
@@ -202,14 +199,16 @@ def observe_fix(
         extra1 = 0.0
     for i in range(n):
         nu = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
-        gain = condition(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
+        s0 = update(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
+        misfit = nu * nu / s0
         nu = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
-        gain += condition(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
-        belief.log_weight[i] += gain
+        s1 = update(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
+        misfit += nu * nu / s1
+        belief.log_weight[i] -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
     return best
 
 
-@kernel
+@part
 def adapt_scale(
     belief: Belief, fix: Vector, root: Vector, white: float, drifted: float, scale: float,
     lever: Vector, gain: float, slow_gain: float, least: float, row: Vector,
@@ -309,7 +308,7 @@ def adapt_scale(
     clock[GNSS_SCALE] = min(max(learnt, least), 400.0)
 
 
-@kernel
+@part
 def age_receiver(belief: Belief, time: float, correlation_time: float, fault_time: float) -> None:
     """Let the GNSS error of every hypothesis wander over a time (s) spent moving.
 

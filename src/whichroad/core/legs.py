@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .network import Roads
 from .road import track
@@ -122,7 +122,7 @@ def _keep(search: Search, pairs: int, least: float, cheapest: float) -> int:
     return kept
 
 
-@kernel
+@part
 def choose_legs(
     belief: Belief, roads: Roads, work: Work, found: int, scale: float,
     x: float, y: float, radius: float, sigma: float, dt: float,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._jit import Floats32, Ints, Ints32, Matrix, Vector, kernel
+from ._jit import Floats32, Ints, Ints32, Matrix, Vector, kernel, part
 from .belief import (
     GNSS_SCALE,
     KEPT,
@@ -121,7 +121,7 @@ def is_full(memory: Memory) -> bool:
     )
 
 
-@kernel
+@part
 def note_motion(
     memory: Memory, epochs: Epochs, k: int, moving: float, speed: float, mode: int
 ) -> None:
@@ -185,7 +185,7 @@ def _born_between(belief: Belief, rate: float, metres: float) -> None:
                 belief.share[i, a] = kept * belief.share[i, a] + (1.0 - kept) * total / on
 
 
-@kernel
+@part
 def remember(belief: Belief, memory: Memory, k: int, changed: bool, leave: float) -> None:
     """Add the belief after epoch k as a step, if anything was changed or it is time.
 

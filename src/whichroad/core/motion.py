@@ -5,6 +5,7 @@ import math
 from ._jit import Matrix, Vector, kernel
 from .angles import wrap
 from .belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
+from .rows import add_times, set_times, set_to, ten
 
 
 @kernel
@@ -78,13 +79,13 @@ def predict_free(
     mean[X] += scale * dx
     mean[Y] += scale * dy
     mean[H] = wrap(mean[H] + turn + mean[B] * arc)
-    for j in range(N):
-        ph = cov[H, j]
-        pk = cov[K, j]
-        pb = cov[B, j]
-        cov[X, j] += -dy * ph + rx * pk + bx * pb
-        cov[Y, j] += dx * ph + ry * pk + by * pb
-        cov[H, j] = ph + arc * pb
+    add_times(cov[X], -dy, cov[H])
+    add_times(cov[X], rx, cov[K])
+    add_times(cov[X], bx, cov[B])
+    add_times(cov[Y], dx, cov[H])
+    add_times(cov[Y], ry, cov[K])
+    add_times(cov[Y], by, cov[B])
+    add_times(cov[H], arc, cov[B])
     for j in range(K, N):
         cov[j, X] = cov[X, j]
         cov[j, Y] = cov[Y, j]
@@ -143,13 +144,24 @@ def predict_along(
     """
     c = math.cos(turn)
     s = math.sin(turn)
-    for j in range(N):
-        px = cov[X, j] + cov[MX, j]
-        py = cov[Y, j] + cov[MY, j]
-        pk = odometer * cov[K, j]
-        cov[X, j] = c * px - s * py - cov[MX, j] + tx * pk
-        cov[Y, j] = s * px + c * py - cov[MY, j] + ty * pk
-    for i in range(N):
+    sx = ten()  # what surrounds the road
+    sy = ten()
+    set_to(sx, cov[X])
+    add_times(sx, 1.0, cov[MX])
+    set_to(sy, cov[Y])
+    add_times(sy, 1.0, cov[MY])
+    set_times(cov[X], c, sx)
+    add_times(cov[X], -s, sy)
+    add_times(cov[X], -1.0, cov[MX])
+    add_times(cov[X], tx * odometer, cov[K])
+    set_times(cov[Y], s, sx)
+    add_times(cov[Y], c, sy)
+    add_times(cov[Y], -1.0, cov[MY])
+    add_times(cov[Y], ty * odometer, cov[K])
+    for j in range(2, N):
+        cov[j, X] = cov[X, j]
+        cov[j, Y] = cov[Y, j]
+    for i in range(2):
         px = cov[i, X] + cov[i, MX]
         py = cov[i, Y] + cov[i, MY]
         pk = odometer * cov[i, K]
@@ -177,10 +189,12 @@ def decay(
 ) -> None:
     """One Gauss-Markov step of a slow state: x⁺ = x̄ + φ (x − x̄) + w, w ~ (1 − φ²) σ²."""
     mean[state] = target + keep * (mean[state] - target)
+    row = cov[state]
+    own = keep * keep * row[state]
+    set_times(row, keep, row)
+    row[state] = own + (1.0 - keep * keep) * variance
     for j in range(N):
-        cov[state, j] *= keep
-        cov[j, state] *= keep
-    cov[state, state] += (1.0 - keep * keep) * variance
+        cov[j, state] = row[j]
 
 
 @kernel

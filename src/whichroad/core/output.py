@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Floats32, Ints32, Matrix, kernel
+from ._jit import Bytes, Floats32, Ints32, Matrix, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -62,7 +62,7 @@ def new_output(n: int, poses: bool) -> Output:
     )
 
 
-@kernel
+@part
 def say(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
     ambiguous_below: float, risk: float, chi2: float,
@@ -214,7 +214,7 @@ def say(
     output.status[k] = status
 
 
-@kernel
+@part
 def _rank(belief: Belief, output: Output, k: int) -> None:
     """The most probable edges of epoch k, components of one edge added up."""
     n = belief.size[0]

@@ -34,6 +34,7 @@ from .grid import vertex_at
 from .network import Roads, lane_sigma_of
 from .parameters import Parameters
 from .road import bend
+from .rows import set_to
 from .segment import locate
 from .switching import Work, enter, hand_over
 
@@ -194,10 +195,9 @@ def _fill(
 @kernel
 def copy_row(source: Belief, i: int, target: Belief, j: int) -> None:
     """Copy row i of one belief to row j of another."""
+    set_to(target.mean[j], source.mean[i])
     for a in range(N):
-        target.mean[j, a] = source.mean[i, a]
-        for b in range(N):
-            target.cov[j, a, b] = source.cov[i, a, b]
+        set_to(target.cov[j, a], source.cov[i, a])
     target.log_weight[j] = source.log_weight[i]
     target.probability[j] = source.probability[i]
     target.edge[j] = source.edge[i]

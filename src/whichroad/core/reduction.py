@@ -7,7 +7,7 @@ stay within 1e-2 of the exact road probabilities, and the four best unmerged wit
 
 import math
 
-from ._jit import kernel
+from ._jit import kernel, part
 from .angles import wrap
 from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, ORIGINS, Belief, H, Route, X, Y, normalise
 from .gaussian import merge_moments
@@ -20,7 +20,7 @@ _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 
 
-@kernel
+@part
 def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> float:
     """Runnalls' bound on what merging two hypotheses loses, along the road only, nats.
 
@@ -96,7 +96,7 @@ def _merge_into(belief: Belief, i: int, j: int, scale: float) -> None:
     belief.edge[j] = NO_EDGE
 
 
-@kernel
+@part
 def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: float) -> bool:
     """Merge the cheapest pair on the edge of hypothesis `first`; False when all is well."""
     n = belief.size[0]
@@ -128,7 +128,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
     return True
 
 
-@kernel
+@part
 def _is_clear(belief: Belief) -> bool:
     """Whether one edge has nearly all the probability: then little hangs on its parts."""
     top = 0
@@ -142,7 +142,7 @@ def _is_clear(belief: Belief) -> bool:
     return rest < _CLEAR
 
 
-@kernel
+@part
 def reduce(
     belief: Belief, route: Route, scale: float, prune: float, limit: float, most: int
 ) -> None:  # fmt: skip

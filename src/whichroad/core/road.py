@@ -6,7 +6,7 @@ their likelihoods are densities of the same quantity and may be compared.
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .angles import wrap
 from .belief import (
     MX,
@@ -20,10 +20,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import (
-    condition,
-    innovation_variance,
-)
+from .gaussian import LOG_2PI, update
 from .motion import age_map
 from .network import Roads, lane_sigma_of
 from .segment import chord_heading, locate, project
@@ -57,7 +54,7 @@ def track(belief: Belief, roads: Roads, i: int, scale: float) -> tuple[float, fl
     return across / scale, tx, ty
 
 
-@kernel
+@part
 def observe_roads(
     belief: Belief,
     roads: Roads,
@@ -128,6 +125,7 @@ def observe_roads(
     thin = min(max(_LOOK / travelled, 0.5), 4.0) if travelled > 0.0 else 1.0
     r_lateral = thin * (relative_sigma**2 + more_lateral)
     r_heading = thin * (heading_sigma**2 + more_heading)
+    rows = 2.0 if with_heading else 1.0
     log_s = 0.0
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:
@@ -144,8 +142,8 @@ def observe_roads(
         row[MY] = ny
         row[D] = -1.0
         nu = mean[D] - lateral[i]
-        log_s += p * math.log(innovation_variance(belief.cov[i], row, r_lateral))
-        gain = condition(mean, belief.cov[i], row, nu, r_lateral, scale)
+        s = update(mean, belief.cov[i], row, nu, r_lateral, scale)
+        misfit = nu * nu / s
         if with_heading:
             for j in range(N):
                 row[j] = 0.0
@@ -155,18 +153,19 @@ def observe_roads(
             row[MX] = row[X]
             row[MY] = row[Y]
             nu = wrap(heading[i] - mean[H])
-            log_s += p * math.log(innovation_variance(belief.cov[i], row, r_heading))
-            gain += condition(mean, belief.cov[i], row, nu, r_heading, scale)
-        belief.log_weight[i] += gain
-    rows = 2.0 if with_heading else 1.0
+            s_heading = update(mean, belief.cov[i], row, nu, r_heading, scale)
+            misfit += nu * nu / s_heading
+            s *= s_heading
+        log_s += p * math.log(s)
+        belief.log_weight[i] -= 0.5 * (misfit + math.log(s) + rows * LOG_2PI)
     if on > 0.0:
-        fit = -0.5 * (rows * (1.0 + math.log(2.0 * math.pi)) + log_s / on)
+        fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / on)
         for i in range(n):
             if belief.edge[i] == OFF_ROAD:
                 belief.log_weight[i] += fit - off_road_cost * travelled
 
 
-@kernel
+@part
 def bend(
     roads: Roads, edge: int, segment: int, s: float, sigma: float
 ) -> tuple[float, float, float]:

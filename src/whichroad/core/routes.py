@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Ints, Ints32, Vector, kernel
+from ._jit import Bytes, Ints, Ints32, Vector, kernel, part
 from .network import Roads
 
 _SLOTS = 1 << 15  # of the table that knows an edge's label
@@ -172,7 +172,7 @@ def _label(
     return _push(search, n, label, key)
 
 
-@kernel
+@part
 def find_routes(
     roads: Roads, search: Search, goals: Ints, edge: int, s: float, x: float, y: float,
     radius: float, per_metre: float, u_turn: float, longest: float, limit: float, slack: float,

@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, kernel, part
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -81,7 +81,7 @@ def _fresh_state(
     cov[MY, MY] = map_sigma**2
 
 
-@kernel
+@part
 def cold_start(
     belief: Belief, roads: Roads, route: Route, work: Work, total: float, fix: Vector,
     slow: float, white: float, scale: float, lever: Vector, heading: float,
@@ -196,7 +196,7 @@ def cold_start(
     return found
 
 
-@kernel
+@part
 def leave_and_return(
     belief: Belief, roads: Roads, work: Work, scale: float, travelled: float,
     leave: float, back: float, side: float, lane_sigma: float, map_sigma: float,
@@ -241,7 +241,7 @@ def leave_and_return(
             )  # fmt: skip
 
 
-@kernel
+@part
 def _return(
     belief: Belief, roads: Roads, work: Work, i: int, scale: float, share: float, side: float,
     lane_sigma: float, map_sigma: float, search_radius: float, wrong_way: float, p: float,
@@ -334,7 +334,7 @@ def _turned(
     belief.size[0] = child + 1
 
 
-@kernel
+@part
 def turn_round(
     belief: Belief, roads: Roads, share: float, slow: float, clock: bool, side: float,
     lane_sigma: float,
@@ -370,7 +370,7 @@ def turn_round(
     return changed
 
 
-@kernel
+@part
 def turn_with_heading(belief: Belief, roads: Roads, side: float, lane_sigma: float) -> None:
     """With a heading sensor: a vehicle athwart its road may be turning round."""
     for i in range(belief.size[0]):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Ints, Ints32, Vector, kernel
+from ._jit import Ints, Ints32, Vector, kernel, part
 from .belief import (
     CAPACITY,
     MX,
@@ -30,6 +30,7 @@ from .motion import redraw_lane
 from .network import Roads, lane_sigma_of
 from .road import track
 from .routes import Search, new_search
+from .rows import set_to
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
 MOST = 64  # destinations of one hypothesis in one step
@@ -75,10 +76,9 @@ def new_work() -> Work:
 @kernel
 def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
     """Copy one row of the belief over another."""
+    set_to(belief.mean[target], belief.mean[source])
     for i in range(N):
-        belief.mean[target, i] = belief.mean[source, i]
-        for j in range(N):
-            belief.cov[target, i, j] = belief.cov[source, i, j]
+        set_to(belief.cov[target, i], belief.cov[source, i])
     belief.log_weight[target] = belief.log_weight[source]
     belief.probability[target] = belief.probability[source]
     belief.edge[target] = belief.edge[source]
@@ -222,7 +222,7 @@ def destinations(
     return count, total
 
 
-@kernel
+@part
 def hand_over(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
     side: float, lane_sigma: float, prune: float, cut: bool,

@@ -7,7 +7,7 @@ ever, and what it puts beyond an edge's ends is cut off.
 
 import math
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -69,7 +69,7 @@ def _on_line(
     return float(condition(mean, cov, row, behind, relative_sigma**2, scale))
 
 
-@kernel
+@part
 def _arrive(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, pair: int,
     scale: float, zx: float, zy: float, sigma: float, dt: float, since: float, side: float,
@@ -150,7 +150,7 @@ def _arrive(
     belief.size[0] = child + 1
 
 
-@kernel
+@part
 def _enter_chain(
     belief: Belief, roads: Roads, route: Route, search: Search, child: int, label: int,
     went: float, dt: float, since: float,
@@ -171,7 +171,7 @@ def _enter_chain(
         )
 
 
-@kernel
+@part
 def _fly(belief: Belief, i: int, x: float, y: float, dt: float, scale: float) -> None:
     """Off the roads anything may have happened in between."""
     mean = belief.mean[i]
@@ -190,7 +190,7 @@ def _fly(belief: Belief, i: int, x: float, y: float, dt: float, scale: float) ->
     decay(mean, cov, K, 8.0, keep, SPEED_SIGMA * SPEED_SIGMA)
 
 
-@kernel
+@part
 def _come_back(
     belief: Belief, roads: Roads, work: Work, i: int, found: int, sigma: float, scale: float,
     side: float, par: Parameters,
@@ -243,7 +243,7 @@ def _mass(roads: Roads, work: Work, c: int, sigma: float, par: Parameters) -> fl
     return mass
 
 
-@kernel
+@part
 def travel(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float,
     fix: Vector, dt: float, side: float, par: Parameters,
@@ -337,7 +337,7 @@ def travel(
     return moved
 
 
-@kernel
+@part
 def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
     """After the fix: what lies beyond the ends of an edge was not there.
 

@@ -2,11 +2,12 @@
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..errors import WriteError
 from ..localizer import Localizer
+from .decode import CanStream
 from .state import bridge, fingerprint, from_bytes, restore, state_of, to_bytes
 
 EVERY = 0.5  # s
@@ -20,13 +21,21 @@ class Checkpoint:
     Args:
         path: The file; its folder must be writable.
         localizer: Whose state it is.
+        buses: Streams whose counters are kept with it, by name.
+
+    Attributes:
+        counted: What `CanStream.resume` takes of each stream of the state taken up.
 
     Raises:
         WriteError: The folder cannot be written to.
     """
 
-    def __init__(self, path: Path, localizer: Localizer) -> None:
+    def __init__(
+        self, path: Path, localizer: Localizer, buses: Mapping[str, CanStream] | None = None
+    ) -> None:
         self._path, self._localizer = path, localizer
+        self._buses = {} if buses is None else buses
+        self.counted: dict[str, dict[str, list[float]]] = {}
         self._map = fingerprint(localizer.roads)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -45,7 +54,11 @@ class Checkpoint:
     def taken(self) -> Callable[[], None]:
         """The state that is, as a call that writes it: from any thread, one at a time."""
         state = state_of(self._localizer)
-        about = {"format": _FORMAT, "map": self._map, "written": time.time()}
+        about = {
+            "format": _FORMAT, "map": self._map, "lag": self._localizer.lag,
+            "written": time.time(),
+            "counted": {name: stream.counted() for name, stream in self._buses.items()},
+        }  # fmt: skip
 
         def write() -> None:
             part = self._part
@@ -73,11 +86,14 @@ class Checkpoint:
         age = 0.0 if replay else time.time() - about["written"]
         if about.get("format") != _FORMAT or about.get("map") != self._map:
             return None, "the earlier state is of another map or version; starting anew"
+        if about.get("lag") != self._localizer.lag:
+            return None, "the earlier state was kept with another --lag; starting anew"
         if not state.started:
             return None, "the earlier state knows nothing; starting anew"
         if not 0.0 <= age <= OLDEST:
             return None, f"the earlier state is {age:.0f} s old; starting anew"
         restore(self._localizer, state)
+        self.counted = about.get("counted", {})
         if not replay:
             bridge(self._localizer, state.time + age)
         return state.time + age, f"resumed a state {age:.1f} s old"

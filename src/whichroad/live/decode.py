@@ -139,6 +139,22 @@ class CanStream:
                 fresh.append((bits.role, value))
         return [one for role, value in fresh for one in self._take(role, stamp, value)]
 
+    def counted(self) -> dict[str, list[float]]:
+        """What `resume` takes, to go on counting after a crash; JSON can say it."""
+        return {
+            role: counter.state for role, counter in self._counters.items() if counter.begun
+        }  # fmt: skip
+
+    def resume(self, counted: dict[str, list[float]]) -> None:
+        """Go on from the counts of a stream that was before: a wrap while asleep is seen.
+
+        Args:
+            counted: As `counted` gave it.
+        """
+        for role, state in counted.items():
+            if role in self._counters:
+                self._counters[role].state = state
+
     def _take(self, role: str, stamp: float, value: float) -> list[Observation]:
         """One reading of one role."""
         before = self._last.get(role)
@@ -203,10 +219,27 @@ class _Unwrapped:
         self._usual = 0.0  # s between readings
         self._total = 0.0
 
+    @property
+    def begun(self) -> bool:
+        """Whether there was a reading."""
+        return self._time > -math.inf
+
+    @property
+    def state(self) -> list[float]:
+        """All that it remembers."""
+        return [self._time, self._raw, self._rate, self._usual, self._total]
+
+    @state.setter
+    def state(self, values: list[float]) -> None:
+        self._time, self._raw, self._rate, self._usual, self._total = values
+
     def take(self, stamp: float, raw: float, backwards: bool, skipped: Counter[str]) -> float:
         """The cumulative count at a new reading."""
-        if self._time == -math.inf:
+        if not self.begun:
             self._time, self._raw, self._total = stamp, raw, raw
+            return self._total
+        if stamp <= self._time:  # taken up by another clock: as if no time had passed
+            self._time, self._raw = stamp, raw
             return self._total
         since = stamp - self._time
         gap = self._usual > 0.0 and since > 3.0 * self._usual

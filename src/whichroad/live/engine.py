@@ -207,17 +207,20 @@ class Engine:
             self.reckoning.reset(self.localizer.estimate())
 
     def _around(self, now: float, ahead: float) -> Around:
+        localizer, back = self.localizer, self.localizer.lag is not None
         return Around(
             seq=self.seq,
             fix=self._fix,
             fix_masked=self._fix_masked,
             dead_reckoning=ahead > 0.0,
+            lagged=localizer.lagged() if back else None,
+            decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
             sensors=[sensor.message(now) for sensor in self.sensors.values()],
             gnss_masked=self.gnss_masked,
             play=self.play(),
             latency_ms=self.latency.message(now),
-            protection_risk=self.localizer.settings.protection_risk,
+            protection_risk=localizer.settings.protection_risk,
         )
 
     def health(self) -> dict[str, Any]:

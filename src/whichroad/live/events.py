@@ -8,6 +8,7 @@ with one time the first to arrive comes first.
 
 from bisect import bisect_right
 from collections import Counter, deque
+from dataclasses import replace
 
 from ..localizer import Localizer
 from ..records import Observation
@@ -65,7 +66,7 @@ class Events:
         states, taken = self._states, self._taken
         state = state_of(self.localizer)
         when = time if states else self._floor
-        states.append(State(when, state.arrays, state.plain, state.watched))
+        states.append(replace(state, time=when))
         while len(states) > 1 and states[1].time <= time - self.window:
             states.popleft()
         while taken and taken[0].time < states[0].time:
@@ -92,7 +93,7 @@ class Events:
         for one in again:
             if one.time - states[-1].time >= _EVERY:
                 kept = state_of(self.localizer)
-                states.append(State(one.time, kept.arrays, kept.plain, kept.watched))
+                states.append(replace(kept, time=one.time))
             taken = self.localizer.take(one)
             mine = taken if one is observation else mine
         return mine

@@ -87,6 +87,21 @@ class ReckoningMessage(TypedDict):
     travelled_m: float
 
 
+class LaggedMessage(TypedDict):
+    """What is known by now of a moment the lag ago."""
+
+    time: str  # ISO 8601, UTC
+    epoch_s: float
+    pose: PoseMessage
+    map_lat: float
+    map_lon: float
+    ellipse: Ellipse
+    p_road: float
+    p_off_road: float
+    road: RoadMessage
+    status: str
+
+
 class SensorMessage(TypedDict):
     """The health of one input."""
 
@@ -142,6 +157,8 @@ class EstimateMessage(TypedDict):
     status: str  # on_road, ambiguous, off_road, outage, stopped, lost
     reason: str  # why, in words; empty where nothing needs to be said
     dead_reckoning: bool  # predicted: no sensor has spoken for a while
+    lagged: LaggedMessage | None  # null: no --lag, or nothing reaches back so far
+    decided_until: float | None  # s since 1970, before which roads are decided; null: none is
     hypotheses: list[HypothesisMessage]  # most probable first
     fix: FixMessage | None
     reckoning: ReckoningMessage | None
@@ -159,6 +176,8 @@ class Around:
     fix: GeoFix | None = None
     fix_masked: bool = False
     dead_reckoning: bool = False
+    lagged: Estimate | None = None
+    decided_until: float | None = None
     reckoning: ReckoningMessage | None = None
     sensors: Sequence[SensorMessage] = ()
     gnss_masked: bool = False
@@ -200,6 +219,7 @@ class Messages:
         pose, cov = estimate.pose, estimate.cov
         map_pose = estimate.map_pose if answered else None
         ellipse = _ellipse(plane, pose.x, pose.y, cov) if answered else None
+        until = around.decided_until
         return EstimateMessage(
             version=VERSION,
             type="estimate",
@@ -207,14 +227,7 @@ class Messages:
             time=iso(estimate.time),
             epoch_s=round(estimate.time, 6),
             answered=answered,
-            pose=PoseMessage(
-                lat=round(pose.lat, 8),
-                lon=round(pose.lon, 8),
-                bearing_deg=round(pose.bearing_deg, 3),
-                speed_mps=round(estimate.speed, 3),
-            )
-            if answered
-            else None,
+            pose=_pose(estimate) if answered else None,
             map_lat=round(map_pose.lat, 8) if map_pose else None,
             map_lon=round(map_pose.lon, 8) if map_pose else None,
             ellipse=ellipse,
@@ -231,6 +244,8 @@ class Messages:
             status=estimate.status,
             reason=estimate.reason,
             dead_reckoning=around.dead_reckoning,
+            lagged=None if around.lagged is None else self._lagged(around.lagged),
+            decided_until=None if until is None else round(until, 6),
             hypotheses=[self._hypothesis(h) for h in hypotheses],
             fix=_fix(estimate, around),
             reckoning=around.reckoning,
@@ -238,6 +253,22 @@ class Messages:
             gnss_masked=around.gnss_masked,
             play=around.play,
             latency_ms=around.latency_ms,
+        )
+
+    def _lagged(self, estimate: Estimate) -> LaggedMessage:
+        """What is said of the moment that is looked back to."""
+        pose = estimate.pose
+        return LaggedMessage(
+            time=iso(estimate.time),
+            epoch_s=round(estimate.time, 6),
+            pose=_pose(estimate),
+            map_lat=round(estimate.map_pose.lat, 8),
+            map_lon=round(estimate.map_pose.lon, 8),
+            ellipse=_ellipse(self._roads.plane, pose.x, pose.y, estimate.cov),
+            p_road=round(estimate.p_road, 6),
+            p_off_road=round(estimate.p_off_road, 6),
+            road=self._road(estimate),
+            status=estimate.status,
         )
 
     def _road(self, estimate: Estimate) -> RoadMessage:
@@ -284,6 +315,16 @@ class Messages:
             }  # fmt: skip
             self._streets[piece] = street
         return street
+
+
+def _pose(estimate: Estimate) -> PoseMessage:
+    pose = estimate.pose
+    return PoseMessage(
+        lat=round(pose.lat, 8),
+        lon=round(pose.lon, 8),
+        bearing_deg=round(pose.bearing_deg, 3),
+        speed_mps=round(estimate.speed, 3),
+    )
 
 
 def iso(time: float) -> str:

@@ -158,7 +158,10 @@ class Run:
             recorder=recorder,
         )  # fmt: skip
         self.hub = Hub()
-        self.checkpoint = None if plan.state is None else Checkpoint(plan.state, plan.localizer)
+        self.buses: dict[str, CanStream] = {}
+        self.checkpoint = (
+            None if plan.state is None else Checkpoint(plan.state, plan.localizer, self.buses)
+        )
         self.writer = ThreadPoolExecutor(1)
         self.player: Player | None = None
         self.broken: BaseException | None = None
@@ -246,7 +249,10 @@ class Run:
         for address, dbc in plan.can:
             health = engine.sensor(_name(address), "wheels")
             offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
-            inputs.append(read_can(address, health, CanStream(dbc, car, offset), deliver))
+            stream = self.buses[_name(address)] = CanStream(dbc, car, offset)
+            if self.checkpoint is not None:
+                stream.resume(self.checkpoint.counted.get(_name(address), {}))
+            inputs.append(read_can(address, health, stream, deliver))
         return inputs
 
     def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
@@ -318,8 +324,8 @@ class Run:
 
 def warm_up(localizer: Localizer) -> None:
     """Have every kernel ready before the first observation: one like it is driven elsewhere."""
-    roads, car = localizer.roads, localizer.vehicle
-    double = Localizer(roads, vehicle=car, settings=localizer.settings)
+    roads, car, lag = localizer.roads, localizer.vehicle, localizer.lag
+    double = Localizer(roads, vehicle=car, settings=localizer.settings, lag=lag)
     x, y, _ = roads.at(0, 0.5 * float(roads.arrays.length[0]))
     lat, lon = roads.plane.to_geodetic(x, y)
     kinds = (WheelTicks, WheelSpeed, SpeedYaw)
@@ -332,7 +338,8 @@ def warm_up(localizer: Localizer) -> None:
             fix = GeoFix(when, lat, lon, 4.0, 0.0, 4.0, 5.0, 0.3, 90.0, 5.0)
             double.take(fix)
             Messages(roads).estimate(double.predict(when + 0.1), Around(fix=fix))
-    double = Localizer(roads, vehicle=car, settings=localizer.settings)
+            _ = None if lag is None else (double.lagged(), double.decided_until)
+    double = Localizer(roads, vehicle=car, settings=localizer.settings, lag=lag)
     for i in range(3):
         double.take(GeoFix(float(i), lat, lon, 4.0, 0.0, 4.0))
         double.predict(i + 0.5)

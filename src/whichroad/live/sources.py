@@ -131,6 +131,15 @@ class NmeaInput:
             self._deliver(self._health, fixes, self._arrival)
 
 
+async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> None:
+    """Take what a connection says until it ends, breaks or is silent for too long."""
+    with contextlib.suppress(OSError, TimeoutError):
+        while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
+            into.feed(data)
+            if into.exhausted:
+                await asyncio.sleep(into.exhausted)
+
+
 async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Read from a server, for ever."""
     wait = _FIRST
@@ -141,12 +150,9 @@ async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInpu
                 address.place, address.number, limit=1 << 16
             )
             _keep_alive(writer.get_extra_info("socket"))
-            health.link, wait, into = "open", _FIRST, make()
-            while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
-                into.feed(data)
-                if into.exhausted:
-                    await asyncio.sleep(into.exhausted)
-        except (OSError, TimeoutError):
+            health.link, wait = "open", _FIRST
+            await _drain(reader, make())
+        except (OSError, TimeoutError):  # it could not be opened
             pass
         finally:
             if writer is not None:
@@ -181,12 +187,7 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
             gone.transport.abort()
         into = peers[writer] = make()
         try:
-            while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
-                into.feed(data)
-                if into.exhausted:
-                    await asyncio.sleep(into.exhausted)
-        except (OSError, TimeoutError):
-            pass
+            await _drain(reader, into)
         finally:
             peers.pop(writer, None)
             writer.transport.abort()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.belief import NOW, SPEED, STARTED, Belief, H, X, Y
+from ..core.belief import NOW, SPEED, STARTED, Belief, H, Route, X, Y
 from ..core.output import Output
 from ..localizer import Localizer
 from ..records import Distance, SpeedYaw, WheelSpeed, WheelTicks
@@ -35,12 +35,14 @@ class State:
         arrays: Copies of the living rows of the belief and of the last output.
         plain: Everything else, as JSON could say it.
         watched: How many epochs the watch holds that it has not looked at; -1: not kept.
+        tree: Of the edges by which hypotheses came; None: it was another process's.
     """
 
     time: float
     arrays: dict[str, NDArray[Any]]
     plain: dict[str, Any]
     watched: int = -1
+    tree: Route | None = None
 
     @property
     def started(self) -> bool:
@@ -67,7 +69,8 @@ def state_of(localizer: Localizer) -> State:
         "mode": localizer._mode,
         "far_fix": localizer._far_fix,
     }
-    return State(float(arrays["clock"][NOW]), arrays, plain, localizer._watch._waiting)
+    waiting, tree = localizer._watch._waiting, localizer._route
+    return State(float(arrays["clock"][NOW]), arrays, plain, waiting, tree)
 
 
 def restore(localizer: Localizer, state: State) -> None:
@@ -91,6 +94,8 @@ def restore(localizer: Localizer, state: State) -> None:
     localizer._mode = plain["mode"]
     localizer._far_fix = (plain["far_fix"][0], plain["far_fix"][1])
     if localizer._past is not None:
+        if localizer._route is not state.tree:  # tidied since, or of another process: begun anew
+            localizer._belief.node[:n] = -1
         localizer._past.forget_after(state.time, localizer._belief)
     watch = localizer._watch
     watch._waiting = min(max(state.watched, 0), watch._waiting)

@@ -15,6 +15,7 @@ from ..live.messages import VERSION, EstimateMessage, PlayMessage, iso
 from ..reasons import STATUS, far_off
 from ..records import Array
 from ..sensors.gnss import ellipse
+from .route import Route
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Film:
         self.masked = list(masked)
         self.signals = signals or Signals()
         self._roads = roads
+        self.route = None if roads is None else _route(result.path_arrow(), self.drive_id, roads)
         self._streets: dict[int, dict[str, Any]] = {}
         self._source = points["source_id"] if "source_id" in points.column_names else None
         poses = result.hypotheses
@@ -114,6 +116,40 @@ class Film:
         times = self.signals.fix_times
         return times[~self.is_masked(times)] if len(times) else times
 
+    def between(self, at: NDArray[np.int64]) -> dict[int, list[list[float]]]:
+        """[lat, lon] of the route's vertices between some epochs that are far apart in time.
+
+        Args:
+            at: (n,) the epochs, rising.
+
+        Returns:
+            By place in `at`: the way to it from the one before.
+        """
+        if self.route is None or self._roads is None:
+            return {}
+        abscissa = self.columns["abscissa_m"]
+        return self.route.between(self.time[at], self.edge[at], abscissa[at], self._roads)
+
+    def track(self) -> tuple[Array, Array]:
+        """Latitudes and longitudes of all that is known, along the roads between far epochs."""
+        known = np.flatnonzero(np.isfinite(self.columns["lat"]))
+        lat, lon = self.columns["lat"][known], self.columns["lon"][known]
+        ways = self.between(known)
+        if not ways:
+            return lat, lon
+        place = np.repeat(list(ways), [len(way) for way in ways.values()])
+        more = np.array([point for way in ways.values() for point in way])
+        return np.insert(lat, place, more[:, 0]), np.insert(lon, place, more[:, 1])
+
+    @property
+    def driven(self) -> float:
+        """How far it went, m: along the route if points are far apart, else point to point."""
+        known = np.flatnonzero(np.isfinite(self.columns["lat"]))
+        if self.route is not None and self.between(known):
+            return self.route.length
+        lat, lon = self.columns["lat"][known], self.columns["lon"][known]
+        return float(np.sum(_metres(np.diff(lat), np.diff(lon), lat[:1].sum())))
+
     def street(self, edge: int) -> dict[str, Any]:
         """Columns of an edge's street; nothing without a map."""
         if self._roads is None or not 0 <= edge < len(self._roads):
@@ -143,6 +179,7 @@ class Film:
             "p_off_road": self._get("p_off_road", k) or 0.0,
             "road": self._road(k), "status": STATUS[self.status[k]],
             "reason": self.reason[k] or "", "dead_reckoning": False,
+            "lagged": None, "decided_until": None,
             "hypotheses": self.hypotheses(k),
             "fix": self._fix(k),
             "reckoning": self.reckoning.at(k), "sensors": self.signals.sensors(time),
@@ -194,7 +231,7 @@ class Film:
             return None
         masked = bool(self.is_masked(fix["epoch_s"]))
         lat, lon, major = (self.columns[n][k] for n in ("lat", "lon", "ellipse_major_m"))
-        away = _metres(fix["lat"] - lat, fix["lon"] - lon, lat)
+        away = float(_metres(fix["lat"] - lat, fix["lon"] - lon, lat))
         own = (fix["ellipse"] or {"major_m": 0.0})["major_m"]
         near = not far_off(away, float(np.hypot(own, major)))
         return {**fix, "believed": None if masked else near, "masked": masked}
@@ -218,9 +255,15 @@ class Film:
         }  # fmt: skip
 
 
-def _metres(lat: float, lon: float, at: float) -> float:
-    """Length of a small difference of positions in degrees."""
-    return float(np.hypot(lat, lon * np.cos(np.radians(at))) * np.radians(6_371_008.8))
+def _route(path: Any, drive_id: str, roads: "RoadMap") -> Route | None:
+    """The route, where the answer has one on this map."""
+    route = Route.of(path, drive_id)
+    return None if route is None or route.edge.max() >= len(roads) else route
+
+
+def _metres(lat: Any, lon: Any, at: float) -> Any:
+    """Length of small differences of positions in degrees."""
+    return np.hypot(lat, lon * np.cos(np.radians(at))) * np.radians(6_371_008.8)
 
 
 _SORTED = np.array(sorted(STATUS))

@@ -74,9 +74,11 @@ def play_drive(remaking: Remaking, mask: Sequence[tuple[Any, Any]] = ()) -> Play
     return Player(remaking(remaking.absolute(mask)), remaking)
 
 
-def play_result(path: str | Path, roads: "RoadMap", drive_id: str | None = None) -> Player:
-    """A player of points from a file; there is no drive to mask."""
-    return Player(Film(read_points(path, drive_id), roads))
+def play_result(
+    path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None
+) -> Player:
+    """A player of points, and of the route, from files; there is no drive to mask."""
+    return Player(Film(read_points(path, drive_id, route), roads))
 
 
 def one_of(drives: "list[Drive]", drive_id: str | None) -> "Drive":

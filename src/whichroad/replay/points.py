@@ -10,17 +10,21 @@ import pyarrow.compute as pc
 from ..errors import ReadError
 from ..evaluate.tables import read_table
 from ..result import Result
-from ..tables import POINTS, TIME
+from ..tables import PATH, POINTS, TIME
+from .route import COLUMNS
 
 _NEEDED = ("time", "lat", "lon", "p_road", "status")
 
 
-def read_points(path: str | Path, drive_id: str | None = None) -> Result:
+def read_points(
+    path: str | Path, drive_id: str | None = None, route: str | Path | None = None
+) -> Result:
     """An answer that `match` wrote, of one drive.
 
     Args:
         path: .parquet, .arrow, .geojson or .csv.
         drive_id: Which drive, where there are several.
+        route: The path that `match` wrote beside it.
 
     Raises:
         ReadError: It is no table of points, or holds several drives and none was named.
@@ -49,7 +53,31 @@ def read_points(path: str | Path, drive_id: str | None = None) -> Result:
             f"{path}: {len(drives)} drives ({known}) are in it; one of them was expected; name it "
             "by --drive-id"
         )
-    return Result(points, pa.table({"geometry": pa.array([], pa.binary())}), {})
+    return Result(points, pa.table({}) if route is None else read_path(route), {})
+
+
+def read_path(path: str | Path) -> pa.Table:
+    """The route that `match` wrote beside the points; without geometry.
+
+    Raises:
+        ReadError: It is no table of a path.
+    """
+    path = Path(path)
+    table = _arrow(read_table(path))
+    missing = [name for name in COLUMNS[1:-1] if name not in table.column_names]
+    if missing:
+        raise ReadError(
+            f"{path}: no column {missing[0]!r} among {', '.join(table.column_names[:30])}; a path "
+            "that `whichroad match --path-out` wrote was expected"
+        )
+    try:
+        columns = {f.name: _column(table, f) for f in PATH if f.name in COLUMNS}
+    except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        raise ReadError(
+            f"{path}: {str(error)[:200]}; a path that `whichroad match --path-out` wrote was "
+            "expected"
+        ) from error
+    return pa.table(columns)
 
 
 def _arrow(table: Any) -> pa.Table:
@@ -68,7 +96,7 @@ def _column(table: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
             return pa.array(["drive"] * table.num_rows)
         return pa.nulls(table.num_rows, field.type)
     column = table[field.name]
-    if field.name == "time":
+    if field.type == TIME:
         return _times(column)
     if pa.types.is_list(field.type) and pa.types.is_string(column.type):
         rows = [json.loads(text) if text else None for text in column.to_pylist()]

@@ -14,6 +14,7 @@ from ..page.standalone import standalone
 from ..reasons import STATUS
 from ..writers import replacing
 from .film import Film
+from .places import places_of
 from .timeline import thinned, timeline
 
 if TYPE_CHECKING:
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
 
 ROWS = 5000  # epochs in a report
 _MARGIN = 400.0  # m of roads about the track
-_APART = 3.0  # s; stretches closer than this are one
-_SHORT = 0.4  # s; shorter stretches are not listed
-_PLACES = 300
-_SURE = 0.9  # P of two edges in a row from which on it is only a question of where
-_LOOK_AT = ("ambiguous", "outage", "off_road", "lost")
 
 
 def check_report(path: str | os.PathLike[str], *, force: bool = False) -> None:
@@ -70,14 +66,9 @@ def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
     """
     at = thinned(film.time, film.columns["p_road"], ROWS)
     c = film.columns
-    known = np.isfinite(c["lat"])
-    box = [c["lon"][known].min(), c["lat"][known].min(), c["lon"][known].max(),
-           c["lat"][known].max()] if known.any() else [0.0, 0.0, 0.0, 0.0]  # fmt: skip
-    near = (
-        []
-        if roads is None or not known.any()
-        else drawn_near(roads, c["lat"][known], c["lon"][known], _MARGIN)
-    )
+    lat, lon = film.track()
+    box = [lon.min(), lat.min(), lon.max(), lat.max()] if len(lat) else [0.0, 0.0, 0.0, 0.0]
+    near = [] if roads is None or not len(lat) else drawn_near(roads, lat, lon, _MARGIN)
     words = sorted(set(film.reason))
     return {
         "drive_id": film.drive_id,
@@ -103,7 +94,7 @@ def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
         "attribution": "" if roads is None else attribution(roads),
         "edges": _edges(film, roads, at),
         "summary": _summary(film),
-        "places": _places(film, roads),
+        "places": places_of(film, roads),
     }
 
 
@@ -146,15 +137,11 @@ def _summary(film: Film) -> dict[str, Any]:
     """The drive in a few numbers."""
     c, n = film.columns, len(film)
     known = np.isfinite(c["lat"])
-    step = np.hypot(
-        np.diff(c["lat"][known]),
-        np.diff(c["lon"][known]) * np.cos(np.radians(c["lat"][known][:1].sum())),
-    )
     share = {word: float(np.mean(film.status == i)) for i, word in enumerate(STATUS)}
     return {
         "epochs": n,
         "duration_s": round(film.length, 1),
-        "driven_m": round(float(np.radians(step).sum() * 6_371_008.8), 1),
+        "driven_m": round(film.driven, 1),
         "mean_p": round(float(c["p_road"][known].mean()), 4) if known.any() else 0.0,
         "major_95_m": round(2.448 * float(np.median(c["ellipse_major_m"][known])), 2)
         if known.any()
@@ -163,58 +150,3 @@ def _summary(film: Film) -> dict[str, Any]:
         "fixes_masked": int(film.is_masked(film.signals.fix_times).sum()),
         "status": {word: round(part, 4) for word, part in share.items() if part > 0.0},
     }
-
-
-def _places(film: Film, roads: "RoadMap | None") -> list[dict[str, Any]]:
-    """Stretches that are worth a look, in order of time.
-
-    To pass from one edge to the next makes both probable for a moment; that is no question.
-    """
-    time, p = film.time, np.nan_to_num(film.columns["p_road"])
-    places: list[dict[str, Any]] = []
-    for word in _LOOK_AT:
-        rows = np.flatnonzero(film.status == STATUS.index(word))
-        if word == "ambiguous" and roads is not None:
-            rows = np.array([k for k in rows.tolist() if not _passes(film, roads, k)], np.int64)
-        if not len(rows):
-            continue
-        runs = np.split(rows, np.flatnonzero(np.diff(time[rows]) > _APART) + 1)
-        for run in runs:
-            begin, end = float(time[run[0]] - time[0]), float(time[run[-1]] - time[0])
-            if end - begin < _SHORT:
-                continue
-            least = int(run[np.argmin(p[run])])
-            places.append(
-                {
-                    "kind": word, "begin": round(begin, 2), "end": round(end, 2),
-                    "worst": round(float(time[least] - time[0]), 2),
-                    "p": round(float(p[least]), 3), "roads": _contest(film, run),
-                }
-            )  # fmt: skip
-    return sorted(places, key=lambda place: float(place["begin"]))[:_PLACES]
-
-
-def _passes(film: Film, roads: "RoadMap", k: int) -> bool:
-    """Whether the best edge and one before or after it have nearly all of P."""
-    edges, p = film.choices.edge[k].tolist(), film.choices.p[k].tolist()
-    best, a = edges[0], roads.arrays
-    if best < 0:
-        return False
-    after = set(a.succ[a.succ_first[best] : a.succ_first[best + 1]].tolist())
-    before = set(a.pred[a.pred_first[best] : a.pred_first[best + 1]].tolist())
-    joined = [share for e, share in zip(edges[1:], p[1:], strict=True) if e in after | before]
-    return float(p[0]) + max(joined, default=0.0) >= _SURE
-
-
-def _contest(film: Film, run: NDArray[Any]) -> list[str]:
-    """Names of the roads that compete in a stretch, most probable first."""
-    edge, p = film.choices.edge[run], film.choices.p[run]
-    mass: dict[int, float] = {}
-    for one in np.unique(edge[p >= 0.05]).tolist():
-        mass[one] = float(p[edge == one].sum())
-    names: list[str] = []
-    for one in sorted(mass, key=lambda e: -mass[e]):
-        name = "off the roads" if one == -1 else film.street(one).get("name") or f"edge {one}"
-        if name not in names:
-            names.append(name)
-    return names[:4]

@@ -63,6 +63,7 @@ def timeline(film: "Film", rows: int = ROWS) -> dict[str, Any]:
             ]
             for es, ps in zip(edge.tolist(), p.tolist(), strict=True)
         ],
+        "ways": film.between(at),
         "fixes": _fixes(film),
         "reckoning": _reckoning(film, at),
     }

@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import grid, topology
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
 from ..frames import Plane
 from ..records import Array
+from . import cells
+from .chains import chains, end_headings
 from .link import middle_plane
 from .streets import Bytes, Column, Ints, Streets, Texts, take
 from .tags import CLASS_SPEED_KMH
@@ -59,7 +60,7 @@ def compile_streets(streets: Streets, where: str) -> Network:
         MapError: No street has a length, or the map is too wide for one plane.
     """
     plane = middle_plane(streets.lat_deg, streets.lon_deg)
-    x, y = plane.from_geodetic(streets.lat_deg, streets.lon_deg)
+    x, y = plane.lay(streets.lat_deg, streets.lon_deg)
     if np.hypot(x, y).max() > REACH:
         raise MapError(
             f"{where}: it reaches {np.hypot(x, y).max() / 1e3:,.0f} km from its middle; at most "
@@ -196,11 +197,7 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
     if isinstance(streets.node_id, np.ndarray):
         via = [r.via for r in streets.restrictions]
         cut[np.isin(streets.node_id, np.concatenate([streets.blocked, via]))] = 1
-    first, chain = np.empty(len(out) + 1, np.int32), np.empty(len(out), np.int32)
-    count = topology.chains(
-        half.head, cut, out_first, out, first, chain, np.zeros(len(out), np.uint8)
-    )
-    return first[: count + 1].copy(), chain
+    return chains(half.head, cut, out_first, out)
 
 
 def _network(
@@ -223,8 +220,7 @@ def _network(
     pieces = _pieces(half.way[chain], half.forward[chain], chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
-    heading_out, heading_in = np.empty(edges), np.empty(edges)
-    topology.end_headings(vx, vy, s, first, _CHORD, heading_out, heading_in)
+    heading_out, heading_in = end_headings(vx, vy, s, first, _CHORD)
     rule = half.rule[begin]
     service = streets.service[way]
     node_id = take(streets.node_id, places)
@@ -233,7 +229,7 @@ def _network(
         half.way[begin], half.way[end],
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
-    cells = grid.build(vx, vy, first, CELL_SIZE)
+    found = cells.build(vx, vy, first, CELL_SIZE)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
     lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
     roads = Roads(
@@ -241,7 +237,7 @@ def _network(
         lane.astype(np.float32), streets.lane_spread[way].astype(np.float32),
         (length / time).astype(np.float32), service, rule,
         turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
-        turns.pred_first, turns.pred, CELL_SIZE, *cells, plane.curvature,
+        turns.pred_first, turns.pred, CELL_SIZE, *found, plane.curvature,
     )  # fmt: skip
     return Network(roads, plane, pieces, way, node_id, {**dropped, **turns.dropped})
 

@@ -49,7 +49,7 @@ def read_osm(path: Path) -> Streets:
             f"{path}: {reason}; an OpenStreetMap file ({', '.join(SUFFIXES[:5])}) was expected; "
             "check that it is one and complete"
         ) from error
-    if not ways.tags:
+    if not ways.ids:
         raise MapError(
             f"{path}: no drivable way was found; ways with highway=motorway ... service were "
             "expected; check that the extract holds roads and their nodes"
@@ -82,12 +82,14 @@ def _of(kind: Any, *tags: tuple[str, str]) -> Any:
 
 
 class _Ways:
-    """Collects what the file holds, as flat lists."""
+    """Collects what the file holds, as flat arrays; equal tags are understood once."""
 
     def __init__(self) -> None:
-        self.ids: list[int] = []
-        self.tags: list[dict[str, str]] = []
-        self.count: list[int] = []
+        self.ids, self.count = array("q"), array("i")
+        self.kinds: dict[tuple[str | None, ...], _Kind] = {}
+        self.rows: list[_Kind] = []
+        self.names: list[str] = []
+        self.words: dict[str, str] = {}  # each name once
         self.ref, self.x, self.y = array("q"), array("i"), array("i")
         self.restrictions: list[Restriction] = []
         self.blocked: list[int] = []
@@ -109,13 +111,19 @@ class _Ways:
         long = [run for run in runs if len(run) > 1]
         if not long:
             self.skipped["ways of fewer than two nodes"] += 1
+            return
+        told = tuple(map(tags.get, _KEYS))
+        kind = self.kinds.get(told) or self.kinds.setdefault(told, _Kind(tags))
+        name = tags.get("name") or tags.get("ref") or ""
+        name = self.words.setdefault(name, name)
         for run in long:
             ref, x, y = zip(*run, strict=True)
             self.ref.extend(ref)
             self.x.extend(x)
             self.y.extend(y)
             self.ids.append(way.id)
-            self.tags.append(tags)
+            self.rows.append(kind)
+            self.names.append(name)
             self.count.append(len(run))
 
     def add_relation(self, relation: Any) -> None:
@@ -147,12 +155,12 @@ class _Ways:
 
     def streets(self) -> Streets:
         """Everything as arrays."""
-        ref = np.array(self.ref, dtype=np.int64)
+        ref = np.frombuffer(self.ref, dtype=np.int64)
         node_id, place, node = np.unique(ref, return_index=True, return_inverse=True)
         # osmium counts in 1e-7 degrees
-        lat = np.array(self.y, dtype=np.float64)[place] / 1e7
-        lon = np.array(self.x, dtype=np.float64)[place] / 1e7
-        rows = [_Row(tags) for tags in self.tags]
+        lat = np.frombuffer(self.y, dtype=np.int32)[place] / 1e7
+        lon = np.frombuffer(self.x, dtype=np.int32)[place] / 1e7
+        rows = self.rows
         return Streets(
             lat, lon, node_id, np.concatenate([[0], np.cumsum(self.count)]), node,
             rule_forward=np.array([r.forward for r in rows], dtype=np.uint8),
@@ -162,19 +170,30 @@ class _Ways:
             lane_spread=np.array([r.lane_spread for r in rows]),
             service=np.array([r.highway == "service" for r in rows], dtype=np.uint8),
             highway=Texts.of([r.highway for r in rows]),
-            columns={"source_id": np.array(self.ids, dtype=np.int64), **_columns(self.tags, rows)},
+            columns={
+                "source_id": np.array(self.ids, dtype=np.int64),
+                "name": Texts.of(self.names),
+                **_columns(rows),
+            },
             restrictions=self.restrictions,
             blocked=np.array(self.blocked, dtype=np.int64),
             skipped=dict(self.skipped),
         )  # fmt: skip
 
 
-class _Row:
-    """The meaning of one way's tags."""
+# the tags that `_Kind` and what it calls look at
+_KEYS = (
+    "highway", "junction", "oneway", "oneway:motor_vehicle", "motorcar", "motor_vehicle",
+    "vehicle", "access", "maxspeed", "lanes", "width", "layer", "bridge", "tunnel",
+)  # fmt: skip
+
+
+class _Kind:
+    """The meaning of a way's tags; a city's ways are of few kinds."""
 
     __slots__ = (
-        "access", "backward", "forward", "highway", "lane", "lane_spread", "lanes", "limit",
-        "oneway", "ring", "speed", "width",
+        "access", "backward", "bridge", "forward", "highway", "lane", "lane_spread", "lanes",
+        "layer", "limit", "oneway", "ring", "speed", "tunnel", "width",
     )  # fmt: skip
 
     def __init__(self, tags: dict[str, str]) -> None:
@@ -185,6 +204,9 @@ class _Row:
         self.limit = meaning.speed_limit_kmh(tags.get("maxspeed"))
         self.lanes = meaning.number(tags.get("lanes"))
         self.width = meaning.number(tags.get("width"))
+        self.layer = meaning.whole(tags.get("layer", 0))
+        self.bridge = meaning.truth(tags.get("bridge"))
+        self.tunnel = meaning.truth(tags.get("tunnel"))
         closed = NO_ACCESS if self.access == meaning.CLOSED else 0
         self.forward = closed | (AGAINST_ONE_WAY if self.oneway < 0 else 0)
         self.backward = closed | (AGAINST_ONE_WAY if self.oneway > 0 else 0)
@@ -195,16 +217,15 @@ class _Row:
         self.lane_spread = meaning.lane_spread(self.highway, self.oneway == 0, self.lanes)
 
 
-def _columns(tags: list[dict[str, str]], rows: list[_Row]) -> dict[str, Column]:
+def _columns(rows: list[_Kind]) -> dict[str, Column]:
     """The attributes that tables of edges show."""
     return {
-        "name": Texts.of([t.get("name") or t.get("ref") or "" for t in tags]),
         "speed_limit_kmh": np.array([r.limit for r in rows], dtype=np.float32),
         "lanes": np.array([min(r.lanes, 255.0) for r in rows], dtype=np.uint8),
         "width": np.array([r.width for r in rows], dtype=np.float32),
-        "layer": np.array([meaning.whole(t.get("layer", 0)) for t in tags], dtype=np.int8),
-        "bridge": np.array([meaning.truth(t.get("bridge")) for t in tags], dtype=np.uint8),
-        "tunnel": np.array([meaning.truth(t.get("tunnel")) for t in tags], dtype=np.uint8),
+        "layer": np.array([r.layer for r in rows], dtype=np.int8),
+        "bridge": np.array([r.bridge for r in rows], dtype=np.uint8),
+        "tunnel": np.array([r.tunnel for r in rows], dtype=np.uint8),
         "oneway": np.array([r.oneway for r in rows], dtype=np.int8),
         "roundabout": np.array([r.ring for r in rows], dtype=np.uint8),
         "access": np.array([r.access for r in rows], dtype=np.uint8),

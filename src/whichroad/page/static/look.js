@@ -36,6 +36,18 @@ export const STATUS = {
 };
 export const STATUSES = Object.keys(STATUS);
 
+// What a route breaks, as tables of paths say it; several are joined by commas.
+const BROKEN = {
+  against_one_way: "against a one-way street", turn_banned: "banned turn", no_access: "closed road",
+  u_turn: "U-turn", gap: "route broken off",
+};
+
+/** Word and colours of a place worth a look: a status or broken rules. */
+export function lookOf(kind) {
+  const word = kind.split(",").map((rule) => BROKEN[rule] ?? rule).join(", ");
+  return STATUS[kind] ?? { word, light: "#b0307a", dark: "#f08ac4" };
+}
+
 export const CHI_95 = Math.sqrt(5.991); // a 2-D Gaussian holds 95 % within so many sigma
 
 function channels(hex) {

@@ -1,7 +1,7 @@
 // The report: one drive in one file, with a cursor that can be moved through it.
 
 import { drawDrive, drawRace, sharp } from "./chart.js";
-import { LOOK, STATUS, STATUSES, clock, keepTheme, percent, themeWished, titleOf } from "./look.js";
+import { LOOK, STATUS, STATUSES, clock, keepTheme, lookOf, percent, themeWished, titleOf } from "./look.js";
 import { fillPanel } from "./panel.js";
 import { PaperMap } from "./papermap.js";
 import { drawScene } from "./scene.js";
@@ -97,7 +97,7 @@ function drawDots(ctx, view) {
     if (Math.hypot(at.x - car.x, at.y - car.y) < 20) return;
     ctx.beginPath();
     ctx.arc(at.x, at.y, 4.5, 0, 7);
-    ctx.fillStyle = STATUS[dot.kind][now.look.name];
+    ctx.fillStyle = lookOf(dot.kind)[now.look.name];
     ctx.strokeStyle = now.look.paper;
     ctx.lineWidth = 1.5;
     ctx.fill();
@@ -162,17 +162,17 @@ function fillPlaces() {
     button.dataset.begin = place.begin;
     button.dataset.end = place.end;
     const dot = document.createElement("i");
-    dot.style.background = STATUS[place.kind][now.look.name];
+    dot.style.background = lookOf(place.kind)[now.look.name];
     const when = document.createElement("span");
     when.className = "when";
     when.textContent = clock(place.begin);
     const what = document.createElement("span");
     what.className = "what";
-    what.textContent = place.roads.join(" or ") || STATUS[place.kind].word;
+    what.textContent = place.roads.join(STATUS[place.kind] ? " or " : ", ") || lookOf(place.kind).word;
     const how = document.createElement("span");
     how.className = "how";
     const long = place.end - place.begin;
-    how.textContent = `${STATUS[place.kind].word}, ${long < 10 ? long.toFixed(1) : long.toFixed(0)} s${place.kind === "ambiguous" ? `, down to ${percent(place.p)}` : ""}`;
+    how.textContent = `${lookOf(place.kind).word}, ${long < 10 ? long.toFixed(1) : long.toFixed(0)} s${place.kind === "ambiguous" ? `, down to ${percent(place.p)}` : ""}`;
     button.append(dot, when, what, how);
     button.addEventListener("click", () => visit(place.worst));
     const row = document.createElement("li");

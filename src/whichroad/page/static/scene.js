@@ -31,7 +31,7 @@ export function drawScene(ctx, view, scene, look) {
   drawVehicle(ctx, view, frame, look);
 }
 
-/** The way so far, coloured by P(road); what is out of sight or within two pixels is passed over. */
+/** The way so far, along the roads between points far apart, coloured by P(road); what is out of sight or within two pixels is passed over. */
 function drawTrack(ctx, view, series, from, to, look, alpha) {
   const paths = new Map();
   let last = null; // the last place drawn to
@@ -41,13 +41,14 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
     const lat = series.get("lat", i);
     const lon = series.get("lon", i);
     const here = Number.isNaN(lat) ? 16 : outside(view.bounds, lon, lat);
+    const way = i > from ? series.wayTo(i) : undefined; // of a point far from the one before
     low = Math.min(low, series.get("p", i));
-    if (here & side || here & 16) {
+    if ((here & side && !way) || here & 16) {
       last = null;
     } else {
       const at = view.project(lon, lat);
       if (!last && i > from && !(side & 16)) last = view.project(series.get("lon", i - 1), series.get("lat", i - 1));
-      if (last && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
+      if (last && !way && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
         side = here;
         continue;
       }
@@ -55,6 +56,10 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
         const key = Math.round(20 * low) / 20;
         if (!paths.has(key)) paths.set(key, new Path2D());
         paths.get(key).moveTo(last.x, last.y);
+        for (const [north, east] of way ?? []) {
+          const over = view.project(east, north);
+          paths.get(key).lineTo(over.x, over.y);
+        }
         paths.get(key).lineTo(at.x, at.y);
       }
       last = at;

@@ -15,6 +15,7 @@ export class Series {
   clear() {
     this.length = 0;
     this.head = 0; // where the oldest row is
+    this.ways = {}; // [[lat, lon], ...] along the roads to a row far from the one before
   }
 
   /** row: {t, lat, lon, p, off, status, masked, major}; roads: [[edge, p], ...], -1 is off road. */
@@ -32,6 +33,11 @@ export class Series {
 
   get(name, i) {
     return this.columns[name][(this.head + i) % this.capacity];
+  }
+
+  /** Places along the roads between row i - 1 and row i, where they are known. */
+  wayTo(i) {
+    return this.ways[i];
   }
 
   /** Calls back with (edge, p) of row i, most probable first. */
@@ -97,6 +103,7 @@ export class Recent {
 /** A recorded drive's columns as a series, times counted from `begin`. */
 export function fromTimeline(line, begin) {
   const series = new Series(Math.max(line.t.length, 1));
+  series.ways = line.ways;
   line.t.forEach((t, i) => {
     series.push(
       {

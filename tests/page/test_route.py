@@ -1,0 +1,154 @@
+"""Drives whose fixes are far apart: the way between them, and what is worth a look."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from whichroad import match
+from whichroad.errors import ReadError
+from whichroad.replay.film import Film
+from whichroad.replay.opening import Remaking
+from whichroad.replay.points import read_points
+from whichroad.replay.report import report_data
+from whichroad.replay.route import Route
+from whichroad.replay.timeline import timeline
+from whichroad.result import Result
+from whichroad.roadmap import RoadMap
+
+
+@pytest.fixture(scope="module")
+def sparse(remaking: Remaking) -> Result:
+    """The paper's drive as a tracker saw it: a fix every fifteen seconds, no wheels."""
+    fixes = remaking.drive.fixes
+    assert fixes is not None
+    rows = [0]
+    for i in range(len(fixes)):
+        if fixes.time[i] >= fixes.time[rows[-1]] + 15.0:
+            rows.append(i)
+    drive = {"time": fixes.time[rows], "lat": fixes.lat_deg[rows], "lon": fixes.lon_deg[rows]}
+    return match(drive, remaking.roads, lag="full")
+
+
+def away_from_roads(roads: RoadMap, lat: float, lon: float) -> float:
+    """How far a place is from the nearest road, m."""
+    x, y = roads.plane.from_geodetic(lat, lon)
+    return float(roads.near(x, y, 500.0).distance[0])
+
+
+def test_the_way_between_far_fixes_runs_along_the_roads(sparse: Result, roads: RoadMap):
+    film = Film(sparse, roads)
+    ways = timeline(film)["ways"]
+    assert len(ways) > 0.5 * len(film)
+    assert max(away_from_roads(roads, *at) for way in ways.values() for at in way) < 0.5
+    assert film.driven == pytest.approx(sparse.summary["path_m"], rel=1e-6)
+
+
+def test_a_way_is_the_shape_of_its_edges_from_point_to_point(roads: RoadMap):
+    edge = int(np.argmax(np.diff(roads.arrays.first)))
+    length = float(roads.arrays.length[edge])
+    once = np.ones(1)
+    route = Route(np.array([edge]), 0.0 * once, 60.0 * once, 0.0 * once, length * once, [None])
+    time, on = np.array([10.0, 50.0]), np.array([edge, edge])
+    (way,) = route.between(time, on, np.array([0.2, 0.9]) * length, roads).values()
+    line = roads.edge_line(edge, 0.2 * length, 0.9 * length)[1:-1]
+    lat, lon = roads.plane.to_geodetic(line[:, 0], line[:, 1])
+    assert np.allclose(way, np.column_stack([lat, lon]), atol=1e-6)
+    assert route.between(np.array([10.0, 12.0]), on, time, roads) == {}  # near enough: straight
+
+
+def test_a_route_that_breaks_off_is_drawn_straight_there(roads: RoadMap):
+    length = roads.arrays.length[:1].astype(float)
+    route = Route(np.array([0]), np.zeros(1), np.ones(1), 0.0 * length, length, [None])
+    nowhere = np.array([np.nan, np.nan])
+    assert route.between(np.array([5.0, 50.0]), np.array([-2, -2]), nowhere, roads) == {}
+
+
+def test_a_dense_drive_needs_no_ways(film: Film):
+    assert film.route is not None
+    assert timeline(film)["ways"] == {}
+
+
+def test_a_doubt_at_one_of_many_far_fixes_is_listed_for_as_long_as_it_held(
+    sparse: Result, roads: RoadMap
+):
+    film = Film(sparse, roads)
+    film.status[:] = 0
+    film.status[4] = 2
+    (place,) = [p for p in report_data(film, roads)["places"] if p["kind"] == "off_road"]
+    assert place["begin"] == pytest.approx(film.time[4] - film.time[0], abs=0.01)
+    assert place["end"] == pytest.approx(film.time[5] - film.time[0], abs=0.01)
+
+
+def doubted(film: Film, k: int, edges: list[int], p: list[float]) -> list[str]:
+    """Kinds of the places of a film that at epoch k doubts between some edges."""
+    film.status[:] = 0
+    film.status[k] = 1
+    film.choices.edge[k], film.choices.p[k] = -2, 0.0
+    film.choices.edge[k, : len(edges)], film.choices.p[k, : len(p)] = edges, p
+    return [p["kind"] for p in report_data(film)["places"] if p["kind"] == "ambiguous"]
+
+
+def test_a_doubt_between_edges_in_a_row_on_the_route_is_not_listed(sparse: Result, roads: RoadMap):
+    film = Film(sparse, roads)
+    assert film.route is not None
+    route, k = film.route, 4
+    at = int(np.searchsorted(route.exit, film.time[k]))
+    here, after = int(route.edge[at]), int(route.edge[at + 1])
+    beside = next(e for e in range(len(roads)) if e not in set(route.edge.tolist()))
+    assert doubted(film, k, [here, after], [0.55, 0.45]) == []
+    assert doubted(film, k, [after, here], [0.55, 0.45]) == []
+    assert doubted(film, k, [here, beside], [0.55, 0.45]) == ["ambiguous"]
+    assert doubted(film, k, [here, after, beside], [0.5, 0.3, 0.2]) == ["ambiguous"]
+    assert doubted(film, k, [beside, here], [0.55, 0.45]) == ["ambiguous"]
+
+
+def test_rules_that_the_route_breaks_are_listed_once_for_edges_in_a_row(
+    sparse: Result, roads: RoadMap
+):
+    film = Film(sparse, roads)
+    assert film.route is not None
+    broken: list[str | None] = [None] * len(film.route.edge)
+    broken[2] = broken[3] = "against_one_way"
+    broken[5] = "gap"
+    film.route = replace(film.route, broken=broken)
+    said = [
+        p for p in report_data(film, roads)["places"] if p["kind"] in ("against_one_way", "gap")
+    ]
+    assert [p["kind"] for p in said] == ["against_one_way", "gap"]
+    assert said[0]["begin"] == pytest.approx(film.route.enter[2] - film.time[0], abs=0.01)
+    assert said[0]["end"] == pytest.approx(film.route.exit[3] - film.time[0], abs=0.01)
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "arrow"])
+def test_points_and_path_from_files_make_the_same_ways(
+    sparse: Result, roads: RoadMap, tmp_path: Path, suffix: str
+):
+    points, path = tmp_path / f"points.{suffix}", tmp_path / f"path.{suffix}"
+    sparse.write(points)
+    sparse.write_path(path)
+    film = Film(read_points(points, None, path), roads)
+    written = json.loads(json.dumps(timeline(film)["ways"]))
+    assert written.keys() == {str(k) for k in timeline(Film(sparse, roads))["ways"]}
+    assert timeline(Film(read_points(points), roads))["ways"] == {}
+
+
+@pytest.mark.parametrize("column", ["edge_id", "enter_time"])
+def test_what_is_no_path_is_refused_by_what_it_lacks(sparse: Result, tmp_path: Path, column: str):
+    from whichroad.writers import write_table
+
+    write_table(sparse.path_arrow().drop_columns([column]), tmp_path / "path.parquet")
+    sparse.write(tmp_path / "points.parquet")
+    with pytest.raises(ReadError, match=f"no column '{column}'.*--path-out"):
+        read_points(tmp_path / "points.parquet", None, tmp_path / "path.parquet")
+
+
+def test_a_path_of_another_map_is_left_alone(sparse: Result, roads: RoadMap):
+    path = sparse.path_arrow()
+    far = path.set_column(
+        path.column_names.index("edge_id"), "edge_id", [np.full(len(path), len(roads) + 5)]
+    )
+    other = Result(sparse.to_arrow(), far, {})
+    assert Film(other, roads).route is None
