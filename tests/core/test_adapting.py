@@ -146,6 +146,19 @@ def test_first_fixes_that_were_wrong_are_corrected_by_roads_and_later_fixes(seed
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_a_car_that_was_carried_round_a_corner_is_found_again(seed: int):
+    """Its wheels stood meanwhile; once it is off all roads the fixes begin to count again."""
+    epochs = epochs_of(DRIVE, gnss(DRIVE, seed=seed), once_a_second(DRIVE), course=0.1)
+    driven = np.r_[:150, 300 : len(DRIVE.time)]
+    epochs, truth = (type(a)(*(c[driven].copy() for c in a)) for a in (epochs, DRIVE))
+    for part in (epochs, truth):
+        part.time[150:] -= 15.0
+    error = away(localize(TOWN, epochs).output, truth)
+    assert error[160:400].max() > 60.0
+    assert (error[-150:] < 15.0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
 def test_a_receiver_that_is_away_for_half_a_minute_takes_nobody_with_it(seed: int):
     """190 m from where the roads and the wheels know the vehicle to be."""
     fix = gnss(DRIVE, seed=seed)

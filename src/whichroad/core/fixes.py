@@ -165,12 +165,13 @@ def _astray(belief: Belief, now: float) -> bool:
 @part
 def _doubt(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
-    k: int, side: float, lever: Vector, white: float, par: Parameters,
+    k: int, side: float, lever: Vector, white: float, par: Parameters, astray: bool,
 ) -> None:  # fmt: skip
     """A fix far away: perhaps it is right, and all that was believed is wrong.
 
     Beginnings at the fix are added with a small probability; what roads and fixes say from
-    here on decides between them and a receiver that has lost its way.
+    here on decides between them and a receiver that has lost its way.  A belief that has gone
+    astray does not know its heading either: the car may have been carried.
     """
     normalise(belief)
     top = 0
@@ -184,7 +185,7 @@ def _doubt(
         cold_start(
             belief, roads, route, work, par.gnss_lost, epochs.fix[k],
             math.sqrt(belief.clock[GNSS_SCALE]), white, scale, lever, mean[H],
-            math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
+            math.inf if astray else math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
             par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
         )  # fmt: skip
 
@@ -251,8 +252,9 @@ def take_fix(
         _vouched(epochs, k, mode) and since < _RECENT and clock[LEARNT] > _YOUNG, work.row,
     )  # fmt: skip
     misfit = chi2 > 4.0 * par.gnss_gate
-    if mode == WHEELS and par.gnss_lost > 0.0 and (_astray(belief, epochs.time[k]) or misfit):
-        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
+    astray = mode == WHEELS and _astray(belief, epochs.time[k])
+    if mode == WHEELS and par.gnss_lost > 0.0 and (astray or misfit):
+        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par, astray)
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
