@@ -118,8 +118,9 @@ def _learn_scale(
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not _vouched(epochs, k, mode):
-        clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
-        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
+        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+        clock[QUICK_SCALE] += gain * (least - clock[QUICK_SCALE])
+        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], least)
         return
     moving = min(moving, _RECENT)
     slow_gain = max(moving / (_SLOW_PRIOR + clock[LEARNT]), 1.0 - math.exp(-moving / _SLOW))
@@ -185,8 +186,9 @@ def _doubt(
         cold_start(
             belief, roads, route, work, par.gnss_lost, epochs.fix[k],
             math.sqrt(belief.clock[GNSS_SCALE]), white, scale, lever, mean[H],
-            math.inf if astray else math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
-            par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+            math.inf if astray else math.sqrt(cov[H, H]) + 0.03, mean[K],
+            math.sqrt(cov[K, K]), par.drift_sigma, side, par.lane_sigma, par.map_sigma,
+            par.search_radius, par.off_road_start, par.wrong_way,
         )  # fmt: skip
 
 
