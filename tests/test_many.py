@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from whichroad.cli import app
-from whichroad.errors import DriveError, WriteError
+from whichroad.errors import DriveError, ReadError, WriteError
 from whichroad.frames import Plane
 from whichroad.writers.stream import growing
 
@@ -66,6 +66,27 @@ def test_nothing_answered_is_a_failure_that_says_why(tmp_path, town):
     assert isinstance(done.exception, DriveError)
     assert "none of 2 trips" in str(done.exception)
     assert "km from the map" in done.stderr
+
+
+def test_a_table_without_times_is_refused_once_with_all_its_columns(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    table = pq.read_table(source).rename_columns(["trip_id", "when", "lat", "lon"])
+    pq.write_table(table, source)
+    done = run("match", source, "--map", town)
+    assert isinstance(done.exception, ReadError)
+    assert "no time among the columns (trip_id, when, lat, lon)" in str(done.exception)
+
+
+def test_why_a_trip_has_no_answer_is_told_with_what_was_skipped(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    table = pq.read_table(source)
+    nowhere = np.where(np.arange(40) < 20, 0.0, table["lat"].to_numpy())
+    zero = np.where(np.arange(40) < 20, 0.0, table["lon"].to_numpy())
+    table = table.set_column(2, "lat", pa.array(nowhere)).set_column(3, "lon", pa.array(zero))
+    pq.write_table(table, source)
+    done = run("match", source, "--map", town)
+    assert "no answer: a: there is neither" in done.output
+    assert "skipped: 20 impossible position" in done.output
 
 
 def test_an_output_that_exists_is_not_replaced(tmp_path, town):

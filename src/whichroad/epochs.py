@@ -74,9 +74,11 @@ def build_timeline(
         motion = None
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
     if motion is None and fixes is None:
+        why = ", ".join(f"{count} {reason}" for reason, count in drive.skipped.items())
         raise DriveError(
-            f"{drive.drive_id}: there is neither a fix nor odometry in it; "
-            "a table or log with time, lat, lon or wheel data was expected"
+            f"{drive.drive_id}: there is neither a fix nor odometry in it"
+            f"{f' (skipped: {why})' if why else ''}; a table or log with time, lat, lon or wheel "
+            "data was expected"
         )
     if motion is None and fixes is not None and not mask:
         alone = timelines_of(fixes, [0], plane)[0]

@@ -38,11 +38,12 @@ class Scratch:
 
     def renewed(self, remembered: bool) -> tuple[Belief, Work, Route]:
         """An empty belief, scratch space for the kernels, an empty tree of edges."""
-        _renew(self._used[remembered], self._new[remembered])
+        used, new = self._used[remembered], self._new[remembered]
+        _renew(used[2:], new[2:])  # rows of mean and cov are written before they are read
         self._work.row[:] = 0.0
         self._work.root[:] = 0.0
         self._route.size[0] = 0
-        return self._used[remembered], self._work, self._route
+        return used, self._work, self._route
 
     def back(self) -> tuple[Memory, View]:
         """An empty memory, and scratch space to look back."""

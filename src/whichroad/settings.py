@@ -7,10 +7,13 @@ the rest was measured on simulated and real drives (docs/model.md, section 7).
 
 import json
 from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import Any
 
 from .core.parameters import Parameters
 from .errors import SettingError
+
+_read = attrgetter(*Parameters._fields)
 
 
 def _number(default: float, low: float, high: float, unit: str, why: str) -> Any:
@@ -108,7 +111,7 @@ class Settings:
 
     def parameters(self) -> Parameters:
         """The numbers the kernels need, in their order."""
-        return Parameters(*(float(getattr(self, name)) for name in Parameters._fields))
+        return Parameters(*map(float, _read(self)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

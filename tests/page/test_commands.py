@@ -84,6 +84,41 @@ def test_without_the_extra_a_command_says_what_to_install(
     )
 
 
+def test_a_path_is_drawn_where_it_can_be(run: Any, logs: list[str], folder: Path, tmp_path: Path):
+    points, path, page = (tmp_path / name for name in ("points.csv", "path.csv", "report.html"))
+    assert run("match", *logs, "-o", points, "--path-out", path)[0] == 0
+    map_ = ("--map", folder / "map.osm")
+    assert run("report", points, *map_, "--path", path, "-o", page)[0] == 0
+    code, _, said = run("report", points, "--path", path, "-o", tmp_path / "other.html")
+    assert code == 2
+    assert "--map was expected with it" in said
+    code, _, said = run("replay", *logs, "--path", path)
+    assert code == 2
+    assert "not to a drive" in said
+
+
+def test_a_file_that_is_not_there_is_called_that(run: Any, tmp_path: Path):
+    code, _, said = run("report", tmp_path / "points.parquet", "-o", tmp_path / "report.html")
+    assert code == 1
+    assert "points.parquet: there is no such file" in said
+    code, _, said = run("map", "build", tmp_path / "city.osm.pbf", "-o", tmp_path / "city.map")
+    assert code == 1
+    assert "city.osm.pbf: there is no such file" in said
+
+
+def test_a_report_of_several_drives_is_refused_before_the_work(
+    run: Any, logs: list[str], tmp_path: Path
+):
+    drives = tmp_path / "two.csv"
+    drives.write_text("trip,time,lat,lon\na,0,49.41,8.7\nb,0,49.41,8.7\n")
+    out = tmp_path / "points.csv"
+    code, _, said = run("match", drives, *logs[-2:], "-o", out, "--report", tmp_path / "r.html")
+    assert code == 1
+    assert "2 drives (a, b)" in said
+    assert "whichroad report points.parquet --drive-id" in said
+    assert not out.exists()
+
+
 def test_a_port_that_is_taken_is_one_sentence_and_exit_code_1(run: Any, logs: list[str]):
     with socket.create_server(("127.0.0.1", 0)) as door:
         code, _, said = run("replay", *logs, "--port", door.getsockname()[1], "--no-browser")

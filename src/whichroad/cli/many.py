@@ -71,7 +71,8 @@ def _say(table: Path, parts: "list[pa.Table]") -> None:
         typer.echo(f"skipped: {count} {reason}", err=True)
     silent = [row for row in rows if not row["answered"]]
     for row in silent[:_TOLD]:
-        typer.echo(f"no answer: {row['drive_id'] or '(no name)'}: {row['reason']}", err=True)
+        name = row["drive_id"] or "(no name)"
+        typer.echo(f"no answer: {name}: {row['reason'].removeprefix(f'{name}: ')}", err=True)
     if len(silent) > _TOLD:
         typer.echo(f"no answer: {len(silent) - _TOLD:,} more", err=True)
     answered = [row for row in rows if row["answered"]]
@@ -88,5 +89,5 @@ def _say(table: Path, parts: "list[pa.Table]") -> None:
     if not answered:
         raise DriveError(
             f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
-            "map were expected; is it the right map?"
+            f"map were expected; the first one says: {rows[0]['reason']}"
         )

@@ -90,6 +90,12 @@ def match(
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
         drives = read_drive(drive, vehicle=car, dbc=dbc, can=can)
+        if report is not None and len(drives) > 1:
+            raise DriveError(
+                f"{len(drives)} drives ({', '.join(d.drive_id for d in drives[:10])}) are in the "
+                "input; one was expected by --report; write all by -o points.parquet and show one "
+                "by `whichroad report points.parquet --drive-id NAME`"
+            )
         progress("reading the map", 0, 0)
         network = session.open_map(roads)
         result = session.match(

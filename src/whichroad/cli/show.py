@@ -69,6 +69,8 @@ def replay(
         if len(drive) == 1 and can is None and is_points(drive[0]):
             player = play_result(drive[0], network, drive_id, path)
         else:
+            if path is not None:
+                raise typer.BadParameter("--path belongs to points of `match -o`, not to a drive")
             car = None if vehicle is None else read_vehicle(vehicle)
             progress("reading the drive", 0, 0)
             one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
@@ -98,6 +100,8 @@ def report(
     from ..session import open_map
 
     check_report(out, force=force)
+    if path is not None and roads is None:
+        raise typer.BadParameter("--path is drawn along the roads; --map was expected with it")
     with progress_line() as progress:
         progress("reading the answer", 0, 0)
         points = read_points(result, drive_id, path)

@@ -48,7 +48,9 @@ def _move_to(
     shrink = variance / (sigma * sigma)
     segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
     heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
+    across = tx * ny - ty * nx
+    onwards = tx * nx + ty * ny
+    turn = 0.0 if across == 0.0 and onwards > 0.0 else math.atan2(across, onwards)
     bent = min(abs(turn), 1.6)
     if bent > _CORNER:  # a corner on the map is an arc on the ground, and shorter
         cut += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
@@ -65,10 +67,10 @@ def _move_to(
         mean, cov, odometer, turn, heading, nx, ny, q_along + doubt, q_rate, q_cross,
         heading_variance,
     )  # fmt: skip
-    across = _ACROSS * abs(odometer * mean[K])
-    cov[X, X] += across * ny * ny
-    cov[Y, Y] += across * nx * nx
-    cov[X, Y] -= across * nx * ny
+    aside = _ACROSS * abs(odometer * mean[K])
+    cov[X, X] += aside * ny * ny
+    cov[Y, Y] += aside * nx * nx
+    cov[X, Y] -= aside * nx * ny
     cov[Y, X] = cov[X, Y]
     if shrink < 0.9999:
         row = work.row
@@ -168,12 +170,16 @@ def advance_along(
 
 
 @part
-def forward_only(belief: Belief, row: Vector, scale: float) -> None:
+def forward_only(belief: Belief, row: Vector, scale: float) -> bool:
     """Without odometry a vehicle drives forwards.
 
     The speed is cut to what is above −0.5 m/s, and the hypothesis weighed by how much
     that was.  Off the roads a negative speed is first told as the other heading.
+
+    Returns:
+        Whether any weight was changed.
     """
+    weighed = False
     for i in range(belief.size[0]):
         mean = belief.mean[i]
         cov = belief.cov[i]
@@ -187,9 +193,11 @@ def forward_only(belief: Belief, row: Vector, scale: float) -> None:
         sigma = math.sqrt(cov[K, K])
         z = (mean[K] + 0.5) / sigma
         if z < 2.5:
+            weighed = True
             belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
             cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
             for j in range(N):
                 row[j] = 0.0
             row[K] = 1.0
             reshape_along(mean, cov, row, cut - mean[K], variance / (sigma * sigma), scale)
+    return weighed

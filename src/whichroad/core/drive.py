@@ -107,8 +107,8 @@ def _move_along(
                 belief.mean[i], belief.cov[i], odometer, 0.0, 0.0, odometer, scale,
                 q_along, 0.25 * q_along, q_free, q_rate, 0.0,
             )  # fmt: skip
-    if mode == CLOCK:
-        forward_only(belief, work.row, scale)
+    if mode == CLOCK and forward_only(belief, work.row, scale):
+        normalise(belief)
     return changed or turns
 
 
@@ -255,7 +255,8 @@ def run(
                 stand(belief, work, scale, epochs, k, mode, lever, par)
                 see_fix = False
             if see_fix:
-                normalise(belief)
+                if sparse:
+                    normalise(belief)
                 if remembers:
                     memory.since[GNSS_AGED] += clock[MOVING]
                 chi2 = take_fix(
@@ -279,8 +280,6 @@ def run(
                     or changed
                 )  # fmt: skip
             if done and (begin or clock[TRAVELLED] >= par.map_spacing):
-                if changed:
-                    normalise(belief)
                 if not begin and (clock[SINCE_LEFT] >= _LEAVING or _off_road_matters(belief)):
                     leave_and_return(
                         belief, roads, work, scale, clock[SINCE_LEFT], par.off_road_leave,

@@ -31,7 +31,7 @@ from .belief import (
     Y,
 )
 from .gaussian import LOG_2PI, condition, innovation_variance, update
-from .motion import age_gnss
+from .motion import age_gnss, wander
 
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
 _MOST = 9.0  # the most that one fix may say of the scale, in units of what is expected
@@ -316,11 +316,15 @@ def age_receiver(belief: Belief, time: float, correlation_time: float, fault_tim
     comes back, and not as small errors do.  That it is still lost costs the hypothesis
     exp(−time / fault_time).
     """
+    usual = math.exp(-time / correlation_time)
     for i in range(belief.size[0]):
         mean = belief.mean[i]
-        size = math.sqrt(mean[GX] ** 2 + mean[GY] ** 2)
-        slower = correlation_time * max(1.0, size / 3.0)
-        age_gnss(mean, belief.cov[i], time, slower)
+        square = mean[GX] ** 2 + mean[GY] ** 2
+        if square <= 9.0:
+            wander(mean, belief.cov[i], usual)
+            continue
+        size = math.sqrt(square)
+        age_gnss(mean, belief.cov[i], time, correlation_time * size / 3.0)
         if size > _FAULT:
             belief.log_weight[i] -= time / fault_time
 

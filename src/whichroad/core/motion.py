@@ -5,7 +5,7 @@ import math
 from ._jit import Matrix, Vector, kernel
 from .angles import wrap
 from .belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
-from .rows import add_times, set_times, set_to, ten
+from .rows import add_times, scale_by, set_times, set_to, ten
 
 
 @kernel
@@ -142,8 +142,11 @@ def predict_along(
         q_cross: Covariance added between κ and the abscissa.
         heading_variance: Of the vehicle's heading about the road's, rad².
     """
-    c = math.cos(turn)
-    s = math.sin(turn)
+    c = 1.0
+    s = 0.0
+    if turn != 0.0:
+        c = math.cos(turn)
+        s = math.sin(turn)
     sx = ten()  # what surrounds the road
     sy = ten()
     set_to(sx, cov[X])
@@ -203,17 +206,43 @@ def age_map(
     map_keep: float, map_sigma: float,
 ) -> None:  # fmt: skip
     """Let the lane offset and the map's error wander: exp(−distance / length) is kept."""
-    decay(mean, cov, D, lane, lane_keep, lane_sigma * lane_sigma)
-    decay(mean, cov, MX, 0.0, map_keep, map_sigma * map_sigma)
-    decay(mean, cov, MY, 0.0, map_keep, map_sigma * map_sigma)
+    keep = ten()
+    for i in range(N):
+        keep[i] = 1.0
+    keep[D] = lane_keep
+    keep[MX] = map_keep
+    keep[MY] = map_keep
+    for i in range(N):
+        scale_by(cov[i], keep[i], keep)
+    mean[D] = lane + lane_keep * (mean[D] - lane)
+    mean[MX] *= map_keep
+    mean[MY] *= map_keep
+    lost = 1.0 - map_keep * map_keep
+    cov[D, D] += (1.0 - lane_keep * lane_keep) * lane_sigma * lane_sigma
+    cov[MX, MX] += lost * map_sigma * map_sigma
+    cov[MY, MY] += lost * map_sigma * map_sigma
 
 
 @kernel
 def age_gnss(mean: Vector, cov: Matrix, time: float, correlation_time: float) -> None:
     """Let the GNSS error wander over a time (s) spent moving."""
-    keep = math.exp(-time / correlation_time)
-    decay(mean, cov, GX, 0.0, keep, 1.0)
-    decay(mean, cov, GY, 0.0, keep, 1.0)
+    wander(mean, cov, math.exp(-time / correlation_time))
+
+
+@kernel
+def wander(mean: Vector, cov: Matrix, keep: float) -> None:
+    """Let the GNSS error wander until so much of it is kept."""
+    kept = ten()
+    for i in range(N):
+        kept[i] = 1.0
+    kept[GX] = keep
+    kept[GY] = keep
+    for i in range(N):
+        scale_by(cov[i], kept[i], kept)
+    mean[GX] *= keep
+    mean[GY] *= keep
+    cov[GX, GX] += 1.0 - keep * keep
+    cov[GY, GY] += 1.0 - keep * keep
 
 
 @kernel

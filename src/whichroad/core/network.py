@@ -53,4 +53,5 @@ class Roads(NamedTuple):
 @kernel
 def lane_sigma_of(roads: Roads, edge: int, lane_sigma: float) -> float:
     """Sigma of the offset from the usual lane on an edge, m: the driver's and the lanes'."""
-    return math.hypot(lane_sigma, roads.lane_spread[edge])
+    spread = float(roads.lane_spread[edge])
+    return math.sqrt(lane_sigma * lane_sigma + spread * spread)

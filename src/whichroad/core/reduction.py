@@ -20,6 +20,15 @@ _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 
 
+@kernel
+def _loss(wi: float, vi: float, wj: float, vj: float, v: float, best: float) -> float:
+    """½ (w_i log(v / v_i) + w_j log(v / v_j)), or a lower bound of it that is above `best`."""
+    least = 0.5 * (wi * (1.0 - vi / v) + wj * (1.0 - vj / v))  # as log x >= 1 - 1 / x
+    if least > best:
+        return least
+    return 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj))
+
+
 @part
 def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> float:
     """Runnalls' bound on what merging two hypotheses loses, along the road only, nats.
@@ -38,14 +47,16 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vj = belief.spread[j] ** 2
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        along = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        along = _loss(wi, vi, wj, vj, v, best)
         if along > best:
             return float(along)  # dearer than another pair, whatever the rest
         gap = wrap(belief.mean[i, H] - belief.mean[j, H])
         vi = belief.cov[i, H, H]
         vj = belief.cov[j, H, H]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        turned = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        turned = _loss(wi, vi, wj, vj, v, best)
+        if turned > best:
+            return float(turned)
         nx = math.sin(belief.mean[i, H])
         ny = -math.cos(belief.mean[i, H])
         dx = belief.mean[i, X] - belief.mean[j, X]
@@ -56,7 +67,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vi = nx * nx * ci[X, X] + 2.0 * nx * ny * ci[X, Y] + ny * ny * ci[Y, Y]
         vj = nx * nx * cj[X, X] + 2.0 * nx * ny * cj[X, Y] + ny * ny * cj[Y, Y]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        across = 0.5 * (w * math.log(v) - wi * math.log(vi) - wj * math.log(vj))
+        across = _loss(wi, vi, wj, vj, v, best)
         return float(max(along, turned, across))
     gap = wrap(belief.mean[i, H] - belief.mean[j, H])
     if abs(gap) > _OPPOSED:
@@ -64,7 +75,9 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = belief.cov[i, H, H]
     vj = belief.cov[j, H, H]
     v = (wi * vi + wj * vj) / w + shares * gap * gap
-    turned = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    turned = _loss(wi / w, vi, wj / w, vj, v, best)
+    if turned > best:
+        return float(turned)
     dx = (belief.mean[i, X] - belief.mean[j, X]) / scale
     dy = (belief.mean[i, Y] - belief.mean[j, Y]) / scale
     ci = belief.cov[i]
@@ -75,7 +88,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = ci[X, X] * ci[Y, Y] - ci[X, Y] ** 2
     vj = cj[X, X] * cj[Y, Y] - cj[X, Y] ** 2
     v = xx * yy - xy * xy
-    apart = 0.5 * (math.log(v) - (wi * math.log(vi) + wj * math.log(vj)) / w)
+    apart = _loss(wi / w, vi, wj / w, vj, v, best)
     return float(max(turned, apart))
 
 
@@ -105,20 +118,22 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
         limit = _OFF_LIMIT
         most = _OFF_MOST
     count = 0
-    best = math.inf
+    for i in range(first, n):
+        if belief.edge[i] == edge:
+            count += 1
+    best = limit + 1e-300 if count <= most else math.inf  # dearer pairs stay two
     best_i = -1
     best_j = -1
     for i in range(first, n):
         if belief.edge[i] != edge:
             continue
-        count += 1
         for j in range(i + 1, n):
             if belief.edge[j] != edge:
                 continue
             cost = _merge_cost(belief, i, j, best, scale)
             if cost < best:
                 best, best_i, best_j = cost, i, j
-    if best_i < 0 or (best > limit and count <= most):
+    if best_i < 0:
         return False
     if belief.log_weight[best_j] > belief.log_weight[best_i]:
         copy_from = best_i

@@ -23,7 +23,7 @@ from .belief import (
 from .gaussian import LOG_2PI, update
 from .motion import age_map
 from .network import Roads, lane_sigma_of
-from .segment import chord_heading, locate, project
+from .segment import chord, chord_heading, locate, project
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
@@ -110,7 +110,11 @@ def observe_roads(
         s = belief.abscissa[i]
         p = belief.probability[i]
         on += p
-        heading[i], slope[i], bow = bend(roads, edge, belief.segment[i], s, belief.spread[i])
+        bow = 0.0
+        if with_heading:
+            heading[i], slope[i], bow = bend(roads, edge, belief.segment[i], s, belief.spread[i])
+        else:
+            slope[i] = slope_at(roads, edge, belief.segment[i], s, belief.spread[i])
         spread2 = belief.spread[i] ** 2
         cutting = min(abs(slope[i]) * _HALF_CHORD, 1.0) * node_sigma
         sagitta = min(0.5 * abs(slope[i]) * spread2, 4.0)
@@ -197,6 +201,12 @@ def bend(
         _, _, _, tx, ty = locate(roads, edge, segment, inside)
         return math.atan2(ty, tx), 0.0, 0.0
     step = min(max(sigma, 2.0), 15.0)
+    low = max(inside - 2.0 * step - _HALF_CHORD, 0.0)
+    low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
+    high = min(inside + 2.0 * step + _HALF_CHORD, length)
+    high_segment, _, _, _, _ = locate(roads, edge, low_segment, high)
+    if low_segment == high_segment:  # straight, as far as it is looked at
+        return math.atan2(ty, tx), 0.0, 0.0
     middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
     near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
     near_low = _turn_to(roads, edge, segment, max(inside - step, 0.0), middle)
@@ -217,3 +227,29 @@ def bend(
 def _turn_to(roads: Roads, edge: int, segment: int, s: float, heading: float) -> float:
     """The chord's heading at s less another one."""
     return float(wrap(chord_heading(roads, edge, segment, s, _HALF_CHORD) - heading))
+
+
+@part
+def slope_at(roads: Roads, edge: int, segment: int, s: float, sigma: float) -> float:
+    """The slope of `bend` alone, rad/m."""
+    length = roads.length[edge]
+    if roads.first[edge + 1] - roads.first[edge] == 2:
+        return 0.0
+    inside = min(max(s, 0.0), length)
+    step = min(max(sigma, 2.0), 15.0)
+    near = _turn_about(roads, edge, segment, inside, step)
+    far = _turn_about(roads, edge, segment, inside, 2.0 * step)
+    return (_NEAR * near + 2.0 * _FAR * far) / (_SPAN * step)
+
+
+@kernel
+def _turn_about(roads: Roads, edge: int, segment: int, s: float, step: float) -> float:
+    """By how much the chord turns from a step before an abscissa to a step after it, rad."""
+    length = roads.length[edge]
+    ax, ay = chord(roads, edge, segment, max(s - step, 0.0), _HALF_CHORD)
+    bx, by = chord(roads, edge, segment, min(s + step, length), _HALF_CHORD)
+    across = ax * by - ay * bx
+    onwards = ax * bx + ay * by
+    if abs(across) < 1e-12 * onwards:
+        return 0.0
+    return math.atan2(across, onwards)

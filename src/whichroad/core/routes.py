@@ -19,11 +19,10 @@ class Search(NamedTuple):
     A label says the cheapest known way to the start of an edge.
     """
 
-    slot: Ints32  # (_SLOTS,) label of the edge that hashes here
-    stamp: Ints  # (_SLOTS,) search that wrote it
+    slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
     goal: Ints32  # (_GOALS,) number of the goal
     goal_stamp: Ints  # (_GOALS,)
-    counts: Ints  # (4,) searches, steps, labels used, goals hit by the last search
+    counts: Ints  # (4,) searches, steps, labels used, goals
     edge: Ints32  # (LABELS,)
     parent: Ints32  # (LABELS,) label that it was reached from, -1: the origin
     cost: Vector  # (LABELS,) nats
@@ -44,7 +43,7 @@ class Search(NamedTuple):
 def new_search() -> Search:
     """Scratch space for one thread."""
     return Search(
-        np.zeros(_SLOTS, np.int32), np.zeros(_SLOTS, np.int64), np.zeros(_GOALS, np.int32),
+        np.zeros(_SLOTS, np.int64), np.zeros(_GOALS, np.int32),
         np.zeros(_GOALS, np.int64), np.zeros(4, np.int64), np.zeros(LABELS, np.int32),
         np.zeros(LABELS, np.int32), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
         np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS, np.int32),
@@ -54,19 +53,14 @@ def new_search() -> Search:
 
 
 @kernel
-def _place(edge: int, slots: int) -> int:
-    """Where the table is looked into first."""
-    return (edge * 2654435761 >> 7) & (slots - 1)
-
-
-@kernel
 def set_goals(search: Search, edges: Ints, n: int) -> None:
     """Begin a step: forget all labels, and note the edges that are looked for."""
     search.counts[1] += 1
     search.counts[2] = 0
+    search.counts[3] = n
     step = search.counts[1]
     for c in range(n):
-        place = _place(edges[c], _GOALS)
+        place = edges[c] & (_GOALS - 1)
         while search.goal_stamp[place] == step:
             place = (place + 1) & (_GOALS - 1)
         search.goal_stamp[place] = step
@@ -77,7 +71,7 @@ def set_goals(search: Search, edges: Ints, n: int) -> None:
 def goal_of(search: Search, edges: Ints, edge: int) -> int:
     """Number of the goal that an edge is, or -1."""
     step = search.counts[1]
-    place = _place(edge, _GOALS)
+    place = edge & (_GOALS - 1)
     while search.goal_stamp[place] == step:
         if edges[search.goal[place]] == edge:
             return int(search.goal[place])
@@ -86,13 +80,19 @@ def goal_of(search: Search, edges: Ints, edge: int) -> int:
 
 
 @kernel
-def _slot_of(search: Search, edge: int) -> int:
-    """The edge's slot in this search's table, or the free one where it belongs."""
-    now = search.counts[0]
-    place = _place(edge, _SLOTS)
-    while search.stamp[place] == now and search.edge[search.slot[place]] != edge:
+def _slot_of(search: Search, edge: int) -> tuple[int, int]:
+    """The edge's slot in this search's table and its label; -1: the slot is free.
+
+    Edges that lie together mostly have numbers that do, and so have their slots.
+    """
+    now = search.counts[0] * LABELS
+    place = edge & (_SLOTS - 1)
+    while search.slot[place] >= now:
+        label = search.slot[place] - now
+        if search.edge[label] == edge:
+            return place, label
         place = (place + 1) & (_SLOTS - 1)
-    return place
+    return place, -1
 
 
 @kernel
@@ -138,30 +138,30 @@ def _pop(search: Search, n: int) -> int:
     return n
 
 
-@kernel
+@part
 def _label(
-    roads: Roads, search: Search, n: int, edge: int, parent: int, cost: float, length: float,
-    time: float, turn: float, x: float, y: float, radius: float, per_metre: float,
-    longest: float, limit: float,
+    search: Search, n: int, edge: int, parent: int, cost: float, ratio: float, length: float,
+    time: float, turn: float, ahead: float, limit: float,
 ) -> int:  # fmt: skip
-    """Label an edge if this way is new or cheaper, and goes anywhere; returns the heap's n."""
-    v = roads.first[edge]
-    away = max(math.hypot(roads.x[v] - x, roads.y[v] - y) - radius, 0.0)
-    key = cost + per_metre * away
-    if key > limit or length + away > longest:
+    """Label an edge if this way is new or cheaper, and goes anywhere; returns the heap's n.
+
+    It costs log(ratio) more than `cost`, and at least `ahead` more are to come.
+    """
+    place, label = _slot_of(search, edge)
+    if label >= 0 and (search.done[label] == 1 or search.cost[label] <= cost):
         return n
-    place = _slot_of(search, edge)
-    if search.stamp[place] == search.counts[0]:
-        label = search.slot[place]
-        if search.done[label] == 1 or search.cost[label] <= cost:
-            return n
-    else:
+    if ratio > 1.0:
+        cost += math.log(ratio)
+    if cost + ahead > limit:
+        return n
+    if label < 0:
         label = search.counts[2]
         if label >= LABELS or n >= LABELS - 1:
             return n
         search.counts[2] = label + 1
-        search.stamp[place] = search.counts[0]
-        search.slot[place] = label
+        search.slot[place] = search.counts[0] * LABELS + label
+    elif search.cost[label] <= cost:
+        return n
     search.edge[label] = edge
     search.parent[label] = parent
     search.cost[label] = cost
@@ -169,7 +169,35 @@ def _label(
     search.time[label] = time
     search.turn[label] = turn
     search.done[label] = 0
-    return _push(search, n, label, key)
+    return _push(search, n, label, cost + ahead)
+
+
+@part
+def _follow(
+    roads: Roads, search: Search, n: int, current: int, label: int, cost: float, length: float,
+    time: float, turn: float, x: float, y: float, radius: float, per_metre: float,
+    longest: float, limit: float,
+) -> int:  # fmt: skip
+    """Label what follows an edge, with what it costs to its end; returns the heap's n."""
+    v = roads.first[current + 1] - 1
+    dx = roads.x[v] - x
+    dy = roads.y[v] - y
+    away = max(math.sqrt(dx * dx + dy * dy) - radius, 0.0)
+    ahead = per_metre * away
+    if cost + ahead > limit or length + away > longest:
+        return n
+    first = roads.succ_first[current]
+    last = roads.succ_first[current + 1]
+    best = 1e-12
+    for t in range(first, last):
+        best = max(best, float(roads.succ_prior[t]))
+    for t in range(first, last):
+        ratio = best / max(float(roads.succ_prior[t]), 1e-12)
+        n = _label(
+            search, n, roads.succ[t], label, cost, ratio, length, time,
+            turn + roads.succ_turn[t], ahead, limit,
+        )  # fmt: skip
+    return n
 
 
 @part
@@ -210,10 +238,13 @@ def find_routes(
     left = roads.length[edge] - s
     other = roads.opposite[edge]
     if other >= 0 and u_turn < 1e6:
-        n = _label(
-            roads, search, n, other, -1, u_turn, -max(left, 0.0), 0.0, math.pi, x, y, radius,
-            per_metre, longest, limit,
-        )  # fmt: skip
+        v = roads.first[other]
+        away = max(math.hypot(roads.x[v] - x, roads.y[v] - y) - radius, 0.0)
+        if away <= longest + max(left, 0.0):
+            n = _label(
+                search, n, other, -1, u_turn, 1.0, -max(left, 0.0), 0.0, math.pi,
+                per_metre * away, limit,
+            )  # fmt: skip
     label = -1
     current = edge
     cost = per_metre * max(left, 0.0)
@@ -221,16 +252,10 @@ def find_routes(
     time = left / max(float(roads.speed[edge]), 1.0)
     turn = 0.0
     while True:
-        best = 1e-12
-        for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
-            best = max(best, float(roads.succ_prior[t]))
-        for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
-            p = max(float(roads.succ_prior[t]), 1e-12)
-            turn_cost = 0.0 if p >= best else math.log(best / p)
-            n = _label(
-                roads, search, n, roads.succ[t], label, cost + turn_cost, length, time,
-                turn + roads.succ_turn[t], x, y, radius, per_metre, longest, limit,
-            )  # fmt: skip
+        n = _follow(
+            roads, search, n, current, label, cost, length, time, turn, x, y, radius, per_metre,
+            longest, limit,
+        )  # fmt: skip
         while True:
             if n == 0 or search.counts[2] - first_label >= most:
                 return hits
@@ -247,6 +272,8 @@ def find_routes(
                 limit = min(limit, search.key[n] + slack)
             search.hit[hits] = label
             hits += 1
+            if hits == search.counts[3]:
+                return hits
         cost = search.cost[label] + per_metre * roads.length[current]
         length = search.length[label] + roads.length[current]
         time = search.time[label] + roads.length[current] / max(float(roads.speed[current]), 1.0)

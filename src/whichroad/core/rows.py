@@ -98,6 +98,18 @@ def set_times(typing_context: Any, target: Any, factor: Any, source: Any) -> Any
 
 
 @intrinsic  # type: ignore[untyped-decorator]
+def scale_by(typing_context: Any, target: Any, factor: Any, source: Any) -> Any:
+    """Number by number, target *= factor · source, for rows."""
+    if not (_is_row(target) and _is_row(source)):
+        return None
+
+    def work(builder: Any, a: Any, f: Any, b: Any) -> Any:
+        return builder.fmul(a, builder.fmul(f, b))
+
+    return types.void(target, types.float64, source), _row_operation(work, (0, 2))
+
+
+@intrinsic  # type: ignore[untyped-decorator]
 def set_to(typing_context: Any, target: Any, source: Any) -> Any:
     """Target = source, for rows."""
     if not (_is_row(target) and _is_row(source)):

@@ -88,16 +88,23 @@ def locate(
 @kernel
 def chord_heading(roads: Roads, edge: int, segment: int, s: float, half: float) -> float:
     """Heading of the chord from `half` metres before to `half` metres after s, rad."""
+    dx, dy = chord(roads, edge, segment, s, half)
+    return math.atan2(dy, dx)
+
+
+@kernel
+def chord(roads: Roads, edge: int, segment: int, s: float, half: float) -> tuple[float, float]:
+    """The chord itself, plane units; the tangent where it has no length."""
     length = roads.length[edge]
     low = min(max(s - half, 0.0), max(length - half, 0.0))
     high = max(min(s + half, length), min(half, length))
-    _, ax, ay, tx, ty = locate(roads, edge, segment, low)
-    _, bx, by, _, _ = locate(roads, edge, segment, high)
+    i, ax, ay, tx, ty = locate(roads, edge, segment, low)
+    _, bx, by, _, _ = locate(roads, edge, i, high)
     dx = bx - ax
     dy = by - ay
     if dx * dx + dy * dy < 1e-6:
-        return math.atan2(ty, tx)
-    return math.atan2(dy, dx)
+        return tx, ty
+    return dx, dy
 
 
 @kernel

@@ -359,6 +359,8 @@ def turn_round(
         if edge == OFF_ROAD or belief.probability[i] < 0.01 or roads.opposite[edge] < 0:
             continue
         part = share
+        if part * belief.probability[i] <= 1e-4:
+            continue
         if clock:
             part *= math.exp(-0.5 * (belief.mean[i, K] / slow) ** 2)
         if roads.rule[roads.opposite[edge]] & AGAINST_ONE_WAY:

@@ -34,8 +34,9 @@ def read_table(path: Path) -> Any:
 
                 return geopandas.read_file(path)
     except (OSError, ValueError, RuntimeError) as error:
+        seen = error if path.is_file() else "there is no such file"
         raise ReadError(
-            f"{path}: {error}; a table of points was expected; check that it is one"
+            f"{path}: {seen}; a table of points was expected; check that it is one"
         ) from error
     raise ReadError(
         f"{path}: the suffix {path.suffix!r} names no table; one of .parquet, .arrow, .feather, "

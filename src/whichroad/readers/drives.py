@@ -40,6 +40,13 @@ _CONTENTS = (  # what the first bytes of a format look like
     ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
     ("table", re.compile(rb"\A\s*[^\n,;\t\x00]+[,;\t][^\n\x00]*(\n|\Z)")),
 )
+_STRANGERS = (  # what is not read: what it is, what to do, what it begins with
+    ("JSON", "write a CSV or Parquet with columns time, lat, lon", re.compile(rb"\A\s*[{\[]")),
+    ("XML, but no GPX", "export GPX", re.compile(rb"\A(\xef\xbb\xbf)?\s*<")),
+    ("compressed or a spreadsheet", "unpack it, or save it as CSV",
+     re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
+    ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
+)  # fmt: skip
 _SNIFF = 1 << 16  # bytes looked at
 _APART = 600.0  # s between odometry and fixes: the clocks are not the same
 _PREFERRED = (WheelCounts, WheelSpeeds, SpeedYawRate, Odometer)
@@ -128,12 +135,14 @@ def format_of(path: AnyPath) -> str:
     suffix = Path(path).suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    for kind, pattern in _CONTENTS:
-        if pattern.search(head):
-            return kind
+    kind = next((kind for kind, pattern in _CONTENTS if pattern.search(head)), None)
+    strange = next(((s, advice) for s, advice, p in _STRANGERS if p.search(head)), None)
+    if kind is not None and not (kind == "table" and strange):
+        return kind
+    seen, advice = strange or ("a file of unknown format", "convert it")
     raise ReadError(
-        f"{where}: a file of unknown format; NMEA 0183, a drive table (CSV, Parquet, Arrow), "
-        "GPX, RTKLIB .pos or a CAN log was expected"
+        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, RTKLIB .pos or a "
+        f"CAN log was expected; {advice}"
     )
 
 

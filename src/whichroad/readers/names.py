@@ -37,7 +37,8 @@ NAMES: dict[str, dict[str, float]] = {
     "time": {
         **_names(
             "time timestamp t datetime date_time time_utc utc_time utc gps_time gpstime tst "
-            "point_time fix_time fixtime epoch unix unix_time unixtime posix_time",
+            "point_time fix_time fixtime epoch unix unix_time unixtime posix_time ts time_stamp "
+            "recorded_at timestamp_utc datetime_utc",
             0.0,
         ),
         **_names("time_s t_s timestamp_s epoch_s utc_s unix_s seconds time_sec timestamp_sec"),

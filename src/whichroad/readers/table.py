@@ -205,7 +205,7 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> Seen:
         ) from None
     wanted = [column.name for column in find(names).values()]
     if not wanted:
-        raise ReadError(_no_column(where, "no known column", names, ("time", "lat", "lon")))
+        raise ReadError(no_column(where, "no known column", names, ("time", "lat", "lon")))
 
     def widths(row: Any) -> str:
         skipped[_WIDTH] += 1
@@ -222,14 +222,29 @@ def _csv(data: bytes, where: str, skipped: Skipped) -> Seen:
 
     try:
         try:
-            return read(None), names
+            table = read(None)
         except pa.ArrowInvalid:  # a cell unlike those before it: take them one by one
-            return read(dict.fromkeys(wanted, pa.string())), names
+            table = read(dict.fromkeys(wanted, pa.string()))
+        return table if delimiter == "," else _with_points(table), names
     except (pa.ArrowException, KeyError, ValueError) as error:
         raise ReadError(
             f"{where}: no readable table ({_first_line(error)}); comma-separated columns under "
             "one line of names were expected"
         ) from None
+
+
+def _with_points(table: "pa.Table") -> "pa.Table":
+    """Numbers with decimal commas, where the comma does not part columns, with points."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    for i, column in enumerate(table.columns):
+        if pa.types.is_string(column.type):
+            commas = pc.match_substring_regex(column, r"^\s*[-+]?\d+,\d+\s*$")
+            if pc.any(commas).as_py() and not pc.any(pc.match_substring(column, ".")).as_py():
+                points = pc.if_else(commas, pc.replace_substring(column, ",", "."), column)
+                table = table.set_column(i, table.column_names[i], points)
+    return table
 
 
 def _in_utf8(data: bytes) -> bytes:
@@ -242,10 +257,13 @@ def _in_utf8(data: bytes) -> bytes:
     return data
 
 
-def _no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
+def no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
     """The message about a table that lacks something, with what it has and what would do."""
     accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
-    return f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}"
+    return (
+        f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}; "
+        "rename the columns"
+    )
 
 
 def _drives(
@@ -261,7 +279,7 @@ def _drives(
     where = source.where
     found = find(table.column_names)
     if "time" not in found:
-        raise ReadError(_no_column(where, "no time", names, ("time",)))
+        raise ReadError(no_column(where, "no time", names, ("time",)))
     if table.num_rows == 0:
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
     time = times(table.column(found["time"].place), found["time"], where, skipped)
@@ -274,9 +292,11 @@ def _drives(
     _usable(columns, names, where, crs)
     good = np.flatnonzero(keep(np.abs(time) < LAST, NO_TIME, skipped))
     if len(good) == 0:
+        first = next((str(c) for c in table.column(found["time"].place).to_pylist() if c), "")
         raise ReadError(
-            f"{where}: column {found['time'].name!r} holds no time that can be understood; "
-            "ISO 8601 or seconds since 1970 were expected"
+            f"{where}: column {found['time'].name!r} holds no time that can be understood, such as "
+            f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970 "
+            "were expected; write it so"
         )
     notes: tuple[str, ...] = ()
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
@@ -363,4 +383,4 @@ def _usable(columns: Columns, names: list[str], where: str, crs: Any) -> None:
             "crs= for x and y were expected"
         )
     wanted = ("lat", "lon", "wheel_rl", "wheel_rl_ticks", "odometer", "speed", "yaw_rate")
-    raise ReadError(_no_column(where, "neither position nor odometry", names, wanted))
+    raise ReadError(no_column(where, "neither position nor odometry", names, wanted))

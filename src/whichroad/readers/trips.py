@@ -15,7 +15,7 @@ from ..errors import ReadError
 from .columns import texts
 from .door import listed
 from .names import NAMES, find
-from .table import in_memory
+from .table import in_memory, no_column
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -85,6 +85,7 @@ def _of_path(path: Path, drive_id: str) -> Iterable[Any]:
 
 def _of_dataset(data: Any, drive_id: str) -> Iterable[Any]:
     names = data.schema.names
+    _check(names)
     used = {column.name for column in find(names).values()} | ({drive_id} & set(names))
     return data.to_batches(  # type: ignore[no-any-return]
         columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
@@ -98,9 +99,16 @@ def _table(source: Any, drive_id: str) -> "pa.Table":
     return in_memory(source)[0]
 
 
+def _check(names: list[str]) -> None:
+    """Refuse a table none of whose trips could be matched."""
+    if "time" not in find(names):
+        raise ReadError(no_column("table", "no time", names, ("time",)))
+
+
 def _named(table: "pa.Table", drive_id: str) -> "pa.Table":
     """The table with the names of its trips in a column `drive_id`."""
     found = find(table.column_names)
+    _check(table.column_names)
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
     elif "drive_id" in found and (drive_id == "drive_id" or "drive_id" in table.column_names):

@@ -217,6 +217,7 @@ def _network(
 
     first, node, s = _shape(half, chain_first, chain)
     vx, vy = x[node], y[node]
+    found = cells.build(vx, vy, first, CELL_SIZE)  # while there is little else
     pieces = _pieces(half.way[chain], half.forward[chain], chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
@@ -229,7 +230,6 @@ def _network(
         half.way[begin], half.way[end],
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
-    found = cells.build(vx, vy, first, CELL_SIZE)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
     lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
     roads = Roads(

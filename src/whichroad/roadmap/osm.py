@@ -33,6 +33,10 @@ def read_osm(path: Path) -> Streets:
     """
     import osmium
 
+    if not path.is_file():
+        raise MapError(
+            f"{path}: there is no such file; an OpenStreetMap extract was expected; check the name"
+        )
     ways = _Ways()
     try:
         for item in _processor(path):
