@@ -69,7 +69,7 @@ def new_output(n: int, poses: bool) -> Output:
 @part
 def say(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
-    ambiguous_below: float, risk: float, chi2: float,
+    ambiguous_below: float, risk: float, unknown: float, chi2: float,
 ) -> None:  # fmt: skip
     """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
 
@@ -80,6 +80,9 @@ def say(
         r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
 
     (for the heaviest d is left for last, which makes r larger by as much).
+
+    `unknown` of the probability is left for what no hypothesis knows, and said as off the
+    roads: no road is surer than that.
     """
     n = belief.size[0]
     out = output.value[k]
@@ -169,11 +172,13 @@ def say(
     out[V_X] = x0 + mx
     out[V_Y] = y0 + my
     out[V_H] = wrap(h0 + mh)
+    off += unknown * (1.0 - off)
     out[V_OFF] = off
     out[V_SPEED] = belief.clock[SPEED]
     out[V_CHI2] = chi2
     output.live[k] = n
     _rank(belief, output, k)
+    _leave(output, k, unknown)
     edge = output.alt_edge[k, 0]
     if edge == OFF_ROAD and output.alt_edge[k, 1] >= 0 and off <= 0.5:
         edge = output.alt_edge[k, 1]
@@ -187,6 +192,7 @@ def say(
                 if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
                     best = i
         _match(belief, roads, out, best, p_edge, scale)
+        p_edge *= 1.0 - unknown
     else:
         out[V_MATCH_X] = out[V_X]
         out[V_MATCH_Y] = out[V_Y]
@@ -210,6 +216,7 @@ def say(
 
 
 @part
+<<<<<<< HEAD
 def _match(
     belief: Belief, roads: Roads, out: Vector, best: int, p_edge: float, scale: float
 ) -> None:
@@ -252,6 +259,13 @@ def _match(
     _, out[V_MATCH_X], out[V_MATCH_Y], _, _ = locate(roads, edge, segment, inside)
     out[V_S] = inside
     out[V_LATERAL] = lateral
+=======
+def _leave(output: Output, k: int, unknown: float) -> None:
+    """Leave a share of the probability for what no hypothesis knows."""
+    for a in range(ALTERNATIVES):
+        p = output.alt_p[k, a] * (1.0 - unknown)
+        output.alt_p[k, a] = p + unknown if output.alt_edge[k, a] == OFF_ROAD else p
+>>>>>>> hon
 
 
 @part
