@@ -216,7 +216,6 @@ def say(
 
 
 @part
-<<<<<<< HEAD
 def _match(
     belief: Belief, roads: Roads, out: Vector, best: int, p_edge: float, scale: float
 ) -> None:
@@ -259,13 +258,14 @@ def _match(
     _, out[V_MATCH_X], out[V_MATCH_Y], _, _ = locate(roads, edge, segment, inside)
     out[V_S] = inside
     out[V_LATERAL] = lateral
-=======
+
+
+@part
 def _leave(output: Output, k: int, unknown: float) -> None:
     """Leave a share of the probability for what no hypothesis knows."""
     for a in range(ALTERNATIVES):
         p = output.alt_p[k, a] * (1.0 - unknown)
         output.alt_p[k, a] = p + unknown if output.alt_edge[k, a] == OFF_ROAD else p
->>>>>>> hon
 
 
 @part
