@@ -126,9 +126,8 @@ def _learn_scale(
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not _vouched(epochs, k, mode):
-        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
-        clock[QUICK_SCALE] += gain * (least - clock[QUICK_SCALE])
-        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], least)
+        clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
+        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
         return
     moving = min(moving, _RECENT)
     slow_gain = max(moving / (_SLOW_PRIOR + clock[LEARNT]), 1.0 - math.exp(-moving / _SLOW))
