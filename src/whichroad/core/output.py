@@ -177,8 +177,7 @@ def say(
     out[V_SPEED] = belief.clock[SPEED]
     out[V_CHI2] = chi2
     output.live[k] = n
-    _rank(belief, output, k)
-    _leave(output, k, unknown)
+    _rank(belief, output, k, unknown)
     edge = output.alt_edge[k, 0]
     if edge == OFF_ROAD and output.alt_edge[k, 1] >= 0 and off <= 0.5:
         edge = output.alt_edge[k, 1]
@@ -261,15 +260,7 @@ def _match(
 
 
 @part
-def _leave(output: Output, k: int, unknown: float) -> None:
-    """Leave a share of the probability for what no hypothesis knows."""
-    for a in range(ALTERNATIVES):
-        p = output.alt_p[k, a] * (1.0 - unknown)
-        output.alt_p[k, a] = p + unknown if output.alt_edge[k, a] == OFF_ROAD else p
-
-
-@part
-def _rank(belief: Belief, output: Output, k: int) -> None:
+def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
     """The most probable edges of epoch k, components of one edge added up."""
     n = belief.size[0]
     edges = output.alt_edge[k]
@@ -294,6 +285,9 @@ def _rank(belief: Belief, output: Output, k: int) -> None:
                 p += belief.probability[j]
                 if belief.probability[j] > belief.probability[best]:
                     best = j
+        p *= 1.0 - unknown
+        if edge == OFF_ROAD:
+            p += unknown
         slot = ALTERNATIVES
         while slot > 0 and ps[slot - 1] < p:
             slot -= 1
