@@ -448,5 +448,5 @@ class Localizer:
             STATUS[int(output.status[0])], value[V_S], value[V_LATERAL],
             value[V_PROTECTION] if answered else math.inf,
             value[V_GNSS_SCALE] if answered else 1.0,
-            Snapshot(belief, output, value, self.roads, self._far_fix),
+            Snapshot(belief, output, value, self.roads, self._far_fix, self.settings.unknown),
         )  # fmt: skip

@@ -8,6 +8,7 @@ from .core.belief import NOW, OFF_ROAD, Belief, D, H, X, Y
 from .core.output import (
     V_GNSS_SCALE,
     V_H,
+    V_HH,
     V_MAP_X,
     V_MAP_XX,
     V_MAP_Y,
@@ -15,6 +16,9 @@ from .core.output import (
     V_MATCH_X,
     V_MATCH_Y,
     V_SPEED,
+    V_X,
+    V_XX,
+    V_Y,
     Output,
 )
 from .frames import Plane
@@ -37,26 +41,31 @@ class Snapshot:
         value: Its values, as a list.
         roads: The map.
         far_fix: Time of the last fix (s), and how far away it lies if it is not believed (m).
+        unknown: P(what no hypothesis knows).
     """
 
     __slots__ = ("_abscissa", "_cov", "_disbelieved", "_edge", "_mean", "_p", "_roads", "_status",
-                 "_value")  # fmt: skip
+                 "_unknown", "_value")  # fmt: skip
 
     def __init__(
         self, belief: Belief, output: Output, value: list[float], roads: RoadMap,
-        far_fix: tuple[float, float],
+        far_fix: tuple[float, float], unknown: float,
     ) -> None:  # fmt: skip
         n = int(belief.size[0])
         self._roads, self._value, self._status = roads, value, int(output.status[0])
         self._disbelieved = far_fix[1] if belief.clock[NOW] - far_fix[0] <= RECENT else 0.0
-        self._p, self._edge = belief.probability[:n].copy(), belief.edge[:n].copy()
+        self._p, self._edge = (1.0 - unknown) * belief.probability[:n], belief.edge[:n].copy()
+        self._unknown = unknown if n else 0.0
         self._abscissa = belief.abscissa[:n].copy()
         self._mean, self._cov = belief.mean[:n].copy(), belief.cov[:n, :3, :3].copy()
 
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All living hypotheses, most probable first."""
+        """All living hypotheses, most probable first, and what none of them knows.
+
+        That is off the roads, and where the vehicle is by all of them.
+        """
         plane, edge, mean = self._roads.plane, self._edge, self._mean
-        return tuple(
+        known = tuple(
             Hypothesis(
                 float(self._p[i]),
                 int(edge[i]) if edge[i] != OFF_ROAD else None,
@@ -67,6 +76,13 @@ class Snapshot:
             )
             for i in np.argsort(-self._p)
         )
+        if not self._unknown:
+            return known
+        xx, xy, xh, yy, yh, hh = self._value[V_XX : V_HH + 1]
+        cov = np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]])
+        pose = pose_at(plane, self._value[V_X], self._value[V_Y], self._value[V_H])
+        none = Hypothesis(self._unknown, None, pose, cov, 0.0, 0.0)
+        return tuple(sorted((*known, none), key=lambda h: -h.p))
 
     def reason(self) -> str:
         """Why the status is what it is."""

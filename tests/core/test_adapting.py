@@ -73,7 +73,10 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
 
 @pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
 def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mode: int):
-    """What was guessed at the start is forgotten within three minutes."""
+    """What was guessed at the start is forgotten within three minutes.
+
+    At its word: slow and white error together are as large as reported.
+    """
     fix = gnss(BESIDE, sigma=6.0, seed=0, constant=Settings().gnss_time)
     fix[:, 2:4] = 3.0
     every = once_a_second(BESIDE)
@@ -81,7 +84,8 @@ def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mo
     if mode == CLOCK:
         epochs = Epochs(*(column[every] for column in epochs))
     scale = localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE]
-    assert scale[len(scale) // 2 :] == pytest.approx(1.0, abs=0.01)
+    word = 1.0 / math.sqrt(1.0 + Settings().gnss_white_ratio ** 2)
+    assert scale[len(scale) // 2 :] == pytest.approx(word, abs=0.01)
 
 
 def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
@@ -143,6 +147,19 @@ def test_first_fixes_that_were_wrong_are_corrected_by_roads_and_later_fixes(seed
     assert error[0] > 150.0
     assert (error[200:] < 15.0).all()
     assert (error[10 * seconds :] <= output.value[10 * seconds :, V_PROTECTION]).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_car_that_was_carried_round_a_corner_is_found_again(seed: int):
+    """Its wheels stood meanwhile; once it is off all roads the fixes begin to count again."""
+    epochs = epochs_of(DRIVE, gnss(DRIVE, seed=seed), once_a_second(DRIVE), course=0.1)
+    driven = np.r_[:150, 300 : len(DRIVE.time)]
+    epochs, truth = (type(a)(*(c[driven].copy() for c in a)) for a in (epochs, DRIVE))
+    for part in (epochs, truth):
+        part.time[150:] -= 15.0
+    error = away(localize(TOWN, epochs).output, truth)
+    assert error[160:400].max() > 60.0
+    assert (error[-150:] < 15.0).all()
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -180,7 +180,8 @@ def test_a_covariance_that_is_not_one_is_replaced_flagged_and_counted(sound):
     )
     drive = one(columns)
     sound(drive)
-    assert drive.fixes.cov_ee.tolist() == [4, 25, 25, 25, 25]
+    usual = Settings().default_sigma_m ** 2
+    assert drive.fixes.cov_ee.tolist() == [4, usual, usual, usual, usual]
     assert drive.fixes.cov_en.tolist() == [1, 0, 0, 0, 0]
     assert drive.fixes.flags.tolist() == [0] + [ASSUMED] * 4
     assert drive.skipped == {"covariance that is not one (settings' default used)": 4}

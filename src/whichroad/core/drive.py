@@ -318,6 +318,7 @@ def run(
             outage_after,
             ambiguous_below,
             par.protection_risk,
+            par.unknown,
             chi2,
         )
     return last

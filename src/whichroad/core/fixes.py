@@ -11,6 +11,8 @@ from .belief import (
     MISFITS,
     MOVING,
     ODOMETER_SPEED,
+    OFF_ROAD,
+    ON_ROAD_AT,
     PULL,
     QUICK_SCALE,
     SCALED_AT,
@@ -47,7 +49,8 @@ _NEXT = 2.5  # s, between fixes whose second difference is noise
 _LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
-_FAR = 20.0  # m; a jump that may be the truth, of which the belief knew nothing
+_FAR = 20.0  # m; a fix so far away may be the truth, of which the belief knew nothing
+_ASTRAY = 5.0  # s off the roads, from which on a fix far away is doubted less than the belief
 
 
 @part
@@ -86,6 +89,7 @@ def begin_at(
     clock[SINCE_FIX] = 0.0
     clock[LAST_FIX] = epochs.time[k]
     clock[SCALED_AT] = epochs.time[k]
+    clock[ON_ROAD_AT] = epochs.time[k]
     clock[LEARNT] = 0.0
     clock[BEFORE + 2] = -math.inf
     clock[BEFORE + 5] = -math.inf
@@ -114,8 +118,9 @@ def _learn_scale(
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not _vouched(epochs, k, mode):
-        clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
-        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
+        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+        clock[QUICK_SCALE] += gain * (least - clock[QUICK_SCALE])
+        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], least)
         return
     moving = min(moving, _RECENT)
     slow_gain = max(moving / (_SLOW_PRIOR + clock[LEARNT]), 1.0 - math.exp(-moving / _SLOW))
@@ -141,14 +146,33 @@ def stand(
 
 
 @part
+def _astray(belief: Belief, now: float) -> bool:
+    """Whether the belief has been off the roads for a while; then it counts anew.
+
+    A fix seldom misfits for long: what the receiver is worth and the slow error adapt to it.
+    Roads do not; a belief that left them with a wrong position would stay wrong.
+    """
+    off = 0.0
+    for i in range(belief.size[0]):
+        if belief.edge[i] == OFF_ROAD:
+            off += belief.probability[i]
+    clock = belief.clock
+    astray = now > clock[ON_ROAD_AT] + _ASTRAY
+    if off < 0.5 or astray:
+        clock[ON_ROAD_AT] = now
+    return off >= 0.5 and astray
+
+
+@part
 def _doubt(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, epochs: Epochs,
-    k: int, side: float, lever: Vector, white: float, par: Parameters,
+    k: int, side: float, lever: Vector, white: float, par: Parameters, astray: bool,
 ) -> None:  # fmt: skip
     """A fix far away: perhaps it is right, and all that was believed is wrong.
 
     Beginnings at the fix are added with a small probability; what roads and fixes say from
-    here on decides between them and a receiver that has lost its way.
+    here on decides between them and a receiver that has lost its way.  A belief that has gone
+    astray does not know its heading either: the car may have been carried.
     """
     normalise(belief)
     top = 0
@@ -162,8 +186,9 @@ def _doubt(
         cold_start(
             belief, roads, route, work, par.gnss_lost, epochs.fix[k],
             math.sqrt(belief.clock[GNSS_SCALE]), white, scale, lever, mean[H],
-            math.sqrt(cov[H, H]) + 0.03, mean[K], math.sqrt(cov[K, K]), par.drift_sigma, side,
-            par.lane_sigma, par.map_sigma, par.search_radius, par.off_road_start, par.wrong_way,
+            math.inf if astray else math.sqrt(cov[H, H]) + 0.03, mean[K],
+            math.sqrt(cov[K, K]), par.drift_sigma, side, par.lane_sigma, par.map_sigma,
+            par.search_radius, par.off_road_start, par.wrong_way,
         )  # fmt: skip
 
 
@@ -228,8 +253,10 @@ def take_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
         _vouched(epochs, k, mode) and since < _RECENT and clock[LEARNT] > _YOUNG, work.row,
     )  # fmt: skip
-    if mode == WHEELS and chi2 > 4.0 * par.gnss_gate and par.gnss_lost > 0.0:
-        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par)
+    misfit = chi2 > 4.0 * par.gnss_gate
+    astray = mode == WHEELS and _astray(belief, epochs.time[k])
+    if mode == WHEELS and par.gnss_lost > 0.0 and (astray or misfit):
+        _doubt(belief, roads, route, work, scale, epochs, k, side, lever, white, par, astray)
     moving = epochs.speed_sigma[k] > 1e6 or epochs.speed[k] > 2.0
     if epochs.course_sigma[k] < 1.0 and moving and clock[SPEED] > -0.5:
         swing = clock[TURN_RATE] * lever[0] / max(abs(clock[SPEED]), 2.0)  # the antenna's own
@@ -248,7 +275,7 @@ def take_fix(
             belief, K, epochs.speed[k], (epochs.speed_sigma[k] ** 2 + 0.04) * thin, scale,
             work.row,
         )  # fmt: skip
-    if chi2 > 4.0 * par.gnss_gate:
+    if misfit:
         clock[MISFITS] += 1.0
     else:
         clock[MISFITS] = 0.0

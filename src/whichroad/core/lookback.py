@@ -253,6 +253,7 @@ def take_up(memory: Memory, view: View, step: int, slot: int, mode: int) -> None
 def tell(
     view: View, roads: Roads, epochs: Epochs, filtered: Output, told: Output, start: int,
     until: int, mode: int, outage_after: float, ambiguous_below: float, risk: float,
+    unknown: float,
 ) -> None:  # fmt: skip
     """Write what is known of a step that was taken up, and of the epochs until the next.
 
@@ -282,7 +283,7 @@ def tell(
         if mode != CLOCK:
             clock[SPEED] = value[V_SPEED]
         chi2 = value[V_CHI2]
-        say(belief, roads, told, k, scale, outage_after, ambiguous_below, risk, chi2)
+        say(belief, roads, told, k, scale, outage_after, ambiguous_below, risk, unknown, chi2)
 
 
 @kernel
@@ -326,7 +327,7 @@ def look_back(
             take_up(memory, view, step, slot, mode)
             tell(
                 view, roads, epochs, filtered, told, memory.epoch[step], until, mode,
-                outage_after, ambiguous_below, par.protection_risk,
+                outage_after, ambiguous_below, par.protection_risk, par.unknown,
             )  # fmt: skip
 
 
@@ -385,7 +386,7 @@ def look_at(
             scale = 1.0 + roads.curvature * (mean[X] ** 2 + mean[Y] ** 2)
             say(
                 view.belief, roads, told, 0, scale, outage_after, ambiguous_below,
-                par.protection_risk, 0.0,
+                par.protection_risk, par.unknown, 0.0,
             )  # fmt: skip
         if at <= step and decided >= 0:
             break

@@ -65,7 +65,7 @@ def new_output(n: int, poses: bool) -> Output:
 @part
 def say(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
-    ambiguous_below: float, risk: float, chi2: float,
+    ambiguous_below: float, risk: float, unknown: float, chi2: float,
 ) -> None:  # fmt: skip
     """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
 
@@ -76,6 +76,9 @@ def say(
         r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
 
     (for the heaviest d is left for last, which makes r larger by as much).
+
+    `unknown` of the probability is left for what no hypothesis knows, and said as off the
+    roads: no road is surer than that.
     """
     n = belief.size[0]
     out = output.value[k]
@@ -165,11 +168,12 @@ def say(
     out[V_X] = x0 + mx
     out[V_Y] = y0 + my
     out[V_H] = wrap(h0 + mh)
+    off += unknown * (1.0 - off)
     out[V_OFF] = off
     out[V_SPEED] = belief.clock[SPEED]
     out[V_CHI2] = chi2
     output.live[k] = n
-    _rank(belief, output, k)
+    _rank(belief, output, k, unknown)
     edge = output.alt_edge[k, 0]
     if edge == OFF_ROAD and output.alt_edge[k, 1] >= 0 and off <= 0.5:
         edge = output.alt_edge[k, 1]
@@ -182,6 +186,7 @@ def say(
                 p_edge += belief.probability[i]
                 if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
                     best = i
+        p_edge *= 1.0 - unknown
         lateral, tx, ty = track(belief, roads, best, scale)
         s = belief.abscissa[best]
         inside = min(max(s, 0.0), roads.length[edge])
@@ -215,7 +220,7 @@ def say(
 
 
 @part
-def _rank(belief: Belief, output: Output, k: int) -> None:
+def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
     """The most probable edges of epoch k, components of one edge added up."""
     n = belief.size[0]
     edges = output.alt_edge[k]
@@ -240,6 +245,9 @@ def _rank(belief: Belief, output: Output, k: int) -> None:
                 p += belief.probability[j]
                 if belief.probability[j] > belief.probability[best]:
                     best = j
+        p *= 1.0 - unknown
+        if edge == OFF_ROAD:
+            p += unknown
         slot = ALTERNATIVES
         while slot > 0 and ps[slot - 1] < p:
             slot -= 1

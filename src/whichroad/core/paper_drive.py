@@ -180,7 +180,7 @@ def tell(
     ambiguous_below: float, risk: float, chi2: float,
 ) -> None:  # fmt: skip
     """Write epoch k: as `core.output.say`, but the pose of the most probable hypothesis only."""
-    say(belief, roads, output, k, scale, outage_after, ambiguous_below, risk, chi2)
+    say(belief, roads, output, k, scale, outage_after, ambiguous_below, risk, 0.0, chi2)
     top = most_probable(belief)
     out = output.value[k]
     out[V_X] = belief.mean[top, X]

@@ -43,3 +43,4 @@ class Parameters(NamedTuple):
     components: float
     lost_after: float
     protection_risk: float
+    unknown: float

@@ -257,7 +257,7 @@ class _Search:
         sum_up(self.population, self.part, order, min(KEPT - 1, len(order)), self.scale)
         say(
             self.part, self.arrays, output, k, self.scale, self.settings.outage_after_s,
-            self.settings.ambiguous_below, self.par.protection_risk, 0.0,
+            self.settings.ambiguous_below, self.par.protection_risk, self.par.unknown, 0.0,
         )  # fmt: skip
         output.live[k] = self.size
 
