@@ -7,6 +7,7 @@ from . import city, harness, real, runner, scores
 
 QUARTER = ("2", "1s/10m/white")  # a seed and condition with a goal of its own
 RATIOS = {"1s/5m/gm": 3.3, "10s/5m/gm": 2.7, "60s/5m/gm": 3.4}  # times OSRM
+TRUE = 0.02  # calibration error, where chance alone does not make more of it
 BELOW = 0.75  # of every peer's RMSE
 
 
@@ -18,6 +19,7 @@ def figures_of(store: dict[str, Any], sets: dict[int, dict[str, str]]) -> list[F
     for seed, conditions in store.get("city", {}).items():
         found += _city(seed, conditions)
         found += _speed(seed, conditions)
+    found += _together(store.get("city", {}))
     if "drives" in store:
         found += _drives(store["drives"])
     if "cost" in store:
@@ -51,9 +53,24 @@ def _calibration(row: dict[str, Any], where: str) -> list[Figure]:
     told = row.get("calibration")
     if not told or told["error"] is None:
         return []
-    return [
-        Figure(f"calibration error of P(edge), {where}", told["error"], "<= 0.02", "", told["n"])
-    ]
+    goal = f"<= {max(TRUE, told.get('chance', 0.0)):.3g}"
+    return [Figure(f"calibration error of P(edge), {where}", told["error"], goal, "", told["n"])]
+
+
+def _together(found: dict[str, Any]) -> list[Figure]:
+    """Over all decisions in Heidelberg at one interval."""
+    by_interval: dict[str, list[dict[str, Any]]] = {}
+    for conditions in found.values():
+        for text, row in conditions.items():
+            told = row.get(runner.OURS, {}).get("calibration")
+            if told and told["error"] is not None:
+                by_interval.setdefault(text.split("/")[0], []).append(told)
+    out = []
+    for every, rows in by_interval.items():
+        told = scores.together(rows)
+        title = f"calibration error of P(edge), Heidelberg, {every}, all together"
+        out.append(Figure(title, told["error"], f"<= {TRUE}", "", told["n"]))
+    return out
 
 
 def _city(seed: str, conditions: dict[str, Any]) -> list[Figure]:

@@ -13,6 +13,7 @@ from . import harness
 CHI2_95 = 5.991  # two degrees of freedom
 SAME_M = 1.0  # a true position this near to an edge is on it
 SAME_TURN = 0.5  # cosine between the edge and the true course
+DRAWS = 200  # of what would happen if what is said were exactly true
 BESIDE = 2  # edges of the path, before and behind
 KEPT = ("d_minus", "d_plus", "d0", "n", "missing", "right", "directed", "sq")
 
@@ -136,7 +137,10 @@ def driven_edges(
 
 
 def calibration(p: list[float], right: list[bool]) -> dict[str, Any]:
-    """The calibration error, and the reliability in ten bins for a plot."""
+    """The calibration error, what chance makes of it, and the reliability in ten bins.
+
+    `chance` is the error that P which are exactly true would stay below 19 times in 20.
+    """
     said, was = np.asarray(p), np.asarray(right, bool)
     if not len(said):
         return {"error": None, "n": 0, "bins": []}
@@ -146,7 +150,22 @@ def calibration(p: list[float], right: list[bool]) -> dict[str, Any]:
         for b in range(10)
         if (bins == b).any()
     ]
-    return {"error": float(calibration_error(said, was)), "n": len(said), "bins": rows}
+    draws = np.random.default_rng(0).random((DRAWS, len(said))) < said
+    chance = np.percentile([calibration_error(said, draw) for draw in draws], 95)
+    error = float(calibration_error(said, was))
+    return {"error": error, "chance": float(chance), "n": len(said), "bins": rows}
+
+
+def together(told: list[dict[str, Any]]) -> dict[str, Any]:
+    """The calibration error over the decisions of several, in the ten bins."""
+    gap: dict[int, float] = {}
+    n = 0
+    for one in told:
+        for said, was, count in one["bins"]:
+            b = min(int(said * 10), 9)
+            gap[b] = gap.get(b, 0.0) + count * (said - was)
+            n += count
+    return {"error": sum(abs(v) for v in gap.values()) / n if n else None, "n": n}
 
 
 def best(options: Options, pools: dict[str, dict[str, float]], what: str) -> tuple[str, float]:

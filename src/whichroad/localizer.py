@@ -21,7 +21,7 @@ from .core.belief import (
     new_belief,
     new_route,
 )
-from .core.drive import SPARSE, run
+from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
 from .core.memory import enlarged, is_full, new_memory
 from .core.motion import arc_chord
@@ -70,6 +70,7 @@ from .ways import best_chain, heaviest_chain, tidied
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
 _NOTHING = new_memory(0)
+_WHOLE = 15.0  # s between fixes, beyond which a route is chosen as a whole
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
@@ -177,10 +178,10 @@ def localize_recorded(
         roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
-    sparse = timeline.mode == CLOCK and timeline.interval > SPARSE
+    whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, view)  # first: the route is chosen by the smoothed probabilities
     chain = (
-        heaviest if sparse else best_chain(memory, route, roads.arrays)
+        heaviest if whole else best_chain(memory, route, roads.arrays)
     )  # between fixes far apart a route is chosen as a whole, which epochs do not see
     scratch.give_back()
     return Recorded(smoothed, *chain, told, past)

@@ -88,7 +88,7 @@ class Settings:
         7e-4, 0, 0.1, "", "P(none of what the model knows): on 8 m it was wrong so much more often"
     )
 
-    default_sigma_m: float = _number(5.6, 0.01, 500, "m", "sigma of fixes that report none")
+    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
     user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
     outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
     ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")

@@ -73,10 +73,7 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
 
 @pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
 def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mode: int):
-    """What was guessed at the start is forgotten within three minutes.
-
-    At its word: slow and white error together are as large as reported.
-    """
+    """What was guessed at the start is forgotten within three minutes."""
     fix = gnss(BESIDE, sigma=6.0, seed=0, constant=Settings().gnss_time)
     fix[:, 2:4] = 3.0
     every = once_a_second(BESIDE)
@@ -84,8 +81,7 @@ def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mo
     if mode == CLOCK:
         epochs = Epochs(*(column[every] for column in epochs))
     scale = localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE]
-    word = 1.0 / math.sqrt(1.0 + Settings().gnss_white_ratio ** 2)
-    assert scale[len(scale) // 2 :] == pytest.approx(word, abs=0.01)
+    assert scale[len(scale) // 2 :] == pytest.approx(1.0, abs=0.01)
 
 
 def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:

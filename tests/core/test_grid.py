@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from whichroad.core import grid
 from whichroad.core.network import Roads
+from whichroad.roadmap.cells import build
 
 NONE = np.empty(0, np.int32)
 
@@ -28,7 +29,7 @@ def network(lines, size=10.0, curvature=0.0):
         np.zeros(edges, np.float32), np.zeros(edges, np.float32), np.ones(edges, np.float32),
         zeros.astype(np.uint8), zeros.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE,
         NONE.astype(np.float32), NONE.astype(np.float32), NONE.astype(np.uint8),
-        np.zeros(edges + 1, np.int32), NONE, size, *grid.build(x, y, first, size), curvature,
+        np.zeros(edges + 1, np.int32), NONE, size, *build(x, y, first, size), curvature,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from strategies import seeds
 from whichroad.core.angles import wrap
 from whichroad.core.belief import KEPT, NOW, ORIGINS, B, D, H, K, N, X, Y, new_belief, new_route
 from whichroad.core.epoch import WHEELS, new_epochs
+from whichroad.core.gain import new_bench, solve_gain
 from whichroad.core.lookback import begin_view, new_view, recall, step_back
 from whichroad.core.memory import (
     PACKED,
@@ -24,7 +25,7 @@ from whichroad.core.memory import (
 )
 from whichroad.core.motion import arc_chord, predict_free
 from whichroad.core.reduction import reduce
-from whichroad.core.transition import new_bench, predict_link, solve_gain
+from whichroad.core.transition import predict_link
 from whichroad.core.ways import best_way, edge_probability
 from whichroad.settings import Settings
 

@@ -12,8 +12,19 @@ from strategies import seeds
 from whichroad.core.belief import OFF_ROAD
 from whichroad.core.epoch import CLOCK, Epochs, new_epochs
 from whichroad.core.network import Roads
-from whichroad.core.output import V_P, V_S, V_X, V_XX, V_Y, V_YY
+from whichroad.core.output import (
+    V_MAP_X,
+    V_MATCH_X,
+    V_P,
+    V_S,
+    V_SPEED,
+    V_X,
+    V_XX,
+    V_Y,
+    V_YY,
+)
 from whichroad.settings import Settings
+from whichroad.smoother import Lag
 
 TOWN = network(grid_town(8, 8, 150.0))
 
@@ -28,6 +39,12 @@ def fixes(at: np.ndarray, time: np.ndarray, sigma: float = 5.0) -> Epochs:
     epochs.speed_sigma[:] = np.inf
     epochs.course_sigma[:] = np.inf
     return epochs
+
+
+def street(block: float, blocks: int) -> Roads:
+    """A straight street of blocks."""
+    ends = block * np.arange(blocks + 1)
+    return network([np.array([[a, 0.0], [b, 0.0]]) for a, b in pairwise(ends)])
 
 
 def drive(roads: Roads, seed: int, seconds: float, edges: int = 14) -> tuple[Epochs, list[int]]:
@@ -98,6 +115,66 @@ def test_parallel_roads_that_fixes_cannot_tell_apart_stay_in_doubt():
     at = np.column_stack([100.0 + 12.0 * time, np.full(6, 4.0)])
     output = localize(roads, fixes(at, time), mode=CLOCK).output
     assert (output.value[:, V_P] < 0.75).all()
+
+
+def wander(rng: np.random.Generator, time: np.ndarray, sigma: float) -> np.ndarray:
+    """A receiver's slow error, (n, 2) m, forgotten in a minute and a half."""
+    error = rng.normal(0.0, sigma, (len(time), 2))
+    for k in range(1, len(time)):
+        kept = np.exp((time[k - 1] - time[k]) / 80.0)
+        error[k] = kept * error[k - 1] + np.sqrt(1.0 - kept**2) * error[k]
+    return error
+
+
+@pytest.mark.parametrize("seconds", [3.0, 6.0])
+def test_who_stands_before_a_crossing_does_not_creep_over_it(seconds: float):
+    roads = street(100.0, 20)
+    time = seconds * np.arange(1.0 + 120.0 // seconds)
+    x = 596.0 - 10.0 * np.maximum(60.0 - time, 0.0)  # stands from 60 s on
+    late, speed = [], []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        at = np.column_stack([x, np.full(len(x), -1.75)]) + wander(rng, time, 4.0)
+        output = localize(roads, fixes(at, time, 4.0), mode=CLOCK).output
+        late.append(output.value[-1, V_X] - at[-1, 0])
+        speed.append(output.value[-1, V_SPEED])
+    assert abs(np.mean(late)) < 2.0
+    assert np.mean(speed) < 0.5
+
+
+@pytest.mark.parametrize("seconds", [4.0, 10.0])
+def test_looking_back_over_sparse_fixes_finds_the_place_better(seconds: float):
+    roads = street(4000.0, 3)
+    squares: dict[str, list[float]] = {"filtered": [], "smoothed": []}
+    inside = []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        time = seconds * np.arange(40.0)
+        speed = 9.0 + np.cumsum(rng.normal(0.0, 0.5, 40))
+        x = 500.0 + np.cumsum(speed * seconds)
+        at = np.column_stack([x, np.full(40, -1.75)])
+        rows = fixes(at + rng.normal(0.0, 8.0, at.shape), time, 8.0)
+        found = localize(roads, rows, mode=CLOCK, lag=Lag.of("full"))
+        for name, output in (("filtered", found.past.filtered), ("smoothed", found.output)):
+            off = output.value[15:, V_X] - x[15:]
+            squares[name] += (off**2).tolist()
+        inside += (off**2 < 5.99 * output.value[15:, V_XX]).tolist()
+    assert np.mean(squares["smoothed"]) < 0.9 * np.mean(squares["filtered"])
+    assert np.mean(inside) > 0.95
+
+
+def test_the_matched_point_is_the_place_of_the_most_probable_edge_nearest_to_the_pose():
+    roads = street(55.0, 40)
+    time = 5.0 * np.arange(40.0)
+    at = np.column_stack([100.0 + 9.5 * time, np.full(40, -1.75)])
+    found = localize(roads, fixes(at, time), mode=CLOCK).output
+    doubtful = np.flatnonzero(found.value[:, V_P] < 0.9)
+    assert len(doubtful) > 3
+    for k in doubtful[doubtful > 2]:
+        start = roads.x[roads.first[found.edge[k]]]
+        nearest = np.clip(found.value[k, V_MAP_X] - start, 0.0, roads.length[found.edge[k]])
+        assert found.value[k, V_S] == pytest.approx(nearest, abs=0.5)
+        assert found.value[k, V_MATCH_X] == pytest.approx(start + found.value[k, V_S], abs=0.05)
 
 
 def test_a_car_that_stands_for_ten_minutes_between_two_fixes_is_where_it_was():

@@ -85,11 +85,12 @@ def slow_error(truth: Truth, seed: int, sigma: float, white: float = 0.0) -> np.
     return fix
 
 
+@MOVING
 @pytest.mark.parametrize(
-    ("mode", "par"),
+    "par",
     [
-        (WHEELS, AS_REPORTED), (DISTANCE, AS_REPORTED), (DISTANCE, LEARNT),
-        pytest.param(WHEELS, LEARNT, marks=pytest.mark.xfail(
+        AS_REPORTED,
+        pytest.param(LEARNT, marks=pytest.mark.xfail(
             strict=True, reason="that it errs less than it says is learnt sooner: sigma differs by "
             "up to 2.4 % (P by 0.004); without learning by 0.4 %")),
     ],

@@ -19,6 +19,7 @@ from whichroad.epochs import Timeline
 from whichroad.frames import Plane
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.settings import Settings, Vehicle
+from whichroad.smoother import Lag
 
 from .beliefs import roomy_belief
 
@@ -32,12 +33,14 @@ class Town(NamedTuple):
 
 def localize(
     roads: Roads, epochs: Epochs, *, mode: int = WHEELS, side: str = "right",
-    settings: Settings | None = None,
+    settings: Settings | None = None, lag: object = None,
 ) -> Recorded:  # fmt: skip
     """Localize a whole drive in one call."""
     town = Town(roads, Plane(49.4, 8.7))
     vehicle = Vehicle(driving_side=side)
-    return localize_recorded(town, Timeline(epochs, mode, 0), vehicle=vehicle, settings=settings)
+    return localize_recorded(
+        town, Timeline(epochs, mode, 0), vehicle=vehicle, settings=settings, lag=Lag.of(lag)
+    )
 
 
 def steps(

@@ -5,8 +5,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whichroad.core import grid
 from whichroad.core.network import AGAINST_ONE_WAY, U_TURN, Roads
+from whichroad.roadmap.cells import build
 
 Line = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def network(
     ]
     flat = np.array([f for row in succ for f in row], np.int32)
     origin = np.repeat(np.arange(count), [len(row) for row in succ])
-    cells = grid.build(x, y, first, CELL)
+    cells = build(x, y, first, CELL)
     prior = np.concatenate([w / w.sum() if len(w) else w for w in weight])
     return Roads(
         x=x,

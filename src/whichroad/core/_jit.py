@@ -11,14 +11,13 @@ import hashlib
 import os
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
-from numba import config as _config
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
@@ -30,9 +29,7 @@ Bytes = NDArray[np.uint8]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-config: Any = _config  # its settings are attributes made at run time
-_njit: Any = numba.njit  # `_nrt` is not in its public signature
-
+_LOCK = threading.RLock()
 _KEEP_DAYS = 30
 
 
@@ -54,7 +51,7 @@ def _writable(base: Path) -> bool:
 @functools.cache
 def cache_folder() -> Path | None:
     """First writable place for compiled kernels, or None: compile anew each time."""
-    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), config.CACHE_DIR]
+    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), _config().CACHE_DIR]
     xdg = os.environ.get("XDG_CACHE_HOME")
     bases.append(f"{xdg}/whichroad" if xdg else None)
     with contextlib.suppress(RuntimeError):
@@ -82,18 +79,49 @@ def _delete_stale(root: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def _compile(function: F, counted: bool, inlined: bool) -> F:
-    folder = cache_folder()
+def _config() -> Any:
+    """Numba's settings, attributes made at run time."""
+    from numba import config
+
+    return config
+
+
+class _Kernel:
+    """A kernel that numba hears of when it is first called, or a kernel that calls it compiled.
+
+    So importing, opening a map and building one need no compiler: numba alone is 70 MiB.
+    """
+
+    def __init__(self, function: Callable[..., Any], inlined: bool) -> None:
+        functools.update_wrapper(self, function)
+        self._made_of = function, inlined
+
+    def __call__(self, *args: Any) -> Any:
+        return self._dispatcher(*args)
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_dispatcher":
+            with _LOCK:  # two threads must not make two, which would compile apart
+                if name not in self.__dict__:
+                    self._dispatcher = _compile(*self._made_of)
+                return self.__dict__[name]
+        if name.startswith("__"):  # asked by copy and pickle before there is anything
+            raise AttributeError(name)
+        return getattr(self._dispatcher, name)  # `_numba_type_`: what numba takes this for
+
+
+def _compile(function: Callable[..., Any], inlined: bool) -> Any:
+    import numba
+
+    njit: Any = numba.njit  # `_nrt` is not in its public signature
+    config, folder = _config(), cache_folder()
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder) if folder else before
     try:
-        return cast(
-            F,
-            _njit(
-                cache=folder is not None, nogil=True, error_model="numpy", _nrt=counted,
-                forceinline=inlined,
-            )(function),
-        )  # fmt: skip
+        return njit(
+            cache=folder is not None, nogil=True, error_model="numpy", _nrt=False,
+            forceinline=inlined,
+        )(function)  # fmt: skip
     finally:
         config.CACHE_DIR = before
 
@@ -107,7 +135,7 @@ def kernel(function: F) -> F:
     took three quarters of the filter's time, since a belief and a map are some sixty
     arrays, each counted at each call.
     """
-    return _compile(function, counted=False, inlined=False)
+    return cast(F, _Kernel(function, inlined=False))
 
 
 def part(function: F) -> F:
@@ -116,9 +144,4 @@ def part(function: F) -> F:
     A map, a belief and the scratch are some hundred arrays of seven numbers, each of which a
     call passes anew: 0.1 to 0.2 µs, more than much of what is called takes.
     """
-    return _compile(function, counted=False, inlined=True)
-
-
-def allocating_kernel(function: F) -> F:
-    """The same for kernels that make arrays; for building, never for the hot loop."""
-    return _compile(function, counted=True, inlined=False)
+    return cast(F, _Kernel(function, inlined=True))

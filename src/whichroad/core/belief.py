@@ -47,6 +47,7 @@ WHITE = 28  # variance of what changes from fix to fix, over the reported one, a
 BEFORE = 29  # and 30, 31: x, y, time of the last fix; 32 to 34: of the one before it
 ORIGINS = 35  # hypotheses of the epoch last remembered; 0: nothing is remembered
 ON_ROAD_AT = 36  # time of the last fix at which the roads had half of the probability
+ACROSS = 37  # and 38, 39: offset from the road (m), its heading, time of the last sparse fix
 CLOCKS = 40
 
 CAPACITY = 160  # hypotheses, children of one epoch included

@@ -26,7 +26,7 @@ from .belief import (
     normalise,
 )
 from .epoch import CLOCK, WHEELS, Epochs
-from .fixes import begin_at, stand, take_fix
+from .fixes import begin_at, see_across, stand, take_fix
 from .memory import GNSS_AGED, JUMPED, MAP_AGED, Memory, is_full, note_motion, remember
 from .motion import arc_chord, predict_free
 from .network import Roads
@@ -270,6 +270,7 @@ def run(
             if changed:
                 normalise(belief)
             if sparse:
+                see_across(belief, roads, epochs, k, scale, par)
                 clock[SINCE_LEFT] = 0.0
             elif arc != 0.0 or see_fix:
                 changed = (

@@ -3,13 +3,16 @@
 import math
 
 from ._jit import Vector, kernel, part
+from .angles import wrap
 from .belief import (
+    ACROSS,
     BEFORE,
     GNSS_SCALE,
     LAST_FIX,
     LEARNT,
     MISFITS,
     MOVING,
+    NOW,
     ODOMETER_SPEED,
     OFF_ROAD,
     ON_ROAD_AT,
@@ -37,6 +40,7 @@ from .epoch import CLOCK, WHEELS, Epochs
 from .gnss import adapt_scale, age_receiver, gnss_root, observe_fix, observe_rate, observe_state
 from .network import Roads
 from .parameters import Parameters
+from .segment import project
 from .start import cold_start
 from .switching import Work
 
@@ -46,6 +50,9 @@ _SMOOTHING = 15.0  # s, of the reported covariance that scales the slow GNSS err
 _LATENCY = 0.15  # s, between that and the receiver's Doppler speed
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _NEXT = 2.5  # s, between fixes whose second difference is noise
+_STRAIGHT = 0.35  # rad; less than this two roads turn, across which noise is compared
+_SURE = 0.8  # P of the road across which it is compared
+_FEW = 20.0  # s of fixes far apart, that no white noise at all is worth
 _LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
@@ -93,6 +100,7 @@ def begin_at(
     clock[LEARNT] = 0.0
     clock[BEFORE + 2] = -math.inf
     clock[BEFORE + 5] = -math.inf
+    clock[ACROSS + 2] = -math.inf
     gnss_root(belief, epochs.fix[k], factor * factor, -1.0, _SMOOTHING, work.root)
     return heading_sigma < 10.0
 
@@ -118,9 +126,8 @@ def _learn_scale(
     gain = since / (_PRIOR + clock[LEARNT])
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not _vouched(epochs, k, mode):
-        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
-        clock[QUICK_SCALE] += gain * (least - clock[QUICK_SCALE])
-        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], least)
+        clock[QUICK_SCALE] += gain * (1.0 - clock[QUICK_SCALE])
+        clock[GNSS_SCALE] = max(clock[QUICK_SCALE], 1.0)
         return
     moving = min(moving, _RECENT)
     slow_gain = max(moving / (_SLOW_PRIOR + clock[LEARNT]), 1.0 - math.exp(-moving / _SLOW))
@@ -221,6 +228,44 @@ def _see_white(belief: Belief, epochs: Epochs, k: int, scale: float, par: Parame
     clock[BEFORE] = x
     clock[BEFORE + 1] = y
     clock[BEFORE + 2] = t
+
+
+@part
+def see_across(
+    belief: Belief, roads: Roads, epochs: Epochs, k: int, scale: float, par: Parameters
+) -> None:
+    """What changes between fixes far apart, from their offsets across a road.
+
+    Along the road it may have been driven in any way; across it the difference of two
+    offsets has twice the variance of what does not last from one to the other.
+    """
+    clock = belief.clock
+    top = 0
+    for i in range(belief.size[0]):
+        if belief.probability[i] > belief.probability[top]:
+            top = i
+    edge = belief.edge[top]
+    if edge == OFF_ROAD:
+        clock[ACROSS + 2] = -math.inf
+        return
+    p = 0.0
+    for i in range(belief.size[0]):
+        if belief.edge[i] == edge:
+            p += belief.probability[i]
+    _, _, across, tx, ty = project(
+        roads, edge, belief.segment[top], epochs.fix[k, 0], epochs.fix[k, 1]
+    )
+    across /= scale
+    heading = math.atan2(ty, tx)
+    last = clock[NOW] - clock[ACROSS + 2]
+    if p > _SURE and last < 100.0 and abs(wrap(heading - clock[ACROSS + 1])) < _STRAIGHT:
+        usual = max(clock[WHITE], par.gnss_white_ratio**2)
+        seen = 0.5 * (across - clock[ACROSS]) ** 2 / (epochs.fix[k, 2] * epochs.fix[k, 3])
+        gain = max(last / (_FEW + clock[LEARNT]), 1.0 - math.exp(-last / par.gnss_adapt_time))
+        clock[WHITE] += min(gain, 1.0) * (min(seen, 4.0 * usual) - clock[WHITE])
+    clock[ACROSS] = across
+    clock[ACROSS + 1] = heading
+    clock[ACROSS + 2] = clock[NOW] if p > _SURE else -math.inf
 
 
 @part

@@ -33,29 +33,6 @@ def isometric(lat: float) -> float:
 
 
 @kernel
-def sphere_at(lat0: float, lon0: float) -> Sphere:
-    """The sphere for an origin.
-
-    n² = 1 + e² cos⁴φ₀ / (1 - e²);  R² = ρ₀ ν₀;  n sin χ₀ = sin φ₀
-
-    Args:
-        lat0: Geodetic latitude of the origin, rad, off the poles.
-        lon0: Longitude, rad.
-
-    Returns:
-        Its constants.
-    """
-    sine = math.sin(lat0)
-    power = math.sqrt(1.0 + E2 * math.cos(lat0) ** 4 / (1.0 - E2))
-    radius = SEMI_MAJOR * math.sqrt(1.0 - E2) / (1.0 - E2 * sine * sine)
-    # cos²χ₀ = 1 - sin²φ₀/n², without the cancellation near a pole
-    sin0 = sine / power
-    cos0 = math.sqrt(math.cos(lat0) ** 2 + (power * power - 1.0)) / power
-    shift = math.asinh(sin0 / cos0) - power * isometric(lat0)
-    return Sphere(power, shift, radius, sin0, cos0, lon0)
-
-
-@kernel
 def wrap_longitude(angle: float) -> float:
     """The angle in [-π, π)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)

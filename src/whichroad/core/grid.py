@@ -7,9 +7,7 @@ passes through.
 
 import math
 
-import numpy as np
-
-from ._jit import Ints, Ints32, Vector, kernel
+from ._jit import Ints, Vector, kernel
 from .network import Roads
 
 _HALF = 2**31  # columns and rows count from -2³¹
@@ -20,50 +18,6 @@ _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
 def cell_key(column: int, row: int) -> int:
     """Key of a cell; grows with the column, then with the row."""
     return (column + _HALF) * (2 * _HALF) + (row + _HALF)
-
-
-@kernel
-def fill_cells(
-    x: Vector, y: Vector, first: Ints32, size: float, key: Ints, edge: Ints32, vertex: Ints32
-) -> int:
-    """List the cells of every segment, column by column.
-
-    Args:
-        x: (V,) m, plane.
-        y: (V,) m.
-        first: (E+1,) first vertex of each edge.
-        size: Side of a cell, plane m.
-        key: (n,) out, cell of each entry; with n = 0 entries are only counted.
-        edge: (n,) out, edge of the segment.
-        vertex: (n,) out, first vertex of the segment.
-
-    Returns:
-        How many entries there are.
-    """
-    count = 0
-    for e in range(len(first) - 1):
-        for v in range(first[e], first[e + 1] - 1):
-            west = min(x[v], x[v + 1])
-            east = max(x[v], x[v + 1])
-            slope = (y[v + 1] - y[v]) / (x[v + 1] - x[v])
-            left = math.floor(west / size)
-            right = math.floor(east / size)
-            for column in range(left, right + 1):
-                # the heights at which the segment enters and leaves the column
-                a = y[v]
-                b = y[v + 1]
-                if right > left:
-                    a += (min(max(column * size, west), east) - x[v]) * slope
-                    b = y[v] + (min(max((column + 1) * size, west), east) - x[v]) * slope
-                low = math.floor((min(a, b) - _SLACK) / size)
-                high = math.floor((max(a, b) + _SLACK) / size)
-                for row in range(low, high + 1):
-                    if count < len(key):
-                        key[count] = cell_key(column, row)
-                        edge[count] = e
-                        vertex[count] = v
-                    count += 1
-    return count
 
 
 @kernel
@@ -252,27 +206,3 @@ def near(
         right_side = right_of(roads, out_edge[i], out_s[i], x, y)
         out_lateral[i] = out_distance[i] if right_side else -out_distance[i]
     return n
-
-
-def build(x: Vector, y: Vector, first: Ints32, size: float) -> tuple[Ints, Ints32, Ints32, Ints32]:
-    """The grid of a network.
-
-    Args:
-        x: (V,) m, plane.
-        y: (V,) m.
-        first: (E+1,) first vertex of each edge.
-        size: Side of a cell, plane m.
-
-    Returns:
-        cell_key, cell_first, cell_edge, cell_vertex as in `Roads`.
-    """
-    none = np.empty(0, np.int32)
-    count = fill_cells(x, y, first, size, np.empty(0, np.int64), none, none)
-    key, edge = np.empty(count, np.int64), np.empty(count, np.int32)
-    vertex = np.empty(count, np.int32)
-    fill_cells(x, y, first, size, key, edge, vertex)
-    order = np.argsort(key, kind="stable")
-    keys, counts = np.unique(key, return_counts=True)
-    cell_first = np.zeros(len(keys) + 1, np.int32)
-    np.cumsum(counts, out=cell_first[1:])
-    return keys, cell_first, edge[order], vertex[order]

@@ -6,7 +6,7 @@ from ._jit import Vector, kernel, part
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .network import Roads
 from .road import track
-from .routes import Search, find_routes, goal_of
+from .routes import Search, dearness, find_routes, goal_of
 from .switching import Work
 
 SPEED_SIGMA = 5.0  # m/s, about the usual speed of the roads
@@ -125,7 +125,7 @@ def _keep(search: Search, pairs: int, least: float, cheapest: float) -> int:
 @part
 def choose_legs(
     belief: Belief, roads: Roads, work: Work, found: int, scale: float,
-    x: float, y: float, radius: float, sigma: float, dt: float,
+    x: float, y: float, radius: float, sigma: float, jitter: float, dt: float,
 ) -> int:  # fmt: skip
     """Routes from all hypotheses to the roads near a fix, by what they may be worth.
 
@@ -140,6 +140,7 @@ def choose_legs(
         y: Where the fix would be on the map, plane.
         radius: In which the roads lie, m.
         sigma: Of the fix and the map together, m.
+        jitter: Of what the fix's error changes from one fix to the next, m.
         dt: Since the last epoch, s.
 
     Returns:
@@ -186,16 +187,17 @@ def choose_legs(
                 usual = USUAL * float(roads.speed[edge])
             else:
                 length = search.length[label]
-                cost = search.cost[label] + per_metre * max(to, 0.0)
+                last = dearness(roads, search.edge[label])
+                cost = search.cost[label] + per_metre * max(to, 0.0) * last
                 usual = usual_speed(roads, length, search.time[label], search.edge[label])
             went = length + to
             if went < -4.0 * sigma:
                 continue
-            cost -= per_metre * straight
+            cost -= per_metre * min(straight, max(went, 0.0))
             cheapest = min(cheapest, cost)
             cost += _haste_cost(went, dt, usual, rate, straight)
             off = went - usual * (dt - old) - rate * old
-            wide = heavy_tail(variance, off, sigma) + sigma * sigma
+            wide = heavy_tail(variance, off, jitter) + sigma * sigma
             score = belief.log_weight[i] - cost - 0.5 * (off * off / wide + math.log(wide))
             score -= 0.5 * (work.near_distance[goal] / sigma) ** 2
             if score >= best - _WORTH:

@@ -37,11 +37,12 @@ from .belief import (
     new_belief,
 )
 from .epoch import CLOCK, Epochs
+from .gain import Bench, new_bench, solve_gain
 from .memory import STEP_FIX, STEP_MISFITS, STEP_SCALE, STEP_SPEED, STEP_STOOD, Memory
 from .network import Roads
 from .output import V_CHI2, V_H, V_SPEED, V_X, V_Y, Output, say
 from .parameters import Parameters
-from .transition import Bench, new_bench, predict_link, solve_gain
+from .transition import predict_link
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
 _NOTHING = 1e-12  # probability that is not told

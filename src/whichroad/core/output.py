@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Floats32, Ints32, Matrix, part
+from ._jit import Bytes, Floats32, Ints32, Matrix, Vector, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -25,10 +25,14 @@ from .belief import (
 )
 from .network import Roads
 from .road import track
+from .segment import locate, project
 
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
 ALTERNATIVES = 6
+
+_ALONE = 0.999  # P of an edge beside which the others do not matter
+_ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
 
 
 class Output(NamedTuple):
@@ -186,17 +190,8 @@ def say(
                 p_edge += belief.probability[i]
                 if best < 0 or belief.log_weight[i] > belief.log_weight[best]:
                     best = i
+        _match(belief, roads, out, best, p_edge, scale)
         p_edge *= 1.0 - unknown
-        lateral, tx, ty = track(belief, roads, best, scale)
-        s = belief.abscissa[best]
-        inside = min(max(s, 0.0), roads.length[edge])
-        out[V_S] = inside
-        out[V_LATERAL] = lateral
-        across = lateral * scale
-        qx = belief.mean[best, X] + scale * belief.mean[best, MX]
-        qy = belief.mean[best, Y] + scale * belief.mean[best, MY]
-        out[V_MATCH_X] = qx - across * ty + (inside - s) * scale * tx
-        out[V_MATCH_Y] = qy + across * tx + (inside - s) * scale * ty
     else:
         out[V_MATCH_X] = out[V_X]
         out[V_MATCH_Y] = out[V_Y]
@@ -217,6 +212,51 @@ def say(
     else:
         status = ON_ROAD
     output.status[k] = status
+
+
+@part
+def _match(
+    belief: Belief, roads: Roads, out: Vector, best: int, p_edge: float, scale: float
+) -> None:
+    """Project the pose in the map's frame on the edge of hypothesis `best`.
+
+    The pose is the mean of the hypotheses about that one, so that near the end of an edge
+    it is not drawn to the middle because the next edge has hypotheses of its own.
+    """
+    edge = belief.edge[best]
+    lateral, tx, ty = track(belief, roads, best, scale)
+    s = belief.abscissa[best]
+    across = lateral * scale
+    x = belief.mean[best, X] + scale * belief.mean[best, MX]
+    y = belief.mean[best, Y] + scale * belief.mean[best, MY]
+    if p_edge > _ALONE:
+        inside = min(max(s, 0.0), roads.length[edge])
+        out[V_MATCH_X] = x - across * ty + (inside - s) * scale * tx
+        out[V_MATCH_Y] = y + across * tx + (inside - s) * scale * ty
+        out[V_S] = inside
+        out[V_LATERAL] = lateral
+        return
+    total = 0.0
+    dx = 0.0
+    dy = 0.0
+    for i in range(belief.size[0]):
+        if belief.edge[i] == OFF_ROAD:
+            continue
+        track(belief, roads, i, scale)
+        ax = belief.mean[i, X] + scale * belief.mean[i, MX] - x
+        ay = belief.mean[i, Y] + scale * belief.mean[i, MY] - y
+        reach = _ABOUT * (belief.spread[best] + belief.spread[i]) * scale
+        if ax * ax + ay * ay < reach * reach:
+            total += belief.probability[i]
+            dx += belief.probability[i] * ax
+            dy += belief.probability[i] * ay
+    segment, s, _, tx, ty = project(
+        roads, edge, belief.segment[best], x + dx / total, y + dy / total
+    )
+    inside = min(max(s, 0.0), roads.length[edge])
+    _, out[V_MATCH_X], out[V_MATCH_Y], _, _ = locate(roads, edge, segment, inside)
+    out[V_S] = inside
+    out[V_LATERAL] = lateral
 
 
 @part

@@ -9,15 +9,13 @@ by the same equations as in `core.motion`, and F, which the smoother needs too.
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from ._jit import Matrix, Vector, kernel
-from .along import _ACROSS, _CORNER, _CORNER_DOUBT, _CORNER_RADIUS
+from .along import _ACROSS, _CORNER_DOUBT
 from .angles import wrap
 from .belief import GX, GY, MX, MY, OFF_ROAD, B, D, H, K, N, Route, X, Y
 from .epoch import CLOCK, WHEELS
+from .gain import Bench, spread_forward
 from .memory import (
     ARC,
     FORWARD,
@@ -34,52 +32,10 @@ from .memory import (
 )
 from .network import Roads, lane_sigma_of
 from .parameters import Parameters
-from .segment import locate, project
+from .retrace import follow, gone_along, noise_along, retrace_travel
+from .segment import locate
 
-_HOPS = 256  # nodes of the route tree between two steps, at most
 _STRANGE = 16.0  # squared sigmas beyond which a state moved by what is not modelled here
-
-
-class Bench(NamedTuple):
-    """What one link is worked out on."""
-
-    f: Matrix  # (N, N) F
-    mean: Vector  # (N,) x⁻
-    cov: Matrix  # (N, N) P⁻
-    cross: Matrix  # (N, N) Pᵢ Fᵀ
-    root: Matrix  # (N, N) Cholesky factor of P⁻, scaled
-    gain: Matrix  # (N, N)
-
-
-def new_bench() -> Bench:
-    """Scratch space for one thread."""
-    f, cov, cross, root, gain = np.zeros((5, N, N))
-    return Bench(f, np.zeros(N), cov, cross, root, gain)
-
-
-@kernel
-def _gone(
-    roads: Roads, route: Route, edge: int, node: int, then_edge: int, then_node: int
-) -> float:
-    """Metres from the start of the edge of then to the start of the edge of now.
-
-    Along the route tree; negative where it does not tell.
-    """
-    if edge == then_edge:
-        return 0.0
-    total = 0.0
-    for _ in range(_HOPS):
-        node = int(route.parent[node]) if node >= 0 else -1
-        if node < 0:
-            break
-        at = route.edge[node]
-        if at == OFF_ROAD or roads.opposite[edge] == at:
-            break
-        total += roads.length[at]
-        if node == then_node or at == then_edge:
-            return float(total)
-        edge = at
-    return -1.0
 
 
 @kernel
@@ -166,53 +122,6 @@ def _rolled(
 
 
 @kernel
-def _followed(
-    bench: Bench, mean: Vector, roads: Roads, then_edge: int, then_segment: int, edge: int,
-    gone: float, odometer: float, scale: float, par: Parameters, q: Vector,
-) -> None:  # fmt: skip
-    """Moved along the road (`motion.predict_along`); q[X] holds the variance along it."""
-    qx = mean[X] + scale * mean[MX]
-    qy = mean[Y] + scale * mean[MY]
-    _, s, across, tx, ty = project(roads, then_edge, then_segment, qx, qy)
-    s += odometer * mean[K] - gone
-    at = roads.first[edge]
-    at, cx, cy, nx, ny = locate(roads, edge, at, s)
-    heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
-    bent = min(abs(turn), 1.6)
-    if bent > _CORNER:
-        s += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
-        at, cx, cy, nx, ny = locate(roads, edge, at, s)
-    c = math.cos(turn)
-    sine = math.sin(turn)
-    f = bench.f
-    f[X, X] = c
-    f[X, Y] = -sine
-    f[Y, X] = sine
-    f[Y, Y] = c
-    f[X, MX] = c - 1.0
-    f[X, MY] = -sine
-    f[Y, MX] = sine
-    f[Y, MY] = c - 1.0
-    f[X, K] = nx * odometer
-    f[Y, K] = ny * odometer
-    f[K, K] = 1.0
-    bench.mean[X] = cx + across * ny - scale * mean[MX]
-    bench.mean[Y] = cy - across * nx - scale * mean[MY]
-    bench.mean[H] = heading
-    bench.mean[K] = mean[K]
-    along = q[X] + (_CORNER_DOUBT * bent) ** 2
-    beside = _ACROSS * abs(odometer * mean[K])
-    cov = bench.cov
-    cov[X, Y] = (along - beside) * nx * ny
-    cov[X, K] = q[Y] * nx
-    cov[Y, K] = q[Y] * ny
-    q[X] = along * nx * nx + beside * ny * ny
-    q[Y] = along * ny * ny + beside * nx * nx
-    q[H] = par.edge_heading_sigma**2
-
-
-@kernel
 def predict_link(
     bench: Bench, q: Vector, memory: Memory, roads: Roads, route: Route, step: int, i: int,
     j: int, mean: Vector, cov: Matrix, mode: int, scale: float, side: float, par: Parameters,
@@ -273,49 +182,30 @@ def predict_link(
             q[X] = (3.0 * par.along_noise) ** 2 * metres
             q[H] = 0.0025 * metres
         if past[JUMPED] > 0.0:
-            known = False
+            known = retrace_travel(
+                bench, memory, roads, route, i, j, mean, cov, odometer, scale, par, q
+            )
         elif then_edge == OFF_ROAD:
             q[Y] = 0.25 * q[X]
             _rolled(bench, mean, past, odometer, 0.0, 0.0, scale, q)
         else:
             gone = -1.0
             if edge != OFF_ROAD:
-                gone = _gone(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
+                gone, _ = gone_along(roads, route, edge, memory.tree[j], then_edge, memory.tree[i])
             known = gone >= 0.0
             if known:
-                _followed(
-                    bench, mean, roads, then_edge, memory.segment[i], edge, gone, odometer,
-                    scale, par, q,
+                bent = follow(
+                    bench, mean, roads, then_edge, memory.segment[i], edge, gone,
+                    odometer * mean[K], odometer, True, scale, q,
                 )  # fmt: skip
-    _spread(bench, q, cov)
+                noise_along(
+                    bench, q[X] + (_CORNER_DOUBT * bent) ** 2, _ACROSS * abs(odometer * mean[K]),
+                    q[Y], par.edge_heading_sigma**2, q,
+                )  # fmt: skip
+    spread_forward(bench, q, cov)
     if not known:
         _anew(bench, memory, j)
     _doubt(bench, memory, j, scale)
-
-
-@kernel
-def _spread(bench: Bench, q: Vector, cov: Matrix) -> None:
-    """P Fᵀ and F P Fᵀ + Q; the part of Q off the diagonal is in `cov` already."""
-    f = bench.f
-    for a in range(N):
-        for b in range(N):
-            total = 0.0
-            for c in range(N):
-                if f[b, c] != 0.0:
-                    total += cov[a, c] * f[b, c]
-            bench.cross[a, b] = total
-    for a in range(N):
-        for b in range(a, N):
-            total = bench.cov[a, b]
-            for c in range(N):
-                if f[a, c] != 0.0:
-                    total += f[a, c] * bench.cross[c, b]
-            if a == b:
-                total += q[a]
-            bench.cov[a, b] = total
-    for a in range(N):
-        for b in range(a):
-            bench.cov[a, b] = bench.cov[b, a]
 
 
 @kernel
@@ -341,34 +231,3 @@ def _doubt(bench: Bench, memory: Memory, j: int, scale: float) -> None:
             off /= scale
         if off * off > _STRANGE * bench.cov[a, a]:
             bench.cov[a, a] += off * off
-
-
-@kernel
-def solve_gain(bench: Bench) -> None:
-    """G = Pᵢ Fᵀ (P⁻)⁻¹, by a Cholesky factor that leaves out what has no variance."""
-    cov = bench.cov
-    root = bench.root
-    for a in range(N):
-        for b in range(a + 1):
-            norm = math.sqrt(max(cov[a, a], 0.0) * max(cov[b, b], 0.0))
-            total = cov[a, b] / norm if norm > 1e-18 else 0.0
-            for c in range(b):
-                total -= root[a, c] * root[b, c]
-            if a == b:
-                root[a, a] = math.sqrt(total) if total > 1e-9 else 0.0
-            else:
-                root[a, b] = total / root[b, b] if root[b, b] > 0.0 else 0.0
-    for r in range(N):
-        row = bench.gain[r]
-        for a in range(N):
-            total = bench.cross[r, a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0
-            for c in range(a):
-                total -= root[a, c] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N - 1, -1, -1):
-            total = row[a]
-            for c in range(a + 1, N):
-                total -= root[c, a] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N):
-            row[a] = row[a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0

@@ -18,6 +18,7 @@ from .belief import (
     MY,
     NOW,
     OFF_ROAD,
+    WHITE,
     Belief,
     D,
     H,
@@ -49,6 +50,8 @@ from .switching import Work, copy_hypothesis, cut_along, enter, rescale
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
 _RETURN = 0.5  # of what was off the roads is back on one at the next fix
+_STANDS = 1.0  # of those that stand vehicles stand still until the next fix,
+_STAND_TIME = 30.0  # s, and the fewer the longer it takes
 _MOST = 24  # routes that become hypotheses
 _WIDE = 30.0  # m, across the road before the road is observed
 
@@ -72,7 +75,7 @@ def _on_line(
 @part
 def _arrive(
     belief: Belief, roads: Roads, route: Route, work: Work, i: int, pair: int,
-    scale: float, zx: float, zy: float, sigma: float, dt: float, since: float, side: float,
+    scale: float, zx: float, zy: float, jitter: float, dt: float, since: float, side: float,
     par: Parameters,
 ) -> None:  # fmt: skip
     """Append a child of hypothesis i that has taken the route of a pair."""
@@ -98,8 +101,9 @@ def _arrive(
     at = distance - length  # where the speed would have it
     variance = variance_along(belief, i, tx, ty, old, far)
     off = work.near_s[goal] - at
-    heavy = heavy_tail(variance, off, sigma) - variance
+    heavy = heavy_tail(variance, off, jitter) - variance
     variance += heavy
+    harder = 1.0 + heavy / max(far, 1.0)  # than usual it braked, or hurried
     far += heavy
     segment, foot, _, nx, ny = project(
         roads, edge, vertex_at(roads, edge, work.near_s[goal]), zx, zy
@@ -113,7 +117,8 @@ def _arrive(
         mean, cov, old, bent, heading, nx, ny, far, 0.0, 0.0,
         par.edge_heading_sigma**2 + 0.02,
     )  # fmt: skip
-    decay(mean, cov, K, usual, keep, SPEED_SIGMA * SPEED_SIGMA)
+    decay(mean, cov, K, usual, keep, SPEED_SIGMA * SPEED_SIGMA * harder)
+    cross *= harder
     cov[X, K] += cross * nx
     cov[Y, K] += cross * ny
     cov[K, X] = cov[X, K]
@@ -151,6 +156,23 @@ def _arrive(
 
 
 @part
+def _stand(belief: Belief, i: int, dt: float) -> None:
+    """Append a child of hypothesis i that has stood all the time; the others drove."""
+    mean = belief.mean[i]
+    cov = belief.cov[i]
+    share = _STANDS * math.exp(-dt / _STAND_TIME - 0.5 * mean[K] ** 2 / (cov[K, K] + 0.5))
+    share /= math.sqrt(1.0 + 2.0 * cov[K, K])
+    if belief.probability[i] * share < 1e-4 or belief.size[0] >= CAPACITY:
+        return
+    child = belief.size[0]
+    copy_hypothesis(belief, i, child)
+    rescale(belief, i, 1.0 - share)
+    rescale(belief, child, share)
+    decay(belief.mean[child], belief.cov[child], K, 0.0, 0.0, 0.02)
+    belief.size[0] = child + 1
+
+
+@kernel
 def _enter_chain(
     belief: Belief, roads: Roads, route: Route, search: Search, child: int, label: int,
     went: float, dt: float, since: float,
@@ -277,6 +299,8 @@ def travel(
     y = fix[1] + scale * (mean[MY] - age * (root[1] * mean[GX] + root[2] * mean[GY]))
     factor = belief.clock[GNSS_SCALE] * (1.0 + par.gnss_white_ratio**2)
     sigma = math.sqrt(factor * fix[2] ** 2 + par.map_sigma**2)
+    white = max(belief.clock[WHITE], belief.clock[GNSS_SCALE] * par.gnss_white_ratio**2)
+    jitter = math.sqrt(white + belief.clock[GNSS_SCALE] * (1.0 - age * age)) * fix[2]
     radius = 4.0 * sigma + 3.0
     found = near(
         roads, x, y, radius, work.near_edge, work.near_s, work.near_lateral, work.near_distance
@@ -285,9 +309,12 @@ def travel(
     set_goals(search, work.near_edge, found)
     pairs = 0
     if found > 0:
-        pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, dt)
+        pairs = choose_legs(belief, roads, work, found, scale, x, y, radius, sigma, jitter, dt)
     children = 0
     since = belief.clock[NOW] - dt
+    for i in range(n):
+        if belief.edge[i] != OFF_ROAD:
+            _stand(belief, i, dt)
     while children < _MOST and pairs > 0 and belief.size[0] < CAPACITY:
         best = 0
         for p in range(pairs):
@@ -299,7 +326,7 @@ def travel(
         own = belief.mean[i]
         zx = fix[0] + scale * (own[MX] - age * (root[0] * own[GX] + root[1] * own[GY]))
         zy = fix[1] + scale * (own[MY] - age * (root[1] * own[GX] + root[2] * own[GY]))
-        _arrive(belief, roads, route, work, i, best, scale, zx, zy, sigma, dt, since, side, par)
+        _arrive(belief, roads, route, work, i, best, scale, zx, zy, jitter, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
     off = 0
