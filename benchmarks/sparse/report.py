@@ -203,8 +203,8 @@ def _cost(found: dict[str, Any]) -> str:
         out.append(_table(["match, fixes/s", "the answer", "with points and path tables"], rates))
         words = (
             "Python, its libraries and the compiled kernels take {libraries_mib:.0f} MiB where "
-            "drives are matched; a map is built without the kernels, but numba is imported, which "
-            "alone is 70 MiB of the peak. The map itself is {map_mib:.0f} MiB of arrays. "
+            "drives are matched; a map is built without the kernels and their "
+            "compiler. The map itself is {map_mib:.0f} MiB of arrays. "
             "`RoadMap.open` takes {open_ms:.1f} ms. `match_many` over {fixes:,} fixes: "
             "{one_thread:,.0f} fixes/s with one thread, {two_threads:,.0f} with two (threads "
             "pinned to cores), all tables built; beside the map it needs {one_thread_mib:.0f} MiB "
