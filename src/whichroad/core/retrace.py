@@ -15,7 +15,7 @@ from .segment import locate, project
 
 _HOPS = 256  # nodes of the route tree between two steps, at most
 _WIDE = 30.0  # m, across the road, between fixes far apart
-_STOOD = 0.7  # m/s and less: it stood since the last fix
+_STOOD = 0.7  # m/s and less: it stands, since the last fix if it has not moved
 
 
 @kernel
@@ -119,7 +119,9 @@ def retrace_travel(
         return False
     then = memory.mean[j]
     rate = memory.cov[j, K * (K + 3) // 2]
-    if edge == then_edge and abs(then[K]) < _STOOD and rate < 1.0:
+    away = (then[X] - mean[X]) ** 2 + (then[Y] - mean[Y]) ** 2
+    here = away < scale * scale * (cov[X, X] + cov[Y, Y])
+    if edge == then_edge and here and abs(then[K]) < _STOOD and rate < 1.0:
         for a in (X, Y):
             bench.f[a, a] = 1.0
             bench.mean[a] = mean[a]
