@@ -250,9 +250,7 @@ def _match(
             total += belief.probability[i]
             dx += belief.probability[i] * ax
             dy += belief.probability[i] * ay
-    segment, s, _, tx, ty = project(
-        roads, edge, belief.segment[best], x + dx / total, y + dy / total
-    )
+    segment, s, _, _, _ = project(roads, edge, belief.segment[best], x + dx / total, y + dy / total)
     inside = min(max(s, 0.0), roads.length[edge])
     _, out[V_MATCH_X], out[V_MATCH_Y], _, _ = locate(roads, edge, segment, inside)
     out[V_S] = inside

@@ -7,14 +7,14 @@ from .along import _CORNER, _CORNER_RADIUS
 from .angles import wrap
 from .belief import MX, MY, OFF_ROAD, H, K, Route, X, Y
 from .gain import Bench
-from .legs import SPEED_SIGMA, USUAL, heavy_tail, spread_of
+from .legs import SPEED_SIGMA, heavy_tail, spread_of, usual_speed
 from .memory import Memory
 from .network import Roads
 from .parameters import Parameters
 from .segment import locate, project
+from .travel import WIDE
 
 _HOPS = 256  # nodes of the route tree between two steps, at most
-_WIDE = 30.0  # m, across the road, between fixes far apart
 _STOOD = 0.7  # m/s and less: it stands, since the last fix if it has not moved
 
 
@@ -131,7 +131,7 @@ def retrace_travel(
         bench.mean[K] = then[K]
         return True
     keep, old, far, cross = spread_of(dt)
-    usual = USUAL * (gone / time if time > 0.5 else float(roads.speed[edge]))
+    usual = usual_speed(roads, gone, time, edge)
     distance = usual * (dt - old) + mean[K] * old
     follow(
         bench, mean, roads, then_edge, memory.segment[i], edge, gone, distance, old, False,
@@ -144,7 +144,7 @@ def retrace_travel(
     heavy = heavy_tail(variance, off, 0.0) - variance
     harder = 1.0 + heavy / max(far, 1.0)
     noise_along(
-        bench, far + heavy, _WIDE * _WIDE, cross * harder, par.edge_heading_sigma**2 + 0.02, q
+        bench, far + heavy, WIDE * WIDE, cross * harder, par.edge_heading_sigma**2 + 0.02, q
     )
     bench.f[K, K] = keep
     bench.mean[K] = usual + keep * (mean[K] - usual)

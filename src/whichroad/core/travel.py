@@ -50,10 +50,9 @@ from .switching import Work, copy_hypothesis, cut_along, enter, rescale
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
 _RETURN = 0.5  # of what was off the roads is back on one at the next fix
-_STANDS = 1.0  # of those that stand vehicles stand still until the next fix,
-_STAND_TIME = 30.0  # s, and the fewer the longer it takes
+_STAND_TIME = 30.0  # s, about which who stands goes on standing
 _MOST = 24  # routes that become hypotheses
-_WIDE = 30.0  # m, across the road before the road is observed
+WIDE = 30.0  # m, across the road before the road is observed
 
 
 @kernel
@@ -135,7 +134,7 @@ def _arrive(
         lane_sigma_of(roads, edge, par.lane_sigma), math.exp(-went / par.map_length),
         par.map_sigma,
     )  # fmt: skip
-    wide = _WIDE * _WIDE
+    wide = WIDE * WIDE
     cov[X, X] += wide * ny * ny
     cov[Y, Y] += wide * nx * nx
     cov[X, Y] -= wide * nx * ny
@@ -160,7 +159,7 @@ def _stand(belief: Belief, i: int, dt: float) -> None:
     """Append a child of hypothesis i that has stood all the time; the others drove."""
     mean = belief.mean[i]
     cov = belief.cov[i]
-    share = _STANDS * math.exp(-dt / _STAND_TIME - 0.5 * mean[K] ** 2 / (cov[K, K] + 0.5))
+    share = math.exp(-dt / _STAND_TIME - 0.5 * mean[K] ** 2 / (cov[K, K] + 0.5))
     share /= math.sqrt(1.0 + 2.0 * cov[K, K])
     if belief.probability[i] * share < 1e-4 or belief.size[0] >= CAPACITY:
         return
