@@ -81,7 +81,9 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
-    command.add_argument("--classes", metavar="A,B*", help="honesty, nostart, live: only these")
+    command.add_argument(
+        "--classes", metavar="A,B*", help="honesty, nostart, live, diagnosis: only these"
+    )
     command.add_argument("--noise", metavar="A,B", help="honesty: good, urban, misspecified")
     command.add_argument(
         "--drives",

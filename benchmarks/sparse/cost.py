@@ -19,6 +19,7 @@ from .. import Options, data_folder
 from . import harness, runner
 
 COPIES = 25  # of the trips of a seed
+ROWS = 20_000  # about, of a table of trips whose rate is measured
 ALL = ("valhalla", "osrm", "fastmm", runner.OURS)
 
 
@@ -39,6 +40,11 @@ def measure(options: Options) -> dict[str, Any]:
         text: [made(graph, t, *harness.condition(text), seed=2)[0] for t in trips]
         for text in ("1s/5m/gm", "10s/5m/gm", "60s/5m/gm")
     }
+    fastest = runner.run(options, "osrm", pbf, some) if "osrm" in found["maps"] else None
+    if fastest is not None:
+        found["osrm"] = {
+            text: c["points"] / max(c["wall"], 1e-9) for text, c in fastest.conditions.items()
+        }
     traces = harness.cache(options) / "cost.traces.json"
     traces.write_text(json.dumps({text: [t.to_json() for t in ts] for text, ts in some.items()}))
     table = harness.cache(options) / "cost.parquet"
@@ -124,6 +130,31 @@ def _rates(roads: Any, traces: Path) -> dict[str, tuple[float, float]]:
     return out
 
 
+def _together(roads: Any, traces: Path) -> dict[str, float]:
+    """Fixes per second of `match_many`, one thread, tables built, the best of three."""
+    import pyarrow as pa
+
+    import whichroad
+
+    out = {}
+    for text, trips in json.loads(traces.read_text()).items():
+        copies = max(1, ROWS // sum(len(t["t"]) for t in trips))
+        parts = [
+            {"drive_id": [f"{copy}-{t['id']}"] * len(t["t"]), "time": np.add(t["t"], 1.6e9)}
+            | {"lat": t["lat"], "lon": t["lon"], "sigma_m": [t["sigma"]] * len(t["t"])}
+            for copy in range(copies)
+            for t in trips
+        ]
+        table = pa.concat_tables([pa.table(part) for part in parts])
+        spent = []
+        for _ in range(4):  # the first warms up
+            start = time.perf_counter()
+            whichroad.match_many(table, roads, threads=1)
+            spent.append(time.perf_counter() - start)
+        out[text] = table.num_rows / min(spent[1:])
+    return out
+
+
 def main(compiled: Path, table: Path, traces: Path) -> None:
     import pyarrow.parquet as pq
 
@@ -149,6 +180,7 @@ def main(compiled: Path, table: Path, traces: Path) -> None:
             {
                 "open_ms": 1e3 * float(np.median(opened)),
                 "rates": _rates(roads, traces),
+                "many": _together(roads, traces),
                 "fixes": rows,
                 "one_thread": one,
                 "two_threads": two,

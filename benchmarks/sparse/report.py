@@ -177,14 +177,21 @@ def _drives(found: dict[str, Any]) -> str:
 
 
 def _honesty(store: dict[str, Any]) -> str:
+    chance = {
+        f"{text}, seed {seed}": row[runner.OURS]["calibration"]["chance"]
+        for seed, conditions in store.get("city", {}).items()
+        for text, row in conditions.items()
+        if "chance" in row.get(runner.OURS, {}).get("calibration", {})
+    }
     rows = []
     for figure in figures_of(store, {}):
         if figure.figure.startswith("calibration") and figure.value is not None:
             where = figure.figure.split(", ", 1)[1]
-            rows.append([where, f"{figure.value:.4f}", f"{figure.n:,}"])
+            by_chance = f"{chance[where]:.4f}" if where in chance else ""
+            rows.append([where, f"{figure.value:.4f}", by_chance, f"{figure.n:,}"])
     if not rows:
         return ""
-    table = _table(["P(edge)", "calibration error", "fixes"], rows)
+    table = _table(["P(edge)", "calibration error", "by chance alone below", "fixes"], rows)
     return "## Probabilities\n\n" + table + "\n![Reliability of P(edge)](img/sparse-honesty.png)\n"
 
 
@@ -201,6 +208,15 @@ def _cost(found: dict[str, Any]) -> str:
     if "open_ms" in found:
         rates = [[text, f"{a:,.0f}", f"{b:,.0f}"] for text, (a, b) in found["rates"].items()]
         out.append(_table(["match, fixes/s", "the answer", "with points and path tables"], rates))
+        osrm = found.get("osrm", {})
+        many = [
+            [text, f"{rate:,.0f}", f"{osrm[text]:,.0f}", f"{rate / osrm[text]:.2f}"]
+            for text, rate in found["many"].items()
+            if text in osrm
+        ]
+        if many:
+            head = ["fixes/s, one thread", "match_many, no lag, tables built", "osrm", "ratio"]
+            out.append(_table(head, many))
         words = (
             "Python, its libraries and the compiled kernels take {libraries_mib:.0f} MiB where "
             "drives are matched; a map is built without the kernels and their "
