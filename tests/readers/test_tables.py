@@ -320,41 +320,6 @@ def test_semicolons_a_mark_of_utf8_and_old_encodings_do_not_disturb(put):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
-        ("x.json", b'[{"time": 0, "lat": 49.4, "lon": 8.7}]', "JSON; .*columns time, lat, lon"),
-        ("x.geojson", b'{"type": "FeatureCollection", "features": [], "x": 1}', "JSON"),
-        ("x.kml", b"<kml><coordinates>8.65,49.48</coordinates></kml>", "no GPX; .*export GPX"),
-        ("x.csv.gz", b"\x1f\x8b\x08rubbish", "unpack it"),
-        ("x.xlsx", b"PK\x03\x04rubbish", "save it as CSV"),
-        ("x.csv", "time,lat,lon\n0,49.4,8.7\n".encode("utf-16"), "save it in UTF-8"),
-        ("x.bin", b"\x00\x01\x02", "unknown format"),
-    ],
-)
-def test_what_is_not_read_is_told_what_it_is_and_what_to_do(put, name, content, said):
-    with pytest.raises(ReadError, match=said):
-        read_drive(put(name, content))
-
-
-@pytest.mark.parametrize("delimiter", [";", "\t"])
-def test_commas_are_decimal_where_they_do_not_part_columns(put, delimiter):
-    rows = [["recorded_at", "lat", "lon", "speed_kmh"]]
-    rows += [[f"{T0 + i:.0f}", f"49,4{i}", "8,7", "36,5" if i else ""] for i in range(3)]
-    text = "".join(delimiter.join(row) + "\n" for row in rows)
-    fixes = read_drive(put("x.csv", text.encode()))[0].fixes
-    assert fixes.lat_deg.tolist() == [49.40, 49.41, 49.42]
-    assert fixes.lon_deg.tolist() == [8.7] * 3
-    assert fixes.speed[1:] == pytest.approx(36.5 / 3.6)
-
-
-def test_points_and_commas_in_one_column_are_not_guessed_at(put):
-    text = f"time;lat;lon\n{T0};49.4;8.7\n{T0 + 1};49,4;8.7\n{T0 + 2};1.049,4;8.7\n"
-    (drive,) = read_drive(put("x.csv", text.encode()))
-    assert len(drive.fixes) == 1
-    assert drive.skipped["unparsable number in lat"] == 2
-
-
-@pytest.mark.parametrize(
     ("columns", "said"),
     [
         ({"lat": [1.0], "lon": [2.0]}, "no time .*accepted names are time: time, timestamp"),
