@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes import grid_town, localize, network, parallel_roads, straight_road
+from scenes import grid_town, localize, network, parallel_roads, steps, straight_road
 from strategies import seeds
-from whichroad.core.belief import OFF_ROAD
+from whichroad.core.belief import OFF_ROAD, WHITE
 from whichroad.core.epoch import CLOCK, Epochs, new_epochs
 from whichroad.core.network import Roads
 from whichroad.core.output import (
@@ -140,6 +140,23 @@ def test_who_stands_before_a_crossing_does_not_creep_over_it(seconds: float):
         speed.append(output.value[-1, V_SPEED])
     assert abs(np.mean(late)) < 2.0
     assert np.mean(speed) < 0.5
+
+
+def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fix():
+    roads = network(straight_road(4000.0))
+    time = 5.0 * np.arange(40.0)
+    line = np.column_stack([100.0 + 12.0 * time, np.full(40, -1.75)])
+    seen: dict[str, list[float]] = {"new": [], "lasting": []}
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        for kind, error in (
+            ("new", rng.normal(0.0, 5.0, line.shape)), ("lasting", wander(rng, time, 5.0))
+        ):  # fmt: skip
+            rows = fixes(line + error, time, 5.0)
+            *_, (_, belief, _) = steps(roads, rows, mode=CLOCK)
+            seen[kind].append(float(belief.clock[WHITE]))
+    assert 0.7 < np.mean(seen["new"]) < 1.2
+    assert np.mean(seen["lasting"]) < 0.3
 
 
 @pytest.mark.parametrize("seconds", [4.0, 10.0])
