@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -42,6 +42,7 @@ from .memory import STEP_FIX, STEP_MISFITS, STEP_SCALE, STEP_SPEED, STEP_STOOD, 
 from .network import Roads
 from .output import V_CHI2, V_H, V_SPEED, V_X, V_Y, Output, say
 from .parameters import Parameters
+from .rows import add_times, set_times, set_to, ten
 from .transition import predict_link
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
@@ -94,49 +95,52 @@ def begin_view(memory: Memory, view: View, step: int, slot: int) -> None:
         recall(memory, first + i, view.mean[slot, i], view.cov[slot, i])
 
 
-@kernel
+@part
 def _add_link(
     view: View, slot: int, j: int, i: int, weight: float, total: float, scale: float
 ) -> None:
-    """Add the state of i that j tells of, weighed, to the moments of i gathered so far."""
+    """Add the state of i that j tells of, weighed, to the moments of i gathered so far.
+
+    Of the covariance, only what stands below the diagonal is right.
+    """
     bench = view.bench
     solve_gain(bench)
-    later = view.mean[slot, j]
-    for a in range(N):
-        view.off[a] = later[a] - bench.mean[a]
-    view.off[X] /= scale
-    view.off[Y] /= scale
-    view.off[H] = wrap(view.off[H])
     gain = bench.gain
+    off = view.off
+    set_to(off, view.mean[slot, j])
+    add_times(off, -1.0, bench.mean)
+    off[X] /= scale
+    off[Y] /= scale
+    off[H] = wrap(off[H])
+    shift = view.row
+    moved = view.moved
+    set_times(shift, 0.0, off)
     for a in range(N):
-        shift = 0.0
-        for c in range(N):
-            shift += gain[a, c] * view.off[c]
-        view.row[a] = shift
-        for b in range(N):
-            turned = 0.0
-            for c in range(N):
-                turned += gain[a, c] * (view.cov[slot, j, c, b] - bench.cov[c, b])
-            view.moved[a, b] = turned
+        set_times(moved[a], 0.0, off)
+    later = ten()
+    for c in range(N):
+        add_times(shift, off[c], gain[c])
+        set_to(later, view.cov[slot, j, c])
+        add_times(later, -1.0, bench.cov[c])
+        for a in range(N):
+            add_times(moved[a], gain[c, a], later)
     mean = view.mean[1 - slot, i]  # deviations from the filtered state until all are in
     cov = view.cov[1 - slot, i]
     share = weight / (total + weight)
+    set_to(off, shift)
+    add_times(off, -1.0, mean)
     for a in range(N):
-        view.off[a] = view.row[a] - mean[a]
-    for a in range(N):
-        for b in range(a + 1):
-            c = view.then_cov[a, b]
-            for k in range(N):
-                c += view.moved[a, k] * gain[b, k]
-            c = cov[a, b] + share * (c - cov[a, b])
-            c += share * (1.0 - share) * view.off[a] * view.off[b]
-            cov[a, b] = c
-            cov[b, a] = c
-    for a in range(N):
-        mean[a] += share * view.off[a]
+        row = ten()
+        set_to(row, view.then_cov[a])
+        for k in range(N):
+            add_times(row, moved[a, k], gain[k])
+        add_times(row, -1.0, cov[a])
+        add_times(cov[a], share, row)
+        add_times(cov[a], share * (1.0 - share) * off[a], off)
+    add_times(mean, share, off)
 
 
-@kernel
+@part
 def _settle(view: View, slot: int, i: int, scale: float) -> None:
     """From deviations to a state; one that lost its covariance stays as filtered."""
     mean = view.mean[slot, i]
@@ -144,12 +148,18 @@ def _settle(view: View, slot: int, i: int, scale: float) -> None:
     sound = True
     for a in range(N):
         sound = sound and cov[a, a] >= 0.0
-    sound = sound and cov[X, X] * cov[Y, Y] > cov[X, Y] ** 2
-    for a in range(N):
-        mean[a] = view.then_mean[a] + (mean[a] * (scale if a <= Y else 1.0) if sound else 0.0)
-        if not sound:
-            for b in range(N):
-                cov[a, b] = view.then_cov[a, b]
+    sound = sound and cov[X, X] * cov[Y, Y] > cov[Y, X] ** 2
+    if sound:
+        mean[X] *= scale
+        mean[Y] *= scale
+        add_times(mean, 1.0, view.then_mean)
+        for a in range(N):
+            for b in range(a):
+                cov[b, a] = cov[a, b]
+    else:
+        set_to(mean, view.then_mean)
+        for a in range(N):
+            set_to(cov[a], view.then_cov[a])
     mean[H] = wrap(mean[H])
 
 
@@ -194,8 +204,7 @@ def step_back(
         cov = view.cov[other, i]
         for a in range(N):
             mean[a] = 0.0
-            for b in range(N):
-                cov[a, b] = view.then_cov[a, b]
+            set_to(cov[a], view.then_cov[a])
         told = weight
         for j in range(here, after):
             for link in range(memory.first_link[j], memory.first_link[j + 1]):
@@ -233,10 +242,9 @@ def take_up(memory: Memory, view: View, step: int, slot: int, mode: int) -> None
         belief.edge[n] = memory.edge[first + i]
         belief.segment[n] = memory.segment[first + i]
         belief.node[n] = memory.tree[first + i]
+        set_to(belief.mean[n], view.mean[slot, i])
         for a in range(N):
-            belief.mean[n, a] = view.mean[slot, i, a]
-            for b in range(N):
-                belief.cov[n, a, b] = view.cov[slot, i, a, b]
+            set_to(belief.cov[n, a], view.cov[slot, i, a])
         speed += p * belief.mean[n, K]
         n += 1
     belief.size[0] = n
