@@ -227,22 +227,24 @@ def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
     return np.where(recent, np.where(far, away, 0.0)[last], 0.0)
 
 
-def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap) -> pa.Table:
+def path_table(
+    names: Sequence[str], way: Traversals, roads: RoadMap, first: Sequence[int] | None = None
+) -> pa.Table:
     """One row per traversed edge, in driving order, drive after drive.
 
     Args:
         names: (d,) of the drives.
-        ways: (d,) their routes.
+        way: Their routes, one behind the other.
         roads: The map.
+        first: (d + 1,) where each begins, and the number of edges; None: there is one.
 
     Returns:
         A table with the columns of `tables.PATH`.
     """
-    way = Traversals._make(np.concatenate(columns) for columns in zip(*ways, strict=True))
-    count = np.array([len(w.edge) for w in ways])
+    count = np.diff(first if first is not None else [0, len(way.edge)])
     edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
     source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    x, y, first = roads.edge_lines(edges, enter, leave)
+    x, y, vertex = roads.edge_lines(edges, enter, leave)
     lat, lon = roads.plane.to_geodetic(x, y)
     duration = way.exit_time - way.enter_time
     passed = duration > 0.0
@@ -264,7 +266,7 @@ def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap)
         "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array(way.p),
         "broken_rule": _broken(way),
-        "geometry": line_wkb(lon, lat, first) if rows else pa.array([], pa.binary()),
+        "geometry": line_wkb(lon, lat, vertex) if rows else pa.array([], pa.binary()),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
 
@@ -287,23 +289,46 @@ def _rule_names(bits: int) -> str | None:
     return ",".join(name for bit, name in _RULES if bits & bit) or None
 
 
-def figures_of(epochs: Epochs, output: Output, way: Traversals) -> dict[str, Any]:
-    """What `tables.DRIVES` tells of a drive in numbers."""
-    n = len(epochs.time)
+def figures_of(
+    epochs: Epochs, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
+) -> dict[str, NDArray[Any]]:
+    """What `tables.DRIVES` tells of drives in numbers, (d,) each.
+
+    Args:
+        epochs: (n,) of the drives, one behind the other.
+        output: (n,) what was said of them.
+        first: (d + 1,) the epoch at which each begins, and n.
+        way: (r,) their routes, one behind the other.
+        begins: (d + 1,) where each begins, and r.
+    """
     known = output.live > 0
-    answered = int(np.count_nonzero(known))
-    rows = slice(None) if answered == n else known
+    answered = _sums(known, first)
+    low, high = np.array(first[:-1]), np.array(first[1:])
+    some = high > low
+    ends = epochs.time[np.where(some, high - 1, 0)] - epochs.time[np.where(some, low, 0)]
     return {
-        "epochs": n,
-        "fixes": int(np.count_nonzero(epochs.has_fix)),
-        "epochs_without_answer": n - answered,
-        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
-        "path_m": float(np.sum(np.abs(way.exit_m - way.enter_m))),
-        "edges": len(way.edge),
-        "gaps": int(np.count_nonzero(way.gap)),
-        "mean_p_road": _mean(output.value[rows, V_P]),
-        "mean_p_off_road": _mean(output.value[rows, V_OFF]),
+        "epochs": high - low,
+        "fixes": _sums(epochs.has_fix > 0, first),
+        "epochs_without_answer": high - low - answered,
+        "duration_s": np.where(some, ends, 0.0),
+        "path_m": _sums(np.abs(way.exit_m - way.enter_m), begins),
+        "edges": np.diff(begins),
+        "gaps": _sums(way.gap, begins),
+        "mean_p_road": _sums(output.value[:, V_P] * known, first) / np.maximum(answered, 1),
+        "mean_p_off_road": _sums(output.value[:, V_OFF] * known, first) / np.maximum(answered, 1),
     }
+
+
+def _sums(values: NDArray[Any], first: Sequence[int]) -> NDArray[Any]:
+    """The sum of each part; parts begin at `first`, whose last number is where all end."""
+    if values.dtype == np.bool_:
+        values = values.astype(np.int64)
+    begin = np.array(first)
+    some = begin[1:] > begin[:-1]
+    sums = np.zeros(len(some), values.dtype)
+    if some.any():
+        sums[some] = np.add.reduceat(values, begin[:-1][some])
+    return sums
 
 
 def _mean(values: NDArray[Any]) -> float:
@@ -314,7 +339,8 @@ def summary_of(epochs: Epochs, output: Output, way: Traversals, masked: int) -> 
     """The drive in numbers, for people and for JSON."""
     n = len(epochs.time)
     shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
-    return figures_of(epochs, output, way) | {
+    figures = figures_of(epochs, output, [0, n], way, [0, len(way.edge)])
+    return {name: column[0].item() for name, column in figures.items()} | {
         "fixes_masked": masked,
         "mean_live_hypotheses": _mean(output.live[output.live > 0]),
         "status": {k: v for k, v in shares.items() if v > 0},

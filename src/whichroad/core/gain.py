@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Matrix, Vector, part
-from .belief import N
-from .rows import add_times, scale_by, set_times, ten
+from .angles import wrap
+from .belief import H, N, X, Y
+from .rows import add_times, scale_by, set_times, set_to, ten
 
 
 class Bench(NamedTuple):
@@ -19,12 +20,13 @@ class Bench(NamedTuple):
     cross: Matrix  # (N, N) F Pᵢ
     root: Matrix  # (N, N) Cholesky factor of P⁻, scaled, its columns as rows
     gain: Matrix  # (N, N) Gᵀ
+    moved: Matrix  # (N, N) G (Pⱼ − P⁻)
 
 
 def new_bench() -> Bench:
     """Scratch space for one thread."""
-    f, cov, cross, root, gain = np.zeros((5, N, N))
-    return Bench(f, np.zeros(N), cov, cross, root, gain)
+    f, cov, cross, root, gain, moved = np.zeros((6, N, N))
+    return Bench(f, np.zeros(N), cov, cross, root, gain, moved)
 
 
 @part
@@ -79,3 +81,50 @@ def solve_gain(bench: Bench) -> None:
         for b in range(a):
             add_times(gain[b], -root[b, a], gain[a])
         set_times(gain[a], unit[a], gain[a])
+
+
+@part
+def add_link(
+    bench: Bench, later: Vector, later_cov: Matrix, then_cov: Matrix, mean: Vector, cov: Matrix,
+    share: float, scale: float,
+) -> None:  # fmt: skip
+    """Add what j tells of i to what others have told of it.
+
+    Args:
+        bench: i as predicted for j.
+        later: Smoothed state of j, (N,).
+        later_cov: Its covariance, (N, N).
+        then_cov: Filtered covariance of i, (N, N).
+        mean: Deviation of i from its filtered state, as gathered so far, (N,).
+        cov: Its covariance; below the diagonal it is added to, above it means nothing.
+        share: Of this link in all so far.
+        scale: Local scale of the plane.
+    """
+    solve_gain(bench)
+    off, shift, row = ten(), ten(), ten()
+    moved = bench.moved
+    set_to(off, later)
+    add_times(off, -1.0, bench.mean)
+    off[X] /= scale
+    off[Y] /= scale
+    off[H] = wrap(off[H])
+    set_times(shift, 0.0, off)
+    for a in range(N):
+        set_times(moved[a], 0.0, off)
+    for c in range(N):
+        gain = bench.gain[c]
+        add_times(shift, off[c], gain)
+        set_to(row, later_cov[c])
+        add_times(row, -1.0, bench.cov[c])
+        for a in range(N):
+            add_times(moved[a], gain[a], row)
+    set_to(off, shift)
+    add_times(off, -1.0, mean)
+    for a in range(N):
+        set_to(row, then_cov[a])
+        for c in range(N):
+            add_times(row, moved[a, c], bench.gain[c])
+        add_times(row, -1.0, cov[a])
+        add_times(cov[a], share, row)
+        add_times(cov[a], share * (1.0 - share) * off[a], off)
+    add_times(mean, share, off)

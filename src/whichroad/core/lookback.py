@@ -37,12 +37,12 @@ from .belief import (
     new_belief,
 )
 from .epoch import CLOCK, Epochs
-from .gain import Bench, new_bench, solve_gain
+from .gain import Bench, add_link, new_bench
 from .memory import STEP_FIX, STEP_MISFITS, STEP_SCALE, STEP_SPEED, STEP_STOOD, Memory
 from .network import Roads
 from .output import V_CHI2, V_H, V_SPEED, V_X, V_Y, Output, say
 from .parameters import Parameters
-from .rows import add_times, set_times, set_to, ten
+from .rows import add_times, set_to
 from .transition import predict_link
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
@@ -58,19 +58,16 @@ class View(NamedTuple):
     cov: Matrix  # (2, KEPT, N, N)
     bench: Bench
     row: Vector  # (N,)
-    off: Vector  # (N,)
     then_mean: Vector  # (N,)
     then_cov: Matrix  # (N, N)
-    moved: Matrix  # (N, N)
     belief: Belief
 
 
 def new_view() -> View:
     """Scratch space for one thread."""
-    row, off, then_mean = np.zeros((3, N))
     return View(
-        np.zeros((2, KEPT)), np.zeros((2, KEPT, N)), np.zeros((2, KEPT, N, N)), new_bench(), row,
-        off, then_mean, np.zeros((N, N)), np.zeros((N, N)), new_belief(),
+        np.zeros((2, KEPT)), np.zeros((2, KEPT, N)), np.zeros((2, KEPT, N, N)), new_bench(),
+        np.zeros(N), np.zeros(N), np.zeros((N, N)), new_belief(),
     )  # fmt: skip
 
 
@@ -93,51 +90,6 @@ def begin_view(memory: Memory, view: View, step: int, slot: int) -> None:
     for i in range(memory.first_node[step + 1] - first):
         view.p[slot, i] = memory.p[first + i]
         recall(memory, first + i, view.mean[slot, i], view.cov[slot, i])
-
-
-@part
-def _add_link(
-    view: View, slot: int, j: int, i: int, weight: float, total: float, scale: float
-) -> None:
-    """Add the state of i that j tells of, weighed, to the moments of i gathered so far.
-
-    Of the covariance, only what stands below the diagonal is right.
-    """
-    bench = view.bench
-    solve_gain(bench)
-    gain = bench.gain
-    off = view.off
-    set_to(off, view.mean[slot, j])
-    add_times(off, -1.0, bench.mean)
-    off[X] /= scale
-    off[Y] /= scale
-    off[H] = wrap(off[H])
-    shift = view.row
-    moved = view.moved
-    set_times(shift, 0.0, off)
-    for a in range(N):
-        set_times(moved[a], 0.0, off)
-    later = ten()
-    for c in range(N):
-        add_times(shift, off[c], gain[c])
-        set_to(later, view.cov[slot, j, c])
-        add_times(later, -1.0, bench.cov[c])
-        for a in range(N):
-            add_times(moved[a], gain[c, a], later)
-    mean = view.mean[1 - slot, i]  # deviations from the filtered state until all are in
-    cov = view.cov[1 - slot, i]
-    share = weight / (total + weight)
-    set_to(off, shift)
-    add_times(off, -1.0, mean)
-    for a in range(N):
-        row = ten()
-        set_to(row, view.then_cov[a])
-        for k in range(N):
-            add_times(row, moved[a, k], gain[k])
-        add_times(row, -1.0, cov[a])
-        add_times(cov[a], share, row)
-        add_times(cov[a], share * (1.0 - share) * off[a], off)
-    add_times(mean, share, off)
 
 
 @part
@@ -218,8 +170,11 @@ def step_back(
                     view.bench, view.row, memory, roads, route, step, then + i, j,
                     view.then_mean, view.then_cov, mode, scale, side, par,
                 )  # fmt: skip
-                _add_link(view, slot, j - here, i, weight, told, scale)
                 told += weight
+                add_link(
+                    view.bench, view.mean[slot, j - here], view.cov[slot, j - here],
+                    view.then_cov, mean, cov, weight / told, scale,
+                )  # fmt: skip
         _settle(view, other, i, scale)
         sum_p += view.p[other, i]
     for i in range(n):
