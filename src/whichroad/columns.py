@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .core.belief import NO_EDGE, OFF_ROAD
@@ -48,6 +48,7 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 _GAP = 1 << 20  # beyond all rules
+_SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
@@ -192,25 +193,26 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[in
         for k in first
     ]
     rows = np.flatnonzero(vie)
+    told = pa.array(texts, pa.string())
+    also = pc.if_else(pc.equal(told, ""), None, told).take(pa.array(at[rows]))
     words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
-    also = [texts[k] for k in at[rows].tolist()]
+    words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    texts += [f"{w}; {more}" if more else w for w, more in zip(words, also, strict=True)]
-    return pa.array(texts, pa.string()).take(pa.array(at))
+    return pa.concat_arrays([told, words]).take(pa.array(at))
 
 
-def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> list[str]:
+def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     """`reasons.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
     edge, which = np.unique(edges[row, rank], return_inverse=True)
     names = dict(zip(edge.tolist(), roads.names(np.maximum(edge, 0)), strict=True))
-    titles = [title(e, names.__getitem__) for e in names]
+    titles = pa.array([title(e, names.__getitem__) for e in names], pa.string())
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    share, which = np.unique(which * 128 + cents, return_inverse=True)
-    words = [f"{titles[k >> 7]} ({0.01 * (k & 127):.2f})" for k in share.tolist()]
-    said = [words[k] for k in which.tolist()]
-    ends = np.searchsorted(row, np.arange(len(edges) + 1)).tolist()
-    return [" or ".join(said[low:high]) for low, high in pairwise(ends)]
+    said = pc.binary_join_element_wise(
+        titles.take(pa.array(which)), _SHARES.take(pa.array(cents)), " "
+    )
+    ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
+    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
 
 
 def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
@@ -244,8 +246,6 @@ def path_table(
     count = np.diff(first if first is not None else [0, len(way.edge)])
     edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
     source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    x, y, vertex = roads.edge_lines(edges, enter, leave)
-    lat, lon = roads.plane.to_geodetic(x, y)
     duration = way.exit_time - way.enter_time
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
@@ -266,9 +266,22 @@ def path_table(
         "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array(way.p),
         "broken_rule": _broken(way),
-        "geometry": line_wkb(lon, lat, vertex) if rows else pa.array([], pa.binary()),
+        "geometry": _lines(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
+
+
+def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> pa.Array:
+    """Edges as they were driven, as WKB; an edge that several drove as a whole is drawn once."""
+    rows = len(edges)
+    if not rows:
+        return pa.array([], pa.binary())
+    whole = (enter <= 0.0) & (leave >= roads.arrays.length[edges])
+    key = np.where(whole, edges, len(roads.arrays.length) + np.arange(rows))
+    _, one, at = np.unique(key, return_index=True, return_inverse=True)
+    x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
+    lat, lon = roads.plane.to_geodetic(x, y)
+    return line_wkb(lon, lat, vertex).take(pa.array(at))
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
