@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from .core._jit import Matrix
 from .core.belief import NO_EDGE, OFF_ROAD
 from .core.epoch import Epochs
 from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
@@ -52,7 +53,7 @@ _SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
-    return pa.array(values, mask=absent)
+    return pa.array(values, mask=absent if absent.any() else None)
 
 
 def points_table(
@@ -78,22 +79,22 @@ def points_table(
         A table with the columns of `tables.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
-    plane, v = roads.plane, output.value
+    plane, v = roads.plane, output.value.T.copy()  # by columns: all that follows takes them whole
     none = output.live == 0
-    x, y = v[:, V_X], v[:, V_Y]
+    x, y = v[V_X], v[V_Y]
     lat, lon = plane.to_geodetic(x, y)
-    map_lat, map_lon = plane.to_geodetic(v[:, V_MAP_X], v[:, V_MAP_Y])
-    match_lat, match_lon = plane.to_geodetic(v[:, V_MATCH_X], v[:, V_MATCH_Y])
+    map_lat, map_lon = plane.to_geodetic(v[V_MAP_X], v[V_MAP_Y])
+    match_lat, match_lon = plane.to_geodetic(v[V_MATCH_X], v[V_MATCH_Y])
     turn = plane.convergence(x, y)
-    bearing = np.degrees(math.pi / 2 - (v[:, V_H] - turn)) % 360.0
+    bearing = np.degrees(math.pi / 2 - (v[V_H] - turn)) % 360.0
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
-    xx, xy, yy = v[:, V_XX], v[:, V_XY], v[:, V_YY]
+    xx, xy, yy = v[V_XX], v[V_XY], v[V_YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
     nn = s * s * xx - 2 * c * s * xy + c * c * yy
     en = c * s * (yy - xx) + (c * c - s * s) * xy
     major, minor, axis = ellipse(ee, en, nn)
     off = none | (output.edge < 0)
-    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[:, V_S])
+    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[V_S])
     source, forward = _sources(roads, edge, s, off)
     status = np.array(STATUS)[output.status]
     columns = {
@@ -102,30 +103,30 @@ def points_table(
         "lat": _nullable(lat, none),
         "lon": _nullable(lon, none),
         "bearing_deg": _nullable(bearing, none),
-        "speed_mps": _nullable(v[:, V_SPEED], none),
+        "speed_mps": _nullable(v[V_SPEED], none),
         "cov_ee_m2": _nullable(ee, none),
         "cov_en_m2": _nullable(en, none),
         "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[:, V_HH], 0))), none),
+        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
         "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
         "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,
-        "abscissa_m": _nullable(v[:, V_S], off),
-        "lateral_m": _nullable(v[:, V_LATERAL], off),
+        "abscissa_m": _nullable(v[V_S], off),
+        "lateral_m": _nullable(v[V_LATERAL], off),
         "matched_lat": _nullable(match_lat, off),
         "matched_lon": _nullable(match_lon, off),
         "map_lat": _nullable(map_lat, none),
         "map_lon": _nullable(map_lon, none),
-        "p_road": _nullable(v[:, V_P], none),
-        "p_off_road": _nullable(v[:, V_OFF], none),
+        "p_road": _nullable(v[V_P], none),
+        "p_off_road": _nullable(v[V_OFF], none),
         "status": pa.array(status),
-        "reason": _reasons(epochs, output, roads, first),
+        "reason": _reasons(epochs, output, v, roads, first),
         "alternatives": _alternatives(output),
-        "protection_level_m": _nullable(v[:, V_PROTECTION], none),
-        "gnss_scale": _nullable(v[:, V_GNSS_SCALE], none | (v[:, V_GNSS_SCALE] == 0.0)),
+        "protection_level_m": _nullable(v[V_PROTECTION], none),
+        "gnss_scale": _nullable(v[V_GNSS_SCALE], none | (v[V_GNSS_SCALE] == 0.0)),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
@@ -172,13 +173,15 @@ def _alternatives(output: Output) -> pa.Array:
     return pa.ListArray.from_arrays(pa.array(ends), rows)
 
 
-def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[int]) -> pa.Array:
+def _reasons(
+    epochs: Epochs, output: Output, v: Matrix, roads: RoadMap, begins: Sequence[int]
+) -> pa.Array:
     """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
     n, status = len(epochs.time), output.status
     if not n:
         return pa.array([], pa.string())
-    away = np.rint(_disbelieved(epochs, output, begins))
-    scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
+    away = np.rint(_disbelieved(epochs, output.live, v, begins))
+    scale = np.rint(10.0 * v[V_GNSS_SCALE])
     scale[away > 0.0] = 0.0
     vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
@@ -215,18 +218,23 @@ def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
 
 
-def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
+def _disbelieved(epochs: Epochs, live: NDArray[np.int32], v: Matrix, first: Sequence[int]) -> Array:
     """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
-    v, k = output.value, np.flatnonzero(epochs.has_fix)
+    n, k = len(live), np.flatnonzero(epochs.has_fix)
     if not len(k):
-        return np.zeros(len(v))
-    away = np.hypot(epochs.fix[k, 0] - v[k, V_X], epochs.fix[k, 1] - v[k, V_Y])
-    own = epochs.fix[k, 2] * np.maximum(v[k, V_GNSS_SCALE], 1.0)
-    far = far_off(away, np.sqrt(own**2 + v[k, V_XX] + v[k, V_YY])) & (output.live[k] > 0)
-    last = np.searchsorted(k, np.arange(len(v)), side="right") - 1
-    begin = np.repeat(first, np.diff(first, append=len(v)))  # of the row's own drive
+        return np.zeros(n)
+    every = len(k) == n
+    at = slice(None) if every else k
+    away = np.hypot(epochs.fix[at, 0] - v[V_X, at], epochs.fix[at, 1] - v[V_Y, at])
+    own = epochs.fix[at, 2] * np.maximum(v[V_GNSS_SCALE, at], 1.0)
+    far = far_off(away, np.sqrt(own**2 + v[V_XX, at] + v[V_YY, at])) & (live[at] > 0)
+    away = np.where(far, away, 0.0)
+    if every:
+        return away
+    last = np.searchsorted(k, np.arange(n), side="right") - 1
+    begin = np.repeat(first, np.diff(first, append=n))  # of the row's own drive
     recent = (last >= 0) & (k[last] >= begin) & (epochs.time - epochs.time[k[last]] <= RECENT)
-    return np.where(recent, np.where(far, away, 0.0)[last], 0.0)
+    return np.where(recent, away[last], 0.0)
 
 
 def path_table(
