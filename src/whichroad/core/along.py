@@ -95,7 +95,7 @@ def advance_along(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
     q_along: float, q_rate: float, q_cross: float, heading_variance: float,
     node_radius: float, node_variance: float, side: float, lane_sigma: float, prune: float,
-    least: float,
+    passed: float,
 ) -> bool:  # fmt: skip
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
@@ -118,7 +118,7 @@ def advance_along(
         side: 1 where one drives on the right, −1 on the left.
         lane_sigma: Spread of the lane offset, m.
         prune: Probability below which a hypothesis is not worth its while.
-        least: Probability that has to have passed an end, or most of it, before it branches.
+        passed: Probability that has to have passed an end, or most of it, before it branches.
 
     Returns:
         Whether anything branched.
@@ -141,7 +141,7 @@ def advance_along(
         p = belief.probability[i]
         end = 1e9
         owed = belief.stay[i]
-        enough = share * p >= 0.3 * prune and share >= min(least / p, MOSTLY)
+        enough = share * p >= 0.3 * prune and share >= min(passed / p, MOSTLY)
         if enough and belief.size[0] < CAPACITY:
             owed = 0.0
             changed = True

@@ -115,7 +115,7 @@ def observe_fix(
     gate: float,
     jumps: bool,
     row: Vector,
-    least: float = 0.0,
+    refuted: float = 0.0,
 ) -> float:
     """Condition every hypothesis on a GNSS fix (the paper's Y₁), its error correlated.
 
@@ -136,7 +136,7 @@ def observe_fix(
         gate: Chi-square (two degrees) of a fix that is taken at its word.
         jumps: Whether a misfit is the receiver's.
         row: Scratch, (N,).
-        least: Probability below which a hypothesis on a road is dropped before it is updated.
+        refuted: Probability below which a hypothesis on a road is dropped before it is updated.
 
     Returns:
         The smallest chi-square, before variance was added.
@@ -182,8 +182,8 @@ def observe_fix(
         belief.log_weight[i] -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
         v00[i] = s0
         v11[i] = s1
-    if least > 0.0:
-        drop_refuted(belief, least)
+    if refuted > 0.0:
+        drop_refuted(belief, refuted)
     for i in range(belief.size[0]):
         take_in(belief, i, fix, root, c, s, scale, lever, row)
     return best

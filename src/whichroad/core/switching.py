@@ -226,7 +226,7 @@ def destinations(
 @part
 def hand_over(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
-    side: float, lane_sigma: float, prune: float, least: float, cut: bool,
+    side: float, lane_sigma: float, prune: float, passed: float, cut: bool,
 ) -> bool:  # fmt: skip
     """Give the part of every hypothesis that has passed its edge's end to what follows.
 
@@ -245,7 +245,7 @@ def hand_over(
         side: 1 where one drives on the right, −1 on the left.
         lane_sigma: Spread of the lane offset, m.
         prune: Probability below which a hypothesis is not worth its while.
-        least: Probability that has to have passed an end, or most of it, before it is handed over.
+        passed: Probability that has to have passed an end, or most of it, before it is handed over.
         cut: Whether to cut the Gaussians at the edge's end.
 
     Returns:
@@ -274,7 +274,7 @@ def hand_over(
             belief.stay[i] = now
             continue
         share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
-        enough = share * p >= 0.3 * prune and share >= min(least / p, MOSTLY)
+        enough = share * p >= 0.3 * prune and share >= min(passed / p, MOSTLY)
         if not enough or belief.size[0] >= CAPACITY:
             belief.stay[i] = max(belief.stay[i], now)
             continue
