@@ -10,7 +10,9 @@ import pytest
 
 import whichroad
 from whichroad import columns, parcel
+from whichroad import fleet as fleets
 from whichroad.batch import match_many, match_stream
+from whichroad.fleet import localize_fleet
 from whichroad.frames import Plane
 from whichroad.localizer import localize_recorded
 from whichroad.parcel import Tables
@@ -196,10 +198,24 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
             raise ZeroDivisionError("oops")
         return localize_recorded(roads, timeline, **more)
 
+    def localize_all(roads, epochs, *more):
+        if (epochs.time == 1.6e9 + 100).any():
+            raise ZeroDivisionError("oops")
+        return localize_fleet(roads, epochs, *more)
+
     monkeypatch.setattr(parcel, "localize_recorded", localize)
+    monkeypatch.setattr(parcel, "localize_fleet", localize_all)
     rows = match_many(fleet, roads).drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 2 for i in range(7)]
     assert "ZeroDivisionError: oops" in rows[2]["reason"]
+
+
+@pytest.mark.parametrize("room", [0, 5, 12])
+def test_trips_that_need_more_room_are_matched_alone(roads, fleet, monkeypatch, room):
+    whole = match_many(fleet, roads)
+    monkeypatch.setattr(fleets, "_EDGES", 0)
+    monkeypatch.setattr(fleets, "_MORE_EDGES", room)  # a trip drives some four edges
+    assert same(whole, match_many(fleet, roads))
 
 
 def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatch):

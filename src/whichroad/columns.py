@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from .core._jit import Matrix
 from .core.belief import NO_EDGE, OFF_ROAD
 from .core.epoch import Epochs
 from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
@@ -48,10 +49,11 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 _GAP = 1 << 20  # beyond all rules
+_SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
-    return pa.array(values, mask=absent)
+    return pa.array(values, mask=absent if absent.any() else None)
 
 
 def points_table(
@@ -77,22 +79,22 @@ def points_table(
         A table with the columns of `tables.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
-    plane, v = roads.plane, output.value
+    plane, v = roads.plane, output.value.T.copy()  # by columns: all that follows takes them whole
     none = output.live == 0
-    x, y = v[:, V_X], v[:, V_Y]
+    x, y = v[V_X], v[V_Y]
     lat, lon = plane.to_geodetic(x, y)
-    map_lat, map_lon = plane.to_geodetic(v[:, V_MAP_X], v[:, V_MAP_Y])
-    match_lat, match_lon = plane.to_geodetic(v[:, V_MATCH_X], v[:, V_MATCH_Y])
+    map_lat, map_lon = plane.to_geodetic(v[V_MAP_X], v[V_MAP_Y])
+    match_lat, match_lon = plane.to_geodetic(v[V_MATCH_X], v[V_MATCH_Y])
     turn = plane.convergence(x, y)
-    bearing = np.degrees(math.pi / 2 - (v[:, V_H] - turn)) % 360.0
+    bearing = np.degrees(math.pi / 2 - (v[V_H] - turn)) % 360.0
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
-    xx, xy, yy = v[:, V_XX], v[:, V_XY], v[:, V_YY]
+    xx, xy, yy = v[V_XX], v[V_XY], v[V_YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
     nn = s * s * xx - 2 * c * s * xy + c * c * yy
     en = c * s * (yy - xx) + (c * c - s * s) * xy
     major, minor, axis = ellipse(ee, en, nn)
     off = none | (output.edge < 0)
-    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[:, V_S])
+    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[V_S])
     source, forward = _sources(roads, edge, s, off)
     status = np.array(STATUS)[output.status]
     columns = {
@@ -101,30 +103,30 @@ def points_table(
         "lat": _nullable(lat, none),
         "lon": _nullable(lon, none),
         "bearing_deg": _nullable(bearing, none),
-        "speed_mps": _nullable(v[:, V_SPEED], none),
+        "speed_mps": _nullable(v[V_SPEED], none),
         "cov_ee_m2": _nullable(ee, none),
         "cov_en_m2": _nullable(en, none),
         "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[:, V_HH], 0))), none),
+        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
         "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
         "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,
-        "abscissa_m": _nullable(v[:, V_S], off),
-        "lateral_m": _nullable(v[:, V_LATERAL], off),
+        "abscissa_m": _nullable(v[V_S], off),
+        "lateral_m": _nullable(v[V_LATERAL], off),
         "matched_lat": _nullable(match_lat, off),
         "matched_lon": _nullable(match_lon, off),
         "map_lat": _nullable(map_lat, none),
         "map_lon": _nullable(map_lon, none),
-        "p_road": _nullable(v[:, V_P], none),
-        "p_off_road": _nullable(v[:, V_OFF], none),
+        "p_road": _nullable(v[V_P], none),
+        "p_off_road": _nullable(v[V_OFF], none),
         "status": pa.array(status),
-        "reason": _reasons(epochs, output, roads, first),
+        "reason": _reasons(epochs, output, v, roads, first),
         "alternatives": _alternatives(output),
-        "protection_level_m": _nullable(v[:, V_PROTECTION], none),
-        "gnss_scale": _nullable(v[:, V_GNSS_SCALE], none | (v[:, V_GNSS_SCALE] == 0.0)),
+        "protection_level_m": _nullable(v[V_PROTECTION], none),
+        "gnss_scale": _nullable(v[V_GNSS_SCALE], none | (v[V_GNSS_SCALE] == 0.0)),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
@@ -171,13 +173,15 @@ def _alternatives(output: Output) -> pa.Array:
     return pa.ListArray.from_arrays(pa.array(ends), rows)
 
 
-def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[int]) -> pa.Array:
+def _reasons(
+    epochs: Epochs, output: Output, v: Matrix, roads: RoadMap, begins: Sequence[int]
+) -> pa.Array:
     """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
     n, status = len(epochs.time), output.status
     if not n:
         return pa.array([], pa.string())
-    away = np.rint(_disbelieved(epochs, output, begins))
-    scale = np.rint(10.0 * output.value[:, V_GNSS_SCALE])
+    away = np.rint(_disbelieved(epochs, output.live, v, begins))
+    scale = np.rint(10.0 * v[V_GNSS_SCALE])
     scale[away > 0.0] = 0.0
     vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
@@ -192,58 +196,64 @@ def _reasons(epochs: Epochs, output: Output, roads: RoadMap, begins: Sequence[in
         for k in first
     ]
     rows = np.flatnonzero(vie)
+    told = pa.array(texts, pa.string())
+    also = pc.if_else(pc.equal(told, ""), None, told).take(pa.array(at[rows]))
     words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
-    also = [texts[k] for k in at[rows].tolist()]
+    words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    texts += [f"{w}; {more}" if more else w for w, more in zip(words, also, strict=True)]
-    return pa.array(texts, pa.string()).take(pa.array(at))
+    return pa.concat_arrays([told, words]).take(pa.array(at))
 
 
-def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> list[str]:
+def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     """`reasons.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
     edge, which = np.unique(edges[row, rank], return_inverse=True)
     names = dict(zip(edge.tolist(), roads.names(np.maximum(edge, 0)), strict=True))
-    titles = [title(e, names.__getitem__) for e in names]
+    titles = pa.array([title(e, names.__getitem__) for e in names], pa.string())
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    share, which = np.unique(which * 128 + cents, return_inverse=True)
-    words = [f"{titles[k >> 7]} ({0.01 * (k & 127):.2f})" for k in share.tolist()]
-    said = [words[k] for k in which.tolist()]
-    ends = np.searchsorted(row, np.arange(len(edges) + 1)).tolist()
-    return [" or ".join(said[low:high]) for low, high in pairwise(ends)]
+    said = pc.binary_join_element_wise(
+        titles.take(pa.array(which)), _SHARES.take(pa.array(cents)), " "
+    )
+    ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
+    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
 
 
-def _disbelieved(epochs: Epochs, output: Output, first: Sequence[int]) -> Array:
+def _disbelieved(epochs: Epochs, live: NDArray[np.int32], v: Matrix, first: Sequence[int]) -> Array:
     """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
-    v, k = output.value, np.flatnonzero(epochs.has_fix)
+    n, k = len(live), np.flatnonzero(epochs.has_fix)
     if not len(k):
-        return np.zeros(len(v))
-    away = np.hypot(epochs.fix[k, 0] - v[k, V_X], epochs.fix[k, 1] - v[k, V_Y])
-    own = epochs.fix[k, 2] * np.maximum(v[k, V_GNSS_SCALE], 1.0)
-    far = far_off(away, np.sqrt(own**2 + v[k, V_XX] + v[k, V_YY])) & (output.live[k] > 0)
-    last = np.searchsorted(k, np.arange(len(v)), side="right") - 1
-    begin = np.repeat(first, np.diff(first, append=len(v)))  # of the row's own drive
+        return np.zeros(n)
+    every = len(k) == n
+    at = slice(None) if every else k
+    away = np.hypot(epochs.fix[at, 0] - v[V_X, at], epochs.fix[at, 1] - v[V_Y, at])
+    own = epochs.fix[at, 2] * np.maximum(v[V_GNSS_SCALE, at], 1.0)
+    far = far_off(away, np.sqrt(own**2 + v[V_XX, at] + v[V_YY, at])) & (live[at] > 0)
+    away = np.where(far, away, 0.0)
+    if every:
+        return away
+    last = np.searchsorted(k, np.arange(n), side="right") - 1
+    begin = np.repeat(first, np.diff(first, append=n))  # of the row's own drive
     recent = (last >= 0) & (k[last] >= begin) & (epochs.time - epochs.time[k[last]] <= RECENT)
-    return np.where(recent, np.where(far, away, 0.0)[last], 0.0)
+    return np.where(recent, away[last], 0.0)
 
 
-def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap) -> pa.Table:
+def path_table(
+    names: Sequence[str], way: Traversals, roads: RoadMap, first: Sequence[int] | None = None
+) -> pa.Table:
     """One row per traversed edge, in driving order, drive after drive.
 
     Args:
         names: (d,) of the drives.
-        ways: (d,) their routes.
+        way: Their routes, one behind the other.
         roads: The map.
+        first: (d + 1,) where each begins, and the number of edges; None: there is one.
 
     Returns:
         A table with the columns of `tables.PATH`.
     """
-    way = Traversals._make(np.concatenate(columns) for columns in zip(*ways, strict=True))
-    count = np.array([len(w.edge) for w in ways])
+    count = np.diff(first if first is not None else [0, len(way.edge)])
     edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
     source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    x, y, first = roads.edge_lines(edges, enter, leave)
-    lat, lon = roads.plane.to_geodetic(x, y)
     duration = way.exit_time - way.enter_time
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
@@ -264,9 +274,22 @@ def path_table(names: Sequence[str], ways: Sequence[Traversals], roads: RoadMap)
         "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array(way.p),
         "broken_rule": _broken(way),
-        "geometry": line_wkb(lon, lat, first) if rows else pa.array([], pa.binary()),
+        "geometry": _lines(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
+
+
+def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> pa.Array:
+    """Edges as they were driven, as WKB; an edge that several drove as a whole is drawn once."""
+    rows = len(edges)
+    if not rows:
+        return pa.array([], pa.binary())
+    whole = (enter <= 0.0) & (leave >= roads.arrays.length[edges])
+    key = np.where(whole, edges, len(roads.arrays.length) + np.arange(rows))
+    _, one, at = np.unique(key, return_index=True, return_inverse=True)
+    x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
+    lat, lon = roads.plane.to_geodetic(x, y)
+    return line_wkb(lon, lat, vertex).take(pa.array(at))
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
@@ -287,23 +310,46 @@ def _rule_names(bits: int) -> str | None:
     return ",".join(name for bit, name in _RULES if bits & bit) or None
 
 
-def figures_of(epochs: Epochs, output: Output, way: Traversals) -> dict[str, Any]:
-    """What `tables.DRIVES` tells of a drive in numbers."""
-    n = len(epochs.time)
+def figures_of(
+    epochs: Epochs, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
+) -> dict[str, NDArray[Any]]:
+    """What `tables.DRIVES` tells of drives in numbers, (d,) each.
+
+    Args:
+        epochs: (n,) of the drives, one behind the other.
+        output: (n,) what was said of them.
+        first: (d + 1,) the epoch at which each begins, and n.
+        way: (r,) their routes, one behind the other.
+        begins: (d + 1,) where each begins, and r.
+    """
     known = output.live > 0
-    answered = int(np.count_nonzero(known))
-    rows = slice(None) if answered == n else known
+    answered = _sums(known, first)
+    low, high = np.array(first[:-1]), np.array(first[1:])
+    some = high > low
+    ends = epochs.time[np.where(some, high - 1, 0)] - epochs.time[np.where(some, low, 0)]
     return {
-        "epochs": n,
-        "fixes": int(np.count_nonzero(epochs.has_fix)),
-        "epochs_without_answer": n - answered,
-        "duration_s": float(epochs.time[-1] - epochs.time[0]) if n else 0.0,
-        "path_m": float(np.sum(np.abs(way.exit_m - way.enter_m))),
-        "edges": len(way.edge),
-        "gaps": int(np.count_nonzero(way.gap)),
-        "mean_p_road": _mean(output.value[rows, V_P]),
-        "mean_p_off_road": _mean(output.value[rows, V_OFF]),
+        "epochs": high - low,
+        "fixes": _sums(epochs.has_fix > 0, first),
+        "epochs_without_answer": high - low - answered,
+        "duration_s": np.where(some, ends, 0.0),
+        "path_m": _sums(np.abs(way.exit_m - way.enter_m), begins),
+        "edges": np.diff(begins),
+        "gaps": _sums(way.gap, begins),
+        "mean_p_road": _sums(output.value[:, V_P] * known, first) / np.maximum(answered, 1),
+        "mean_p_off_road": _sums(output.value[:, V_OFF] * known, first) / np.maximum(answered, 1),
     }
+
+
+def _sums(values: NDArray[Any], first: Sequence[int]) -> NDArray[Any]:
+    """The sum of each part; parts begin at `first`, whose last number is where all end."""
+    if values.dtype == np.bool_:
+        values = values.astype(np.int64)
+    begin = np.array(first)
+    some = begin[1:] > begin[:-1]
+    sums = np.zeros(len(some), values.dtype)
+    if some.any():
+        sums[some] = np.add.reduceat(values, begin[:-1][some])
+    return sums
 
 
 def _mean(values: NDArray[Any]) -> float:
@@ -314,7 +360,8 @@ def summary_of(epochs: Epochs, output: Output, way: Traversals, masked: int) -> 
     """The drive in numbers, for people and for JSON."""
     n = len(epochs.time)
     shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
-    return figures_of(epochs, output, way) | {
+    figures = figures_of(epochs, output, [0, n], way, [0, len(way.edge)])
+    return {name: column[0].item() for name, column in figures.items()} | {
         "fixes_masked": masked,
         "mean_live_hypotheses": _mean(output.live[output.live > 0]),
         "status": {k: v for k, v in shares.items() if v > 0},

@@ -7,7 +7,6 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,9 +80,9 @@ def build_timeline(
             "data was expected"
         )
     if motion is None and fixes is not None and not mask:
-        alone = timelines_of(fixes, [0], plane)[0]
-        if alone is not None:
-            return alone
+        epochs, own = epochs_of_fixes(fixes, [0], plane)
+        if own[0]:
+            return Timeline(epochs, CLOCK, 0)
     streams = [m.time for m in (motion, fixes) if m is not None]
     time = _union(streams)
     n = len(time)
@@ -118,8 +117,10 @@ def build_timeline(
     )  # fmt: skip
 
 
-def timelines_of(fixes: Fixes, first: Sequence[int], plane: Plane) -> list[Timeline | None]:
-    """Timelines of drives that are fixes alone, made at once.
+def epochs_of_fixes(
+    fixes: Fixes, first: Sequence[int], plane: Plane
+) -> tuple[Epochs, NDArray[np.bool_]]:
+    """Epochs of drives that are fixes alone, made at once.
 
     Args:
         fixes: (n,) of the drives, one behind the other, each in the order of time.
@@ -127,24 +128,19 @@ def timelines_of(fixes: Fixes, first: Sequence[int], plane: Plane) -> list[Timel
         plane: The map's plane.
 
     Returns:
-        One for each drive; None where fixes are too close to be epochs of their own.
+        One epoch for each fix, and (d,) of which drives they are: False where fixes are too
+        close to be epochs of their own.
     """
     n = len(fixes)
-    if not n:
-        return []
     apart = np.diff(fixes.time, prepend=-np.inf) > _SAME
     apart[first] = True
-    good = np.logical_and.reduceat(apart, first)
     still, ones = np.zeros(n), np.ones(n, np.uint8)
     fix, course, course_sigma = fix_rows(fixes, plane)
     epochs = Epochs(
         fixes.time, still, still, still, still, np.zeros(n, np.uint8), ones, fix,
         fixes.speed, fixes.sigma_speed, course, course_sigma,
     )  # fmt: skip
-    return [
-        Timeline(Epochs._make([column[low:high] for column in epochs]), CLOCK, 0) if own else None
-        for own, (low, high) in zip(good, pairwise([*first, n]), strict=True)
-    ]
+    return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 
 def _nearest(time: Array, wanted: Array) -> NDArray[np.int64]:

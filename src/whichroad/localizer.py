@@ -12,18 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.belief import (
-    NOW,
-    SPEED,
-    STARTED,
-    Belief,
-    H,
-    new_belief,
-    new_route,
-)
+from .core.belief import NOW, SPEED, STARTED, Belief, H, new_belief, new_route
 from .core.drive import run
 from .core.epoch import CLOCK, DISTANCE, WHEELS, new_epochs
-from .core.memory import enlarged, is_full, new_memory
+from .core.memory import is_full, new_memory
 from .core.motion import arc_chord
 from .core.output import (
     V_GNSS_SCALE,
@@ -58,7 +50,7 @@ from .records import (
     WheelTicks,
 )
 from .roadmap import RoadMap
-from .scratch import Scratch, trimmed
+from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .sensors.odometry import step_between
@@ -69,7 +61,7 @@ from .watch import Watch
 from .ways import best_chain, heaviest_chain, tidied
 
 _CHUNK = 20_000  # epochs between two looks at the route tree and the progress bar
-_NOTHING = new_memory(0)
+NOTHING = new_memory(0)  # is remembered
 _WHOLE = 15.0  # s between fixes, beyond which a route is chosen as a whole
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
@@ -93,11 +85,13 @@ class Recorded(NamedTuple):
         return self.diagnose()
 
 
-def _side(vehicle: Vehicle) -> float:
+def side_of(vehicle: Vehicle) -> float:
+    """1 where one drives on the right, −1 on the left."""
     return 1.0 if vehicle.driving_side == "right" else -1.0
 
 
-def _lever(vehicle: Vehicle) -> Array:
+def lever_of(vehicle: Vehicle) -> Array:
+    """The antenna ahead and left of M, m, (2,)."""
     return np.array([vehicle.antenna_forward, vehicle.antenna_left])
 
 
@@ -142,7 +136,7 @@ def localize_recorded(
         )
     scratch = Scratch.taken()
     belief, work, route = scratch.renewed(lag is not None)
-    memory, view = (_NOTHING, None) if lag is None else scratch.back()
+    memory, view = (NOTHING, None) if lag is None else scratch.back()
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -159,11 +153,11 @@ def localize_recorded(
         target = min(done + _CHUNK, n)
         done = run(
             belief, roads.arrays, route, work, epochs, output, done, target, timeline.mode,
-            _side(vehicle), _lever(vehicle), par, settings.outage_after_s,
+            side_of(vehicle), lever_of(vehicle), par, settings.outage_after_s,
             settings.ambiguous_below, False, memory,
         )  # fmt: skip
         if lag is not None and is_full(memory):
-            memory = enlarged(memory)
+            memory = scratch.enlarged(memory)
         elif done < target or len(route.edge) - route.size[0] < 4096:
             route = tidied(route, belief.node[: belief.size[0]], memory.tree[: memory.size[1]])
         if progress is not None:
@@ -173,16 +167,15 @@ def localize_recorded(
     if lag is None or not memory.size[0]:
         scratch.give_back()
         return Recorded(output, *heaviest, told)
-    route, memory = trimmed(route, memory)
     past = Past(
-        roads, memory, route, epochs, output, timeline.mode, _side(vehicle), par,
+        roads, memory, route, epochs, output, timeline.mode, side_of(vehicle), par,
         settings.outage_after_s, settings.ambiguous_below, lag,
     )  # fmt: skip
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, view)  # first: the route is chosen by the smoothed probabilities
-    chain = (
-        heaviest if whole else best_chain(memory, route, roads.arrays)
-    )  # between fixes far apart a route is chosen as a whole, which epochs do not see
+    # between fixes far apart a route is chosen as a whole, which epochs do not see
+    chain = heaviest if whole else best_chain(memory, route, roads.arrays)
+    past = past._replace(memory=told_of(memory), route=entered(route))
     scratch.give_back()
     return Recorded(smoothed, *chain, told, past)
 
@@ -227,7 +220,7 @@ class Localizer:
         self._epoch = new_epochs(1)
         self._output = new_output(1, False)
         self._par = self.settings.parameters()
-        self._lever, self._side = _lever(self.vehicle), _side(self.vehicle)
+        self._lever, self._side = lever_of(self.vehicle), side_of(self.vehicle)
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._interval = 0.0  # s, usually between odometry readings
@@ -395,7 +388,7 @@ class Localizer:
             self._belief, self.roads.arrays, self._route, self._work,
             self._epoch, self._output, 0, 1, self._mode, self._side, self._lever, self._par,
             self.settings.outage_after_s, self.settings.ambiguous_below, False,
-            _NOTHING if self._past is None else self._past.memory,
+            NOTHING if self._past is None else self._past.memory,
         )  # fmt: skip
 
     def estimate(self) -> Estimate:

@@ -4,19 +4,20 @@ A trip of fixes about which there is nothing to say costs little more than its f
 Others are read one by one, and say what they would alone.
 """
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from .columns import figures_of, path_table, points_table
-from .core.epoch import Epochs
-from .core.output import Output
-from .epochs import Timeline, timelines_of
+from .core.epoch import CLOCK, Epochs, new_epochs
+from .epochs import Timeline, epochs_of_fixes
 from .errors import SettingError, WhichroadError
-from .localizer import Recorded, localize_recorded
+from .fleet import Fleet, localize_fleet, one_fleet
+from .localizer import localize_recorded
 from .readers import drive_from_table
 from .readers.together import fixes_together
 from .readers.trips import Parcel
@@ -45,11 +46,35 @@ def joined(parts: Sequence[Tables]) -> Tables:
 
 
 class _Answer(NamedTuple):
-    """A trip, localized."""
+    """Trips, localized."""
 
-    epochs: Epochs
-    recorded: Recorded
-    drive: Drive | None  # None: there is nothing to say of its reading
+    names: list[str]
+    fleet: Fleet
+    drive: Drive | None  # of one trip; None: there is nothing to say of their reading
+
+    def each(self) -> "list[_Answer]":
+        """One by one."""
+        fleets = self.fleet.each() if len(self.names) > 1 else [self.fleet]
+        return [_Answer([n], f, self.drive) for n, f in zip(self.names, fleets, strict=True)]
+
+
+class _Failure(NamedTuple):
+    """A trip without an answer."""
+
+    name: str
+    reason: str
+
+    def each(self) -> "list[_Failure]":
+        """Itself."""
+        return [self]
+
+
+class _Plain(NamedTuple):
+    """Those trips of a parcel about whose reading there is nothing to say."""
+
+    epochs: Epochs  # of all, one behind the other
+    first: NDArray[np.int64]  # (trips + 1,) where those of each trip of the parcel begin
+    usable: NDArray[np.bool_]  # (trips,) whether they are its epochs
 
 
 class Job(NamedTuple):
@@ -65,106 +90,142 @@ class Job(NamedTuple):
         """The answers to the trips of a parcel."""
         vehicle = self.vehicle or Vehicle()
         settings = tuned_by(self.settings, vehicle)
-        answers: list[tuple[str, _Answer | str]] = []
-        bounds = pairwise(parcel.first)
-        for name, (low, high), timeline in zip(
-            parcel.names, bounds, self._timelines(parcel), strict=True
-        ):
-            what = timeline or parcel.table.slice(low, high - low)
-            answers.append((name, self._answer(name, what, vehicle, settings)))
+        answers = list(self._answers(parcel, vehicle, settings))
         try:
             return self._together(answers)
         except Exception:  # find out which trip's tables cannot be made
-            return joined([self._alone(name, answer) for name, answer in answers])
+            return joined([self._alone(one) for answer in answers for one in answer.each()])
 
-    def _timelines(self, parcel: Parcel) -> list[Timeline | None]:
-        """The epochs of each trip; None where it must be read alone."""
-        first = np.array(parcel.first)
+    def _answers(
+        self, parcel: Parcel, vehicle: Vehicle, settings: Settings
+    ) -> Iterator[_Answer | _Failure]:
+        """The answers to all trips, in order; as many at once as may be."""
+        plain, trip = self._plain(parcel), 0
+        odd = np.flatnonzero(~plain.usable if self.lag is None else np.ones(len(parcel.names)))
+        while trip < len(parcel.names):
+            end = int(next(iter(odd[odd >= trip]), len(parcel.names)))
+            found = self._fleet(parcel.names, plain, trip, end, vehicle, settings)
+            if found is not None:
+                yield found
+                trip += len(found.names)
+            if trip < len(parcel.names) and (found is None or trip < end):
+                yield self._answer(parcel, plain, trip, vehicle, settings)
+                trip += 1
+
+    def _plain(self, parcel: Parcel) -> _Plain:
+        """The epochs of the trips that need not be read alone."""
+        first, usable = np.array(parcel.first), np.zeros(len(parcel.names), np.bool_)
         read = fixes_together(parcel.table, first[:-1], self.settings or Settings())
-        if read is None:
-            return [None] * len(parcel.names)
+        if read is None or not len(read[0]):
+            return _Plain(new_epochs(0), np.zeros(len(first), np.int64), usable)
         fixes, plain = read
-        count = np.diff(first)[plain]
-        begin = np.cumsum(count) - count
-        own = timelines_of(fixes, begin.tolist(), self.roads.plane)
-        near = np.repeat(True, 0)
-        if len(begin):
-            near = np.logical_or.reduceat(are_near(fixes, self.roads), begin)
-        timelines: list[Timeline | None] = [None] * len(parcel.names)
-        for trip, timeline, usable in zip(np.flatnonzero(plain), own, near, strict=True):
-            timelines[trip] = timeline if usable else None
-        return timelines
+        begin = np.cumsum([0, *np.where(plain, np.diff(first), 0)])
+        own = begin[:-1][plain]
+        epochs, apart = epochs_of_fixes(fixes, own.tolist(), self.roads.plane)
+        near = np.logical_or.reduceat(are_near(fixes, self.roads), own)
+        usable[plain] = apart & near
+        return _Plain(epochs, begin, usable & [name != "" for name in parcel.names])
+
+    def _fleet(
+        self, names: list[str], plain: _Plain, trip: int, end: int, vehicle: Vehicle,
+        settings: Settings,
+    ) -> _Answer | None:  # fmt: skip
+        """The answers to some usable trips from one on, or None where it has to be alone."""
+        if trip == end:
+            return None
+        bounds = plain.first[trip : end + 1]
+        epochs = Epochs._make(column[bounds[0] : bounds[-1]] for column in plain.epochs)
+        try:
+            fleet = localize_fleet(
+                self.roads, epochs, (bounds - bounds[0]).tolist(), vehicle, settings
+            )
+        except Exception:  # find out whose trouble it is
+            return None
+        return fleet and _Answer(names[trip : trip + len(fleet.first) - 1], fleet, None)
 
     def _answer(
-        self, name: str, what: Timeline | pa.Table, vehicle: Vehicle, settings: Settings
-    ) -> _Answer | str:
+        self, parcel: Parcel, plain: _Plain, trip: int, vehicle: Vehicle, settings: Settings
+    ) -> _Answer | _Failure:
         """The answer to one trip, or why there is none."""
+        name, (low, high) = parcel.names[trip], parcel.first[trip : trip + 2]
         if not name:
-            rows = len(what.epochs.time) if isinstance(what, Timeline) else what.num_rows
-            return f"{rows:,} rows name no trip; a drive_id in each was expected"
+            rows = f"{high - low:,} rows name no trip"
+            return _Failure(name, f"{rows}; a drive_id in each was expected")
         try:
             drive = None
-            if not isinstance(what, Timeline):
-                drive = drive_from_table(what, vehicle=self.vehicle, settings=self.settings)[0]
-                what = timeline_of(drive, self.roads, vehicle)
+            if plain.usable[trip]:
+                begin, end = plain.first[trip : trip + 2]
+                epochs = Epochs._make(column[begin:end] for column in plain.epochs)
+                timeline = Timeline(epochs, CLOCK, 0)
+            else:
+                rows_ = parcel.table.slice(low, high - low)
+                drive = drive_from_table(rows_, vehicle=self.vehicle, settings=self.settings)[0]
+                timeline = timeline_of(drive, self.roads, vehicle)
             recorded = localize_recorded(
-                self.roads, what, vehicle=vehicle, settings=settings, lag=self.lag
+                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
             )
-            return _Answer(what.epochs, recorded, drive)
+            way = traversals(timeline.epochs, recorded, self.roads.arrays)
+            bounds = [0, len(timeline.epochs.time)], [0, len(way.edge)]
+            fleet = Fleet(timeline.epochs, recorded.output, bounds[0], way, bounds[1])
+            return _Answer([name], fleet, drive)
         except SettingError:
             raise  # it is the caller's, not the trip's
         except WhichroadError as error:
-            return str(error)
+            return _Failure(name, str(error))
         except Exception as error:  # one trip's trouble is not the others'
-            return _unexpected(error)
+            return _Failure(name, _unexpected(error))
 
-    def _alone(self, name: str, answer: _Answer | str) -> Tables:
+    def _alone(self, answer: _Answer | _Failure) -> Tables:
         try:
-            return self._together([(name, answer)])
+            return self._together([answer])
         except Exception as error:
-            return self._together([(name, _unexpected(error))])
+            name = answer.name if isinstance(answer, _Failure) else answer.names[0]
+            return self._together([_Failure(name, _unexpected(error))])
 
-    def _together(self, answers: Sequence[tuple[str, _Answer | str]]) -> Tables:
+    def _together(self, answers: Sequence[_Answer | _Failure]) -> Tables:
         """The tables of some trips, each made at once."""
-        found = [(name, a) for name, a in answers if isinstance(a, _Answer)]
-        epochs, outputs = [a.epochs for _, a in found], [a.recorded.output for _, a in found]
-        ways = [traversals(a.epochs, a.recorded, self.roads.arrays) for _, a in found]
-        told = map(figures_of, epochs, outputs, ways)
-        rows = [_failed(n, a) if isinstance(a, str) else _row(n, a, next(told)) for n, a in answers]
-        drives = pa.Table.from_pylist(rows, DRIVES)
+        drives = pa.concat_tables(
+            [_failed(a) if isinstance(a, _Failure) else _told(a) for a in answers]
+        )
+        found = [a for a in answers if isinstance(a, _Answer)]
         if not found:
             columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
             return Tables(columns.empty_table(), PATH.empty_table(), drives)
-        names = [name for name, _ in found]
-        first = np.cumsum([0, *(len(e.time) for e in epochs)])[:-1].tolist()
+        names = [name for a in found for name in a.names]
+        fleet = one_fleet([a.fleet for a in found])
         points = points_table(
-            names,
-            Epochs._make(map(np.concatenate, zip(*epochs, strict=True))),
-            Output._make(map(np.concatenate, zip(*outputs, strict=True))),
-            self.roads,
-            attributes=self.attributes,
-            first=first,
-        )
-        return Tables(points, path_table(names, ways, self.roads), drives)
+            names, fleet.epochs, fleet.output, self.roads, attributes=self.attributes,
+            first=fleet.first[:-1],
+        )  # fmt: skip
+        return Tables(points, path_table(names, fleet.way, self.roads, fleet.first_edge), drives)
 
 
 def _unexpected(error: Exception) -> str:
     return f"this should not happen ({type(error).__name__}: {error}); please report it"
 
 
-def _failed(name: str, reason: str) -> dict[str, Any]:
-    return {"drive_id": name, "answered": False, "reason": reason, "epochs": 0, "fixes": 0,
-            "epochs_without_answer": 0}  # fmt: skip
+def _failed(failure: _Failure) -> pa.Table:
+    """A trip without an answer as a row of `tables.DRIVES`."""
+    row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
+           "fixes": 0, "epochs_without_answer": 0}  # fmt: skip
+    return pa.Table.from_pylist([row], DRIVES)
 
 
-def _row(name: str, answer: _Answer, figures: dict[str, Any]) -> dict[str, Any]:
-    """A trip as a row of `tables.DRIVES`."""
-    answered = figures["epochs_without_answer"] < figures["epochs"]
-    drive = answer.drive
-    return figures | {
-        "drive_id": name,
+def _told(answer: _Answer) -> pa.Table:
+    """Trips as rows of `tables.DRIVES`."""
+    fleet, drive, d = answer.fleet, answer.drive, len(answer.names)
+    columns: dict[str, Any] = dict(
+        figures_of(fleet.epochs, fleet.output, fleet.first, fleet.way, fleet.first_edge)
+    )
+    answered = columns["epochs_without_answer"] < columns["epochs"]
+    reasons = pa.array(["no epoch could be answered"] * d, pa.string())
+    columns |= {
+        "drive_id": answer.names,
         "answered": answered,
-        "reason": None if answered else "no epoch could be answered",
-        "skipped": list(drive.skipped.items()) if drive else [],
-        "notes": list(drive.notes) if drive else [],
+        "reason": pc.if_else(pa.array(answered), None, reasons),
+        "skipped": [list(drive.skipped.items()) if drive else []] * d,
+        "notes": [list(drive.notes) if drive else []] * d,
     }
+    return pa.Table.from_arrays(
+        [pa.array(columns[field.name], field.type) for field in DRIVES], schema=DRIVES
+    )

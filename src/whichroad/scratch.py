@@ -10,11 +10,12 @@ import numpy as np
 
 from .core.belief import Belief, Route, new_belief, new_route
 from .core.lookback import View, new_view
-from .core.memory import Memory, new_memory
+from .core.memory import Memory, enlarged, new_memory
 from .core.switching import Work, new_work
 
 _TREE = 1 << 15  # edges entered, for which there is room at first
 _STEPS = 1 << 10  # that are remembered
+_MOST_STEPS = 1 << 12  # for which room is kept: 10 MiB
 _free = threading.local()  # `scratch`: each thread's, while nobody works on it
 
 
@@ -25,7 +26,7 @@ class Scratch:
         self._new = {remembered: new_belief(remembered) for remembered in (False, True)}
         self._used = {remembered: new_belief(remembered) for remembered in (False, True)}
         self._work, self._route = new_work(), new_route(_TREE)
-        self._new_view: View | None = None
+        self._view: View | None = None
 
     @classmethod
     def taken(cls) -> "Scratch":
@@ -35,6 +36,11 @@ class Scratch:
     def give_back(self) -> None:
         """Leave it to the next drive; nothing of it may be looked at any more."""
         _free.scratch = self
+
+    @property
+    def empty(self) -> Belief:
+        """A belief that nobody writes to."""
+        return self._new[False]
 
     def renewed(self, remembered: bool) -> tuple[Belief, Work, Route]:
         """An empty belief, scratch space for the kernels, an empty tree of edges."""
@@ -47,31 +53,41 @@ class Scratch:
 
     def back(self) -> tuple[Memory, View]:
         """An empty memory, and scratch space to look back."""
-        if self._new_view is None:
-            self._memory, self._view, self._new_view = new_memory(_STEPS), new_view(), new_view()
-        _renew(self._view, self._new_view)
+        if self._view is None:
+            self._memory, self._view = new_memory(_STEPS), new_view()
+        _renew(self._view.belief[2:], self._new[False][2:])  # the rest is written, then read
         self._memory.size[:] = 0
         self._memory.since[:] = 0.0
         return self._memory, self._view
 
+    def enlarged(self, memory: Memory) -> Memory:
+        """The same memory with room for more, kept for the drives to come unless it is huge."""
+        larger = enlarged(memory)
+        if len(larger.time) <= _MOST_STEPS:
+            self._memory = larger
+        return larger
+
 
 def _renew(used: Any, new: Any) -> None:
-    """Copy arrays, also those of the tuples within."""
+    """Copy arrays."""
     for mine, its in zip(used, new, strict=True):
-        if isinstance(mine, tuple):
-            _renew(mine, its)
-        else:
-            np.copyto(mine, its)
+        np.copyto(mine, its)
 
 
-def trimmed(route: Route, memory: Memory) -> tuple[Route, Memory]:
-    """What was entered and remembered, as arrays of its own that end with it."""
+def entered(route: Route) -> Route:
+    """The edges that were entered, as arrays of their own."""
+    size = max(int(route.size[0]), 1)
+    return Route._make(a[:size].copy() for a in route)
+
+
+def told_of(memory: Memory) -> Memory:
+    """What was remembered, as arrays of its own that end with it, without the states.
+
+    These are nine tenths of it, and nobody needs them who has looked back.
+    """
     steps, nodes, links = memory.size.tolist()
     room = {len(memory.time): steps, len(memory.edge): nodes, len(memory.origin): links}
     room |= {len(memory.first_node): steps + 1, len(memory.first_link): nodes + 1}
-    kept = (a[: room.get(len(a))].copy() for a in memory[:-2])
-    size = max(int(route.size[0]), 1)
-    return (
-        Route._make(a[:size].copy() for a in route),
-        Memory._make([*kept, memory.since.copy(), memory.size.copy()]),
-    )
+    short = memory._replace(mean=memory.mean[:0], cov=memory.cov[:0])
+    kept = (a[: room.get(len(a))].copy() for a in short[:-2])
+    return Memory._make([*kept, memory.since.copy(), memory.size.copy()])

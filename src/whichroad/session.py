@@ -198,7 +198,7 @@ def _match_one(
             points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
             attributes=attributes,
         ),
-        lambda: path_table([drive.drive_id], [way()], roads),
+        lambda: path_table([drive.drive_id], way(), roads),
         lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,

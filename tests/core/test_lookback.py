@@ -166,16 +166,16 @@ def test_the_gain_is_that_of_the_normal_equations(seed: int, silent: bool):
     _, cov = random_state(rng)
     bench = new_bench()
     bench.cov[:] = cov
-    bench.cross[:] = rng.normal(size=(N, N)) @ cov  # in the span of what varies
+    bench.cross[:] = cov @ rng.normal(size=(N, N))  # in the span of what varies
     if silent:  # a state that nobody uses
         for a in (B, D):
-            bench.cov[a], bench.cov[:, a], bench.cross[:, a] = 0.0, 0.0, 0.0
+            bench.cov[a], bench.cov[:, a], bench.cross[a] = 0.0, 0.0, 0.0
     solve_gain(bench)
     sigma = np.sqrt(np.where(np.diag(bench.cov) > 0.0, np.diag(bench.cov), 1.0))
     scaled = bench.cov / np.outer(sigma, sigma)
-    expected = bench.cross / sigma @ np.linalg.pinv(scaled, hermitian=True) / sigma
+    expected = bench.cross.T / sigma @ np.linalg.pinv(scaled, hermitian=True) / sigma
     np.testing.assert_allclose(
-        bench.gain * sigma, expected * sigma, atol=1e-6 * np.abs(expected * sigma).max()
+        bench.gain.T * sigma, expected * sigma, atol=1e-6 * np.abs(expected * sigma).max()
     )
 
 
@@ -197,7 +197,7 @@ def test_one_link_is_smoothed_as_the_textbook_does(seed: int):
     predict_link(
         bench, np.zeros(N), memory, ROAD, new_route(1), 1, 0, 1, mean, cov, WHEELS, 1.0, 1.0, PAR
     )
-    gain = bench.cross @ np.linalg.inv(bench.cov)
+    gain = bench.cross.T @ np.linalg.inv(bench.cov)
     off = memory.mean[1] - bench.mean
     off[H] = wrap(off[H])
     view = new_view()

@@ -5,8 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Matrix, Vector, kernel
-from .belief import N
+from ._jit import Matrix, Vector, part
+from .angles import wrap
+from .belief import H, N, X, Y
+from .rows import add_times, scale_by, set_times, set_to, ten
 
 
 class Bench(NamedTuple):
@@ -15,68 +17,114 @@ class Bench(NamedTuple):
     f: Matrix  # (N, N) F
     mean: Vector  # (N,) x⁻
     cov: Matrix  # (N, N) P⁻
-    cross: Matrix  # (N, N) Pᵢ Fᵀ
-    root: Matrix  # (N, N) Cholesky factor of P⁻, scaled
-    gain: Matrix  # (N, N)
+    cross: Matrix  # (N, N) F Pᵢ
+    root: Matrix  # (N, N) Cholesky factor of P⁻, scaled, its columns as rows
+    gain: Matrix  # (N, N) Gᵀ
+    moved: Matrix  # (N, N) G (Pⱼ − P⁻)
 
 
 def new_bench() -> Bench:
     """Scratch space for one thread."""
-    f, cov, cross, root, gain = np.zeros((5, N, N))
-    return Bench(f, np.zeros(N), cov, cross, root, gain)
+    f, cov, cross, root, gain, moved = np.zeros((6, N, N))
+    return Bench(f, np.zeros(N), cov, cross, root, gain, moved)
 
 
-@kernel
+@part
 def spread_forward(bench: Bench, q: Vector, cov: Matrix) -> None:
-    """P Fᵀ and F P Fᵀ + Q; the part of Q off the diagonal is in `cov` already."""
+    """F P and F P Fᵀ + Q; the part of Q off the diagonal is in `cov` already."""
     f = bench.f
     for a in range(N):
-        for b in range(N):
-            total = 0.0
-            for c in range(N):
-                if f[b, c] != 0.0:
-                    total += cov[a, c] * f[b, c]
-            bench.cross[a, b] = total
+        row = bench.cross[a]
+        set_times(row, f[a, 0], cov[0])
+        for c in range(1, N):
+            if f[a, c] != 0.0:
+                add_times(row, f[a, c], cov[c])
+    turned = bench.gain
     for a in range(N):
-        for b in range(a, N):
-            total = bench.cov[a, b]
-            for c in range(N):
-                if f[a, c] != 0.0:
-                    total += f[a, c] * bench.cross[c, b]
-            if a == b:
-                total += q[a]
-            bench.cov[a, b] = total
+        for b in range(N):
+            turned[b, a] = bench.cross[a, b]
+    for a in range(N):
+        row = bench.cov[a]
+        for c in range(N):
+            if f[a, c] != 0.0:
+                add_times(row, f[a, c], turned[c])
+        row[a] += q[a]
     for a in range(N):
         for b in range(a):
             bench.cov[a, b] = bench.cov[b, a]
 
 
-@kernel
+@part
 def solve_gain(bench: Bench) -> None:
-    """G = Pᵢ Fᵀ (P⁻)⁻¹, by a Cholesky factor that leaves out what has no variance."""
-    cov = bench.cov
+    """Gᵀ = (P⁻)⁻¹ F Pᵢ, by a Cholesky factor that leaves out what has no variance."""
     root = bench.root
+    gain = bench.gain
+    unit = ten()
     for a in range(N):
-        for b in range(a + 1):
-            norm = math.sqrt(max(cov[a, a], 0.0) * max(cov[b, b], 0.0))
-            total = cov[a, b] / norm if norm > 1e-18 else 0.0
-            for c in range(b):
-                total -= root[a, c] * root[b, c]
-            if a == b:
-                root[a, a] = math.sqrt(total) if total > 1e-9 else 0.0
-            else:
-                root[a, b] = total / root[b, b] if root[b, b] > 0.0 else 0.0
-    for r in range(N):
-        row = bench.gain[r]
+        variance = bench.cov[a, a]
+        unit[a] = 1.0 / math.sqrt(variance) if variance > 1e-18 else 0.0
+    for a in range(N):
+        set_times(gain[a], unit[a], bench.cross[a])
+        set_times(root[a], unit[a], bench.cov[a])
+        scale_by(root[a], 1.0, unit)
+    for a in range(N):  # what an equation says is taken out of those that follow
+        pivot = root[a, a]
+        pivot = 1.0 / math.sqrt(pivot) if pivot > 1e-9 else 0.0
+        set_times(root[a], pivot, root[a])
+        set_times(gain[a], pivot, gain[a])
+        root[a, a] = pivot
+        for b in range(a + 1, N):
+            add_times(root[b], -root[a, b], root[a])
+            add_times(gain[b], -root[a, b], gain[a])
+    for a in range(N - 1, -1, -1):
+        set_times(gain[a], root[a, a], gain[a])
+        for b in range(a):
+            add_times(gain[b], -root[b, a], gain[a])
+        set_times(gain[a], unit[a], gain[a])
+
+
+@part
+def add_link(
+    bench: Bench, later: Vector, later_cov: Matrix, then_cov: Matrix, mean: Vector, cov: Matrix,
+    share: float, scale: float,
+) -> None:  # fmt: skip
+    """Add what j tells of i to what others have told of it.
+
+    Args:
+        bench: i as predicted for j.
+        later: Smoothed state of j, (N,).
+        later_cov: Its covariance, (N, N).
+        then_cov: Filtered covariance of i, (N, N).
+        mean: Deviation of i from its filtered state, as gathered so far, (N,).
+        cov: Its covariance; below the diagonal it is added to, above it means nothing.
+        share: Of this link in all so far.
+        scale: Local scale of the plane.
+    """
+    solve_gain(bench)
+    off, shift, row = ten(), ten(), ten()
+    moved = bench.moved
+    set_to(off, later)
+    add_times(off, -1.0, bench.mean)
+    off[X] /= scale
+    off[Y] /= scale
+    off[H] = wrap(off[H])
+    set_times(shift, 0.0, off)
+    for a in range(N):
+        set_times(moved[a], 0.0, off)
+    for c in range(N):
+        gain = bench.gain[c]
+        add_times(shift, off[c], gain)
+        set_to(row, later_cov[c])
+        add_times(row, -1.0, bench.cov[c])
         for a in range(N):
-            total = bench.cross[r, a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0
-            for c in range(a):
-                total -= root[a, c] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N - 1, -1, -1):
-            total = row[a]
-            for c in range(a + 1, N):
-                total -= root[c, a] * row[c]
-            row[a] = total / root[a, a] if root[a, a] > 0.0 else 0.0
-        for a in range(N):
-            row[a] = row[a] / math.sqrt(cov[a, a]) if cov[a, a] > 1e-18 else 0.0
+            add_times(moved[a], gain[a], row)
+    set_to(off, shift)
+    add_times(off, -1.0, mean)
+    for a in range(N):
+        set_to(row, then_cov[a])
+        for c in range(N):
+            add_times(row, moved[a, c], bench.gain[c])
+        add_times(row, -1.0, cov[a])
+        add_times(cov[a], share, row)
+        add_times(cov[a], share * (1.0 - share) * off[a], off)
+    add_times(mean, share, off)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -37,11 +37,12 @@ from .belief import (
     new_belief,
 )
 from .epoch import CLOCK, Epochs
-from .gain import Bench, new_bench, solve_gain
+from .gain import Bench, add_link, new_bench
 from .memory import STEP_FIX, STEP_MISFITS, STEP_SCALE, STEP_SPEED, STEP_STOOD, Memory
 from .network import Roads
 from .output import V_CHI2, V_H, V_SPEED, V_X, V_Y, Output, say
 from .parameters import Parameters
+from .rows import add_times, set_to
 from .transition import predict_link
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
@@ -57,19 +58,16 @@ class View(NamedTuple):
     cov: Matrix  # (2, KEPT, N, N)
     bench: Bench
     row: Vector  # (N,)
-    off: Vector  # (N,)
     then_mean: Vector  # (N,)
     then_cov: Matrix  # (N, N)
-    moved: Matrix  # (N, N)
     belief: Belief
 
 
 def new_view() -> View:
     """Scratch space for one thread."""
-    row, off, then_mean = np.zeros((3, N))
     return View(
-        np.zeros((2, KEPT)), np.zeros((2, KEPT, N)), np.zeros((2, KEPT, N, N)), new_bench(), row,
-        off, then_mean, np.zeros((N, N)), np.zeros((N, N)), new_belief(),
+        np.zeros((2, KEPT)), np.zeros((2, KEPT, N)), np.zeros((2, KEPT, N, N)), new_bench(),
+        np.zeros(N), np.zeros(N), np.zeros((N, N)), new_belief(),
     )  # fmt: skip
 
 
@@ -94,49 +92,7 @@ def begin_view(memory: Memory, view: View, step: int, slot: int) -> None:
         recall(memory, first + i, view.mean[slot, i], view.cov[slot, i])
 
 
-@kernel
-def _add_link(
-    view: View, slot: int, j: int, i: int, weight: float, total: float, scale: float
-) -> None:
-    """Add the state of i that j tells of, weighed, to the moments of i gathered so far."""
-    bench = view.bench
-    solve_gain(bench)
-    later = view.mean[slot, j]
-    for a in range(N):
-        view.off[a] = later[a] - bench.mean[a]
-    view.off[X] /= scale
-    view.off[Y] /= scale
-    view.off[H] = wrap(view.off[H])
-    gain = bench.gain
-    for a in range(N):
-        shift = 0.0
-        for c in range(N):
-            shift += gain[a, c] * view.off[c]
-        view.row[a] = shift
-        for b in range(N):
-            turned = 0.0
-            for c in range(N):
-                turned += gain[a, c] * (view.cov[slot, j, c, b] - bench.cov[c, b])
-            view.moved[a, b] = turned
-    mean = view.mean[1 - slot, i]  # deviations from the filtered state until all are in
-    cov = view.cov[1 - slot, i]
-    share = weight / (total + weight)
-    for a in range(N):
-        view.off[a] = view.row[a] - mean[a]
-    for a in range(N):
-        for b in range(a + 1):
-            c = view.then_cov[a, b]
-            for k in range(N):
-                c += view.moved[a, k] * gain[b, k]
-            c = cov[a, b] + share * (c - cov[a, b])
-            c += share * (1.0 - share) * view.off[a] * view.off[b]
-            cov[a, b] = c
-            cov[b, a] = c
-    for a in range(N):
-        mean[a] += share * view.off[a]
-
-
-@kernel
+@part
 def _settle(view: View, slot: int, i: int, scale: float) -> None:
     """From deviations to a state; one that lost its covariance stays as filtered."""
     mean = view.mean[slot, i]
@@ -144,12 +100,18 @@ def _settle(view: View, slot: int, i: int, scale: float) -> None:
     sound = True
     for a in range(N):
         sound = sound and cov[a, a] >= 0.0
-    sound = sound and cov[X, X] * cov[Y, Y] > cov[X, Y] ** 2
-    for a in range(N):
-        mean[a] = view.then_mean[a] + (mean[a] * (scale if a <= Y else 1.0) if sound else 0.0)
-        if not sound:
-            for b in range(N):
-                cov[a, b] = view.then_cov[a, b]
+    sound = sound and cov[X, X] * cov[Y, Y] > cov[Y, X] ** 2
+    if sound:
+        mean[X] *= scale
+        mean[Y] *= scale
+        add_times(mean, 1.0, view.then_mean)
+        for a in range(N):
+            for b in range(a):
+                cov[b, a] = cov[a, b]
+    else:
+        set_to(mean, view.then_mean)
+        for a in range(N):
+            set_to(cov[a], view.then_cov[a])
     mean[H] = wrap(mean[H])
 
 
@@ -194,8 +156,7 @@ def step_back(
         cov = view.cov[other, i]
         for a in range(N):
             mean[a] = 0.0
-            for b in range(N):
-                cov[a, b] = view.then_cov[a, b]
+            set_to(cov[a], view.then_cov[a])
         told = weight
         for j in range(here, after):
             for link in range(memory.first_link[j], memory.first_link[j + 1]):
@@ -209,8 +170,11 @@ def step_back(
                     view.bench, view.row, memory, roads, route, step, then + i, j,
                     view.then_mean, view.then_cov, mode, scale, side, par,
                 )  # fmt: skip
-                _add_link(view, slot, j - here, i, weight, told, scale)
                 told += weight
+                add_link(
+                    view.bench, view.mean[slot, j - here], view.cov[slot, j - here],
+                    view.then_cov, mean, cov, weight / told, scale,
+                )  # fmt: skip
         _settle(view, other, i, scale)
         sum_p += view.p[other, i]
     for i in range(n):
@@ -233,10 +197,9 @@ def take_up(memory: Memory, view: View, step: int, slot: int, mode: int) -> None
         belief.edge[n] = memory.edge[first + i]
         belief.segment[n] = memory.segment[first + i]
         belief.node[n] = memory.tree[first + i]
+        set_to(belief.mean[n], view.mean[slot, i])
         for a in range(N):
-            belief.mean[n, a] = view.mean[slot, i, a]
-            for b in range(N):
-                belief.cov[n, a, b] = view.cov[slot, i, a, b]
+            set_to(belief.cov[n, a], view.cov[slot, i, a])
         speed += p * belief.mean[n, K]
         n += 1
     belief.size[0] = n

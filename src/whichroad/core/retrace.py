@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .along import _CORNER, _CORNER_RADIUS
 from .angles import wrap
 from .belief import MX, MY, OFF_ROAD, H, K, Route, X, Y
@@ -104,7 +104,7 @@ def noise_along(
     q[H] = heading
 
 
-@kernel
+@part
 def retrace_travel(
     bench: Bench, memory: Memory, roads: Roads, route: Route, i: int, j: int, mean: Vector,
     cov: Matrix, dt: float, scale: float, par: Parameters, q: Vector,

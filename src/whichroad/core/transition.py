@@ -10,7 +10,7 @@ by the same equations as in `core.motion`, and F, which the smoother needs too.
 
 import math
 
-from ._jit import Matrix, Vector, kernel
+from ._jit import Matrix, Vector, kernel, part
 from .along import _ACROSS, _CORNER_DOUBT
 from .angles import wrap
 from .belief import GX, GY, MX, MY, OFF_ROAD, B, D, H, K, N, Route, X, Y
@@ -47,7 +47,7 @@ def _turn_between(roads: Roads, then_edge: int, edge: int) -> float:
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-@kernel
+@part
 def _slow_states(
     bench: Bench, mean: Vector, memory: Memory, step: int, roads: Roads, then_edge: int,
     edge: int, side: float, par: Parameters, q: Vector,
@@ -121,7 +121,7 @@ def _rolled(
     q[Y] = along * s * s + across * c * c
 
 
-@kernel
+@part
 def predict_link(
     bench: Bench, q: Vector, memory: Memory, roads: Roads, route: Route, step: int, i: int,
     j: int, mean: Vector, cov: Matrix, mode: int, scale: float, side: float, par: Parameters,
@@ -208,19 +208,19 @@ def predict_link(
     _doubt(bench, memory, j, scale)
 
 
-@kernel
+@part
 def _anew(bench: Bench, memory: Memory, j: int) -> None:
     """Position, heading and rate owe nothing to the step before."""
     for a in (X, Y, H, K):
         for b in range(N):
             bench.cov[a, b] = 0.0
             bench.cov[b, a] = 0.0
-            bench.cross[b, a] = 0.0
+            bench.cross[a, b] = 0.0
     for a in (X, Y, H, K):
         bench.cov[a, a] = memory.cov[j, a * (a + 3) // 2]
 
 
-@kernel
+@part
 def _doubt(bench: Bench, memory: Memory, j: int, scale: float) -> None:
     """A state that is far from what was predicted was moved by something else: be as unsure."""
     for a in range(N):

@@ -4,7 +4,9 @@ A stream is cut into trips without holding more of it than is needed: a trip is 
 once so many rows of others have come after its last.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -55,7 +57,7 @@ def parcels(source: Any, drive_id: str = "drive_id") -> Iterator[Parcel]:
         if hasattr(source, "read_next_batch"):
             yield from _of_stream(source, drive_id)
         else:
-            yield from _packed(_cut(_named(_table(source, drive_id), drive_id)))
+            yield from _parts(_named(_table(source, drive_id), drive_id))
     elif isinstance(source, Iterable):
         yield from _of_stream(source, drive_id)
     else:
@@ -123,19 +125,46 @@ def _named(table: "pa.Table", drive_id: str) -> "pa.Table":
     return table.select(names).append_column("drive_id", table.column(place))
 
 
-def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
-    """Each trip and its rows, in the order in which trips first appear."""
-    if not table.num_rows:
-        return
-    labels, codes = texts(table["drive_id"])
-    runs = np.flatnonzero(np.diff(codes, prepend=codes[0] - 1))
+def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
+    """The rows trip after trip, in the order in which trips first appear.
+
+    Returns:
+        The table, the trips' names, and where the rows of each begin and all end.
+    """
+    import pyarrow as pa
+
+    column = table["drive_id"]
+    if column.num_chunks > 1 and pa.types.is_string(column.type):  # chunk by chunk it takes longer
+        column = pa.chunked_array(column.combine_chunks())
+    labels, codes = texts(column)
+    runs = np.flatnonzero(np.diff(codes, prepend=-1))
     if len(np.unique(codes[runs])) < len(runs):  # trips lie between one another
         _, first, code = np.unique(codes, return_index=True, return_inverse=True)
         order = np.argsort(first[code], kind="stable")
         table, codes = table.take(order), codes[order]
-        runs = np.flatnonzero(np.diff(codes, prepend=codes[0] - 1))
-    for low, high in zip(runs, [*runs[1:], len(codes)], strict=True):
-        yield labels[codes[low]], table.slice(int(low), int(high - low))
+        runs = np.flatnonzero(np.diff(codes, prepend=-1))
+    names = [labels[code] for code in codes[runs].tolist()]
+    return table, names, [*runs.tolist(), len(codes)]
+
+
+def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
+    """Each trip and its rows."""
+    table, names, first = _sorted(table)
+    for name, (low, high) in zip(names, pairwise(first), strict=True):
+        yield name, table.slice(low, high - low)
+
+
+def _parts(table: "pa.Table") -> Iterator[Parcel]:
+    """Parcels of a table that lies in memory."""
+    table, names, first = _sorted(table)
+    trip = 0
+    while trip < len(names):
+        low = first[trip]
+        end = max(bisect_right(first, low + PARCEL) - 1, trip + 1)
+        rows = first[end] - low
+        begins = [row - low for row in first[trip : end + 1]]
+        yield Parcel(table.slice(low, rows), names[trip:end], begins)
+        trip = end
 
 
 def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[Parcel]:
