@@ -16,6 +16,7 @@ from .belief import (
     GY,
     MX,
     MY,
+    NO_EDGE,
     NOW,
     OFF_ROAD,
     WHITE,
@@ -54,7 +55,7 @@ _RETURN = 0.5  # of what was off the roads is back on one at the next fix
 _STAND_TIME = 30.0  # s, about which who stands goes on standing
 _MOST = 24  # routes that become hypotheses
 _LEAST = 1e-5  # probability of what comes back to a road
-_FAR_ABOVE = 5.0  # nats
+_FAR_ABOVE = 3.0  # nats
 _STANDING = 1e-3  # probability of standing that is looked at
 WIDE = 30.0  # m, across the road before the road is observed
 
@@ -345,8 +346,13 @@ def travel(
     chance = 0.0
     if found > 0 and work.near_distance[0] < 2.0 * sigma:
         chance = min(_BY_CHANCE, par.off_road_cost * moved)
+    share = min(_LEAVE * par.off_road_leave * (moved + 10.0), 0.3)
+    leave = belief.log_weight[top] + math.log(max(share, 1e-300)) - _FAR_ABOVE
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:
+            if i != top and belief.probability[i] < _LEAST and belief.log_weight[i] < leave:
+                belief.edge[i] = NO_EDGE  # who leaves the roads now is as good
+                continue
             _fly(belief, i, fix[0], fix[1], dt, scale)
             belief.log_weight[i] -= chance
             if found > 0 and belief.probability[i] > _LEAST:
@@ -354,19 +360,16 @@ def travel(
         elif i == top and belief.size[0] < CAPACITY:  # left the roads on the way
             child = belief.size[0]
             copy_hypothesis(belief, i, child)
-            rescale(belief, child, min(_LEAVE * par.off_road_leave * (moved + 10.0), 0.3))
+            rescale(belief, child, share)
             belief.edge[child] = OFF_ROAD
             belief.fresh[child] = 1
             _fly(belief, child, fix[0], fix[1], dt, scale)
             belief.size[0] = child + 1
-    m = 0
-    for i in range(belief.size[0]):
-        if i < n and belief.edge[i] != OFF_ROAD:
-            continue
-        if m != i:
-            copy_hypothesis(belief, i, m)
-        m += 1
-    belief.size[0] = m
+    for i in range(n - 1, -1, -1):  # the last one takes the place of who has gone
+        if belief.edge[i] != OFF_ROAD:
+            belief.size[0] -= 1
+            if i != belief.size[0]:
+                copy_hypothesis(belief, int(belief.size[0]), i)
     return moved
 
 
