@@ -20,13 +20,12 @@ class Bench(NamedTuple):
     cross: Matrix  # (N, N) F Pᵢ
     root: Matrix  # (N, N) Cholesky factor of P⁻, scaled, its columns as rows
     gain: Matrix  # (N, N) Gᵀ
-    moved: Matrix  # (N, N) G (Pⱼ − P⁻)
 
 
 def new_bench() -> Bench:
     """Scratch space for one thread."""
-    f, cov, cross, root, gain, moved = np.zeros((6, N, N))
-    return Bench(f, np.zeros(N), cov, cross, root, gain, moved)
+    f, cov, cross, root, gain = np.zeros((5, N, N))
+    return Bench(f, np.zeros(N), cov, cross, root, gain)
 
 
 @part
@@ -59,27 +58,29 @@ def solve_gain(bench: Bench) -> None:
     """Gᵀ = (P⁻)⁻¹ F Pᵢ, by a Cholesky factor that leaves out what has no variance."""
     root = bench.root
     gain = bench.gain
-    unit = ten()
+    unit, left, right = ten(), ten(), ten()
     for a in range(N):
         variance = bench.cov[a, a]
         unit[a] = 1.0 / math.sqrt(variance) if variance > 1e-18 else 0.0
     for a in range(N):
-        set_times(gain[a], unit[a], bench.cross[a])
-        set_times(root[a], unit[a], bench.cov[a])
-        scale_by(root[a], 1.0, unit)
-    for a in range(N):  # what an equation says is taken out of those that follow
-        pivot = root[a, a]
-        pivot = 1.0 / math.sqrt(pivot) if pivot > 1e-9 else 0.0
-        set_times(root[a], pivot, root[a])
-        set_times(gain[a], pivot, gain[a])
-        root[a, a] = pivot
-        for b in range(a + 1, N):
-            add_times(root[b], -root[a, b], root[a])
-            add_times(gain[b], -root[a, b], gain[a])
-    for a in range(N - 1, -1, -1):
-        set_times(gain[a], root[a, a], gain[a])
+        set_times(left, unit[a], bench.cov[a])
+        scale_by(left, 1.0, unit)
+        set_times(right, unit[a], bench.cross[a])
         for b in range(a):
-            add_times(gain[b], -root[b, a], gain[a])
+            factor = -root[b, a]
+            add_times(left, factor, root[b])
+            add_times(right, factor, gain[b])
+        pivot = left[a]
+        pivot = 1.0 / math.sqrt(pivot) if pivot > 1e-9 else 0.0
+        set_times(root[a], pivot, left)
+        set_times(gain[a], pivot, right)
+        root[a, a] = pivot
+    for a in range(N - 1, -1, -1):
+        set_to(right, gain[a])
+        for b in range(N - 1, a, -1):
+            add_times(right, -root[a, b], gain[b])
+        set_times(gain[a], root[a, a], right)
+    for a in range(N):
         set_times(gain[a], unit[a], gain[a])
 
 
@@ -101,29 +102,30 @@ def add_link(
         scale: Local scale of the plane.
     """
     solve_gain(bench)
-    off, shift, row = ten(), ten(), ten()
-    moved = bench.moved
+    gain = bench.gain
+    change = bench.root  # Pⱼ − P⁻; nobody needs the factor any more
+    off, shift, row, moved = ten(), ten(), ten(), ten()
     set_to(off, later)
     add_times(off, -1.0, bench.mean)
     off[X] /= scale
     off[Y] /= scale
     off[H] = wrap(off[H])
-    set_times(shift, 0.0, off)
-    for a in range(N):
-        set_times(moved[a], 0.0, off)
+    set_times(shift, off[0], gain[0])
+    for c in range(1, N):
+        add_times(shift, off[c], gain[c])
     for c in range(N):
-        gain = bench.gain[c]
-        add_times(shift, off[c], gain)
         set_to(row, later_cov[c])
         add_times(row, -1.0, bench.cov[c])
-        for a in range(N):
-            add_times(moved[a], gain[a], row)
+        set_to(change[c], row)
     set_to(off, shift)
     add_times(off, -1.0, mean)
     for a in range(N):
+        set_times(moved, gain[0, a], change[0])
+        for c in range(1, N):
+            add_times(moved, gain[c, a], change[c])
         set_to(row, then_cov[a])
         for c in range(N):
-            add_times(row, moved[a, c], bench.gain[c])
+            add_times(row, moved[c], gain[c])
         add_times(row, -1.0, cov[a])
         add_times(cov[a], share, row)
         add_times(cov[a], share * (1.0 - share) * off[a], off)

@@ -46,7 +46,8 @@ from .rows import add_times, set_to
 from .transition import predict_link
 
 _LIGHT = 1e-6  # probability that is smoothed, but whose pose is not
-_NOTHING = 1e-12  # probability that is not told
+_NOTHING = 1e-12  # probability that is not told, and surely not
+_UNSEEN = 0.5 * _NOTHING  # before all are made to sum to one
 _STANDS = 0.05  # m/s
 
 
@@ -147,24 +148,30 @@ def step_back(
     if rest < 1e-6:
         rest = 0.0
     scale = 1.0 + roads.curvature * (memory.mean[then, X] ** 2 + memory.mean[then, Y] ** 2)
+    for i in range(n):
+        view.p[other, i] = rest * memory.p[then + i]
+    for j in range(here, after):
+        for link in range(memory.first_link[j], memory.first_link[j + 1]):
+            view.p[other, memory.origin[link]] += view.p[slot, j - here] * memory.share[link]
     sum_p = 0.0
     for i in range(n):
+        sum_p += view.p[other, i]
+        if not poses or view.p[other, i] < _UNSEEN:  # nobody will look at its pose
+            continue
         recall(memory, then + i, view.then_mean, view.then_cov)
-        weight = rest * memory.p[then + i]
-        view.p[other, i] = weight
         mean = view.mean[other, i]
         cov = view.cov[other, i]
         for a in range(N):
             mean[a] = 0.0
             set_to(cov[a], view.then_cov[a])
-        told = weight
+        so_far = told = rest * memory.p[then + i]
         for j in range(here, after):
             for link in range(memory.first_link[j], memory.first_link[j + 1]):
                 if memory.origin[link] != i:
                     continue
                 weight = view.p[slot, j - here] * memory.share[link]
-                view.p[other, i] += weight
-                if not poses or weight < 1e-3 * view.p[other, i] or weight < _LIGHT:
+                so_far += weight
+                if weight < 1e-3 * so_far or weight < _LIGHT:
                     continue
                 predict_link(
                     view.bench, view.row, memory, roads, route, step, then + i, j,
@@ -176,7 +183,6 @@ def step_back(
                     view.then_cov, mean, cov, weight / told, scale,
                 )  # fmt: skip
         _settle(view, other, i, scale)
-        sum_p += view.p[other, i]
     for i in range(n):
         view.p[other, i] /= sum_p
 
