@@ -64,7 +64,7 @@ class Lag(NamedTuple):
 
 
 class Past(NamedTuple):
-    """What looking back needs to know of a drive."""
+    """What looking back needs to know of a drive; its states are let go once it has been done."""
 
     roads: RoadMap
     memory: Memory
