@@ -23,7 +23,7 @@ from whichroad.core.output import (
     V_Y,
     V_YY,
 )
-from whichroad.core.travel import place_on_edge
+from whichroad.core.place import place_on_edge
 from whichroad.settings import Settings
 from whichroad.smoother import Lag
 
@@ -183,7 +183,8 @@ def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
     found = place_on_edge(s, sigma, length, is_junction)
     assert found[0] == pytest.approx(mass, rel=5e-3, abs=2e-3)
     assert found[1] == pytest.approx(mean, abs=0.1 * sigma)
-    assert found[2] == pytest.approx(((u - mean) ** 2 * density).sum() / mass, rel=0.15, abs=0.5 + 1e-3 * sigma**2)
+    variance = ((u - mean) ** 2 * density).sum() / mass
+    assert found[2] == pytest.approx(variance, rel=0.15, abs=0.5 + 1e-3 * sigma**2)
 
 
 def before_the_node(lines: list[np.ndarray]) -> float:
