@@ -30,6 +30,7 @@ def network(lines, size=10.0, curvature=0.0):
         zeros.astype(np.uint8), zeros.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE,
         NONE.astype(np.float32), NONE.astype(np.float32), NONE.astype(np.uint8),
         np.zeros(edges + 1, np.int32), NONE, size, *build(x, y, first, size), curvature,
+        np.zeros((edges, 5), np.float32), NONE.astype(np.float32),
     )  # fmt: skip
 
 

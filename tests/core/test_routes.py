@@ -10,11 +10,13 @@ from hypothesis import given
 from oracles.cheapest import cheapest
 from scenes import grid_town, network
 from strategies import seeds
+from whichroad.core.hops import hops
 from whichroad.core.network import Roads
 from whichroad.core.routes import LABELS, find_routes, goal_of, new_search, set_goals
 
 TOWN = network(grid_town(6, 6, 90.0), one_way=(3, 11, 40))
 TOWN.speed[:] = np.random.default_rng(1).uniform(3.0, 30.0, len(TOWN.speed))
+TOWN.hop[:] = hops(TOWN.x, TOWN.y, TOWN.first, TOWN.length, TOWN.speed)
 SEARCH = new_search()  # one for all: what a search leaves behind must not matter
 
 

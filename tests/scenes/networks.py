@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whichroad.core.hops import hops, turn_costs
 from whichroad.core.network import AGAINST_ONE_WAY, U_TURN, Roads
 from whichroad.roadmap.cells import build
 
@@ -79,21 +80,24 @@ def network(
     origin = np.repeat(np.arange(count), [len(row) for row in succ])
     cells = build(x, y, first, CELL)
     prior = np.concatenate([w / w.sum() if len(w) else w for w in weight])
+    lengths = np.array([row[-1] for row in s])
+    speed = np.full(count, 13.9, np.float32)
+    succ_first = np.cumsum([0] + [len(row) for row in succ]).astype(np.int32)
     return Roads(
         x=x,
         y=y,
         s=np.concatenate(s),
         first=first,
-        length=np.array([row[-1] for row in s]),
+        length=lengths,
         from_node=np.array(begin, np.int32),
         to_node=np.array(end, np.int32),
         opposite=(np.arange(count) ^ 1).astype(np.int32),
         lane=np.full(count, LANE, np.float32),
         lane_spread=np.zeros(count, np.float32),
-        speed=np.full(count, 13.9, np.float32),
+        speed=speed,
         service=np.zeros(count, np.uint8),
         rule=rule,
-        succ_first=np.cumsum([0] + [len(row) for row in succ]).astype(np.int32),
+        succ_first=succ_first,
         succ=flat,
         succ_prior=prior.astype(np.float32),
         succ_turn=np.array([t for row in turn for t in row], np.float32),
@@ -106,6 +110,8 @@ def network(
         cell_edge=cells[2],
         cell_vertex=cells[3],
         curvature=curvature,
+        hop=hops(x, y, first, lengths, speed),
+        succ_cost=turn_costs(succ_first, prior.astype(np.float32)),
     )
 
 

@@ -72,6 +72,8 @@ def roads_from_streets(nodes: np.ndarray, streets: list[tuple[int, int]]) -> Roa
         cell_edge=np.zeros(0, dtype=np.int32),
         cell_vertex=np.zeros(0, dtype=np.int32),
         curvature=6.1e-15,
+        hop=np.zeros((count, 5), dtype=np.float32),
+        succ_cost=np.zeros(len(succ), dtype=np.float32),
     )
 
 

@@ -80,6 +80,25 @@ def foot(roads: Roads, v: int, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
+def _is_within(roads: Roads, v: int, x: float, y: float, limit: float) -> bool:
+    """Whether the squared distance of a segment, as `foot` has it, is within the limit."""
+    dx = roads.x[v + 1] - roads.x[v]
+    dy = roads.y[v + 1] - roads.y[v]
+    px = x - roads.x[v]
+    py = y - roads.y[v]
+    along = px * dx + py * dy
+    square = dx * dx + dy * dy
+    if along <= 0.0:
+        return bool(px * px + py * py <= limit)
+    if along >= square:
+        px = x - roads.x[v + 1]
+        py = y - roads.y[v + 1]
+        return bool(px * px + py * py <= limit)
+    across = dx * py - dy * px
+    return bool(across * across / square <= limit)
+
+
+@kernel
 def right_of(roads: Roads, edge: int, s: float, x: float, y: float) -> bool:
     """Whether a point lies right of an edge, seen from its closest point at abscissa s.
 
@@ -138,8 +157,9 @@ def _search_cell(
 ) -> int:  # fmt: skip
     """Note the feet within the squared distance `limit` on the segments of one cell."""
     for i in range(roads.cell_first[cell], roads.cell_first[cell + 1]):
-        square, s = foot(roads, roads.cell_vertex[i], x, y)
-        if square <= limit:
+        v = roads.cell_vertex[i]
+        if _is_within(roads, v, x, y, limit):  # most are not: their abscissae are left alone
+            square, s = foot(roads, v, x, y)
             n = _keep(n, roads.cell_edge[i], square, s, out_edge, out_s, out_square)
     return n
 
@@ -157,26 +177,11 @@ def _sort(n: int, edge: Ints, s: Vector, square: Vector) -> None:
 
 
 @kernel
-def near(
+def closest(
     roads: Roads, x: float, y: float, radius: float,
-    out_edge: Ints, out_s: Vector, out_lateral: Vector, out_distance: Vector,
+    out_edge: Ints, out_s: Vector, out_distance: Vector,
 ) -> int:  # fmt: skip
-    """Directed edges within a radius of a point, each once with its closest point.
-
-    Args:
-        roads: The network.
-        x: m, plane.
-        y: m.
-        radius: True m; an edge at exactly this distance is found.
-        out_edge: (n,) out; where more edges are near, the closest n are kept.
-        out_s: (n,) out, abscissa of the closest point, true m.
-        out_lateral: (n,) out, the distance, positive where the point is right of the edge,
-            true m; beyond an end of the edge it is the distance from that end.
-        out_distance: (n,) out, true m.
-
-    Returns:
-        How many were found; they are in order of distance, then of edge.
-    """
+    """`near`, which see, without the sides."""
     if len(out_edge) == 0 or not radius >= 0.0:
         return 0
     scale = 1.0 + roads.curvature * (x * x + y * y)
@@ -203,6 +208,32 @@ def near(
     _sort(n, out_edge, out_s, out_distance)
     for i in range(n):
         out_distance[i] = math.sqrt(out_distance[i]) / scale
+    return n
+
+
+@kernel
+def near(
+    roads: Roads, x: float, y: float, radius: float,
+    out_edge: Ints, out_s: Vector, out_lateral: Vector, out_distance: Vector,
+) -> int:  # fmt: skip
+    """Directed edges within a radius of a point, each once with its closest point.
+
+    Args:
+        roads: The network.
+        x: m, plane.
+        y: m.
+        radius: True m; an edge at exactly this distance is found.
+        out_edge: (n,) out; where more edges are near, the closest n are kept.
+        out_s: (n,) out, abscissa of the closest point, true m.
+        out_lateral: (n,) out, the distance, positive where the point is right of the edge,
+            true m; beyond an end of the edge it is the distance from that end.
+        out_distance: (n,) out, true m.
+
+    Returns:
+        How many were found; they are in order of distance, then of edge.
+    """
+    n = closest(roads, x, y, radius, out_edge, out_s, out_distance)
+    for i in range(n):
         right_side = right_of(roads, out_edge[i], out_s[i], x, y)
         out_lateral[i] = out_distance[i] if right_side else -out_distance[i]
     return n

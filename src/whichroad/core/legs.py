@@ -4,9 +4,12 @@ import math
 
 from ._jit import Vector, kernel, part
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
+from .gaussian import normal_cdf
+from .hops import HOP_PRICE
 from .network import Roads
+from .parameters import Parameters
 from .road import track
-from .routes import Search, dearness, find_routes, goal_of
+from .routes import Search, find_routes, goal_of
 from .switching import Work
 
 SPEED_SIGMA = 5.0  # m/s, about the usual speed of the roads
@@ -16,7 +19,8 @@ _FAST = 20.0  # m/s; up to here no road is too slow for what fixes ask for
 _FASTER = 0.15  # of the highest speed; how much more is likely
 _TAIL = 0.3  # of the squared deviation of a distance is its variance at least,
 _SLOW_TAIL = 2.0  # and where it is shorter than the speed would have it
-_WORTH = 7.0  # nats below the best, from which on a route is not worth its while
+_WORTH = 6.0  # nats below the best, from which on a route is not worth its while
+_AHEAD = 5.0  # nats; the same for what a route may still be worth at most
 _DETOUR = 4.0  # nats; a detour that nobody can avoid costs nothing up to this
 _EXCESS = 10.0  # m longer than the shortest way a route is likely to be,
 _EXCESS_RATE = 1.8  # m/s, and the more, the longer it took,
@@ -65,6 +69,17 @@ def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
     if time > 0.5 and length > 1.0:
         return USUAL * length / time
     return USUAL * float(roads.speed[edge])
+
+
+@kernel
+def mass_near(roads: Roads, work: Work, c: int, sigma: float, par: Parameters) -> float:
+    """What a road near the fix is worth to somebody who comes from nowhere."""
+    edge = work.near_edge[c]
+    s = work.near_s[c]
+    mass = normal_cdf((roads.length[edge] - s) / sigma) - normal_cdf(-s / sigma)
+    if roads.rule[edge]:
+        mass *= max(par.wrong_way, 1e-6)
+    return mass
 
 
 @kernel
@@ -152,6 +167,7 @@ def choose_legs(
     cheapest = _DETOUR
     _, old, far, _ = spread_of(dt)
     per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _EXCESS_MOST))
+    beside = 0.5 * (work.near_distance[0] / sigma) ** 2  # no road is nearer
     n = belief.size[0]
     waits = belief.scratch[0]
     for i in range(n):
@@ -169,10 +185,10 @@ def choose_legs(
         straight = math.hypot(belief.mean[i, X] - x, belief.mean[i, Y] - y) / scale
         reach = old * rate + 1.3 * float(roads.speed[edge]) * (dt - old)
         longest = max(reach + 4.0 * math.sqrt(variance), 1.5 * straight) + 100.0
-        floor = belief.log_weight[i] - 0.5 * math.log(variance + sigma * sigma)
+        floor = belief.log_weight[i] - 0.5 * math.log(variance + sigma * sigma) - beside
         hits = find_routes(
             roads, search, work.near_edge, edge, s, x, y, radius * scale, per_metre,
-            _u_turn_cost(roads, edge), longest, floor + per_metre * straight - best + _WORTH,
+            _u_turn_cost(roads, edge), longest, floor + per_metre * straight - best + _AHEAD,
             _WORTH, _LABELS,
         )  # fmt: skip
         for h in range(-1, hits):  # -1: on along the edge
@@ -187,8 +203,9 @@ def choose_legs(
                 usual = USUAL * float(roads.speed[edge])
             else:
                 length = search.length[label]
-                last = dearness(roads, search.edge[label])
-                cost = search.cost[label] + per_metre * max(to, 0.0) * last
+                last = search.edge[label]
+                dear = roads.hop[last, HOP_PRICE] / roads.length[last]
+                cost = search.cost[label] + per_metre * max(to, 0.0) * dear
                 usual = usual_speed(roads, length, search.time[label], search.edge[label])
             went = length + to
             if went < -4.0 * sigma:

@@ -48,6 +48,8 @@ class Roads(NamedTuple):
     cell_edge: Ints32  # (G,) edge of the segment
     cell_vertex: Ints32  # (G,) first vertex of the segment
     curvature: float  # 1 / (4 R²), 1/m²
+    hop: Floats32  # (E, 5) end, length, price and time of an edge, see core.hops
+    succ_cost: Floats32  # (S,) nats that a turn costs, 0 for the likeliest
 
 
 @kernel

@@ -6,14 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Bytes, Ints, Ints32, Vector, kernel, part
+from .hops import CHEAPEST, HOP_LENGTH, HOP_PRICE, HOP_TIME, HOP_X, HOP_Y
 from .network import Roads
 
+_BITS = 14  # of a number on the heap tell the label,
+_PER_NAT, _MOST_NATS = 2.0**30, 2.0**18  # the others its key
+_LAST = 2**63 - 1  # comes after all others
+_ROUNDING = 0.1  # m, of the ends of edges
 _SLOTS = 1 << 15  # of the table that knows an edge's label
 _GOALS = 1 << 9  # of the one that knows the goals
-LABELS = 1 << 14  # of all searches of one step
-_USUAL = 12.0  # m/s
-_BY_TIME = 0.6  # of the cost of a way is its time, the rest its length
-_CHEAPEST, _DEAREST = 0.75, 2.0
+LABELS = 1 << _BITS  # of all searches of one step
 
 
 class Search(NamedTuple):
@@ -33,8 +35,8 @@ class Search(NamedTuple):
     time: Vector  # (LABELS,) at the usual speeds, s
     turn: Vector  # (LABELS,) sum of turns, rad
     done: Bytes  # (LABELS,)
-    heap: Ints32  # (LABELS,) labels
-    key: Vector  # (LABELS,) what the heap is ordered by
+    key: Vector  # (LABELS,) cost, with what is to come at least, nats
+    heap: Ints  # (LABELS,) key and label as one number
     hit: Ints32  # (256,) labels of goals
     pair_source: Ints32  # (256,) hypothesis
     pair_label: Ints32  # (256,)
@@ -49,8 +51,8 @@ def new_search() -> Search:
         np.zeros(_SLOTS, np.int64), np.zeros(_GOALS, np.int32),
         np.zeros(_GOALS, np.int64), np.zeros(4, np.int64), np.zeros(LABELS, np.int32),
         np.zeros(LABELS, np.int32), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
-        np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS, np.int32),
-        np.zeros(LABELS), np.zeros(256, np.int32), np.zeros(256, np.int32),
+        np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS),
+        np.full(LABELS, _LAST), np.zeros(256, np.int32), np.zeros(256, np.int32),
         np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256),
     )  # fmt: skip
 
@@ -100,81 +102,69 @@ def _slot_of(search: Search, edge: int) -> tuple[int, int]:
 
 @kernel
 def _push(search: Search, n: int, label: int, key: float) -> int:
-    """Put a label on the heap of n; returns the new n."""
+    """Put a label on the heap of n; returns the new n.
+
+    Key and label are one whole number, so that they are compared and moved at once.
+    """
+    heap = search.heap
+    code = (int(min(key, _MOST_NATS) * _PER_NAT) << _BITS) | label
     i = n
     while i > 0:
         up = (i - 1) >> 1
-        if search.key[up] <= key:
+        if heap[up] <= code:
             break
-        search.key[i] = search.key[up]
-        search.heap[i] = search.heap[up]
+        heap[i] = heap[up]
         i = up
-    search.key[i] = key
-    search.heap[i] = label
+    heap[i] = code
     return n + 1
 
 
 @kernel
 def _pop(search: Search, n: int) -> int:
-    """Take the first label off the heap of n, which then has n - 1; it goes to place n - 1."""
-    first = search.heap[0]
-    first_key = search.key[0]
+    """Take the first label off the heap of n, which then has n - 1."""
+    heap = search.heap
+    label = heap[0] & (LABELS - 1)
     n -= 1
-    label = search.heap[n]
-    key = search.key[n]
+    code = heap[n]
+    heap[n] = _LAST
     i = 0
     while True:
         down = 2 * i + 1
         if down >= n:
             break
-        if down + 1 < n and search.key[down + 1] < search.key[down]:
-            down += 1
-        if search.key[down] >= key:
+        down += int(heap[down + 1] < heap[down])
+        if heap[down] >= code:
             break
-        search.key[i] = search.key[down]
-        search.heap[i] = search.heap[down]
+        heap[i] = heap[down]
         i = down
-    search.key[i] = key
-    search.heap[i] = label
-    search.heap[n] = first
-    search.key[n] = first_key
-    return n
-
-
-@part
-def dearness(roads: Roads, edge: int) -> float:
-    """What a metre of an edge costs, over one of a street of usual speed: drivers save time."""
-    slower = _USUAL / max(float(roads.speed[edge]), 1.0)
-    return min(max(1.0 + _BY_TIME * (slower - 1.0), _CHEAPEST), _DEAREST)
+    heap[i] = code
+    return int(label)
 
 
 @part
 def _label(
-    search: Search, n: int, edge: int, parent: int, cost: float, ratio: float, length: float,
-    time: float, turn: float, ahead: float, limit: float,
+    search: Search, n: int, edge: int, parent: int, cost: float, length: float,
+    time: float, turn: float, ahead: float,
 ) -> int:  # fmt: skip
-    """Label an edge if this way is new or cheaper, and goes anywhere; returns the heap's n.
+    """Label an edge if this way is new or cheaper; returns the heap's n.
 
-    It costs log(ratio) more than `cost`, and at least `ahead` more are to come.
+    At least `ahead` nats more are to come.
     """
     place, label = _slot_of(search, edge)
-    if label >= 0 and (search.done[label] == 1 or search.cost[label] <= cost):
-        return n
-    if ratio > 1.0:
-        cost += math.log(ratio)
-    if cost + ahead > limit:
+    if n >= LABELS - 1:
         return n
     if label < 0:
         label = search.counts[2]
-        if label >= LABELS or n >= LABELS - 1:
+        if label >= LABELS:
             return n
         search.counts[2] = label + 1
         search.slot[place] = search.counts[0] * LABELS + label
-    elif search.cost[label] <= cost:
+    elif search.done[label] == 1 or search.cost[label] <= cost:
         return n
     search.edge[label] = edge
     search.parent[label] = parent
     search.cost[label] = cost
+    search.key[label] = cost + ahead
     search.length[label] = length
     search.time[label] = time
     search.turn[label] = turn
@@ -189,24 +179,19 @@ def _follow(
     longest: float, limit: float,
 ) -> int:  # fmt: skip
     """Label what follows an edge, with what it costs to its end; returns the heap's n."""
-    v = roads.first[current + 1] - 1
-    dx = roads.x[v] - x
-    dy = roads.y[v] - y
+    dx = roads.hop[current, HOP_X] - x
+    dy = roads.hop[current, HOP_Y] - y
     away = max(math.sqrt(dx * dx + dy * dy) - radius, 0.0)
-    ahead = _CHEAPEST * per_metre * away
+    ahead = CHEAPEST * per_metre * away
     if cost + ahead > limit or length + away > longest:
         return n
-    first = roads.succ_first[current]
-    last = roads.succ_first[current + 1]
-    best = 1e-12
-    for t in range(first, last):
-        best = max(best, float(roads.succ_prior[t]))
-    for t in range(first, last):
-        ratio = best / max(float(roads.succ_prior[t]), 1e-12)
-        n = _label(
-            search, n, roads.succ[t], label, cost, ratio, length, time,
-            turn + roads.succ_turn[t], ahead, limit,
-        )  # fmt: skip
+    for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
+        then = cost + roads.succ_cost[t]
+        if then + ahead <= limit:
+            n = _label(
+                search, n, roads.succ[t], label, then, length, time, turn + roads.succ_turn[t],
+                ahead,
+            )  # fmt: skip
     return n
 
 
@@ -245,46 +230,46 @@ def find_routes(
     first_label = search.counts[2]
     hits = 0
     n = 0
-    left = roads.length[edge] - s
+    left = max(roads.length[edge] - s, 0.0)
+    share = left / roads.length[edge]
+    radius += _ROUNDING
     other = roads.opposite[edge]
-    if other >= 0 and u_turn < 1e6:
+    if other >= 0 and u_turn < limit:
         v = roads.first[other]
         away = max(math.hypot(roads.x[v] - x, roads.y[v] - y) - radius, 0.0)
-        if away <= longest + max(left, 0.0):
-            n = _label(
-                search, n, other, -1, u_turn, 1.0, -max(left, 0.0), 0.0, math.pi,
-                _CHEAPEST * per_metre * away, limit,
-            )  # fmt: skip
+        ahead = CHEAPEST * per_metre * away
+        if away <= longest + left and u_turn + ahead <= limit:
+            n = _label(search, n, other, -1, u_turn, -left, 0.0, math.pi, ahead)
     label = -1
     current = edge
-    cost = per_metre * max(left, 0.0) * dearness(roads, edge)
-    length = left
-    time = left / max(float(roads.speed[edge]), 1.0)
+    cost = per_metre * share * roads.hop[edge, HOP_PRICE]
+    length = roads.length[edge] - s
+    time = share * roads.hop[edge, HOP_TIME]
     turn = 0.0
     while True:
         n = _follow(
             roads, search, n, current, label, cost, length, time, turn, x, y, radius, per_metre,
             longest, limit,
         )  # fmt: skip
-        while True:
-            if n == 0 or search.counts[2] - first_label >= most:
-                return hits
-            n = _pop(search, n)
-            if search.key[n] > limit:
-                return hits
-            label = search.heap[n]
+        label = -1
+        while n > 0:
+            label = _pop(search, n)
+            n -= 1
             if search.done[label] == 0:
                 break
+            label = -1
+        if label < 0 or search.key[label] > limit or search.counts[2] - first_label >= most:
+            return hits
         search.done[label] = 1
         current = search.edge[label]
         if hits < len(search.hit) and goal_of(search, goals, current) >= 0:
             if hits == 0:
-                limit = min(limit, search.key[n] + slack)
+                limit = min(limit, search.key[label] + slack)
             search.hit[hits] = label
             hits += 1
             if hits == search.counts[3]:
                 return hits
-        cost = search.cost[label] + per_metre * roads.length[current] * dearness(roads, current)
-        length = search.length[label] + roads.length[current]
-        time = search.time[label] + roads.length[current] / max(float(roads.speed[current]), 1.0)
+        cost = search.cost[label] + per_metre * roads.hop[current, HOP_PRICE]
+        length = search.length[label] + roads.hop[current, HOP_LENGTH]
+        time = search.time[label] + roads.hop[current, HOP_TIME]
         turn = search.turn[label]

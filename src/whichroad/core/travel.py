@@ -16,6 +16,7 @@ from .belief import (
     GY,
     MX,
     MY,
+    NO_EDGE,
     NOW,
     OFF_ROAD,
     WHITE,
@@ -28,13 +29,14 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import condition, normal_cdf
-from .grid import near, vertex_at
+from .gaussian import condition
+from .grid import closest, vertex_at
 from .legs import (
     SPEED_SIGMA,
     USUAL,
     choose_legs,
     heavy_tail,
+    mass_near,
     spread_of,
     usual_speed,
     variance_along,
@@ -45,13 +47,16 @@ from .parameters import Parameters
 from .road import track
 from .routes import Search, set_goals
 from .segment import locate, project
-from .switching import Work, copy_hypothesis, cut_along, enter, rescale
+from .switching import Work, copy_hypothesis, enter, rescale
 
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
 _RETURN = 0.5  # of what was off the roads is back on one at the next fix
 _STAND_TIME = 30.0  # s, about which who stands goes on standing
 _MOST = 24  # routes that become hypotheses
+_LEAST = 1e-5  # probability of what comes back to a road
+_FAR_ABOVE = 3.0  # nats
+_STANDING = 1e-3  # probability of standing that is looked at
 WIDE = 30.0  # m, across the road before the road is observed
 
 
@@ -161,7 +166,7 @@ def _stand(belief: Belief, i: int, dt: float) -> None:
     cov = belief.cov[i]
     share = math.exp(-dt / _STAND_TIME - 0.5 * mean[K] ** 2 / (cov[K, K] + 0.5))
     share /= math.sqrt(1.0 + 2.0 * cov[K, K])
-    if belief.probability[i] * share < 1e-4 or belief.size[0] >= CAPACITY:
+    if belief.probability[i] * share < _STANDING or belief.size[0] >= CAPACITY:
         return
     child = belief.size[0]
     copy_hypothesis(belief, i, child)
@@ -213,19 +218,26 @@ def _fly(belief: Belief, i: int, x: float, y: float, dt: float, scale: float) ->
 
 @part
 def _come_back(
-    belief: Belief, roads: Roads, work: Work, i: int, found: int, sigma: float, scale: float,
-    side: float, par: Parameters,
+    belief: Belief, roads: Roads, work: Work, i: int, first: int, found: int, sigma: float,
+    scale: float, side: float, par: Parameters,
 ) -> None:  # fmt: skip
-    """Children of an off-road hypothesis on the roads near the fix, in proportion to length."""
+    """Children of an off-road hypothesis on the roads near the fix, in proportion to length.
+
+    A road that a route leads to as well, far more likely, needs none from nowhere.
+    """
+    mass = belief.scratch[0]
     total = 0.0
     for c in range(found):
-        total += _mass(roads, work, c, sigma, par)
+        mass[c] = mass_near(roads, work, c, sigma, par)
+        total += mass[c]
     if total <= 0.0:
         return
     rescale(belief, i, 1.0 - _RETURN)
     for c in range(found):
-        share = _RETURN / (1.0 - _RETURN) * _mass(roads, work, c, sigma, par) / total
-        if belief.probability[i] * share < 1e-5 or belief.size[0] >= CAPACITY:
+        share = _RETURN / (1.0 - _RETURN) * mass[c] / total
+        if belief.probability[i] * share < _LEAST or belief.size[0] >= CAPACITY:
+            continue
+        if _is_reached(belief, first, work.near_edge[c], belief.log_weight[i] + math.log(share)):
             continue
         edge = work.near_edge[c]
         child = belief.size[0]
@@ -254,14 +266,13 @@ def _come_back(
 
 
 @kernel
-def _mass(roads: Roads, work: Work, c: int, sigma: float, par: Parameters) -> float:
-    """What a road near the fix is worth to somebody who comes from nowhere."""
-    edge = work.near_edge[c]
-    s = work.near_s[c]
-    mass = normal_cdf((roads.length[edge] - s) / sigma) - normal_cdf(-s / sigma)
-    if roads.rule[edge]:
-        mass *= max(par.wrong_way, 1e-6)
-    return mass
+def _is_reached(belief: Belief, first: int, edge: int, log_weight: float) -> bool:
+    """Whether a hypothesis from `first` on is on an edge, and far above a weight."""
+    top = -math.inf
+    for j in range(first, belief.size[0]):
+        if belief.edge[j] == edge:
+            top = max(top, belief.log_weight[j])
+    return bool(top > log_weight + _FAR_ABOVE)
 
 
 @part
@@ -272,7 +283,7 @@ def travel(
     """Take every hypothesis along the routes to the roads near a fix.
 
     Args:
-        belief: In place, normalised; hypotheses on roads are replaced by those that arrive.
+        belief: In place, normalised; those on roads are replaced by those that arrive.
         roads: The network.
         route: The tree of edges entered.
         work: Scratch; its root is that of the last fix.
@@ -301,9 +312,7 @@ def travel(
     white = max(belief.clock[WHITE], belief.clock[GNSS_SCALE] * par.gnss_white_ratio**2)
     jitter = math.sqrt(white + belief.clock[GNSS_SCALE] * (1.0 - age * age)) * fix[2]
     radius = 4.0 * sigma + 3.0
-    found = near(
-        roads, x, y, radius, work.near_edge, work.near_s, work.near_lateral, work.near_distance
-    )
+    found = closest(roads, x, y, radius, work.near_edge, work.near_s, work.near_distance)
     search = work.search
     set_goals(search, work.near_edge, found)
     pairs = 0
@@ -328,59 +337,37 @@ def travel(
         _arrive(belief, roads, route, work, i, best, scale, zx, zy, jitter, dt, since, side, par)
         search.pair_score[best] = -math.inf
         children += 1
-    off = 0
+    off = False
     for i in range(n):
-        if belief.edge[i] == OFF_ROAD:
-            off += 1
-    if children == 0 and off == 0:  # no route: the way is not on the map
+        off = off or belief.edge[i] == OFF_ROAD
+    if children == 0 and not off:  # no route: the way is not on the map
         belief.edge[top] = OFF_ROAD
         belief.fresh[top] = 1
     chance = 0.0
     if found > 0 and work.near_distance[0] < 2.0 * sigma:
         chance = min(_BY_CHANCE, par.off_road_cost * moved)
+    share = min(_LEAVE * par.off_road_leave * (moved + 10.0), 0.3)
+    leave = belief.log_weight[top] + math.log(max(share, 1e-300)) - _FAR_ABOVE
     for i in range(n):
         if belief.edge[i] == OFF_ROAD:
+            if i != top and belief.probability[i] < _LEAST and belief.log_weight[i] < leave:
+                belief.edge[i] = NO_EDGE  # who leaves the roads now is as good
+                continue
             _fly(belief, i, fix[0], fix[1], dt, scale)
             belief.log_weight[i] -= chance
-            if found > 0 and belief.probability[i] > 1e-5:
-                _come_back(belief, roads, work, i, found, sigma, scale, side, par)
+            if found > 0 and belief.probability[i] > _LEAST:
+                _come_back(belief, roads, work, i, n, found, sigma, scale, side, par)
         elif i == top and belief.size[0] < CAPACITY:  # left the roads on the way
             child = belief.size[0]
             copy_hypothesis(belief, i, child)
-            rescale(belief, child, min(_LEAVE * par.off_road_leave * (moved + 10.0), 0.3))
+            rescale(belief, child, share)
             belief.edge[child] = OFF_ROAD
             belief.fresh[child] = 1
             _fly(belief, child, fix[0], fix[1], dt, scale)
             belief.size[0] = child + 1
-    m = 0
-    for i in range(belief.size[0]):
-        if i < n and belief.edge[i] != OFF_ROAD:
-            continue
-        if m != i:
-            copy_hypothesis(belief, i, m)
-        m += 1
-    belief.size[0] = m
+    for i in range(n - 1, -1, -1):  # the last one takes the place of who has gone
+        if belief.edge[i] != OFF_ROAD:
+            belief.size[0] -= 1
+            if i != belief.size[0]:
+                copy_hypothesis(belief, int(belief.size[0]), i)
     return moved
-
-
-@part
-def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
-    """After the fix: what lies beyond the ends of an edge was not there.
-
-    The weight is multiplied by the mass between the ends, and the Gaussian is cut to them.
-    """
-    for i in range(belief.size[0]):
-        edge = belief.edge[i]
-        if edge == OFF_ROAD:
-            continue
-        _, tx, ty = track(belief, roads, i, scale)
-        s = belief.abscissa[i]
-        sigma = belief.spread[i]
-        length = roads.length[edge]
-        mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
-        if mass < 0.999:
-            belief.log_weight[i] += math.log(max(mass, 1e-12))
-            cut_along(belief, i, work, tx, ty, s, sigma, 0.0, length, scale)
-            track(belief, roads, i, scale)
-        room = (length - belief.abscissa[i]) / belief.spread[i]
-        belief.stay[i] = max(normal_cdf(room), 1e-6)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.hops import hops, turn_costs
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
 from ..frames import Plane
@@ -231,13 +232,15 @@ def _network(
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
+    speed = (length / time).astype(np.float32)
     lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
     roads = Roads(
         vx, vy, s, first, length, from_node, to_node, opposite,
         lane.astype(np.float32), streets.lane_spread[way].astype(np.float32),
-        (length / time).astype(np.float32), service, rule,
+        speed, service, rule,
         turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
         turns.pred_first, turns.pred, CELL_SIZE, *found, plane.curvature,
+        hops(vx, vy, first, length, speed), turn_costs(turns.first, turns.prior),
     )  # fmt: skip
     return Network(roads, plane, pieces, way, node_id, {**dropped, **turns.dropped})
 

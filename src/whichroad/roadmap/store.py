@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, WriteError
 
 MAGIC = b"WHICHROAD"
-VERSION = 2
+VERSION = 3
 _FIXED = struct.Struct("<9s3xIIIQ")  # magic, version, header's length and checksum, file's length
 _ALIGN = 64
 _TYPES = {"<f8", "<f4", "<i8", "<i4", "|i1", "|u1"}
