@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from scenes import grid_town, localize, network, parallel_roads, steps, straight_road
@@ -23,6 +23,7 @@ from whichroad.core.output import (
     V_Y,
     V_YY,
 )
+from whichroad.core.place import place_on_edge
 from whichroad.settings import Settings
 from whichroad.smoother import Lag
 
@@ -157,6 +158,47 @@ def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fi
             seen[kind].append(float(belief.clock[WHITE]))
     assert 0.7 < np.mean(seen["new"]) < 1.2
     assert np.mean(seen["lasting"]) < 0.3
+
+
+@given(
+    s=st.floats(-40.0, 140.0),
+    sigma=st.floats(2.0, 40.0),
+    length=st.floats(3.0, 200.0),
+    is_junction=st.booleans(),
+)
+def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
+    s: float, sigma: float, length: float, is_junction: bool
+):
+    u = np.linspace(s - 60.0 - 6.0 * sigma, s + 60.0 + 6.0 * sigma, 200_001)
+
+    def normal(mean: float, width: float) -> np.ndarray:
+        return np.exp(-0.5 * ((u - mean) / width) ** 2) / width / np.sqrt(2.0 * np.pi)
+
+    stand = 30.0 * min(1.0, length / 12.0) * is_junction
+    where = ((u >= 0.0) & (u <= length)) + stand * normal(length - 6.0, 6.0)
+    density = normal(s, sigma) * where * (u[1] - u[0])
+    mass = density.sum()
+    assume(mass > 0.01)
+    mean = (u * density).sum() / mass
+    found = place_on_edge(s, sigma, length, is_junction)
+    assert found[0] == pytest.approx(mass, rel=5e-3, abs=2e-3)
+    assert found[1] == pytest.approx(mean, abs=0.1 * sigma)
+    variance = ((u - mean) ** 2 * density).sum() / mass
+    assert found[2] == pytest.approx(variance, rel=0.15, abs=0.5 + 1e-3 * sigma**2)
+
+
+def before_the_node(lines: list[np.ndarray]) -> float:
+    """P(first edge) of who was seen at its start, and half a minute later over its end."""
+    rows = fixes(np.array([[100.0, 0.0], [300.0, 0.0]]), np.array([0.0, 30.0]))
+    *_, (_, belief, _) = steps(network(lines), rows, mode=CLOCK)
+    n = belief.size[0]
+    return float(belief.probability[:n][belief.edge[:n] == 0].sum())
+
+
+def test_vehicles_stand_before_junctions():
+    road = [np.array([[0.0, 0.0], [300.0, 0.0]]), np.array([[300.0, 0.0], [600.0, 0.0]])]
+    side = np.array([[300.0, 0.0], [300.0, 300.0]])
+    assert before_the_node([*road, side]) > before_the_node(road) + 0.1
 
 
 @pytest.mark.parametrize("seconds", [4.0, 10.0])

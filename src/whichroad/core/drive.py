@@ -32,11 +32,12 @@ from .motion import arc_chord, predict_free
 from .network import Roads
 from .output import Output, say
 from .parameters import Parameters
+from .place import settle
 from .reduction import reduce
 from .road import observe_roads
 from .start import leave_and_return, turn_round, turn_with_heading
 from .switching import Work, hand_over
-from .travel import settle, travel
+from .travel import travel
 
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _STEP = 6.0  # m, longest piece in which wheels are followed

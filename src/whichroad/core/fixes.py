@@ -52,7 +52,9 @@ _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _NEXT = 2.5  # s, between fixes whose second difference is noise
 _STRAIGHT = 0.35  # rad; less than this two roads turn, across which noise is compared
 _SURE = 0.8  # P of the road across which it is compared
-_FEW = 20.0  # s of fixes far apart, that no white noise at all is worth
+_UNTOLD = 0.5  # of the reported variance is new with every fix, of fixes far apart, until seen;
+_FEW = 4.0  # differences of fixes that this is worth,
+_REMEMBERED = 15.0  # and so many are remembered at least
 _LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
@@ -240,6 +242,8 @@ def see_across(
     offsets has twice the variance of what does not last from one to the other.
     """
     clock = belief.clock
+    if clock[WHITE] == 0.0:
+        clock[WHITE] = _UNTOLD
     top = 0
     for i in range(belief.size[0]):
         if belief.probability[i] > belief.probability[top]:
@@ -261,7 +265,9 @@ def see_across(
     if p > _SURE and last < 100.0 and abs(wrap(heading - clock[ACROSS + 1])) < _STRAIGHT:
         usual = max(clock[WHITE], par.gnss_white_ratio**2)
         seen = 0.5 * (across - clock[ACROSS]) ** 2 / (epochs.fix[k, 2] * epochs.fix[k, 3])
-        gain = max(last / (_FEW + clock[LEARNT]), 1.0 - math.exp(-last / par.gnss_adapt_time))
+        count = clock[LEARNT] / min(last, _RECENT)
+        forgets = max(par.gnss_adapt_time, _REMEMBERED * last)
+        gain = max(1.0 / (_FEW + count), 1.0 - math.exp(-last / forgets))
         clock[WHITE] += min(gain, 1.0) * (min(seen, 4.0 * usual) - clock[WHITE])
     clock[ACROSS] = across
     clock[ACROSS + 1] = heading

@@ -347,6 +347,15 @@ def cut_along(
 ) -> None:  # fmt: skip
     """Cut the abscissa of hypothesis i to [low, high]."""
     mean, variance = truncated_moments(s, sigma, low, high)
+    move_along(belief, i, work, tx, ty, mean - s, variance / (sigma * sigma), scale)
+
+
+@kernel
+def move_along(
+    belief: Belief, i: int, work: Work, tx: float, ty: float, shift: float, shrink: float,
+    scale: float,
+) -> None:  # fmt: skip
+    """Shift the abscissa of hypothesis i, and multiply its variance."""
     row = work.row
     for j in range(N):
         row[j] = 0.0
@@ -354,4 +363,4 @@ def cut_along(
     row[Y] = ty
     row[MX] = tx
     row[MY] = ty
-    reshape_along(belief.mean[i], belief.cov[i], row, mean - s, variance / (sigma * sigma), scale)
+    reshape_along(belief.mean[i], belief.cov[i], row, shift, shrink, scale)

@@ -29,7 +29,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import condition, normal_cdf
+from .gaussian import condition
 from .grid import closest, vertex_at
 from .legs import (
     SPEED_SIGMA,
@@ -47,7 +47,7 @@ from .parameters import Parameters
 from .road import track
 from .routes import Search, set_goals
 from .segment import locate, project
-from .switching import Work, copy_hypothesis, cut_along, enter, rescale
+from .switching import Work, copy_hypothesis, enter, rescale
 
 _BY_CHANCE = 2.0  # nats, at most, for being beside a road without being on one
 _LEAVE = 0.1  # of the usual rate roads are left at between such fixes
@@ -371,26 +371,3 @@ def travel(
             if i != belief.size[0]:
                 copy_hypothesis(belief, int(belief.size[0]), i)
     return moved
-
-
-@part
-def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
-    """After the fix: what lies beyond the ends of an edge was not there.
-
-    The weight is multiplied by the mass between the ends, and the Gaussian is cut to them.
-    """
-    for i in range(belief.size[0]):
-        edge = belief.edge[i]
-        if edge == OFF_ROAD:
-            continue
-        _, tx, ty = track(belief, roads, i, scale)
-        s = belief.abscissa[i]
-        sigma = belief.spread[i]
-        length = roads.length[edge]
-        mass = normal_cdf((length - s) / sigma) - normal_cdf(-s / sigma)
-        if mass < 0.999:
-            belief.log_weight[i] += math.log(max(mass, 1e-12))
-            cut_along(belief, i, work, tx, ty, s, sigma, 0.0, length, scale)
-            track(belief, roads, i, scale)
-        room = (length - belief.abscissa[i]) / belief.spread[i]
-        belief.stay[i] = max(normal_cdf(room), 1e-6)
