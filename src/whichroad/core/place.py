@@ -46,6 +46,16 @@ def place_on_edge(
     return mass + queue, mean + share * off, variance
 
 
+@kernel
+def forks(roads: Roads, edge: int) -> bool:
+    """Whether more than one way leads on from an edge, those back not counted."""
+    ways = 0
+    for t in range(roads.succ_first[edge], roads.succ_first[edge + 1]):
+        if roads.succ[t] != roads.opposite[edge]:
+            ways += 1
+    return ways > 1
+
+
 @part
 def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
     """After the fix: what lies beyond the ends of an edge was not there, who stands is before one.
@@ -60,8 +70,7 @@ def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
         s = belief.abscissa[i]
         sigma = belief.spread[i]
         length = roads.length[edge]
-        is_junction = roads.succ_first[edge + 1] - roads.succ_first[edge] > 1
-        mass, mean, variance = place_on_edge(s, sigma, length, is_junction)
+        mass, mean, variance = place_on_edge(s, sigma, length, forks(roads, edge))
         if abs(mass - 1.0) > 1e-3:
             belief.log_weight[i] += math.log(max(mass, 1e-12))
             move_along(belief, i, work, tx, ty, mean - s, variance / (sigma * sigma), scale)
