@@ -11,7 +11,13 @@ from scipy import stats
 from oracles import textbook
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 from whichroad.core.belief import H, N, X, Y
-from whichroad.core.gaussian import condition, merge_moments, reshape_along, truncated_moments
+from whichroad.core.gaussian import (
+    condition,
+    merge_moments,
+    reshape_along,
+    truncated_moments,
+    update_pair,
+)
 
 
 def random_rows(rng: np.random.Generator, k: int) -> np.ndarray:
@@ -43,6 +49,23 @@ def test_rows_one_by_one_are_the_joint_update_of_the_textbook(seed: int):
     ours = apply(g, rows, innovation + rows @ g.mean, noise)
     assert_same(g, Gaussian(mean, cov))
     assert ours == pytest.approx(log_density, abs=1e-8)
+
+
+@given(seeds)
+def test_two_rows_at_once_are_as_one_after_the_other(seed: int):
+    rng = np.random.default_rng(seed)
+    a = random_gaussian(rng)
+    b = a.copy()
+    (h, k), z, (r, q) = random_rows(rng, 2), rng.normal(size=2), rng.uniform(0.01, 4.0, 2)
+    first, second = b.cov @ h, b.cov @ k
+    s, both = h @ first + r, k @ first
+    nu, mu = z - (h @ b.mean, k @ b.mean)
+    second -= both / s * first
+    t = k @ b.cov @ k + q - both**2 / s
+    mu -= both / s * nu
+    update_pair(b.mean, b.cov, first, second, nu / s, mu / t, s, t, 1.0)
+    apply(a, np.array([h, k]), z, np.array([r, q]))
+    assert_same(a, b)
 
 
 @given(seeds, st.permutations(range(4)))

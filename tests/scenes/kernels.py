@@ -24,6 +24,8 @@ USUAL: dict[str, Any] = {
     "jumps": False,
     "total": 1.0,
     "slow": 1.0,
+    "passed": 0.0,
+    "refuted": 0.0,
     "least": 1.0 / (1.0 + Settings().gnss_white_ratio ** 2),
     "node_variance": 0.0,
     "heading_sigma": Settings().edge_heading_sigma,

@@ -22,7 +22,7 @@ from .motion import predict_along
 from .network import Roads
 from .road import track
 from .segment import locate
-from .switching import Work, adopt, destinations, leave_map, rescale
+from .switching import MOSTLY, Work, adopt, destinations, leave_map, rescale
 
 _CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 _CORNER_RADIUS = 15.0  # m
@@ -95,6 +95,7 @@ def advance_along(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, odometer: float,
     q_along: float, q_rate: float, q_cross: float, heading_variance: float,
     node_radius: float, node_variance: float, side: float, lane_sigma: float, prune: float,
+    passed: float,
 ) -> bool:  # fmt: skip
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
@@ -117,6 +118,7 @@ def advance_along(
         side: 1 where one drives on the right, −1 on the left.
         lane_sigma: Spread of the lane offset, m.
         prune: Probability below which a hypothesis is not worth its while.
+        passed: Probability that has to have passed an end, or most of it, before it branches.
 
     Returns:
         Whether anything branched.
@@ -138,7 +140,10 @@ def advance_along(
         share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
         p = belief.probability[i]
         end = 1e9
-        if share * p >= 0.3 * prune and belief.size[0] < CAPACITY:
+        owed = belief.stay[i]
+        enough = share * p >= 0.3 * prune and share >= min(passed / p, MOSTLY)
+        if enough and belief.size[0] < CAPACITY:
+            owed = 0.0
             changed = True
             end = length
             given = 0.0
@@ -149,7 +154,7 @@ def advance_along(
                 given = share
             for d in range(count):
                 part = share * work.mass[d] / total if total > 0.0 else 0.0
-                if part * p < 0.1 * prune or belief.size[0] >= CAPACITY:
+                if part * p < 0.3 * prune or belief.size[0] >= CAPACITY:
                     continue  # too little, or no room: it stays where it was
                 given += part
                 child = belief.size[0]
@@ -166,6 +171,7 @@ def advance_along(
             belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, end, odometer,
             scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
         )  # fmt: skip
+        belief.stay[i] = max(belief.stay[i], owed)
     return changed
 
 
@@ -177,7 +183,7 @@ def forward_only(belief: Belief, row: Vector, scale: float) -> bool:
     that was.  Off the roads a negative speed is first told as the other heading.
 
     Returns:
-        Whether any weight was changed.
+        Whether any weight was changed; probabilities are yet to be made to sum to one.
     """
     weighed = False
     for i in range(belief.size[0]):
@@ -194,7 +200,7 @@ def forward_only(belief: Belief, row: Vector, scale: float) -> bool:
         z = (mean[K] + 0.5) / sigma
         if z < 2.5:
             weighed = True
-            belief.log_weight[i] += math.log(max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
+            rescale(belief, i, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
             cut, variance = truncated_moments(mean[K], sigma, -0.5, 1e9)
             for j in range(N):
                 row[j] = 0.0

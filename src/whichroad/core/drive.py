@@ -44,6 +44,7 @@ _STEP = 6.0  # m, longest piece in which wheels are followed
 _LEAVING = 25.0  # m between the births of off-road hypotheses, where none matters
 _MOMENT = 0.1  # s, over which the odometer's speed is smoothed
 _STANDING = 0.5  # m/s; a receiver that says less says that it stands
+_PASSED = 1e-3  # probability past the end of an edge before it is looked for there
 _BLIND = 500.0  # times more merging without a heading sensor
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
@@ -100,7 +101,7 @@ def _move_along(
     changed = advance_along(
         belief, roads, route, work, scale, odometer, q_along, q_rate, q_cross,
         par.edge_heading_sigma**2, par.node_radius, par.node_heading_sigma**2, side,
-        par.lane_sigma, par.prune,
+        par.lane_sigma, par.prune, _PASSED,
     )  # fmt: skip
     for i in range(belief.size[0]):
         if belief.edge[i] == OFF_ROAD:
@@ -108,9 +109,8 @@ def _move_along(
                 belief.mean[i], belief.cov[i], odometer, 0.0, 0.0, odometer, scale,
                 q_along, 0.25 * q_along, q_free, q_rate, 0.0,
             )  # fmt: skip
-    if mode == CLOCK and forward_only(belief, work.row, scale):
-        normalise(belief)
-    return changed or turns
+    weighed = mode == CLOCK and forward_only(belief, work.row, scale)
+    return changed or turns or weighed
 
 
 @part
@@ -277,7 +277,7 @@ def run(
                 changed = (
                     hand_over(
                         belief, roads, route, work, scale, arc, side, par.lane_sigma, par.prune,
-                        cut,
+                        0.0 if mode == WHEELS else _PASSED, cut,
                     )
                     or changed
                 )  # fmt: skip

@@ -58,6 +58,7 @@ _REMEMBERED = 15.0  # and so many are remembered at least
 _LASTS = 0.1  # of the variance of fixes is slow at least
 _RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
+_REFUTED = 0.3  # of what is pruned; a fix that leaves a road less is not taken in by it
 _FAR = 20.0  # m; a fix so far away may be the truth, of which the belief knew nothing
 _ASTRAY = 5.0  # s off the roads, from which on a fix far away is doubted less than the belief
 
@@ -303,6 +304,7 @@ def take_fix(
     chi2 = observe_fix(
         belief, epochs.fix[k], work.root, interval, scale, lever, white, par.gnss_gate,
         _vouched(epochs, k, mode) and since < _RECENT and clock[LEARNT] > _YOUNG, work.row,
+        _REFUTED * par.prune,
     )  # fmt: skip
     misfit = chi2 > 4.0 * par.gnss_gate
     astray = mode == WHEELS and _astray(belief, epochs.time[k])

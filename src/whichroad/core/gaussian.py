@@ -85,6 +85,33 @@ def _move(mean: Vector, g: Vector, gain: float, scale: float) -> None:
 
 
 @kernel
+def update_pair(
+    mean: Vector, cov: Matrix, first: Vector, second: Vector, nu: float, mu: float,
+    variance: float, other: float, scale: float,
+) -> None:  # fmt: skip
+    """`update` with one row and then with another, going through the covariance once.
+
+    Args:
+        mean: State, (N,), changed in place.
+        cov: Covariance P, (N, N), changed in place.
+        first: g = P hᵀ of the first row, (N,); overwritten.
+        second: That of the second row, overwritten.
+        nu: Innovation of the first row over its variance s.
+        mu: Of the second, given the first.
+        variance: s.
+        other: Variance of the second innovation, given the first.
+        scale: Local scale of the plane.
+    """
+    _move(mean, first, nu, scale)
+    _move(mean, second, mu, scale)
+    set_times(first, 1.0 / math.sqrt(variance), first)
+    set_times(second, 1.0 / math.sqrt(other), second)
+    for i in range(N):
+        add_times(cov[i], -first[i], first)
+        add_times(cov[i], -second[i], second)
+
+
+@kernel
 def innovation_variance(cov: Matrix, row: Vector, variance: float) -> float:
     """H P hᵀ + r."""
     return variance + _covariance(cov, row, ten())

@@ -27,10 +27,9 @@ from .belief import (
     H,
     K,
     N,
-    X,
-    Y,
 )
-from .gaussian import LOG_2PI, condition, innovation_variance, update
+from .expect import drop_refuted, fix_row, foresee, take_in
+from .gaussian import LOG_2PI, condition, innovation_variance
 from .motion import age_gnss, wander
 
 _FAULT = 6.0  # sigmas; a slow error beyond this is a receiver that has lost its way
@@ -39,32 +38,6 @@ _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
 _SPIKE = 9.0  # of the variance; more is no change of the receiver's, but of this fix
 _STEP = 0.97  # of the scale of slow errors
-
-
-@kernel
-def _fix_row(
-    mean: Vector, row: Vector, fix: Vector, root: Vector, ex: float, ey: float, scale: float,
-    lever: Vector,
-) -> float:  # fmt: skip
-    """Fill the row of one axis (ex, ey) of the fix's ellipse; returns the innovation, m.
-
-    z = p + R(θ) a + S γ + white, along the unit vector e of the axis; `root` is S.
-    """
-    ax = 0.0
-    ay = 0.0
-    if lever[0] != 0.0 or lever[1] != 0.0:
-        c = math.cos(mean[H])
-        s = math.sin(mean[H])
-        ax = c * lever[0] - s * lever[1]
-        ay = s * lever[0] + c * lever[1]
-    row[X] = ex
-    row[Y] = ey
-    row[H] = -ex * ay + ey * ax
-    row[GX] = ex * root[0] + ey * root[1]
-    row[GY] = ex * root[1] + ey * root[2]
-    dx = (fix[0] - mean[X]) / scale - ax - root[0] * mean[GX] - root[1] * mean[GY]
-    dy = (fix[1] - mean[Y]) / scale - ay - root[1] * mean[GX] - root[2] * mean[GY]
-    return float(ex * dx + ey * dy)
 
 
 @part
@@ -142,6 +115,7 @@ def observe_fix(
     gate: float,
     jumps: bool,
     row: Vector,
+    refuted: float = 0.0,
 ) -> float:
     """Condition every hypothesis on a GNSS fix (the paper's Y₁), its error correlated.
 
@@ -162,29 +136,31 @@ def observe_fix(
         gate: Chi-square (two degrees) of a fix that is taken at its word.
         jumps: Whether a misfit is the receiver's.
         row: Scratch, (N,).
+        refuted: Probability below which a hypothesis on a road is dropped before it is updated.
 
     Returns:
         The smallest chi-square, before variance was added.
     """
-    n = belief.size[0]
     thin = max(1.0, 1.0 / max(interval, 0.01))
     r0 = (white_ratio * fix[2]) ** 2 * thin
     r1 = (white_ratio * fix[3]) ** 2 * thin
     c = math.cos(fix[4])
     s = math.sin(fix[4])
-    for j in range(N):
-        row[j] = 0.0
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
-    for i in range(n):
+    foresee(belief, fix, root, c, s, scale, lever, row)
+    nu0 = belief.scratch[0]
+    nu1 = belief.scratch[1]
+    v00 = belief.scratch[2]
+    v01 = belief.scratch[3]
+    v11 = belief.scratch[4]
+    for i in range(belief.size[0]):
         if belief.probability[i] < 0.01:
             continue
-        nu0 = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
-        s0 = innovation_variance(belief.cov[i], row, r0)
-        nu1 = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
-        s1 = innovation_variance(belief.cov[i], row, r1)
-        chi2 = nu0 * nu0 / s0 + nu1 * nu1 / s1
+        s0 = v00[i] + r0
+        s1 = v11[i] + r1
+        chi2 = nu0[i] * nu0[i] / s0 + nu1[i] * nu1[i] / s1
         if chi2 < best:
             best = chi2
             over = max(chi2 / gate - 1.0, 0.0)
@@ -192,19 +168,24 @@ def observe_fix(
             extra1 = s1 * over
     if jumps and best > gate:
         more = (extra0 + extra1) / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-        for i in range(n):
+        for i in range(belief.size[0]):
             belief.cov[i, GX, GX] += more
             belief.cov[i, GY, GY] += more
+        foresee(belief, fix, root, c, s, scale, lever, row)
         extra0 = 0.0
         extra1 = 0.0
-    for i in range(n):
-        nu = _fix_row(belief.mean[i], row, fix, root, c, s, scale, lever)
-        s0 = update(belief.mean[i], belief.cov[i], row, nu, r0 + extra0, scale)
-        misfit = nu * nu / s0
-        nu = _fix_row(belief.mean[i], row, fix, root, -s, c, scale, lever)
-        s1 = update(belief.mean[i], belief.cov[i], row, nu, r1 + extra1, scale)
-        misfit += nu * nu / s1
+    for i in range(belief.size[0]):
+        s0 = v00[i] + r0 + extra0
+        nu1[i] -= nu0[i] * v01[i] / s0
+        s1 = v11[i] - v01[i] * v01[i] / s0 + r1 + extra1
+        misfit = nu0[i] * nu0[i] / s0 + nu1[i] * nu1[i] / s1
         belief.log_weight[i] -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
+        v00[i] = s0
+        v11[i] = s1
+    if refuted > 0.0:
+        drop_refuted(belief, refuted)
+    for i in range(belief.size[0]):
+        take_in(belief, i, fix, root, c, s, scale, lever, row)
     return best
 
 
@@ -265,9 +246,9 @@ def adapt_scale(
         drift = 0.0
         for axis in range(2):
             if axis == 0:
-                nu = _fix_row(mean, row, fix, root, c, s, scale, lever)
+                nu = fix_row(mean, row, fix, root, c, s, scale, lever)
             else:
-                nu = _fix_row(mean, row, fix, root, -s, c, scale, lever)
+                nu = fix_row(mean, row, fix, root, -s, c, scale, lever)
             gx = row[GX]
             gy = row[GY]
             r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)

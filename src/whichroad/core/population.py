@@ -241,7 +241,7 @@ def hand_over_all(
         for i in range(count):
             copy_row(population, first + i, part, i)
         part.size[0] = count
-        hand_over(part, roads, route, work, scale, arc, side, lane_sigma, prune, False)
+        hand_over(part, roads, route, work, scale, arc, side, lane_sigma, prune, 0.0, False)
         for i in range(part.size[0]):
             if m < len(passed.edge):
                 copy_row(part, i, passed, m)

@@ -121,6 +121,8 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
     for i in range(first, n):
         if belief.edge[i] == edge:
             count += 1
+    if count == 1:
+        return False
     best = limit + 1e-300 if count <= most else math.inf  # dearer pairs stay two
     best_i = -1
     best_j = -1

@@ -237,6 +237,11 @@ def slope_at(roads: Roads, edge: int, segment: int, s: float, sigma: float) -> f
         return 0.0
     inside = min(max(s, 0.0), length)
     step = min(max(sigma, 2.0), 15.0)
+    reach = 2.0 * step + _HALF_CHORD
+    if max(inside - reach, 0.0) >= roads.s[segment] and (
+        min(inside + reach, length) <= roads.s[segment + 1]
+    ):  # straight, as far as it is looked at
+        return 0.0
     near = _turn_about(roads, edge, segment, inside, step)
     far = _turn_about(roads, edge, segment, inside, 2.0 * step)
     return (_NEAR * near + 2.0 * _FAR * far) / (_SPAN * step)

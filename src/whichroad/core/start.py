@@ -28,6 +28,8 @@ from .network import AGAINST_ONE_WAY, NO_ACCESS, Roads, lane_sigma_of
 from .segment import chord_heading, project
 from .switching import Work, copy_hypothesis, rescale
 
+_LEAVES = 0.02  # probability of a road that is worth leaving: the others leave next to nothing
+_TURNS = 3e-4  # probability of turning round in a step that is worth a hypothesis
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
 
 
@@ -223,7 +225,7 @@ def leave_and_return(
     for i in range(n):
         p = belief.probability[i]
         if belief.edge[i] != OFF_ROAD:
-            if p > 1e-3 and belief.size[0] < CAPACITY:
+            if p > _LEAVES and belief.size[0] < CAPACITY:
                 child = belief.size[0]
                 copy_hypothesis(belief, i, child)
                 belief.edge[child] = OFF_ROAD
@@ -359,14 +361,14 @@ def turn_round(
         if edge == OFF_ROAD or belief.probability[i] < 0.01 or roads.opposite[edge] < 0:
             continue
         part = share
-        if part * belief.probability[i] <= 1e-4:
+        if part * belief.probability[i] <= _TURNS:
             continue
         if clock:
             part *= math.exp(-0.5 * (belief.mean[i, K] / slow) ** 2)
         if roads.rule[roads.opposite[edge]] & AGAINST_ONE_WAY:
             part *= 0.01
         part = min(part, 0.2)
-        if part * belief.probability[i] > 1e-4 and belief.size[0] < CAPACITY:
+        if part * belief.probability[i] > _TURNS and belief.size[0] < CAPACITY:
             _turned(belief, roads, i, part, clock, side, lane_sigma)
             changed = True
     return changed

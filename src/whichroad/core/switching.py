@@ -33,6 +33,7 @@ from .routes import Search, new_search
 from .rows import set_to
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
+MOSTLY = 0.5  # share of a hypothesis
 MOST = 64  # destinations of one hypothesis in one step
 
 
@@ -225,7 +226,7 @@ def destinations(
 @part
 def hand_over(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
-    side: float, lane_sigma: float, prune: float, cut: bool,
+    side: float, lane_sigma: float, prune: float, passed: float, cut: bool,
 ) -> bool:  # fmt: skip
     """Give the part of every hypothesis that has passed its edge's end to what follows.
 
@@ -244,6 +245,7 @@ def hand_over(
         side: 1 where one drives on the right, −1 on the left.
         lane_sigma: Spread of the lane offset, m.
         prune: Probability below which a hypothesis is not worth its while.
+        passed: Probability that has to have passed an end, or most of it, before it is handed over.
         cut: Whether to cut the Gaussians at the edge's end.
 
     Returns:
@@ -272,7 +274,8 @@ def hand_over(
             belief.stay[i] = now
             continue
         share = 1.0 - min(1.0, now / max(belief.stay[i], 1e-6))
-        if share * p < 0.3 * prune or belief.size[0] >= CAPACITY:
+        enough = share * p >= 0.3 * prune and share >= min(passed / p, MOSTLY)
+        if not enough or belief.size[0] >= CAPACITY:
             belief.stay[i] = max(belief.stay[i], now)
             continue
         changed = True
