@@ -10,7 +10,7 @@ from hypothesis import given
 from oracles.cheapest import cheapest
 from scenes import grid_town, network
 from strategies import seeds
-from whichroad.core.hops import hops
+from whichroad.core.hops import HOP_LENGTH, HOP_PRICE, hops
 from whichroad.core.network import Roads
 from whichroad.core.routes import LABELS, find_routes, goal_of, new_search, set_goals
 
@@ -24,9 +24,11 @@ def found(
     roads: Roads, goals: np.ndarray, edge: int, s: float, *, per_metre: float = 0.02,
     longest: float = 1e9, limit: float = math.inf, slack: float = 1e9, u_turn: float = math.inf,
     most: int = LABELS, middle: tuple[float, float] = (0.0, 0.0), radius: float = 1e9,
+    later: bool = False,
 ) -> dict[int, tuple[float, float]]:  # fmt: skip
     """Cost and length of the routes to goals."""
-    set_goals(SEARCH, goals, len(goals))
+    if not later:
+        set_goals(SEARCH, goals, len(goals))
     hits = find_routes(
         roads, SEARCH, goals, edge, s, *middle, radius, per_metre, u_turn, longest, limit, slack,
         most,
@@ -117,3 +119,36 @@ def test_edges_that_are_no_goals_are_told_from_goals():
     set_goals(SEARCH, goals, 4)
     assert [goal_of(SEARCH, goals, e) for e in (4, 9, 516, 77)] == [0, 1, 2, 3]
     assert goal_of(SEARCH, goals, 5) == -1
+
+
+@given(seeds)
+def test_later_searches_of_a_step_find_what_they_would_have_found_alone(seed: int):
+    rng = np.random.default_rng(seed)
+    v = int(rng.integers(len(TOWN.x)))
+    middle = float(TOWN.x[v]), float(TOWN.y[v])
+    ends = TOWN.first[1:] - 1
+    goals = np.flatnonzero(np.hypot(TOWN.x[ends] - middle[0], TOWN.y[ends] - middle[1]) < 100.0)
+    begins = [
+        (int(e), float(rng.uniform(0.0, TOWN.length[e])))
+        for e in rng.integers(len(TOWN.length), size=4)
+    ]
+    begins.append((begins[0][0], 0.5 * begins[0][1]))  # from the same edge
+    begins += [(int(e), 1.0) for e in TOWN.succ[TOWN.succ_first[begins[0][0]] :][:2]]
+    how = {"middle": middle, "radius": 120.0, "slack": float(rng.uniform(0.5, 6.0)), "u_turn": 2.0}
+    alone = [found(TOWN, goals, e, s, **how) for e, s in begins]
+    for k, (e, s) in enumerate(begins):
+        ours = found(TOWN, goals, e, s, later=k > 0, **how)
+        assert ours.keys() == alone[k].keys()
+        for goal, (cost, _) in ours.items():
+            assert cost == pytest.approx(alone[k][goal][0], abs=1e-5)
+        for label in SEARCH.hit[: len(ours)].tolist():
+            while (up := int(SEARCH.parent[label])) >= 0:
+                last, on = int(SEARCH.edge[up]), int(SEARCH.edge[label])
+                turns = range(TOWN.succ_first[last], TOWN.succ_first[last + 1])
+                cheap = min(TOWN.succ_cost[t] for t in turns if TOWN.succ[t] == on)
+                step = 0.02 * TOWN.hop[last, HOP_PRICE] + cheap
+                assert SEARCH.cost[label] == pytest.approx(SEARCH.cost[up] + step, abs=1e-5)
+                assert SEARCH.length[label] == pytest.approx(
+                    SEARCH.length[up] + TOWN.hop[last, HOP_LENGTH], abs=1e-3
+                )
+                label = up

@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import Bytes, Ints, Ints32, Vector, kernel, part
+from .heap import BITS, LAST, pop, push
 from .hops import CHEAPEST, HOP_LENGTH, HOP_PRICE, HOP_TIME, HOP_X, HOP_Y
 from .network import Roads
 
-_BITS = 14  # of a number on the heap tell the label,
-_PER_NAT, _MOST_NATS = 2.0**30, 2.0**18  # the others its key
-_LAST = 2**63 - 1  # comes after all others
 _ROUNDING = 0.1  # m, of the ends of edges
 _SLOTS = 1 << 15  # of the table that knows an edge's label
 _GOALS = 1 << 9  # of the one that knows the goals
-LABELS = 1 << _BITS  # of all searches of one step
+_WAYS = 1 << 10  # of the one that knows the way that all goals lie behind
+_OPEN, _SETTLED, _TAKEN = range(3)  # of a label: taken over, all that follows it is known
+LABELS = 1 << BITS  # of all searches of one step
 
 
 class Search(NamedTuple):
@@ -27,7 +27,9 @@ class Search(NamedTuple):
     slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
     goal: Ints32  # (_GOALS,) number of the goal
     goal_stamp: Ints  # (_GOALS,)
-    counts: Ints  # (4,) searches, steps, labels used, goals
+    way: Ints  # (_WAYS,) step that wrote it, times LABELS, plus the label
+    way_hit: Ints32  # (256,) labels of the goals behind that way
+    counts: Ints  # (6,) searches, steps, labels used, goals, goals behind the way, its step
     edge: Ints32  # (LABELS,)
     parent: Ints32  # (LABELS,) label that it was reached from, -1: the origin
     cost: Vector  # (LABELS,) nats
@@ -49,10 +51,11 @@ def new_search() -> Search:
     """Scratch space for one thread."""
     return Search(
         np.zeros(_SLOTS, np.int64), np.zeros(_GOALS, np.int32),
-        np.zeros(_GOALS, np.int64), np.zeros(4, np.int64), np.zeros(LABELS, np.int32),
-        np.zeros(LABELS, np.int32), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
-        np.zeros(LABELS), np.zeros(LABELS, np.uint8), np.zeros(LABELS),
-        np.full(LABELS, _LAST), np.zeros(256, np.int32), np.zeros(256, np.int32),
+        np.zeros(_GOALS, np.int64), np.zeros(_WAYS, np.int64), np.zeros(256, np.int32),
+        np.zeros(6, np.int64), np.zeros(LABELS, np.int32), np.zeros(LABELS, np.int32),
+        np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS), np.zeros(LABELS),
+        np.zeros(LABELS, np.uint8), np.zeros(LABELS),
+        np.full(LABELS, LAST), np.zeros(256, np.int32), np.zeros(256, np.int32),
         np.zeros(256, np.int32), np.zeros(256, np.int32), np.zeros(256), np.zeros(256),
     )  # fmt: skip
 
@@ -100,47 +103,6 @@ def _slot_of(search: Search, edge: int) -> tuple[int, int]:
     return place, -1
 
 
-@kernel
-def _push(search: Search, n: int, label: int, key: float) -> int:
-    """Put a label on the heap of n; returns the new n.
-
-    Key and label are one whole number, so that they are compared and moved at once.
-    """
-    heap = search.heap
-    code = (int(min(key, _MOST_NATS) * _PER_NAT) << _BITS) | label
-    i = n
-    while i > 0:
-        up = (i - 1) >> 1
-        if heap[up] <= code:
-            break
-        heap[i] = heap[up]
-        i = up
-    heap[i] = code
-    return n + 1
-
-
-@kernel
-def _pop(search: Search, n: int) -> int:
-    """Take the first label off the heap of n, which then has n - 1."""
-    heap = search.heap
-    label = heap[0] & (LABELS - 1)
-    n -= 1
-    code = heap[n]
-    heap[n] = _LAST
-    i = 0
-    while True:
-        down = 2 * i + 1
-        if down >= n:
-            break
-        down += int(heap[down + 1] < heap[down])
-        if heap[down] >= code:
-            break
-        heap[i] = heap[down]
-        i = down
-    heap[i] = code
-    return int(label)
-
-
 @part
 def _label(
     search: Search, n: int, edge: int, parent: int, cost: float, length: float,
@@ -159,7 +121,7 @@ def _label(
             return n
         search.counts[2] = label + 1
         search.slot[place] = search.counts[0] * LABELS + label
-    elif search.done[label] == 1 or search.cost[label] <= cost:
+    elif search.done[label] == _SETTLED or search.cost[label] <= cost:
         return n
     search.edge[label] = edge
     search.parent[label] = parent
@@ -168,8 +130,8 @@ def _label(
     search.length[label] = length
     search.time[label] = time
     search.turn[label] = turn
-    search.done[label] = 0
-    return _push(search, n, label, cost + ahead)
+    search.done[label] = _OPEN
+    return push(search.heap, n, label, cost + ahead)
 
 
 @part
@@ -195,6 +157,128 @@ def _follow(
     return n
 
 
+@kernel
+def _way_of(search: Search, edge: int) -> int:
+    """Label of an edge on the way that all goals lie behind, or -1."""
+    step = search.counts[1] * LABELS
+    place = edge & (_WAYS - 1)
+    while search.way[place] >= step:
+        label = search.way[place] - step
+        if search.edge[label] == edge:
+            return int(label)
+        place = (place + 1) & (_WAYS - 1)
+    return -1
+
+
+@kernel
+def _set_way(search: Search, label: int) -> None:
+    """Enter a label into the table of the way that all goals lie behind."""
+    step = search.counts[1] * LABELS
+    place = search.edge[label] & (_WAYS - 1)
+    while search.way[place] >= step:
+        place = (place + 1) & (_WAYS - 1)
+    search.way[place] = step + label
+
+
+@part
+def _remember_way(
+    roads: Roads, search: Search, hits: int, edge: int, s: float, per_metre: float
+) -> None:
+    """Note the way that a search's routes to all goals have in common, for the next searches.
+
+    Whoever comes upon it goes on as this search did, which found the best from there on.
+    """
+    end = search.hit[0]
+    up = end
+    while up >= 0:
+        search.done[up] = _TAKEN  # marks the first route
+        top = up
+        up = search.parent[up]
+    turned = search.length[top] <= 0.0  # at once
+    for h in range(hits):
+        label = search.hit[h]
+        search.way_hit[h] = label
+        while label >= 0 and search.done[label] != _TAKEN:
+            top = label
+            label = search.parent[label]
+        if label < 0:
+            turned = turned or search.length[top] <= 0.0
+            end = -1
+        elif end >= 0 and search.cost[label] < search.cost[end]:
+            end = label
+    search.counts[4] = hits
+    search.counts[5] = search.counts[1]
+    most = _WAYS // 2
+    while end >= 0 and most > 0:
+        _set_way(search, end)
+        end = search.parent[end]
+        most -= 1
+    label = search.counts[2]
+    if not turned and label < LABELS:
+        search.counts[2] = label + 1
+        done = s / roads.length[edge]
+        search.edge[label] = edge
+        search.parent[label] = -1
+        search.cost[label] = -per_metre * done * roads.hop[edge, HOP_PRICE]
+        search.length[label] = -s
+        search.time[label] = -done * roads.hop[edge, HOP_TIME]
+        search.turn[label] = 0.0
+        _set_way(search, label)
+
+
+@part
+def _take_over(
+    roads: Roads, search: Search, n: int, way: int, origin: int, cost: float, length: float,
+    time: float, turn: float, per_metre: float, longest: float, limit: float,
+) -> int:  # fmt: skip
+    """Label what an earlier search found behind an edge of its way; returns the heap's n.
+
+    The label `origin` is this search's own of that edge; cost, length and time are at its end.
+    """
+    edge = search.edge[way]
+    cost -= search.cost[way] + per_metre * roads.hop[edge, HOP_PRICE]
+    length -= search.length[way] + roads.hop[edge, HOP_LENGTH]
+    time -= search.time[way] + roads.hop[edge, HOP_TIME]
+    turn -= search.turn[way]
+    for h in range(search.counts[4]):
+        found = search.way_hit[h]
+        ahead = search.key[found] - search.cost[found]
+        away = ahead / (CHEAPEST * per_metre)
+        if search.key[found] + cost > limit or search.length[found] + length + away > longest:
+            continue
+        below = -1
+        while found != way and found >= 0:
+            then = search.cost[found] + cost
+            place, label = _slot_of(search, search.edge[found])
+            if label < 0:
+                label = search.counts[2]
+                if label >= LABELS or n >= LABELS - 1:
+                    return n
+                search.counts[2] = label + 1
+                search.slot[place] = search.counts[0] * LABELS + label
+            elif search.done[label] == _SETTLED or search.cost[label] <= then:
+                if below >= 0:
+                    search.parent[below] = label
+                below = -1
+                break
+            search.edge[label] = search.edge[found]
+            search.cost[label] = then
+            search.key[label] = then + ahead
+            search.length[label] = search.length[found] + length
+            search.time[label] = search.time[found] + time
+            search.turn[label] = search.turn[found] + turn
+            search.done[label] = _TAKEN
+            if below >= 0:
+                search.parent[below] = label
+            else:
+                n = push(search.heap, n, label, then + ahead)
+            below = label
+            found = search.parent[found]
+        if below >= 0:
+            search.parent[below] = origin
+    return n
+
+
 @part
 def find_routes(
     roads: Roads, search: Search, goals: Ints, edge: int, s: float, x: float, y: float,
@@ -205,6 +289,8 @@ def find_routes(
 
     A route costs `per_metre` for its length, more of it on slow roads, and each turn
     -log(prior / the largest prior there).  A* with the straight distance to the goals' circle.
+    Where a later search of the same step comes upon the way that all routes of the first one
+    share, it takes over what that one found behind it.
 
     Args:
         roads: The network.
@@ -230,6 +316,9 @@ def find_routes(
     first_label = search.counts[2]
     hits = 0
     n = 0
+    shared = search.counts[5] == search.counts[1]
+    whole = False  # whether all goals within the slack are found
+    taken = False
     left = max(roads.length[edge] - s, 0.0)
     share = left / roads.length[edge]
     radius += _ROUNDING
@@ -247,29 +336,44 @@ def find_routes(
     time = share * roads.hop[edge, HOP_TIME]
     turn = 0.0
     while True:
-        n = _follow(
-            roads, search, n, current, label, cost, length, time, turn, x, y, radius, per_metre,
-            longest, limit,
-        )  # fmt: skip
+        way = _way_of(search, current) if shared and not taken else -1
+        if label < 0 and way >= 0 and way == search.way_hit[0]:
+            way = -1  # from a goal: the next one decides how far to look, which was not known
+        if way >= 0:
+            n = _take_over(
+                roads, search, n, way, label, cost, length, time, turn, per_metre, longest, limit
+            )
+        elif not taken:
+            n = _follow(
+                roads, search, n, current, label, cost, length, time, turn, x, y, radius,
+                per_metre, longest, limit,
+            )  # fmt: skip
         label = -1
         while n > 0:
-            label = _pop(search, n)
+            label = pop(search.heap, n)
             n -= 1
-            if search.done[label] == 0:
+            if search.done[label] != _SETTLED:
                 break
             label = -1
-        if label < 0 or search.key[label] > limit or search.counts[2] - first_label >= most:
+        if search.counts[2] - first_label >= most:
             return hits
-        search.done[label] = 1
+        if label < 0 or search.key[label] > limit:
+            break
+        taken = search.done[label] == _TAKEN
+        search.done[label] = _SETTLED
         current = search.edge[label]
         if hits < len(search.hit) and goal_of(search, goals, current) >= 0:
             if hits == 0:
+                whole = search.key[label] + slack <= limit
                 limit = min(limit, search.key[label] + slack)
             search.hit[hits] = label
             hits += 1
             if hits == search.counts[3]:
-                return hits
+                break
         cost = search.cost[label] + per_metre * roads.hop[current, HOP_PRICE]
         length = search.length[label] + roads.hop[current, HOP_LENGTH]
         time = search.time[label] + roads.hop[current, HOP_TIME]
         turn = search.turn[label]
+    if whole and not shared:
+        _remember_way(roads, search, hits, edge, s, per_metre)
+    return hits
