@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import Options
 from . import harness, runner, scores
+from .doubt import uncovered, undoubted
 
 HERE = ("valhalla", "osrm", "osrm-tidy", runner.OURS)  # fastmm's table would not fit
 
@@ -29,14 +30,18 @@ def measure(options: Options, every: tuple[int, ...], wanted: list[int]) -> dict
             lines[str(k)][name] = [_lines(graph, a["route"]) for a in given]
             options.say(f"{name} at {k} s: {condition['points'] / condition['wall']:,.0f} fixes/s")
     metrics = harness.module(options, "metrics")
-    for k, by_name in lines.items():
-        if runner.OURS in by_name and len(by_name) > 1:
-            for i, track in enumerate(some):
-                true = _lines(graph, [graph.nodes_latlon(r) for r in track["route"]])
-                ours = by_name[runner.OURS][i]
-                others = [v[i] for name, v in by_name.items() if name != runner.OURS]
+    for i, track in enumerate(some):
+        true = _lines(graph, [graph.nodes_latlon(r) for r in track["route"]])
+        dense = harness.real_trace(options, track, 1)
+        fixes = np.column_stack(graph.xy(np.asarray(dense.lat), np.asarray(dense.lon)))
+        for k, by_name in lines.items():
+            for name, given in by_name.items():
+                row = found[k][name]["tracks"][str(track["id"])]
+                row["undoubted"] = undoubted(metrics, fixes, true, given[i])
+            others = [v[i] for name, v in by_name.items() if name != runner.OURS]
+            if runner.OURS in by_name and others:
                 row = found[k][runner.OURS]["tracks"][str(track["id"])]
-                row["shared"] = _shared(metrics, true, ours, others)
+                row["shared"] = _shared(metrics, true, by_name[runner.OURS][i], others)
     stored = harness.stored(options, "kubicka-dev")["peers"]
     for name in harness.PEERS:
         for k in every:
@@ -81,24 +86,15 @@ def _shared(metrics: Any, true: list[Any], ours: list[Any], others: list[list[An
     driven, found = metrics.densify(true), metrics.densify(ours)
     if not len(found):
         return 0.0
-    missed = _away(metrics, driven, found)
-    extra = _away(metrics, found, driven)
+    missed = uncovered(metrics, driven, found)
+    extra = uncovered(metrics, found, driven)
     for lines in others:
         theirs = metrics.densify(lines)
         if not len(theirs):
             return 0.0
-        missed &= _away(metrics, driven, theirs)
-        extra &= ~_away(metrics, found, theirs)
+        missed &= uncovered(metrics, driven, theirs)
+        extra &= ~uncovered(metrics, found, theirs)
     return float(driven[missed, 3].sum() + found[extra, 3].sum())
-
-
-def _away(metrics: Any, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which samples of a b does not cover, as the harness counts it."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(metrics._embed(b))
-    gap, _ = tree.query(metrics._embed(a), distance_upper_bound=metrics.NEAR * np.sqrt(2))
-    return ~np.isfinite(gap)
 
 
 def _on_route(metrics: Any, graph: Any, route: Any, answer: dict[str, Any]) -> np.ndarray:
@@ -143,6 +139,13 @@ def pools(
                 for m, v in matchers.items()
             }
             ours = [matchers[runner.OURS]["tracks"][i] for i in sorted(ids)]
+            for m, v in matchers.items():
+                told = [v["tracks"][i].get("undoubted") for i in sorted(ids) if i in v["tracks"]]
+                if told and all(told):
+                    row[m]["undoubted"] = sum(t["wrong"] for t in told) / sum(t["d0"] for t in told)
+                    row[m]["sure"] = sum(t["d0"] for t in told) / sum(
+                        v["tracks"][i]["d0"] for i in ids
+                    )
             row[runner.OURS]["each"] = [(wrong(t), t["d0"]) for t in ours]
             peers = [v["tracks"] for m, v in matchers.items() if m in harness.PEERS]
             if peers:

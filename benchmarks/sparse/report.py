@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import Figure
-from . import city, harness, plots, real, runner
+from . import city, doubt, harness, plots, real, runner
 from .figures import figures_of
 
 METHOD = Path(__file__).with_name("method.md")  # the words at the page's beginning
@@ -71,10 +71,33 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
         head = [title, runner.OURS, "best peer of each track", *harness.PEERS]
         out.append(_table(head, rows))
     out.append("![Route mismatch of the real tracks](img/sparse-real.png)\n")
+    out.append(_undoubted(found, sets))
     out.append(_rest(found))
     out.append(_worst(found))
     out.append("![Tracks one by one](img/sparse-tracks.png)\n")
     return "\n".join(out)
+
+
+def _undoubted(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
+    """Mismatch without the stretches where the truth contradicts its own fixes."""
+    rows, sure = [], 1.0
+    for title, by_interval in real.pools(found, sets).items():
+        for every, row in by_interval.items():
+            if "undoubted" in row[runner.OURS]:
+                sure = min(sure, row[runner.OURS]["sure"])
+                told = [row.get(m, {}).get("undoubted") for m in (runner.OURS, *real.HERE[:-1])]
+                rows.append(
+                    [title, f"{every} s", *("-" if v is None else f"{100 * v:.2f}" for v in told)]
+                )
+    if not rows:
+        return ""
+    words = (
+        f"The same without the stretches, at most {100 * (1 - sure):.1f} % of the way, where the "
+        f"fixes at 1 Hz run more than {doubt.FAR:.0f} m beside the hand-made truth. There the map "
+        "that the truth was drawn on lacked the road that was driven, or its connection, and who "
+        "follows the fixes is counted wrong. Only matchers that ran here.\n\n"
+    )
+    return words + _table(["tracks", "every", runner.OURS, *real.HERE[:-1]], rows)
 
 
 def _metres(value: float | None) -> str:

@@ -176,7 +176,7 @@ def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
 
     stand = 30.0 * min(1.0, length / 12.0) * is_junction
     where = ((u >= 0.0) & (u <= length)) + stand * normal(length - 6.0, 6.0)
-    density = normal(s, sigma) * where * (u[1] - u[0])
+    density = normal(s, sigma) * where / (1.0 + stand / length) * (u[1] - u[0])
     mass = density.sum()
     assume(mass > 0.01)
     mean = (u * density).sum() / mass

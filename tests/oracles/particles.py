@@ -85,7 +85,7 @@ def _branch(
         _copy(crowd, i, one, 0)
         one.probability[0] = 1.0
         one.size[0] = 1
-        hand_over(one, roads, route, work, scale, arc, side, lane_sigma, least, False)
+        hand_over(one, roads, route, work, scale, arc, side, lane_sigma, least, 0.0, False)
         if not _return_children(crowd, one, i):
             return False
     return True

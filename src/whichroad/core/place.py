@@ -19,10 +19,11 @@ def place_on_edge(
 ) -> tuple[float, float, float]:
     """A Gaussian abscissa cut to an edge, before whose end vehicles also stand.
 
-        p(u) ~ N(u; s, sigma²) (1 on [0, length] + S N(u; length - Q, Q²))
+        p(u) ~ N(u; s, sigma²) (1 on [0, length] + S N(u; length - Q, Q²)) / (1 + S / length)
 
     Wherever it drives it is as likely on one metre as on the next; who stands, stands in the
-    queue before a junction.  S = 30 m, less on edges inside one; Q = 6 m.
+    queue before a junction: S = 30 m, less on edges inside one, Q = 6 m.  Roads of many
+    junctions are no more probable for it.
 
     Returns:
         Mass, mean (m) and variance (m²).
@@ -35,15 +36,16 @@ def place_on_edge(
         return mass, mean, variance
     both = sigma * sigma + _QUEUE * _QUEUE
     away = length - _QUEUE - s
-    queue = _STANDS * min(1.0, length / (2.0 * _QUEUE))
-    queue *= math.exp(-0.5 * away * away / both) / math.sqrt(2.0 * math.pi * both)
+    stands = _STANDS * min(1.0, length / (2.0 * _QUEUE))
+    even = length / (length + stands)
+    queue = stands * math.exp(-0.5 * away * away / both) / math.sqrt(2.0 * math.pi * both)
     if queue < 1e-3:
-        return mass, mean, variance
+        return even * mass, mean, variance
     gain = sigma * sigma / both
     share = queue / (mass + queue)
     off = s + gain * away - mean
     variance += share * (gain * _QUEUE * _QUEUE - variance + (1.0 - share) * off * off)
-    return mass + queue, mean + share * off, variance
+    return even * (mass + queue), mean + share * off, variance
 
 
 @kernel
@@ -73,6 +75,7 @@ def settle(belief: Belief, roads: Roads, scale: float) -> None:
         mass, mean, variance = place_on_edge(s, sigma, length, forks(roads, edge))
         if abs(mass - 1.0) > 1e-3:
             belief.log_weight[i] += math.log(max(mass, 1e-12))
+        if mean != s:
             move_along(belief, i, tx, ty, mean - s, variance / (sigma * sigma), scale)
             track(belief, roads, i, scale)
         room = (length - belief.abscissa[i]) / belief.spread[i]
