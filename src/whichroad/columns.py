@@ -49,6 +49,7 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 _GAP = 1 << 20  # beyond all rules
+_STATUS = pa.array(STATUS)
 _SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
 
@@ -96,7 +97,6 @@ def points_table(
     off = none | (output.edge < 0)
     edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[V_S])
     source, forward = _sources(roads, edge, s, off)
-    status = np.array(STATUS)[output.status]
     columns = {
         "drive_id": _repeated(names, np.diff(first, append=len(x))),
         "time": times(epochs.time),
@@ -122,7 +122,7 @@ def points_table(
         "map_lon": _nullable(map_lon, none),
         "p_road": _nullable(v[V_P], none),
         "p_off_road": _nullable(v[V_OFF], none),
-        "status": pa.array(status),
+        "status": _STATUS.take(pa.array(output.status)),
         "reason": _reasons(epochs, output, v, roads, first),
         "alternatives": _alternatives(output),
         "protection_level_m": _nullable(v[V_PROTECTION], none),
@@ -161,12 +161,14 @@ def _attributes(
 
 
 def _alternatives(output: Output) -> pa.Array:
-    on = output.alt_edge >= 0
-    ends = np.concatenate([[0], np.cumsum(on.sum(axis=1))]).astype(np.int32)
+    on = np.flatnonzero(output.alt_edge >= 0)  # in the order of rows
+    n, width = output.alt_edge.shape
+    ends = np.zeros(n + 1, np.int32)
+    np.cumsum(np.bincount(on // width, minlength=n), out=ends[1:])
     rows = pa.StructArray.from_arrays(
         [
-            pa.array(output.alt_edge[on].astype(np.int64)),
-            pa.array(output.alt_p[on].astype(np.float64)),
+            pa.array(output.alt_edge.take(on).astype(np.int64)),
+            pa.array(output.alt_p.take(on).astype(np.float64)),
         ],
         names=["edge_id", "p"],
     )

@@ -10,12 +10,16 @@ from scipy import stats
 
 from oracles import textbook
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
-from whichroad.core.belief import H, N, X, Y
+from whichroad.core.belief import MX, MY, D, H, N, X, Y
 from whichroad.core.gaussian import (
     condition,
     merge_moments,
+    normal_cdf,
     reshape_along,
+    reshape_on_map,
     truncated_moments,
+    update,
+    update_across,
     update_pair,
 )
 
@@ -66,6 +70,40 @@ def test_two_rows_at_once_are_as_one_after_the_other(seed: int):
     update_pair(b.mean, b.cov, first, second, nu / s, mu / t, s, t, 1.0)
     apply(a, np.array([h, k]), z, np.array([r, q]))
     assert_same(a, b)
+
+
+def on_map(tx: float, ty: float, lane: float = 0.0) -> np.ndarray:
+    """The row t · (p + m) + lane · d."""
+    row = np.zeros(N)
+    row[[X, MX]], row[[Y, MY]], row[D] = tx, ty, lane
+    return row
+
+
+@given(seeds)
+def test_a_place_across_a_road_is_seen_as_by_its_row(seed: int):
+    rng = np.random.default_rng(seed)
+    a = random_gaussian(rng)
+    b = a.copy()
+    (nx, ny), nu, r = rng.normal(size=2), rng.normal(), rng.uniform(0.01, 4.0)
+    s = update(a.mean, a.cov, on_map(nx, ny, -1.0), nu, r, 1.1)
+    assert update_across(b.mean, b.cov, nx, ny, nu, r, 1.1) == pytest.approx(s, rel=1e-9)
+    assert_same(a, b)
+
+
+@given(seeds)
+def test_a_place_along_a_road_is_reshaped_as_by_its_row(seed: int):
+    rng = np.random.default_rng(seed)
+    a = random_gaussian(rng)
+    b = a.copy()
+    (tx, ty), shift, shrink = rng.normal(size=2), rng.normal(), rng.uniform(0.1, 1.2)
+    reshape_along(a.mean, a.cov, on_map(tx, ty), shift, shrink, 1.1)
+    reshape_on_map(b.mean, b.cov, tx, ty, shift, shrink, 1.1)
+    assert_same(a, b)
+
+
+@given(st.floats(-50.0, 50.0))
+def test_the_distribution_function_is_scipy_s(z: float):
+    assert normal_cdf(z) == pytest.approx(stats.norm.cdf(z), abs=2e-16)
 
 
 @given(seeds, st.permutations(range(4)))

@@ -3,7 +3,7 @@
 import math
 
 from ._jit import Vector, part
-from .angles import wrap
+from .angles import angle_of, wrap
 from .belief import (
     CAPACITY,
     MX,
@@ -17,7 +17,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import normal_cdf, reshape_along, truncated_moments
+from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
 from .motion import predict_along
 from .network import Roads
 from .road import track
@@ -32,7 +32,7 @@ _ACROSS = 0.015  # m²/m; nobody follows the line of a map to the inch
 
 @part
 def _move_to(
-    belief: Belief, roads: Roads, work: Work, i: int, edge: int, s: float, sigma: float,
+    belief: Belief, roads: Roads, i: int, edge: int, s: float, sigma: float,
     lateral: float, tx: float, ty: float, low: float, high: float, odometer: float,
     scale: float, q_along: float, q_rate: float, q_cross: float, heading_variance: float,
     node_radius: float, node_variance: float,
@@ -50,7 +50,7 @@ def _move_to(
     heading = math.atan2(ny, nx)
     across = tx * ny - ty * nx
     onwards = tx * nx + ty * ny
-    turn = 0.0 if across == 0.0 and onwards > 0.0 else math.atan2(across, onwards)
+    turn = angle_of(onwards, across)
     bent = min(abs(turn), 1.6)
     if bent > _CORNER:  # a corner on the map is an arc on the ground, and shorter
         cut += _CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
@@ -73,14 +73,7 @@ def _move_to(
     cov[X, Y] -= aside * nx * ny
     cov[Y, X] = cov[X, Y]
     if shrink < 0.9999:
-        row = work.row
-        for j in range(N):
-            row[j] = 0.0
-        row[X] = nx
-        row[Y] = ny
-        row[MX] = nx
-        row[MY] = ny
-        reshape_along(mean, cov, row, shift, shrink, scale)
+        reshape_on_map(mean, cov, nx, ny, shift, shrink, scale)
     mean[X] = cx + scale * (lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-lateral * nx - mean[MY])
     belief.segment[i] = segment
@@ -162,13 +155,13 @@ def advance_along(
                 belief.size[0] = child + 1
                 f = work.edge[d]
                 _move_to(
-                    belief, roads, work, child, f, s - work.offset[d], sigma, lateral, tx, ty,
+                    belief, roads, child, f, s - work.offset[d], sigma, lateral, tx, ty,
                     0.0, roads.length[f], odometer, scale, q_along, q_rate, q_cross,
                     heading_variance, node_radius, node_variance,
                 )  # fmt: skip
             rescale(belief, i, 1.0 - given)
         _move_to(
-            belief, roads, work, i, edge, s, sigma, lateral, tx, ty, -1e9, end, odometer,
+            belief, roads, i, edge, s, sigma, lateral, tx, ty, -1e9, end, odometer,
             scale, q_along, q_rate, q_cross, heading_variance, node_radius, node_variance,
         )  # fmt: skip
         belief.stay[i] = max(belief.stay[i], owed)

@@ -265,7 +265,7 @@ def run(
                 )  # fmt: skip
                 changed = True
             if sparse:
-                settle(belief, roads, work, scale)
+                settle(belief, roads, scale)
                 forward_only(belief, work.row, scale)
                 clock[TRAVELLED] = 0.0
             if changed:

@@ -4,7 +4,7 @@ import math
 
 from ._jit import Matrix, Vector, kernel, part
 from .angles import wrap
-from .belief import H, N, X, Y
+from .belief import MX, MY, D, H, N, X, Y
 from .rows import add_times, set_times, ten
 
 LOG_2PI = math.log(2.0 * math.pi)
@@ -13,6 +13,10 @@ LOG_2PI = math.log(2.0 * math.pi)
 @kernel
 def normal_cdf(z: float) -> float:
     """Φ(z), the standard normal distribution function."""
+    if z > 8.3:  # one, to the last bit
+        return 1.0
+    if z < -9.0:  # 1e-19, and less
+        return 0.0
     return 0.5 * math.erfc(-z * 0.7071067811865476)
 
 
@@ -53,11 +57,41 @@ def update(
     """`condition`, which see; returns the innovation variance s, and takes no logarithm."""
     g = ten()
     s = variance + _covariance(cov, row, g)
-    _move(mean, g, innovation / s, scale)
+    _take(mean, cov, g, innovation / s, s, scale)
+    return s
+
+
+@kernel
+def update_across(
+    mean: Vector, cov: Matrix, nx: float, ny: float, innovation: float, variance: float,
+    scale: float,
+) -> float:  # fmt: skip
+    """`update` with the row n · (p + m) − d of a place across a road."""
+    g = ten()
+    _seen_on_map(cov, nx, ny, g)
+    add_times(g, -1.0, cov[D])
+    s = variance + nx * (g[X] + g[MX]) + ny * (g[Y] + g[MY]) - g[D]
+    _take(mean, cov, g, innovation / s, s, scale)
+    return float(s)
+
+
+@part
+def _take(mean: Vector, cov: Matrix, g: Vector, gain: float, s: float, scale: float) -> None:
+    """m⁺ = m + g gain, P⁺ = P − g gᵀ / s; g is overwritten."""
+    _move(mean, g, gain, scale)
     set_times(g, 1.0 / math.sqrt(s), g)  # both factors alike: P stays symmetric to the bit
     for i in range(N):
         add_times(cov[i], -g[i], g)
-    return s
+
+
+@part
+def _seen_on_map(cov: Matrix, ex: float, ey: float, g: Vector) -> float:
+    """Set g = P hᵀ for the row h x = e · (p + m) of a place on the map; returns h g."""
+    set_times(g, ex, cov[X])
+    add_times(g, ey, cov[Y])
+    add_times(g, ex, cov[MX])
+    add_times(g, ey, cov[MY])
+    return float(ex * (g[X] + g[MX]) + ey * (g[Y] + g[MY]))
 
 
 @part
@@ -158,7 +192,23 @@ def reshape_along(
     Exact moments of a Gaussian whose component h·x was cut to an interval.
     """
     g = ten()
-    v = _covariance(cov, row, g)
+    _reshape(mean, cov, g, _covariance(cov, row, g), shift, shrink, scale)
+
+
+@kernel
+def reshape_on_map(
+    mean: Vector, cov: Matrix, tx: float, ty: float, shift: float, shrink: float, scale: float
+) -> None:
+    """`reshape_along` with the row t · (p + m) of a place along a road."""
+    g = ten()
+    _reshape(mean, cov, g, _seen_on_map(cov, tx, ty, g), shift, shrink, scale)
+
+
+@part
+def _reshape(
+    mean: Vector, cov: Matrix, g: Vector, v: float, shift: float, shrink: float, scale: float
+) -> None:
+    """`reshape_along` with g = P hᵀ and v = h g; g is overwritten."""
     if v <= 1e-12:
         return
     _move(mean, g, shift / v, scale)

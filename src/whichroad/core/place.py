@@ -7,7 +7,7 @@ from .belief import OFF_ROAD, Belief
 from .gaussian import normal_cdf, truncated_moments
 from .network import Roads
 from .road import track
-from .switching import Work, move_along
+from .switching import move_along
 
 _STANDS = 30.0  # m of road on which as many drive as stand before a junction
 _QUEUE = 6.0  # m before it, and as much more or less
@@ -59,7 +59,7 @@ def forks(roads: Roads, edge: int) -> bool:
 
 
 @part
-def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
+def settle(belief: Belief, roads: Roads, scale: float) -> None:
     """After the fix: what lies beyond the ends of an edge was not there, who stands is before one.
 
     The weight is multiplied by the mass on the edge, and the Gaussian gets the moments there.
@@ -76,7 +76,7 @@ def settle(belief: Belief, roads: Roads, work: Work, scale: float) -> None:
         if abs(mass - 1.0) > 1e-3:
             belief.log_weight[i] += math.log(max(mass, 1e-12))
         if mean != s:
-            move_along(belief, i, work, tx, ty, mean - s, variance / (sigma * sigma), scale)
+            move_along(belief, i, tx, ty, mean - s, variance / (sigma * sigma), scale)
             track(belief, roads, i, scale)
         room = (length - belief.abscissa[i]) / belief.spread[i]
         belief.stay[i] = max(normal_cdf(room), 1e-6)

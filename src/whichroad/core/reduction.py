@@ -21,16 +21,25 @@ _OFF_MOST = 8  # off-road components kept
 
 
 @kernel
-def _loss(wi: float, vi: float, wj: float, vj: float, v: float, best: float) -> float:
-    """½ (w_i log(v / v_i) + w_j log(v / v_j)), or a lower bound of it that is above `best`."""
+def _loss(wi: float, vi: float, wj: float, vj: float, v: float, best: float, alone: bool) -> float:
+    """½ (w_i log(v / v_i) + w_j log(v / v_j)), or a lower bound of it that is above `best`.
+
+    `alone`: or an upper bound of it that is below, for a pair that is compared with no other.
+    """
     least = 0.5 * (wi * (1.0 - vi / v) + wj * (1.0 - vj / v))  # as log x >= 1 - 1 / x
     if least > best:
         return least
+    if alone:
+        most = 0.5 * (wi * (v / vi - 1.0) + wj * (v / vj - 1.0))  # as log x <= x - 1
+        if most < best:
+            return most
     return 0.5 * (wi * math.log(v / vi) + wj * math.log(v / vj))
 
 
 @part
-def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> float:
+def _merge_cost(
+    belief: Belief, i: int, j: int, best: float, scale: float, alone: bool = False
+) -> float:
     """Runnalls' bound on what merging two hypotheses loses, along the road only, nats.
 
         B = ½ (W log v − w_i log v_i − w_j log v_j)
@@ -47,14 +56,14 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vj = belief.spread[j] ** 2
         gap = belief.abscissa[i] - belief.abscissa[j]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        along = _loss(wi, vi, wj, vj, v, best)
+        along = _loss(wi, vi, wj, vj, v, best, alone)
         if along > best:
             return float(along)  # dearer than another pair, whatever the rest
         gap = wrap(belief.mean[i, H] - belief.mean[j, H])
         vi = belief.cov[i, H, H]
         vj = belief.cov[j, H, H]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        turned = _loss(wi, vi, wj, vj, v, best)
+        turned = _loss(wi, vi, wj, vj, v, best, alone)
         if turned > best:
             return float(turned)
         nx = math.sin(belief.mean[i, H])
@@ -67,7 +76,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
         vi = nx * nx * ci[X, X] + 2.0 * nx * ny * ci[X, Y] + ny * ny * ci[Y, Y]
         vj = nx * nx * cj[X, X] + 2.0 * nx * ny * cj[X, Y] + ny * ny * cj[Y, Y]
         v = (wi * vi + wj * vj) / w + shares * gap * gap
-        across = _loss(wi, vi, wj, vj, v, best)
+        across = _loss(wi, vi, wj, vj, v, best, alone)
         return float(max(along, turned, across))
     gap = wrap(belief.mean[i, H] - belief.mean[j, H])
     if abs(gap) > _OPPOSED:
@@ -75,7 +84,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = belief.cov[i, H, H]
     vj = belief.cov[j, H, H]
     v = (wi * vi + wj * vj) / w + shares * gap * gap
-    turned = _loss(wi / w, vi, wj / w, vj, v, best)
+    turned = _loss(wi / w, vi, wj / w, vj, v, best, alone)
     if turned > best:
         return float(turned)
     dx = (belief.mean[i, X] - belief.mean[j, X]) / scale
@@ -88,7 +97,7 @@ def _merge_cost(belief: Belief, i: int, j: int, best: float, scale: float) -> fl
     vi = ci[X, X] * ci[Y, Y] - ci[X, Y] ** 2
     vj = cj[X, X] * cj[Y, Y] - cj[X, Y] ** 2
     v = xx * yy - xy * xy
-    apart = _loss(wi / w, vi, wj / w, vj, v, best)
+    apart = _loss(wi / w, vi, wj / w, vj, v, best, alone)
     return float(max(turned, apart))
 
 
@@ -132,7 +141,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
         for j in range(i + 1, n):
             if belief.edge[j] != edge:
                 continue
-            cost = _merge_cost(belief, i, j, best, scale)
+            cost = _merge_cost(belief, i, j, best, scale, count == 2)
             if cost < best:
                 best, best_i, best_j = cost, i, j
     if best_i < 0:
@@ -143,6 +152,15 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int, scale: floa
         best_j = copy_from
     _merge_into(belief, best_i, best_j, scale)
     return True
+
+
+@part
+def _seen_before(belief: Belief, i: int) -> bool:
+    """Whether a hypothesis before i is on the same edge: its pairs have been looked at."""
+    j = 0
+    while j < i and belief.edge[j] != belief.edge[i]:
+        j += 1
+    return j < i
 
 
 @part
@@ -187,7 +205,7 @@ def reduce(
             belief.edge[i] = NO_EDGE
             dropped += 1
     for i in range(n):
-        if belief.edge[i] == NO_EDGE:
+        if belief.edge[i] == NO_EDGE or _seen_before(belief, i):
             continue
         while belief.edge[i] != NO_EDGE and _merge_edge(belief, i, limit, most, scale):
             dropped += 1

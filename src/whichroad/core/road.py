@@ -7,7 +7,7 @@ their likelihoods are densities of the same quantity and may be compared.
 import math
 
 from ._jit import Vector, kernel, part
-from .angles import wrap
+from .angles import angle_of, wrap
 from .belief import (
     MX,
     MY,
@@ -20,7 +20,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import LOG_2PI, update
+from .gaussian import LOG_2PI, update, update_across
 from .motion import age_map
 from .network import Roads, lane_sigma_of
 from .segment import chord, chord_heading, locate, project
@@ -136,17 +136,10 @@ def observe_roads(
             continue
         p = belief.probability[i]
         mean = belief.mean[i]
-        for j in range(N):
-            row[j] = 0.0
-        nx = tangent_y[i]
-        ny = -tangent_x[i]
-        row[X] = nx
-        row[Y] = ny
-        row[MX] = nx
-        row[MY] = ny
-        row[D] = -1.0
         nu = mean[D] - lateral[i]
-        s = update(mean, belief.cov[i], row, nu, r_lateral, scale)
+        s = update_across(
+            mean, belief.cov[i], tangent_y[i], -tangent_x[i], nu, r_lateral, scale
+        )  # fmt: skip
         misfit = nu * nu / s
         if with_heading:
             for j in range(N):
@@ -160,8 +153,9 @@ def observe_roads(
             s_heading = update(mean, belief.cov[i], row, nu, r_heading, scale)
             misfit += nu * nu / s_heading
             s *= s_heading
-        log_s += p * math.log(s)
-        belief.log_weight[i] -= 0.5 * (misfit + math.log(s) + rows * LOG_2PI)
+        log_variance = math.log(s)
+        log_s += p * log_variance
+        belief.log_weight[i] -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
     if on > 0.0:
         fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / on)
         for i in range(n):
@@ -242,12 +236,14 @@ def slope_at(roads: Roads, edge: int, segment: int, s: float, sigma: float) -> f
         min(inside + reach, length) <= roads.s[segment + 1]
     ):  # straight, as far as it is looked at
         return 0.0
-    near = _turn_about(roads, edge, segment, inside, step)
-    far = _turn_about(roads, edge, segment, inside, 2.0 * step)
-    return (_NEAR * near + 2.0 * _FAR * far) / (_SPAN * step)
+    total = 0.0
+    for k in range(1, 3):
+        weight = _NEAR if k == 1 else 2.0 * _FAR
+        total += weight * _turn_about(roads, edge, segment, inside, k * step)
+    return total / (_SPAN * step)
 
 
-@kernel
+@part
 def _turn_about(roads: Roads, edge: int, segment: int, s: float, step: float) -> float:
     """By how much the chord turns from a step before an abscissa to a step after it, rad."""
     length = roads.length[edge]
@@ -257,4 +253,4 @@ def _turn_about(roads: Roads, edge: int, segment: int, s: float, step: float) ->
     onwards = ax * bx + ay * by
     if abs(across) < 1e-12 * onwards:
         return 0.0
-    return math.atan2(across, onwards)
+    return angle_of(onwards, across)

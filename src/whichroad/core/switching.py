@@ -14,18 +14,14 @@ import numpy as np
 from ._jit import Ints, Ints32, Vector, kernel, part
 from .belief import (
     CAPACITY,
-    MX,
-    MY,
     NOW,
     OFF_ROAD,
     ORIGINS,
     Belief,
     N,
     Route,
-    X,
-    Y,
 )
-from .gaussian import normal_cdf, reshape_along, truncated_moments
+from .gaussian import normal_cdf, reshape_on_map, truncated_moments
 from .motion import redraw_lane
 from .network import Roads, lane_sigma_of
 from .road import track
@@ -139,13 +135,13 @@ def reachable(roads: Roads, work: Work, edge: int, s: float, sigma: float, least
     prior = 1.0
     turn = 0.0
     while True:
+        low = normal_cdf((end - s) / sigma)
         for t in range(roads.succ_first[current], roads.succ_first[current + 1]):
             p = prior * roads.succ_prior[t]
             if p < least or count >= MOST:
                 continue
             f = roads.succ[t]
             high = normal_cdf((end + roads.length[f] - s) / sigma)
-            low = normal_cdf((end - s) / sigma)
             work.edge[count] = f
             work.parent[count] = k
             work.offset[count] = end
@@ -296,7 +292,7 @@ def hand_over(
             f = work.edge[d]
             ahead = s - work.offset[d]
             if cut:
-                cut_along(belief, child, work, tx, ty, ahead, sigma, 0.0, 1e9, scale)
+                cut_along(belief, child, tx, ty, ahead, sigma, 0.0, 1e9, scale)
             track(belief, roads, child, scale)
             belief.stay[child] = max(
                 normal_cdf((roads.length[f] - ahead) / belief.spread[child]), 1e-6
@@ -304,7 +300,7 @@ def hand_over(
         belief.stay[i] = now
         rescale(belief, i, 1.0 - given)
         if cut:
-            cut_along(belief, i, work, tx, ty, s, sigma, -1e9, length, scale)
+            cut_along(belief, i, tx, ty, s, sigma, -1e9, length, scale)
             track(belief, roads, i, scale)
             belief.stay[i] = max(normal_cdf((length - belief.abscissa[i]) / belief.spread[i]), 1e-6)
     return changed
@@ -345,25 +341,18 @@ def _back_up(
 
 @kernel
 def cut_along(
-    belief: Belief, i: int, work: Work, tx: float, ty: float, s: float, sigma: float,
+    belief: Belief, i: int, tx: float, ty: float, s: float, sigma: float,
     low: float, high: float, scale: float,
 ) -> None:  # fmt: skip
     """Cut the abscissa of hypothesis i to [low, high]."""
     mean, variance = truncated_moments(s, sigma, low, high)
-    move_along(belief, i, work, tx, ty, mean - s, variance / (sigma * sigma), scale)
+    move_along(belief, i, tx, ty, mean - s, variance / (sigma * sigma), scale)
 
 
 @kernel
 def move_along(
-    belief: Belief, i: int, work: Work, tx: float, ty: float, shift: float, shrink: float,
+    belief: Belief, i: int, tx: float, ty: float, shift: float, shrink: float,
     scale: float,
 ) -> None:  # fmt: skip
     """Shift the abscissa of hypothesis i, and multiply its variance."""
-    row = work.row
-    for j in range(N):
-        row[j] = 0.0
-    row[X] = tx
-    row[Y] = ty
-    row[MX] = tx
-    row[MY] = ty
-    reshape_along(belief.mean[i], belief.cov[i], row, shift, shrink, scale)
+    reshape_on_map(belief.mean[i], belief.cov[i], tx, ty, shift, shrink, scale)
