@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel, part
+from ._jit import Vector, kernel
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .gaussian import normal_cdf
 from .hops import HOP_PRICE
