@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel, part
+from ._jit import Vector, kernel
 from .belief import MX, MY, OFF_ROAD, Belief, K, X, Y
 from .gaussian import normal_cdf
 from .hops import HOP_PRICE
@@ -137,7 +137,7 @@ def _keep(search: Search, pairs: int, least: float, cheapest: float) -> int:
     return kept
 
 
-@part
+@kernel
 def choose_legs(
     belief: Belief, roads: Roads, work: Work, found: int, scale: float,
     x: float, y: float, radius: float, sigma: float, jitter: float, dt: float,

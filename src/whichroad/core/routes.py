@@ -279,7 +279,7 @@ def _take_over(
     return n
 
 
-@part
+@kernel
 def find_routes(
     roads: Roads, search: Search, goals: Ints, edge: int, s: float, x: float, y: float,
     radius: float, per_metre: float, u_turn: float, longest: float, limit: float, slack: float,

@@ -275,7 +275,7 @@ def _is_reached(belief: Belief, first: int, edge: int, log_weight: float) -> boo
     return bool(top > log_weight + _FAR_ABOVE)
 
 
-@part
+@kernel
 def travel(
     belief: Belief, roads: Roads, route: Route, work: Work, scale: float,
     fix: Vector, dt: float, side: float, par: Parameters,
