@@ -7,6 +7,7 @@ The localizer owns the belief; nothing else remembers.
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ from .core.output import (
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
-from .errors import DriveError, SettingError
+from .errors import DriveError, MapError, SettingError
 from .reasons import STATUS, far_off
 from .records import (
     Array,
@@ -54,6 +55,7 @@ from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .sensors.odometry import step_between
+from .sensors.sound import FASTEST, sound
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
@@ -64,6 +66,8 @@ _CHUNK = 20_000  # epochs between two looks at the route tree and the progress b
 NOTHING = new_memory(0)  # is remembered
 _WHOLE = 15.0  # s between fixes, beyond which a route is chosen as a whole
 _LATE = 1.0  # s; an observation later than this is refused
+_JITTER = 0.02  # s by which readings come too close together
+_JUMP = "odometry jumped (bridged)"
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -198,6 +202,7 @@ class Localizer:
 
     Raises:
         SettingError: The lag is not a number of seconds.
+        MapError: The map is the path of one.
     """
 
     def __init__(
@@ -209,6 +214,11 @@ class Localizer:
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
     ) -> None:
+        if isinstance(roads, str | PurePath):
+            raise MapError(
+                f"Localizer: roads is {str(roads)!r}; a RoadMap was expected, not the path of one; "
+                "RoadMap.open(path) or RoadMap.from_osm(path) makes it"
+            )
         self.roads = roads
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
@@ -235,13 +245,16 @@ class Localizer:
         """Take one observation and say where the vehicle is.
 
         A fix that is up to a second late is moved along with the vehicle; an older
-        observation is refused and counted in `skipped`.
+        observation, and one that cannot be, is refused and counted in `skipped`.
 
         Args:
             observation: A fix or an odometry reading; times in seconds, one clock.
 
         Returns:
             The estimate at the observation's time.
+
+        Raises:
+            ReadError: It is no observation, or its time is not in seconds since 1970.
         """
         if not self.take(observation):
             return self.predict(float(self._belief.clock[NOW]))
@@ -254,8 +267,15 @@ class Localizer:
             observation: As `update` takes it.
 
         Returns:
-            Whether it was taken; False: it is too late, and counted in `skipped`.
+            Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
+
+        Raises:
+            ReadError: It is no observation, or its time is not in seconds since 1970.
         """
+        possible = sound(observation, self.skipped)
+        if possible is None:
+            return False
+        observation = possible
         late = float(self._belief.clock[NOW]) - observation.time
         if self._belief.clock[STARTED] and late > (
             _LATE if isinstance(observation, GeoFix) else 0.0
@@ -313,6 +333,9 @@ class Localizer:
             return 0.0, 0.0
         dt = reading.time - before.time
         arc, turn = step_between(before, reading, self.vehicle)
+        if abs(arc) + 0.5 * abs(turn) * self.vehicle.track_width > FASTEST * (dt + _JITTER):
+            self.skipped[_JUMP] = self.skipped.get(_JUMP, 0) + 1
+            arc, turn = self._rate[0] * dt, self._rate[1] * dt
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went
