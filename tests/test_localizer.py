@@ -284,9 +284,9 @@ def test_what_is_no_observation_is_refused_with_what_was_expected(told, message:
         Localizer(TOWN).update(told)
 
 
-def test_the_path_of_a_map_is_no_map_on_line():
-    with pytest.raises(MapError, match=r"RoadMap\.open\(path\)"):
-        Localizer("city.map")
+def test_on_line_a_map_that_is_none_is_refused():
+    with pytest.raises(MapError, match="NoneType was given; a RoadMap"):
+        Localizer(None)
 
 
 def test_a_fix_half_a_second_late_says_what_it_would_have_said_in_time():

@@ -7,7 +7,7 @@ The localizer owns the belief; nothing else remembers.
 import math
 from collections.abc import Callable
 from functools import partial
-from pathlib import PurePath
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +37,7 @@ from .core.output import (
 from .core.switching import new_work
 from .diagnosis import Finding, findings, findings_of
 from .epochs import Timeline
-from .errors import DriveError, MapError, SettingError
+from .errors import DriveError, SettingError
 from .reasons import STATUS, far_off
 from .records import (
     Array,
@@ -50,12 +50,12 @@ from .records import (
     WheelSpeed,
     WheelTicks,
 )
-from .roadmap import RoadMap
+from .roadmap import RoadMap, open_map
 from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
-from .sensors.odometry import step_between
-from .sensors.sound import FASTEST, sound
+from .sensors.odometry import bridged_step
+from .sensors.sound import sound
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
@@ -66,8 +66,6 @@ _CHUNK = 20_000  # epochs between two looks at the route tree and the progress b
 NOTHING = new_memory(0)  # is remembered
 _WHOLE = 15.0  # s between fixes, beyond which a route is chosen as a whole
 _LATE = 1.0  # s; an observation later than this is refused
-_JITTER = 0.02  # s by which readings come too close together
-_JUMP = "odometry jumped (bridged)"
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -193,7 +191,7 @@ class Localizer:
         >>> estimate.edge, estimate.p_road
 
     Args:
-        roads: The map.
+        roads: The map, or its path.
         vehicle: The car.
         settings: The model's numbers.
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
@@ -202,24 +200,19 @@ class Localizer:
 
     Raises:
         SettingError: The lag is not a number of seconds.
-        MapError: The map is the path of one.
+        MapError: It is no map.
     """
 
     def __init__(
         self,
-        roads: RoadMap,
+        roads: RoadMap | str | Path,
         *,
         vehicle: Vehicle | None = None,
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
     ) -> None:
-        if isinstance(roads, str | PurePath):
-            raise MapError(
-                f"Localizer: roads is {str(roads)!r}; a RoadMap was expected, not the path of one; "
-                "RoadMap.open(path) or RoadMap.from_osm(path) makes it"
-            )
-        self.roads = roads
+        self.roads = open_map(roads)
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
@@ -268,12 +261,8 @@ class Localizer:
 
         Returns:
             Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
-
-        Raises:
-            ReadError: It is no observation, or its time is not in seconds since 1970.
         """
-        possible = sound(observation, self.skipped)
-        if possible is None:
+        if (possible := sound(observation, self.skipped)) is None:
             return False
         observation = possible
         late = float(self._belief.clock[NOW]) - observation.time
@@ -332,10 +321,7 @@ class Localizer:
             self._odometer = (reading.time, 0.0, 0.0)
             return 0.0, 0.0
         dt = reading.time - before.time
-        arc, turn = step_between(before, reading, self.vehicle)
-        if abs(arc) + 0.5 * abs(turn) * self.vehicle.track_width > FASTEST * (dt + _JITTER):
-            self.skipped[_JUMP] = self.skipped.get(_JUMP, 0) + 1
-            arc, turn = self._rate[0] * dt, self._rate[1] * dt
+        arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went

@@ -28,6 +28,7 @@ from .readers import drive_from_table, read_drive, read_vehicle
 from .records import Array, Drive, Fixes, StartPose
 from .result import Answered, Result
 from .roadmap import RoadMap
+from .roadmap import open_map as open_map
 from .route import Traversals, traversals
 from .search import MAP
 from .settings import Settings, Vehicle
@@ -38,22 +39,6 @@ Window = tuple[Any, Any]
 
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
 _FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
-
-
-def open_map(roads: RoadMap | str | Path) -> RoadMap:
-    """A road map from whatever names one: itself, a compiled file, OSM, or a table of edges.
-
-    Raises:
-        MapError: The file is not a map.
-    """
-    if isinstance(roads, RoadMap):
-        return roads
-    name = str(roads).lower()
-    if name.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2")):
-        return RoadMap.from_osm(roads)
-    if name.endswith((".geojson", ".json", ".csv", ".parquet")):
-        return RoadMap.from_edges(roads)
-    return RoadMap.open(roads)
 
 
 def _drives(drive: Any, vehicle: Vehicle | None, settings: Settings | None) -> list[Drive]:

@@ -47,6 +47,14 @@ def match(
     path_out: Annotated[
         Path | None, typer.Option(help="The path driven, edge by edge, in the same formats.")
     ] = None,
+    by_source: Annotated[
+        bool,
+        typer.Option(
+            "--by-source",
+            help="The path by the roads of the source (OpenStreetMap ways), of which an edge "
+            "may have several.",
+        ),
+    ] = False,
     every: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="One point every S seconds.")
     ] = None,
@@ -83,8 +91,8 @@ def match(
     plain = not (can or dbc or start or mask or report) and model is Model.default
     if len(drive) == 1 and plain and are_many(drive[0]):
         return match_trips(
-            drive[0], roads, out=out, path_out=path_out, every=every, force=force,
-            vehicle=vehicle, attributes=attributes, lag=lag,
+            drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
+            force=force, vehicle=vehicle, attributes=attributes, lag=lag,
         )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
@@ -103,7 +111,12 @@ def match(
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
         progress("writing", 0, 0)
-        _write(result, out, path_out, every, force)
+        _write(result, out, every, force)
+        if path_out is not None:
+            path = result.path_arrow()
+            writers.write_table(
+                network.by_source(path) if by_source else path, path_out, force=force
+            )
         if report is not None:
             from ..replay.opening import Remaking, one_of
             from ..replay.report import write_report
@@ -121,17 +134,13 @@ def match(
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
 
-def _write(
-    result: "Result", out: Path | None, path_out: Path | None, every: float | None, force: bool
-) -> None:
+def _write(result: "Result", out: Path | None, every: float | None, force: bool) -> None:
     from ..tables import thinned
     from ..writers import write_table
 
     if out is not None:
         points = result.to_arrow()
         write_table(thinned(points, every) if every else points, out, force=force)
-    if path_out is not None:
-        result.write_path(path_out, force=force)
 
 
 def say(result: "Result") -> None:
