@@ -80,8 +80,9 @@ def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | N
         circle = accuracy / RADIUS_68
     if circle is None:
         return None, None, None
-    # zero is what receivers write who do not know
-    variance = np.where(circle > 0, circle**2, np.nan)
+    # zero or less is what receivers write who do not know: a HDOP says more, or it is counted
+    unknown = np.nan if "hdop" in columns else -1.0
+    variance = np.where(circle <= 0, unknown, circle**2)
     return variance, np.zeros(len(circle)), variance
 
 
