@@ -115,7 +115,8 @@ def test_the_path_of_an_answer_stays_one_that_geopandas_takes(roads):
     assert geopandas.GeoDataFrame.from_arrow(path).crs == "EPSG:4326"
     ways = geopandas.GeoDataFrame.from_arrow(roads.by_source(path))
     assert ways.source_id.tolist() == ["10", "11", "12"]
-    assert ways.geometry.iloc[1].length == pytest.approx(80 / 72_500, rel=0.01)  # degrees of longitude
+    degrees = ways.geometry.iloc[1].length
+    assert degrees * 72_500 == pytest.approx(80.0, rel=0.01)  # m, along a parallel
 
 
 def test_an_empty_path_stays_empty(roads):

@@ -49,7 +49,7 @@ MapOption = Annotated[
     typer.Option(
         "--map",
         help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
-        "or a table of edges (.geojson, .csv, .parquet).",
+        "or a table of edges (.geojson, .csv, .parquet, .gpkg, .shp).",
     ),
 ]
 
