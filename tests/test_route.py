@@ -7,7 +7,7 @@ import pytest
 
 from scenes import drive_along, epochs_of, gnss, grid_town, localize, network
 from whichroad.core.belief import OFF_ROAD
-from whichroad.core.epoch import DISTANCE, WHEELS
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.route import Traversal, traversals
 
 ROADS = network(grid_town())
@@ -74,6 +74,19 @@ def test_nodes_are_passed_when_the_vehicle_passes_them(seed: int):
 def test_probabilities_of_edges_are_those_said_while_they_were_driven():
     for r in driven():
         assert 0.5 < r.p <= 1.0
+
+
+def test_edges_between_fixes_far_apart_are_as_probable_as_the_route_around_them():
+    time = np.arange(0, len(TRUTH.time), 200)
+    epochs = Epochs(*(a[time] for a in epochs_of(TRUTH, gnss(TRUTH, seed=1), time)))
+    found = localize(ROADS, epochs, mode=CLOCK)
+    rows = traversals(epochs, found, ROADS).rows()
+    said = set(found.output.edge.tolist())
+    between = [r for r in rows if r.edge not in said]
+    assert len(between) > 1
+    first, *others = between  # of which the first fix did not know the direction
+    assert 0.1 < first.p < 0.6
+    assert all(0.9 < r.p <= 1.0 for r in others)
 
 
 def test_a_route_across_unmapped_ground_says_that_it_has_a_gap():

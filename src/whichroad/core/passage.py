@@ -3,6 +3,7 @@
 from ._jit import Bytes, Floats32, Ints, Ints32, Vector, kernel
 from .network import Roads
 
+_BESIDE = 2  # edges before and after those of which no epoch speaks
 _STEP = 1e-6  # m; positions closer than this tell no new time
 
 
@@ -54,7 +55,8 @@ def drive_edges(
         exit_time: (r,) s.
         enter_m: (r,) abscissa.
         exit_m: (r,) abscissa.
-        p: (r,) mean P of the edge while it was driven, 0 if it never was the most probable.
+        p: (r,) mean P of the edge at the epochs at which it was the most probable; where there
+            are none, P of being on the route at the epochs around, whichever is less.
         gap: (r,) 1 where an edge does not follow from the one before.
     """
     n, rows = len(time), len(edge)
@@ -73,7 +75,7 @@ def drive_edges(
         last = i + 1 == rows
         gap[i] = i > 0 and not joins(roads, edge[i - 1], e)
         gap_after = not last and not joins(roads, e, edge[i + 1])
-        p[i] = total / count if count else 0.0
+        p[i] = total / count if count else -1.0
         enter_time[i] = entered[i]
         exit_time[i] = time[min(high, n - 1)]
         enter_m[i] = min(max(abscissa[i], 0.0), length) if i == 0 or gap[i] else 0.0
@@ -83,7 +85,40 @@ def drive_edges(
             exit_m[i] = max(exit_m[i], enter_m[i])
         if not last and roads.opposite[e] == edge[i + 1]:
             exit_m[i] = max(min(top, length) if count else enter_m[i], enter_m[i])
+    _bridge(edge, first, alt_edge, alt_p, last_epoch, p)
     _time_nodes(edge, first, time, said, s, enter_m, exit_m, enter_time, exit_time)
+
+
+@kernel
+def _bridge(
+    edge: Ints, first: Ints, alt_edge: Ints32, alt_p: Floats32, last_epoch: int, p: Vector
+) -> None:
+    """P of the edges of which no epoch speaks, by the epochs on both sides of them."""
+    rows, i = len(edge), 0
+    while i < rows:
+        end = i + 1
+        if p[i] < 0.0:
+            while end < rows and p[end] < 0.0:
+                end += 1
+            low, high = max(i - _BESIDE, 0), min(end + _BESIDE, rows)
+            on = 1.0
+            for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
+                on = min(on, _on_route(edge, low, high, alt_edge[k], alt_p[k]))
+            for j in range(i, end):
+                p[j] = on
+        i = end
+
+
+@kernel
+def _on_route(edge: Ints, low: int, high: int, alt_edge: Ints32, alt_p: Floats32) -> float:
+    """P of the edges low ... high - 1 of a route at an epoch."""
+    total = 0.0
+    for a in range(len(alt_edge)):
+        for j in range(low, high):
+            if alt_edge[a] == edge[j]:
+                total += alt_p[a]
+                break
+    return total
 
 
 @kernel
