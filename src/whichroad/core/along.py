@@ -46,7 +46,7 @@ def _move_to(
     cut, variance = truncated_moments(s, sigma, low, high)
     shift = cut - s
     shrink = variance / (sigma * sigma)
-    segment, cx, cy, nx, ny = locate(roads, edge, roads.first[edge], cut)
+    segment, cx, cy, nx, ny = locate(roads, edge, belief.segment[i], cut)
     heading = math.atan2(ny, nx)
     across = tx * ny - ty * nx
     onwards = tx * nx + ty * ny

@@ -21,6 +21,7 @@ _TAIL = 0.3  # of the squared deviation of a distance is its variance at least,
 _SLOW_TAIL = 2.0  # and where it is shorter than the speed would have it
 _WORTH = 6.0  # nats below the best, from which on a route is not worth its while
 _AHEAD = 5.0  # nats; the same for what a route may still be worth at most
+_SLACK = 4.0  # nats that a route may cost more than the cheapest of its hypothesis
 _DETOUR = 4.0  # nats; a detour that nobody can avoid costs nothing up to this
 _EXCESS = 10.0  # m longer than the shortest way a route is likely to be,
 _EXCESS_RATE = 1.8  # m/s, and the more, the longer it took,
@@ -189,7 +190,7 @@ def choose_legs(
         hits = find_routes(
             roads, search, work.near_edge, edge, s, x, y, radius * scale, per_metre,
             _u_turn_cost(roads, edge), longest, floor + per_metre * straight - best + _AHEAD,
-            _WORTH, _LABELS,
+            _SLACK, _LABELS,
         )  # fmt: skip
         for h in range(-1, hits):  # -1: on along the edge
             label = search.hit[h] if h >= 0 else -1

@@ -18,6 +18,7 @@ _CLEAR = 1e-4  # probability of all other edges, below which
 _CLEAR_LIMIT = 0.003  # nats, relative, are little to lose by merging
 _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
+_OFF_PRUNE = 0.1  # of the usual floor; below it the next one that leaves a road is as good
 
 
 @kernel
@@ -26,7 +27,7 @@ def _loss(wi: float, vi: float, wj: float, vj: float, v: float, best: float, alo
 
     `alone`: or an upper bound of it that is below, for a pair that is compared with no other.
     """
-    least = 0.5 * (wi * (1.0 - vi / v) + wj * (1.0 - vj / v))  # as log x >= 1 - 1 / x
+    least = 0.5 * (wi + wj - (wi * vi + wj * vj) / v)  # as log x >= 1 - 1 / x
     if least > best:
         return least
     if alone:
@@ -183,8 +184,8 @@ def reduce(
 ) -> None:  # fmt: skip
     """Normalise; drop the negligible; merge within edges; enter the route tree.
 
-    The off-road hypothesis is kept down to a thousandth of the usual floor: it is the
-    way back when every road was wrong.
+    The off-road hypothesis is kept down to a tenth of the usual floor: it is the way back
+    when every road was wrong.  With less it is born anew wherever a road is left.
 
     Args:
         belief: In place, weights normalised afterwards.
@@ -200,7 +201,7 @@ def reduce(
         limit = max(limit, _CLEAR_LIMIT)
     dropped = 0
     for i in range(n):
-        low = 1e-3 * prune if belief.edge[i] == OFF_ROAD else prune
+        low = _OFF_PRUNE * prune if belief.edge[i] == OFF_ROAD else prune
         if belief.probability[i] < low:
             belief.edge[i] = NO_EDGE
             dropped += 1

@@ -28,6 +28,7 @@ from .segment import chord, chord_heading, locate, project
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _LOOK = 5.0  # m travelled between two looks at the road whose errors are those of one
+_LIGHT = 1e-3  # probability of who hardly tells what the rows of all are worth
 _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 
 
@@ -111,9 +112,10 @@ def observe_roads(
         p = belief.probability[i]
         on += p
         bow = 0.0
+        slope[i] = 0.0
         if with_heading:
             heading[i], slope[i], bow = bend(roads, edge, belief.segment[i], s, belief.spread[i])
-        else:
+        elif p > _LIGHT:
             slope[i] = slope_at(roads, edge, belief.segment[i], s, belief.spread[i])
         spread2 = belief.spread[i] ** 2
         cutting = min(abs(slope[i]) * _HALF_CHORD, 1.0) * node_sigma
