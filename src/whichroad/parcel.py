@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .columns import figures_of, path_table, points_table
@@ -218,11 +217,10 @@ def _told(answer: _Answer) -> pa.Table:
         figures_of(fleet.epochs, fleet.output, fleet.first, fleet.way, fleet.first_edge)
     )
     answered = columns["epochs_without_answer"] < columns["epochs"]
-    reasons = pa.array(["no epoch could be answered"] * d, pa.string())
     columns |= {
         "drive_id": answer.names,
         "answered": answered,
-        "reason": pc.if_else(pa.array(answered), None, reasons),
+        "reason": pa.array(["no epoch could be answered"] * d, mask=answered),
         "skipped": [list(drive.skipped.items()) if drive else []] * d,
         "notes": [list(drive.notes) if drive else []] * d,
     }
