@@ -57,6 +57,18 @@ def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
     return pa.array(values, mask=absent if absent.any() else None)
 
 
+def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """A row of each value of (n,) that differs, and which of those each row has.
+
+    By a hash, which takes a fifth of the time that sorting does.
+    """
+    which = pa.array(values).dictionary_encode()
+    at = which.indices.to_numpy().copy()
+    one = np.empty(len(which.dictionary), np.int64)
+    one[at] = np.arange(len(at))
+    return one, at
+
+
 def _within(degrees: Array, turn: float) -> Array:
     """`degrees % turn`, in a fifth of the time."""
     return np.asarray(degrees - turn * np.floor(degrees / turn))
@@ -190,10 +202,7 @@ def _reasons(
     scale[away > 0.0] = 0.0
     vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
-    same = pa.array(key).dictionary_encode()
-    at = same.indices.to_numpy().copy()
-    one = np.empty(len(same.dictionary), np.int64)
-    one[at] = np.arange(n)
+    one, at = _distinct(key)
     texts = [
         reason(
             "on_road" if vie[k] else STATUS[status[k]],
@@ -302,7 +311,7 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
         return pa.array([], pa.binary())
     whole = (enter <= 0.0) & (leave >= roads.arrays.length[edges])
     key = np.where(whole, edges, len(roads.arrays.length) + np.arange(rows))
-    _, one, at = np.unique(key, return_index=True, return_inverse=True)
+    one, at = _distinct(key)
     x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
     lat, lon = roads.plane.to_geodetic(x, y)
     return line_wkb(lon, lat, vertex).take(pa.array(at))
@@ -315,8 +324,9 @@ def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
 
 def _broken(way: Traversals) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
-    unique, at = np.unique(np.where(way.gap, _GAP, way.rules), return_inverse=True)
-    words = [_rule_names(int(b)) for b in unique]
+    rules = np.where(way.gap, _GAP, way.rules)
+    one, at = _distinct(rules)
+    words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))
 
 
