@@ -214,7 +214,7 @@ def _reasons(
     ]
     rows = np.flatnonzero(vie)
     told = pa.array(texts, pa.string())
-    also = pc.if_else(pc.equal(told, ""), None, told).take(pa.array(at[rows]))
+    also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
     words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))

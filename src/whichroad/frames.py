@@ -202,13 +202,13 @@ def _geodetic(sphere: geodesy.Sphere, x: Array, y: Array) -> tuple[Array, Array]
     """
     east, north = x / sphere.radius, y / sphere.radius
     with np.errstate(all="ignore"):  # a pole, and what is no point
-        up = 1.0 - 0.25 * (east * east + north * north)  # all three as much too long
+        up = 1.0 - 0.25 * (east * east + north * north)  # all of them longer by one factor
         ahead = up * sphere.cos0 - north * sphere.sin0
         tangent = (up * sphere.sin0 + north * sphere.cos0) / np.sqrt(east * east + ahead * ahead)
         q = (np.arcsinh(tangent) - sphere.shift) / sphere.power
         sine, cosine = np.tanh(q), 1.0 / np.cosh(q)
         double = 4.0 * cosine * cosine - 2.0
-        this, before = _SERIES[-1], 0.0
+        this, before = np.full_like(q, _SERIES[-1]), np.zeros_like(q)
         for c in _SERIES[-2::-1]:
             this, before = c + double * this - before, this
         lat = np.arctan2(sine, cosine) + 2.0 * sine * cosine * this

@@ -121,7 +121,9 @@ class Job(NamedTuple):
         begin = np.cumsum([0, *np.where(plain, np.diff(first), 0)])
         own = begin[:-1][plain]
         epochs, apart = epochs_of_fixes(fixes, own.tolist(), self.roads.plane)
-        near = np.logical_or.reduceat(are_near(fixes, self.roads), own)
+        near = are_near(fixes.lat_deg[own], fixes.lon_deg[own], self.roads)
+        if not near.all():  # one fix of each is enough
+            near = np.logical_or.reduceat(are_near(fixes.lat_deg, fixes.lon_deg, self.roads), own)
         usable[plain] = apart & near
         return _Plain(epochs, begin, usable & [name != "" for name in parcel.names])
 
