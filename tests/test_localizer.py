@@ -3,6 +3,8 @@
 import math
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -12,17 +14,21 @@ from whichroad import localizer, scratch, ways
 from whichroad.core.belief import Route, new_route
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
 from whichroad.epochs import build_timeline
-from whichroad.errors import DriveError
+from whichroad.errors import DriveError, MapError, ReadError
 from whichroad.frames import Plane
 from whichroad.localizer import STATUS, Localizer, localize_recorded
+from whichroad.readers.fixes import NOT_A_COVARIANCE
 from whichroad.records import (
+    Distance,
     Drive,
     Estimate,
     Fixes,
     GeoFix,
     Observation,
+    SpeedYaw,
     StartPose,
     WheelCounts,
+    WheelSpeed,
     WheelTicks,
 )
 from whichroad.settings import Vehicle
@@ -207,6 +213,80 @@ def test_a_fix_more_than_a_second_late_is_refused_and_counted():
     after = online.update(town_fix(50.0, -1.75, 8.5))
     np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
     assert online.skipped == {"late": 1}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"lat_deg": math.nan}, "impossible position"),
+        ({"lat_deg": 91.0}, "impossible position"),
+        ({"lon_deg": math.inf}, "impossible position"),
+        ({"lat_deg": 0.0, "lon_deg": 0.0}, "impossible position"),
+        ({"time": math.nan}, "no time"),
+        ({"time": math.inf}, "no time"),
+        ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),
+        ({"cov_ee": 1.0, "cov_nn": 1.0, "cov_en": 2.0}, NOT_A_COVARIANCE),
+        ({"speed": math.nan, "sigma_speed": 0.3}, "speed that cannot be (not used)"),
+        ({"bearing_deg": math.nan, "sigma_bearing_deg": 3.0}, "course that cannot be (not used)"),
+    ],
+)
+def test_a_fix_that_cannot_be_is_counted_and_spoils_nothing(wrong, reason: str):
+    online, unaware = driven_to(100), driven_to(100)
+    fix = town_fix(STRAIGHT.x[100], STRAIGHT.y[100], float(STRAIGHT.time[100]))
+    online.update(replace(fix, **wrong))
+    assert online.skipped == {reason: 1}
+    a = online.predict(float(STRAIGHT.time[100]) + 1.0)
+    assert a.status == "on_road"
+    b = unaware.predict(a.time)
+    assert math.hypot(a.pose.x - b.pose.x, a.pose.y - b.pose.y) < 3.0  # m, one sigma of a fix
+
+
+@pytest.mark.parametrize(
+    ("reading", "reason"),
+    [
+        (WheelSpeed(10.2, math.nan, 10.0), "wheel speed beyond 90 m/s"),
+        (WheelSpeed(10.2, 1e9, 1e9), "wheel speed beyond 90 m/s"),
+        (SpeedYaw(10.2, math.inf, 0.0), "speed beyond 90 m/s"),
+        (SpeedYaw(10.2, 10.0, 1e9), "yaw rate beyond 10 rad/s"),
+        (WheelTicks(10.2, math.nan, 0.0), "no wheel count"),
+        (Distance(10.2, math.inf), "no distance"),
+    ],
+)
+def test_a_reading_of_wheels_that_cannot_be_is_counted_and_changes_nothing(reading, reason: str):
+    online = driven_to(100)
+    before = online.estimate()
+    after = online.update(reading)
+    np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
+    assert online.skipped == {reason: 1}
+
+
+def test_a_wheel_counter_that_jumps_on_line_is_bridged_at_the_speed_before_and_counted():
+    online, unaware = driven_to(100), driven_to(100)
+    at = float(STRAIGHT.time[100])
+    log = wheels(STRAIGHT)
+    a = online.update(WheelTicks(at, log.left[100] - 65536.0, log.right[100]))
+    b = unaware.update(WheelTicks(at, log.left[100], log.right[100]))
+    assert online.skipped == {"odometry jumped (bridged)": 1}
+    np.testing.assert_allclose(said({0.0: a}), said({0.0: b}), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ((0.0, 49.4, 8.7), "a GeoFix, WheelTicks"),
+        (None, "a GeoFix, WheelTicks"),
+        (GeoFix(datetime(2026, 6, 1), 49.4, 8.7), "datetime.timestamp"),
+        (GeoFix(1.78e12, 49.4, 8.7), "milliseconds"),
+    ],
+)
+def test_what_is_no_observation_is_refused_with_what_was_expected(told, message: str):
+    with pytest.raises(ReadError, match=message):
+        Localizer(TOWN).update(told)
+
+
+def test_on_line_a_map_that_is_none_is_refused():
+    with pytest.raises(MapError, match="NoneType was given; a RoadMap"):
+        Localizer(None)
 
 
 def test_a_fix_half_a_second_late_says_what_it_would_have_said_in_time():

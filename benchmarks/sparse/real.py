@@ -142,18 +142,26 @@ def pools(
             for m, v in matchers.items():
                 told = [v["tracks"][i].get("undoubted") for i in sorted(ids) if i in v["tracks"]]
                 if told and all(told):
-                    row[m]["undoubted"] = sum(t["wrong"] for t in told) / sum(t["d0"] for t in told)
+                    row[m]["undoubted"] = _share(told)
                     row[m]["sure"] = sum(t["d0"] for t in told) / sum(
                         v["tracks"][i]["d0"] for i in ids
                     )
             row[runner.OURS]["each"] = [(wrong(t), t["d0"]) for t in ours]
             peers = [v["tracks"] for m, v in matchers.items() if m in harness.PEERS]
+            told = [[p[i]["undoubted"] for p in peers if "undoubted" in p.get(i, {})] for i in ids]
+            if told and all(told):
+                best = [min(t, key=lambda u: u["wrong"]) for t in told]
+                row["best here"] = {"undoubted": _share(best)}
             if peers:
                 row["best"] = scores.pooled(
                     [min((p[i] for p in peers if i in p), key=wrong) for i in sorted(ids)]
                 )
             out[name][every] = row
     return out
+
+
+def _share(told: list[dict[str, float]]) -> float:
+    return sum(t["wrong"] for t in told) / sum(t["d0"] for t in told)
 
 
 def wrong(score: dict[str, float]) -> float:

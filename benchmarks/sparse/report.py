@@ -81,11 +81,12 @@ def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
 def _undoubted(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
     """Mismatch without the stretches where the truth contradicts its own fixes."""
     rows, sure = [], 1.0
+    names = (runner.OURS, "best here", *real.HERE[:-1])
     for title, by_interval in real.pools(found, sets).items():
         for every, row in by_interval.items():
             if "undoubted" in row[runner.OURS]:
                 sure = min(sure, row[runner.OURS]["sure"])
-                told = [row.get(m, {}).get("undoubted") for m in (runner.OURS, *real.HERE[:-1])]
+                told = [row.get(m, {}).get("undoubted") for m in names]
                 rows.append(
                     [title, f"{every} s", *("-" if v is None else f"{100 * v:.2f}" for v in told)]
                 )
@@ -95,9 +96,10 @@ def _undoubted(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:
         f"The same without the stretches, at most {100 * (1 - sure):.1f} % of the way, where the "
         f"fixes at 1 Hz run more than {doubt.FAR:.0f} m beside the hand-made truth. There the map "
         "that the truth was drawn on lacked the road that was driven, or its connection, and who "
-        "follows the fixes is counted wrong. Only matchers that ran here.\n\n"
+        "follows the fixes is counted wrong. Only matchers that ran here; *best here* is the best "
+        "peer among them of each track, in hindsight.\n\n"
     )
-    return words + _table(["tracks", "every", runner.OURS, *real.HERE[:-1]], rows)
+    return words + _table(["tracks", "every", *names], rows)
 
 
 def _metres(value: float | None) -> str:

@@ -7,6 +7,7 @@ The localizer owns the belief; nothing else remembers.
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -49,11 +50,12 @@ from .records import (
     WheelSpeed,
     WheelTicks,
 )
-from .roadmap import RoadMap
+from .roadmap import RoadMap, open_map
 from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
-from .sensors.odometry import step_between
+from .sensors.odometry import bridged_step
+from .sensors.sound import sound
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
@@ -189,7 +191,7 @@ class Localizer:
         >>> estimate.edge, estimate.p_road
 
     Args:
-        roads: The map.
+        roads: The map, or its path.
         vehicle: The car.
         settings: The model's numbers.
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
@@ -198,18 +200,19 @@ class Localizer:
 
     Raises:
         SettingError: The lag is not a number of seconds.
+        MapError: It is no map.
     """
 
     def __init__(
         self,
-        roads: RoadMap,
+        roads: RoadMap | str | Path,
         *,
         vehicle: Vehicle | None = None,
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
     ) -> None:
-        self.roads = roads
+        self.roads = open_map(roads)
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
         self.skipped: dict[str, int] = {}  # reason -> observations refused
@@ -235,13 +238,16 @@ class Localizer:
         """Take one observation and say where the vehicle is.
 
         A fix that is up to a second late is moved along with the vehicle; an older
-        observation is refused and counted in `skipped`.
+        observation, and one that cannot be, is refused and counted in `skipped`.
 
         Args:
             observation: A fix or an odometry reading; times in seconds, one clock.
 
         Returns:
             The estimate at the observation's time.
+
+        Raises:
+            ReadError: It is no observation, or its time is not in seconds since 1970.
         """
         if not self.take(observation):
             return self.predict(float(self._belief.clock[NOW]))
@@ -254,8 +260,11 @@ class Localizer:
             observation: As `update` takes it.
 
         Returns:
-            Whether it was taken; False: it is too late, and counted in `skipped`.
+            Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
         """
+        if (possible := sound(observation, self.skipped)) is None:
+            return False
+        observation = possible
         late = float(self._belief.clock[NOW]) - observation.time
         if self._belief.clock[STARTED] and late > (
             _LATE if isinstance(observation, GeoFix) else 0.0
@@ -312,7 +321,7 @@ class Localizer:
             self._odometer = (reading.time, 0.0, 0.0)
             return 0.0, 0.0
         dt = reading.time - before.time
-        arc, turn = step_between(before, reading, self.vehicle)
+        arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went

@@ -63,6 +63,12 @@ class Result:
             value = self._late[name] = value()
         return value
 
+    def __repr__(self) -> str:
+        told = self.summary
+        name = repr(told["drive_id"]) if "drive_id" in told else f"{told.get('drives', 0)} drives"
+        epochs, metres = told.get("epochs", 0), told.get("path_m", 0.0)
+        return f"Result({name}, {epochs:,} epochs, {metres / 1e3:.1f} km)"
+
     @property
     def summary(self) -> dict[str, Any]:
         """What happened, in numbers."""

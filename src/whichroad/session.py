@@ -24,10 +24,11 @@ from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .literal import localize_literal
 from .localizer import Recorded, localize_recorded
-from .readers import drive_from_table, read_drive, read_vehicle
-from .records import Array, Drive, Fixes, StartPose
+from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
+from .records import Array, Drive, Fixes, Observation, StartPose
 from .result import Answered, Result
 from .roadmap import RoadMap
+from .roadmap import open_map as open_map
 from .route import Traversals, traversals
 from .search import MAP
 from .settings import Settings, Vehicle
@@ -40,33 +41,20 @@ _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long a
 _FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
 
 
-def open_map(roads: RoadMap | str | Path) -> RoadMap:
-    """A road map from whatever names one: itself, a compiled file, OSM, or a table of edges.
-
-    Raises:
-        MapError: The file is not a map.
-    """
-    if isinstance(roads, RoadMap):
-        return roads
-    name = str(roads).lower()
-    if name.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2")):
-        return RoadMap.from_osm(roads)
-    if name.endswith((".geojson", ".json", ".csv", ".parquet")):
-        return RoadMap.from_edges(roads)
-    return RoadMap.open(roads)
-
-
-def _drives(drive: Any, vehicle: Vehicle | None, settings: Settings | None) -> list[Drive]:
+def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:
+    """The drives of whatever names them or holds them."""
     if isinstance(drive, Drive):
         return [drive]
     if isinstance(drive, str | Path):
-        return read_drive([drive], vehicle=vehicle, settings=settings)
+        return read_drive([drive], vehicle=vehicle, settings=settings, crs=crs)
     if isinstance(drive, list | tuple):
         if all(isinstance(d, Drive) for d in drive):
             return list(drive)
         if all(isinstance(d, str | Path) for d in drive):
-            return read_drive(list(drive), vehicle=vehicle, settings=settings)
-    return drive_from_table(drive, vehicle=vehicle, settings=settings)
+            return read_drive(list(drive), vehicle=vehicle, settings=settings, crs=crs)
+        if any(isinstance(d, Observation) for d in drive):
+            return [drive_of_observations(drive, settings)]
+    return drive_from_table(drive, vehicle=vehicle, settings=settings, crs=crs)
 
 
 def _seconds(value: Any) -> float:
@@ -87,8 +75,19 @@ def _seconds(value: Any) -> float:
 
 
 def tuned_by(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
-    """The settings with what the vehicle's `[noise]` overrides."""
+    """The settings with what the vehicle's `[noise]` overrides.
+
+    Raises:
+        SettingError: One of them is of another type.
+    """
     settings = settings or _USUAL
+    for given, kind in ((settings, Settings), (vehicle or _A_CAR, Vehicle)):
+        if not isinstance(given, kind):
+            name = kind.__name__
+            raise SettingError(
+                f"{name.lower()} is a {type(given).__name__}; whichroad.{name}(...) was expected, "
+                "its fields by name"
+            )
     return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
 
 
@@ -114,13 +113,16 @@ def match(
     lag: float | str | None = None,
     attributes: bool = False,
     hypotheses: bool = False,
+    crs: Any = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
     """Say where a vehicle was at every epoch, on which road, and how sure that is.
 
     Args:
-        drive: Paths of logs and tables, a DataFrame or Arrow table, or `Drive` records.
-        roads: A `RoadMap`, or the path of a compiled map, an OSM extract or an edge table.
+        drive: Paths of logs and tables, a DataFrame or Arrow table, `Drive` records, or a list
+            of observations (`GeoFix`, ...) or of dicts with the columns of a table.
+        roads: A `RoadMap`, the path of a compiled map, an OSM extract or an edge table, or a
+            GeoDataFrame of edges.
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
         settings: The model's numbers.
         model: "default"; "paper" is the literal method, for comparison.
@@ -132,6 +134,7 @@ def match(
             for the drive's end.  None: by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
+        crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
         progress: Told (drive_id, epochs done, epochs in all).
 
     Returns:
@@ -156,7 +159,7 @@ def match(
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
     parts: list[Result] = []
     failed: list[str] = []
-    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL)
+    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL, crs)
     for one in drives:
         try:
             parts.append(
@@ -187,10 +190,13 @@ def _match_one(
     localize: Callable[..., Recorded] = (
         localize_literal if model == "paper" else partial(localize_recorded, lag=lag)
     )
-    recorded = localize(
-        roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
-        progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
-    )  # fmt: skip
+    try:
+        recorded = localize(
+            roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
+            progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
+        )  # fmt: skip
+    except DriveError as error:  # what a reader noted may be why
+        raise DriveError("; ".join([str(error), *drive.notes])) from None
     way = cache(partial(traversals, timeline.epochs, recorded, roads.arrays))
     diagnosis = cache(lambda: recorded.diagnosis)
     return Result(

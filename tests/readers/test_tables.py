@@ -18,7 +18,7 @@ from whichroad.errors import ReadError
 from whichroad.readers import drive_from_table, read_drive
 from whichroad.readers.fixes import RADIUS_68
 from whichroad.readers.names import NAMES, normal
-from whichroad.records import ASSUMED, Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
+from whichroad.records import ASSUMED, FROM_HDOP, Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
 from whichroad.settings import Settings, Vehicle
 
 T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
@@ -196,6 +196,53 @@ def test_ellipses_sigmas_and_accuracies_are_covariances():
     assert one(table(sigma_m=[2.0] * N)).fixes.cov_nn == pytest.approx([4.0] * N)
     accuracy = one(table(accuracy=[2.0] * N)).fixes
     assert accuracy.cov_ee == pytest.approx([(2.0 / RADIUS_68) ** 2] * N)
+
+
+@pytest.mark.parametrize("unknown", [0.0, -1.0])
+@pytest.mark.parametrize("name", ["accuracy", "sigma_m"])
+def test_an_accuracy_that_is_none_is_replaced_flagged_and_counted(name: str, unknown: float, sound):
+    drive = one(table(**{name: [3.0, unknown, 3.0, np.nan, 3.0]}))
+    sound(drive)
+    assert drive.fixes.flags.tolist() == [0, ASSUMED, 0, ASSUMED, 0]
+    assert drive.skipped == {"covariance that is not one (settings' default used)": 1}
+
+
+def test_an_accuracy_that_is_none_leaves_the_word_to_the_hdop():
+    drive = one(table(accuracy=[3.0, 0.0, 3.0, 0.0, 3.0], hdop=[1.0] * N))
+    assert drive.fixes.flags.tolist() == [0, FROM_HDOP, 0, FROM_HDOP, 0]
+
+
+def test_minus_one_is_what_phones_write_for_no_speed_and_no_course(sound):
+    drive = one(table(speed=[-1.0, 10.0, 10.0, 10.0, 10.0], course=[-1.0, 90, -1.0, -1.5, 359.0]))
+    sound(drive)
+    assert np.isfinite(drive.fixes.sigma_speed).tolist() == [False, True, True, True, True]
+    known = np.isfinite(drive.fixes.sigma_bearing_deg)
+    assert known.tolist() == [False, True, False, True, True]
+    assert drive.fixes.bearing_deg[known] == pytest.approx([90.0, 358.5, 359.0])
+    assert drive.skipped == {
+        "negative speed of a receiver (taken as none)": 1,
+        "course of -1 (taken as none)": 2,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("2026-06-01 12:00:00 UTC", 0.0),
+        ("2026-06-01 12:00:00.250 GMT", 0.25),
+        ("2026-06-01T14:00:00+02:00[Europe/Berlin]", 0.0),
+        ("2026-06-01T12:00:00Z[UTC]", 0.0),
+    ],
+)
+def test_a_zone_may_be_told_by_name_where_that_says_what_time_it_is(text: str, seconds: float):
+    later = [f"2026-06-01T13:00:0{i}Z" for i in range(N - 1)]
+    assert one(table(time=[text, *later])).fixes.time[0] == T0 + seconds
+
+
+@pytest.mark.parametrize("text", ["2026-06-01 12:00:00 Europe/Berlin", "2026-06-01 12:00:00 CEST"])
+def test_a_zone_whose_offset_is_not_told_is_no_time(text: str):
+    later = [f"2026-06-01T13:00:0{i}Z" for i in range(N - 1)]
+    assert one(table(time=[text, *later])).skipped == {"unparsable time": 1, "no time": 1}
 
 
 def test_speeds_come_in_the_unit_of_their_name():

@@ -22,6 +22,7 @@ def match_trips(
     *,
     out: Path | None,
     path_out: Path | None,
+    by_source: bool,
     every: float | None,
     force: bool,
     **options: Any,
@@ -33,6 +34,7 @@ def match_trips(
         roads: The map.
         out: Where points go.
         path_out: Where paths go.
+        by_source: Whether they are told by the roads of the source.
         every: One point in so many seconds.
         force: Replace files that exist.
         options: For `batch.match_stream`.
@@ -41,6 +43,7 @@ def match_trips(
         DriveError: No trip could be answered.
     """
     from ..batch import match_stream
+    from ..roadmap import open_map
     from ..tables import thinned
     from ..writers.stream import growing
 
@@ -48,11 +51,12 @@ def match_trips(
     with progress_line() as progress, ExitStack() as files:
         points = out and files.enter_context(growing(out, force=force))
         path = path_out and files.enter_context(growing(path_out, force=force))
-        for part in match_stream(table, roads, progress=progress, **options):
+        network = open_map(roads)
+        for part in match_stream(table, network, progress=progress, **options):
             if points:
                 points(thinned(part.points, every) if every else part.points)
             if path:
-                path(part.path)
+                path(network.by_source(part.path) if by_source else part.path)
             trips.append(part.drives)
         if not trips:
             raise DriveError(f"{table}: there is no trip in it; rows with a drive_id were expected")

@@ -1,5 +1,6 @@
 """`whichroad match`."""
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
     from ..result import Result
 
 
+_EACH = 4  # drives that are told one by one; of more the sums are
+_OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
+_TOLD = ("skipped", "notes", "diagnosis")
+
+
 def match(
     drive: Annotated[
         list[Path], typer.Argument(metavar="DRIVE", help="NMEA logs and drive tables.")
@@ -22,6 +28,10 @@ def match(
     can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
     dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
     vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    crs: Annotated[
+        str | None,
+        typer.Option(help="Reference system of columns x and y, such as EPSG:3067."),
+    ] = None,
     start: Annotated[
         str | None,
         typer.Option(
@@ -47,6 +57,14 @@ def match(
     path_out: Annotated[
         Path | None, typer.Option(help="The path driven, edge by edge, in the same formats.")
     ] = None,
+    by_source: Annotated[
+        bool,
+        typer.Option(
+            "--by-source",
+            help="The path by the roads of the source (OpenStreetMap ways), of which an edge "
+            "may have several.",
+        ),
+    ] = False,
     every: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="One point every S seconds.")
     ] = None,
@@ -80,16 +98,16 @@ def match(
     from ..readers import read_drive, read_vehicle
     from ..readers.trips import are_many
 
-    plain = not (can or dbc or start or mask or report) and model is Model.default
+    plain = not (can or dbc or crs or start or mask or report) and model is Model.default
     if len(drive) == 1 and plain and are_many(drive[0]):
         return match_trips(
-            drive[0], roads, out=out, path_out=path_out, every=every, force=force,
-            vehicle=vehicle, attributes=attributes, lag=lag,
+            drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
+            force=force, vehicle=vehicle, attributes=attributes, lag=lag,
         )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
-        drives = read_drive(drive, vehicle=car, dbc=dbc, can=can)
+        drives = read_drive(drive, vehicle=car, dbc=dbc, can=can, crs=crs)
         if report is not None and len(drives) > 1:
             raise DriveError(
                 f"{len(drives)} drives ({', '.join(d.drive_id for d in drives[:10])}) are in the "
@@ -103,7 +121,12 @@ def match(
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
         progress("writing", 0, 0)
-        _write(result, out, path_out, every, force)
+        _write(result, out, every, force)
+        if path_out is not None:
+            path = result.path_arrow()
+            writers.write_table(
+                network.by_source(path) if by_source else path, path_out, force=force
+            )
         if report is not None:
             from ..replay.opening import Remaking, one_of
             from ..replay.report import write_report
@@ -121,29 +144,31 @@ def match(
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
 
-def _write(
-    result: "Result", out: Path | None, path_out: Path | None, every: float | None, force: bool
-) -> None:
+def _write(result: "Result", out: Path | None, every: float | None, force: bool) -> None:
     from ..tables import thinned
     from ..writers import write_table
 
     if out is not None:
         points = result.to_arrow()
         write_table(thinned(points, every) if every else points, out, force=force)
-    if path_out is not None:
-        result.write_path(path_out, force=force)
 
 
 def say(result: "Result") -> None:
     """The summary; what was skipped or failed goes to the standard error."""
-    for one in result.summary.get("each", [result.summary]):
-        figures = dict(one)
-        for reason, count in figures.pop("skipped", {}).items():
-            typer.echo(f"skipped: {count} {reason}", err=True)
-        for note in figures.pop("notes", ()):
-            typer.echo(f"note: {note}", err=True)
-        for finding in figures.pop("diagnosis", ()):
-            typer.echo(_told(finding), err=True)
+    each = result.summary.get("each", [result.summary])
+    skipped: Counter[str] = Counter()
+    for one in each:
+        skipped.update(one.get("skipped", {}))
+    for reason, count in skipped.items():
+        typer.echo(f"skipped: {count} {reason}", err=True)
+    for note in dict.fromkeys(note for one in each for note in one.get("notes", ())):
+        typer.echo(f"note: {note}", err=True)
+    for finding in (finding for one in each for finding in one.get("diagnosis", ())):
+        typer.echo(_told(finding), err=True)
+    if len(each) > _EACH:
+        say_table("all", [(name, result.summary[name]) for name in _OF_ALL])
+    for one in each if len(each) <= _EACH else ():
+        figures = {name: value for name, value in one.items() if name not in _TOLD}
         title = str(figures.pop("drive_id", "drive"))
         shares = figures.get("status", {})
         figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}

@@ -29,7 +29,7 @@ from .routes import Search, new_search
 from .rows import set_to
 
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
-MOSTLY = 0.5  # share of a hypothesis
+MOSTLY = 0.5  # of a hypothesis beyond the end: it passes, however little it weighs
 MOST = 64  # destinations of one hypothesis in one step
 
 

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 from ..readers.burst import BurstParser
 from ..readers.can import SI_UNITS, Signal, find_signals
-from ..readers.counters import FASTEST, JUMP
+from ..readers.counters import JUMP
 from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..sensors.sound import FASTEST
 from ..settings import Settings, Vehicle
 
 _JITTER = 0.02  # s

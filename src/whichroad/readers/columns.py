@@ -1,5 +1,6 @@
 """Columns of an Arrow table as NumPy arrays: numbers, times, labels."""
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 _NUMBER = "unparsable number"
 _TIME = "unparsable time"
+_NAMED = ("UTC", "GMT", "]")
+# UTC by name, or the name of a zone behind an offset: 12:00:00+02:00[Europe/Berlin]
+_ZONE = re.compile(r"(?<=\d)\s*(?:UTC|GMT)$|(?:(?<=[+-]\d\d:\d\d)|(?<=Z))\[[^\[\]]*\]$")
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # A bare number of seconds since 1970 stays below 1e11 until the year 5138.
 LARGEST = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
@@ -137,6 +141,8 @@ def iso_seconds(cells: Sequence[str | None]) -> Array:
     """Seconds since 1970 UTC of ISO 8601 texts, NaN where one is not; no zone: UTC."""
     import pandas as pd
 
+    if any(cell and cell.endswith(_NAMED) for cell in cells):
+        cells = [_ZONE.sub("", cell) if cell else None for cell in cells]
     texts = pd.Series([cell.replace("/", "-") if cell else None for cell in cells], dtype=object)
     stamps = pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601")
     micros: NDArray[Any] = stamps.dt.as_unit("us").astype("int64").to_numpy()

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import ReadError
 from ..records import Array, WheelCounts, WheelSpeeds
+from ..sensors.sound import FASTEST
 from ..settings import Vehicle
 from .door import Bools, Ints, Skipped, in_order, keep
 
-FASTEST = 90.0  # m/s
 _JITTER = 0.02  # s, by which logged frames come too close together
 _GAP = 3.0  # usual intervals, beyond which a short counter may have wrapped more than once
 _RECENT = 10  # steps that give the speed across a gap

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
+from ..sensors.sound import LATEST
 
 Skipped = Counter[str]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-LAST = 253_402_300_800.0  # s, the year 10000: no log has later times
+LAST = LATEST  # s: no log has later times
 BACKWARDS = "time running backwards (put in order)"
 REPEATED = "repeated time"
 NO_TIME = "no time"

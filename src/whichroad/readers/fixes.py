@@ -21,6 +21,8 @@ MOVING = 1.0  # m/s, below it a course over ground means nothing
 CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
 RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
 IMPOSSIBLE = "impossible position"
+NO_SPEED = "negative speed of a receiver (taken as none)"
+NO_COURSE = "course of -1 (taken as none)"
 NOT_A_COVARIANCE = "covariance that is not one (settings' default used)"
 
 
@@ -112,8 +114,12 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
 def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
     """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked."""
     cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
-    speed, sigma_speed = _or_unknown(r.speed, r.sigma_speed, len(r.time))
-    bearing, sigma_bearing = _course(r.bearing_deg, speed, sigma_speed)
+    # phones write -1 for what they do not know
+    speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
+    course = r.bearing_deg
+    course = _without(course, None if course is None else course == -1.0, NO_COURSE, skipped)
+    speed, sigma_speed = _or_unknown(speed, r.sigma_speed, len(r.time))
+    bearing, sigma_bearing = _course(course, speed, sigma_speed)
     return Fixes(
         time=r.time,
         lat_deg=r.lat_deg,
@@ -157,6 +163,15 @@ def _covariance(
         flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint8)
     ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)
     return ee, np.where(good, en, 0.0), nn, flags
+
+
+def _without(
+    values: Array | None, wrong: Bools | None, reason: str, skipped: Skipped
+) -> Array | None:
+    """Values, NaN where they are wrong; those are counted."""
+    if values is None or wrong is None or not wrong.any():
+        return values
+    return np.where(keep(~wrong, reason, skipped), values, np.nan)
 
 
 def _or_unknown(value: Array | None, sigma: Array | None, n: int) -> tuple[Array, Array]:

@@ -3,15 +3,15 @@
 import numpy as np
 
 from ..records import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..sensors.sound import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
-from .counters import FASTEST, Reversing, wheel_counts, wheel_speeds
+from .counters import Reversing, wheel_counts, wheel_speeds
 from .door import Skipped, in_order, keep
 from .fixes import RADIUS_68, Reported, from_ellipse, make_fixes
 
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
-_SPINNING = 10.0  # rad/s
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
-_TOO_TURNING = f"yaw rate beyond {_SPINNING:g} rad/s"
+_TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 
 
 def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
@@ -80,8 +80,9 @@ def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | N
         circle = accuracy / RADIUS_68
     if circle is None:
         return None, None, None
-    # zero is what receivers write who do not know
-    variance = np.where(circle > 0, circle**2, np.nan)
+    # zero or less is what receivers write who do not know: a HDOP says more, or it is counted
+    unknown = np.nan if "hdop" in columns else -1.0
+    variance = np.where(circle <= 0, unknown, circle**2)
     return variance, np.zeros(len(circle)), variance
 
 
@@ -119,7 +120,7 @@ def speed_yaw_rate(
     """The possible readings where both are known, in order; None where there are none."""
     known = np.isfinite(speed) & np.isfinite(yaw_rate) & np.isfinite(time)
     known &= keep(~known | (np.abs(speed) <= FASTEST), _TOO_FAST, skipped)
-    known &= keep(~known | (np.abs(yaw_rate) <= _SPINNING), _TOO_TURNING, skipped)
+    known &= keep(~known | (np.abs(yaw_rate) <= SPINNING), _TOO_TURNING, skipped)
     rows = np.flatnonzero(known)
     rows = rows[in_order(time[rows], skipped)]
     return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None

@@ -86,7 +86,7 @@ def drive_from_table(
 
     Args:
         table: A pandas DataFrame, a GeoDataFrame of points, a pyarrow Table or RecordBatch,
-            or a dict of columns.
+            a dict of columns, or a list of dicts, one for each row.
         vehicle: Gives the scale and width of wheel counters.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns, anything that pyproj takes.
@@ -112,6 +112,8 @@ def in_memory(table: Any) -> Seen:
     try:
         if isinstance(table, pa.RecordBatch):
             table = pa.Table.from_batches([table])
+        elif isinstance(table, list) and table and all(isinstance(row, dict) for row in table):
+            table = _of_rows(table)
         elif hasattr(table, "geometry") and hasattr(table, "to_crs"):
             table = _points(table)
         if hasattr(table, "reset_index"):
@@ -121,8 +123,14 @@ def in_memory(table: Any) -> Seen:
     except (pa.ArrowException, TypeError, ValueError, KeyError, AttributeError) as error:
         raise ReadError(
             f"table: {type(table).__name__} cannot be read as a table ({_first_line(error)}); a "
-            "DataFrame, GeoDataFrame or pyarrow Table was expected"
+            "DataFrame, GeoDataFrame, pyarrow Table or list of dicts was expected"
         ) from None
+
+
+def _of_rows(rows: list[dict[str, Any]]) -> Any:
+    import pandas as pd
+
+    return pd.DataFrame(rows)
 
 
 def _frame(frame: Any) -> Seen:
@@ -300,7 +308,7 @@ def _drives(
         )
     notes: tuple[str, ...] = ()
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
-        notes = ("columns x, y not used: no crs was given for them",)
+        notes = ("columns x, y not used: no crs (--crs) was given for them",)
     drives: list[Drive] = []
     for name, rows in _trips(table, found, good, source.stem):
         part = {quantity: values[rows] for quantity, values in columns.items()}
@@ -380,7 +388,7 @@ def _usable(columns: Columns, names: list[str], where: str, crs: Any) -> None:
     if {"x", "y"} <= has and crs is None:
         raise ReadError(
             f"{where}: columns x and y without a reference system; latitude and longitude, or "
-            "crs= for x and y were expected"
+            "crs= (--crs) for x and y were expected"
         )
     wanted = ("lat", "lon", "wheel_rl", "wheel_rl_ticks", "odometer", "speed", "yaw_rate")
     raise ReadError(no_column(where, "neither position nor odometry", names, wanted))

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 _ARRAYS = [name for name in Roads._fields if name not in ("cell_size", "curvature")]
 _TEXTS = ("code", "offset", "utf8")
-_IDS = ("source_id", "back_id", "paired")
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
 
@@ -278,7 +277,7 @@ class RoadMap:
         Absent values are None.
         """
         way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
-        names = [n for n in self.ways if n not in _IDS[1:]]
+        names = [n for n in self.ways if n not in ("back_id", "paired")]
         return {name: self._values(name, np.array([way]))[0] for name in names}
 
     def name(self, edge: int) -> str | None:
@@ -340,31 +339,29 @@ class RoadMap:
 
     def edges_table(self) -> "geopandas.GeoDataFrame":
         """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
-        import geopandas
-        import shapely
+        from .export import edges_table
 
-        roads = self.arrays
-        lat, lon = self.plane.to_geodetic(np.asarray(roads.x), np.asarray(roads.y))
-        count = np.diff(roads.first)
-        lines = shapely.linestrings(
-            np.column_stack([lon, lat]), indices=np.repeat(np.arange(len(self)), count)
-        )
-        middle = np.asarray(roads.length) / 2.0
-        ids, forward = self.sources(np.arange(len(self)), middle)
-        data = {
-            "edge_id": np.arange(len(self)),
-            "source_id": ids,
-            "forward": forward,
-            "from_node": self.node_ids(roads.from_node),
-            "to_node": self.node_ids(roads.to_node),
-            "opposite": roads.opposite,
-            "length_m": roads.length,
-            "speed_mps": roads.speed,
-            "against_one_way": roads.rule & AGAINST_ONE_WAY > 0,
-            "no_access": roads.rule & NO_ACCESS > 0,
-            **{name: self.column(name) for name in self.ways if name not in _IDS},
-        }
-        return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")
+        return edges_table(self)
+
+    def by_source(self, path: Any) -> Any:
+        """A path with one row for each road of the source (OpenStreetMap way, row of a table).
+
+        An edge between junctions may be of several, of which `source_id` of the path names the
+        middle one.  Within an edge its mean speed tells when each was entered.
+
+        Args:
+            path: Of `match` or `match_many` on this map, a GeoDataFrame or an Arrow table.
+
+        Returns:
+            The same kind of table, in driving order, without `from_node` and `to_node`; `seq` and
+            `edge_id` are those of the edge, `enter_m` and `exit_m` abscissae on it.
+
+        Raises:
+            MapError: It is no path, or of another map.
+        """
+        from .export import by_source
+
+        return by_source(self, path)
 
 
 def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:

@@ -22,6 +22,10 @@ from ..records import (
     WheelTicks,
 )
 from ..settings import Vehicle
+from .sound import FASTEST, Skipped
+
+_JITTER = 0.02  # s, by which readings come too close together
+_JUMP = "odometry jumped (bridged)"
 
 
 class Motion(NamedTuple):
@@ -95,3 +99,27 @@ def step_between(before: Observation, reading: Observation, car: Vehicle) -> tup
         case _:
             return 0.0, 0.0
     return 0.5 * (left + right), (right - left) / car.track_width
+
+
+def bridged_step(
+    before: Observation,
+    reading: Observation,
+    car: Vehicle,
+    rate: tuple[float, float],
+    skipped: Skipped,
+) -> tuple[float, float]:
+    """`step_between`; a step that no car can make is as the motion before it, and counted.
+
+    Args:
+        before: The earlier reading.
+        reading: The later one, of the same kind.
+        car: Metres per count and track width.
+        rate: What moves it, m/s and rad/s.
+        skipped: Counts the jumps.
+    """
+    dt = reading.time - before.time
+    arc, turn = step_between(before, reading, car)
+    if abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER):
+        return arc, turn
+    skipped[_JUMP] = skipped.get(_JUMP, 0) + 1
+    return rate[0] * dt, rate[1] * dt

@@ -1,0 +1,166 @@
+"""Tables of a map: its edges, and a path on it by the roads of the source."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..errors import MapError
+from ..records import Array
+from .streets import Ints
+
+if TYPE_CHECKING:
+    import geopandas
+
+    from .roadmap import RoadMap
+
+IDS = ("source_id", "back_id", "paired")  # columns of ways that name them
+_NEEDED = ("edge_id", "enter_time", "exit_time", "enter_m", "exit_m")
+_OF_EDGES = ("from_node", "to_node")  # a road of the source need not end at a junction
+
+
+def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
+    """See `RoadMap.edges_table`."""
+    import geopandas
+    import shapely
+
+    arrays = roads.arrays
+    lat, lon = roads.plane.to_geodetic(np.asarray(arrays.x), np.asarray(arrays.y))
+    count = np.diff(arrays.first)
+    lines = shapely.linestrings(
+        np.column_stack([lon, lat]), indices=np.repeat(np.arange(len(roads)), count)
+    )
+    ids, forward = roads.sources(np.arange(len(roads)), np.asarray(arrays.length) / 2.0)
+    data = {
+        "edge_id": np.arange(len(roads)),
+        "source_id": ids,
+        "forward": forward,
+        "from_node": roads.node_ids(arrays.from_node),
+        "to_node": roads.node_ids(arrays.to_node),
+        "opposite": arrays.opposite,
+        "length_m": arrays.length,
+        "speed_mps": arrays.speed,
+        "against_one_way": arrays.rule & AGAINST_ONE_WAY > 0,
+        "no_access": arrays.rule & NO_ACCESS > 0,
+        **{name: roads.column(name) for name in roads.ways if name not in IDS},
+    }
+    return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")
+
+
+def by_source(roads: "RoadMap", path: Any) -> Any:
+    """See `RoadMap.by_source`."""
+    import pyarrow as pa
+
+    if not isinstance(path, pa.Table):
+        frame = by_source(roads, _arrow(path))
+        return _geo_frame(frame)
+    _check(path, roads)
+    edge, enter, leave = (_numbers(path, name) for name in ("edge_id", "enter_m", "exit_m"))
+    row, start, end = _parts(roads, edge.astype(np.int64), enter, leave)
+    names, forward = roads.sources(edge[row].astype(np.int64), 0.5 * (start + end))
+    begin, finish = (_numbers(path, name) for name in ("enter_time", "exit_time"))  # µs
+    length = np.maximum(leave - enter, 1e-9)[row]
+    first, last = ((m - enter[row]) / length for m in (start, end))
+    duration = (finish - begin)[row]
+    times = [begin[row] + np.clip(share, 0.0, 1.0) * duration for share in (first, last)]
+    seconds = (times[1] - times[0]) / 1e6
+    moving = seconds > 0.0
+    speed = np.divide(end - start, seconds, out=np.zeros(len(row)), where=moving)
+    new = {
+        "source_id": pa.array([str(name) for name in names]),
+        "forward": pa.array(forward),
+        "enter_time": _stamps(times[0], path.schema.field("enter_time").type),
+        "exit_time": _stamps(times[1], path.schema.field("exit_time").type),
+        "enter_m": pa.array(start),
+        "exit_m": pa.array(end),
+        "duration_s": pa.array(seconds),
+        "mean_speed_mps": pa.array(speed, mask=~moving),
+        "geometry": _lines(roads, edge[row].astype(np.int64), start, end),
+    }
+    kept = path.select([n for n in path.column_names if n not in _OF_EDGES]).take(pa.array(row))
+    return pa.table({n: new.get(n, kept[n]) for n in kept.column_names})
+
+
+def _check(path: Any, roads: "RoadMap") -> None:
+    absent = [name for name in _NEEDED if name not in path.column_names]
+    if absent:
+        raise MapError(
+            f"path: no column {absent[0]!r} among {', '.join(path.column_names[:12])}; the path "
+            "table of match or match_many was expected"
+        )
+    if path.num_rows and _numbers(path, "edge_id").max() >= len(roads):
+        raise MapError(
+            f"path: edges beyond the {len(roads):,} of this map; the map that it was matched to "
+            "was expected"
+        )
+
+
+def _parts(
+    roads: "RoadMap", edge: Ints, enter: Array, leave: Array
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Row of the path, and abscissae from and to, of each piece of a source road driven."""
+    pieces = roads.pieces
+    count = (pieces.first[edge + 1] - pieces.first[edge]).astype(np.int64)
+    row = np.repeat(np.arange(len(edge)), count)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    piece = pieces.first[edge][row] + place
+    final = place == count[row] - 1
+    after = np.minimum(piece + 1, len(pieces.start) - 1)
+    ends = np.where(final, np.inf, pieces.start[after])
+    # the first piece begins, and the last ends, where the path does
+    start = np.where(place == 0, enter[row], np.maximum(pieces.start[piece], enter[row]))
+    end = np.minimum(ends, leave[row])
+    one = roads.piece(edge, 0.5 * (enter + leave))  # of a row without length: where it is
+    some = (end > start) | ((leave <= enter)[row] & (piece == one[row]))
+    start, end = np.minimum(start, leave[row])[some], np.maximum(end, enter[row])[some]
+    return row[some], start, end
+
+
+def _numbers(table: Any, name: str) -> Array:
+    """A column as floats, times as microseconds."""
+    import pyarrow as pa
+
+    column = table[name].combine_chunks()
+    if pa.types.is_timestamp(column.type):
+        column = column.cast(pa.timestamp("us", tz=column.type.tz), safe=False).cast(pa.int64())
+    return np.asarray(column.to_numpy(zero_copy_only=False), np.float64)
+
+
+def _stamps(micros: Array, kind: Any) -> Any:
+    import pyarrow as pa
+
+    whole = pa.array(np.round(micros).astype(np.int64), pa.timestamp("us", tz=kind.tz))
+    return whole.cast(kind, safe=False)
+
+
+def _lines(roads: "RoadMap", edge: Ints, start: Array, end: Array) -> Any:
+    """WKB of the stretches, longitude before latitude."""
+    import pyarrow as pa
+    import shapely
+
+    if not len(edge):
+        return pa.array([], pa.binary())
+    x, y, first = roads.edge_lines(edge, start, end)
+    lat, lon = roads.plane.to_geodetic(x, y)
+    line = np.repeat(np.arange(len(edge)), np.diff(first))
+    lines = shapely.linestrings(np.column_stack([lon, lat]), indices=line)
+    return pa.array(shapely.to_wkb(lines), pa.binary())
+
+
+def _arrow(frame: Any) -> Any:
+    """A path of pandas as Arrow, without its geometry, which is made anew."""
+    import pyarrow as pa
+
+    names = [n for n in frame.columns if n != "geometry"]
+    table = pa.Table.from_pandas(frame[names], preserve_index=False)
+    return table.append_column("geometry", pa.nulls(table.num_rows, pa.binary()))
+
+
+def _geo_frame(table: Any) -> Any:
+    import geopandas
+    import shapely
+
+    frame = table.drop_columns("geometry").to_pandas()
+    shapes = shapely.from_wkb(table["geometry"].to_numpy())
+    return geopandas.GeoDataFrame(frame, geometry=shapes, crs="EPSG:4326")
