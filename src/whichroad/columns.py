@@ -237,7 +237,7 @@ def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
     """`reasons.title` of (n,) edges."""
     on = pc.greater_equal(edge, 0)
     number = pc.binary_join_element_wise("edge", edge.cast(pa.string()), " ")
-    street = roads.called(np.maximum(edge.to_numpy(), 0))
+    street = roads.names(np.maximum(edge.to_numpy(), 0))
     named = pc.binary_join_element_wise(street, number, ", ", null_handling="skip")
     return pc.if_else(on, named, title(OFF_ROAD, lambda _: None))
 

@@ -282,17 +282,11 @@ class RoadMap:
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""
-        return self.names(np.array([edge]))[0]
+        return self._values("name", self.way[[edge]])[0]  # type: ignore[no-any-return]
 
-    def names(self, edge: NDArray[Any]) -> list[str | None]:
-        """`name` of (n,) edges."""
-        return self._values("name", self.way[edge])
-
-    def called(self, edge: NDArray[Any]) -> "pa.Array":
+    def names(self, edge: NDArray[Any]) -> "pa.Array":
         """`name` of (n,) edges as an Arrow column, null where there is none."""
-        column = self.ways["name"]
-        assert isinstance(column, Texts)
-        return column.column(self.way[edge])
+        return cast(Texts, self.ways["name"]).column(self.way[edge])
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
