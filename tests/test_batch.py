@@ -255,6 +255,9 @@ def test_the_trips_column_is_found_by_its_aliases_or_named(roads, fleet):
     odd = fleet.rename_columns(["Fahrt", "time", "lat", "lon"])
     assert same(whole, match_many(odd, roads, drive_id="Fahrt"))
     assert same(whole, match_many(odd.to_pandas(), roads, drive_id="Fahrt"))
+    theirs = fleet.rename_columns(["journey", "device_ts", "lat", "lon"]).to_pandas()
+    with pytest.raises(whichroad.ReadError, match=r"no time .*\(journey, device_ts, lat, lon\)"):
+        match_many(theirs, roads)
     with pytest.raises(whichroad.ReadError, match="no column 'drive_id'"):
         match_many(odd, roads)
 

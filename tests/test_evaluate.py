@@ -194,6 +194,27 @@ def test_every_kind_of_table_scores_the_same(form):
     assert found.figures() == pytest.approx(expected.figures())
 
 
+def test_a_truth_of_places_alone_has_errors_and_says_nothing_of_edges():
+    points, truth = a_drive()
+    points["lat"] += 3.0 / M_PER_DEG
+    places = {name: truth[name] for name in ("time", "lat", "lon")}
+    got, whole = evaluate(points, places), evaluate(points, truth)
+    assert got.cross_rmse_m == pytest.approx(whole.cross_rmse_m, abs=1e-6)
+    assert got.heading_rmse_deg == pytest.approx(0.0, abs=0.01)
+    told = set(whole.figures()) - set(got.figures())
+    assert told == {
+        "right_edge", "right_edge_strict", "abscissa_rmse_m", "brier", "calibration_error", "sure",
+        "sure_wrong",
+    }  # fmt: skip
+
+
+def test_the_course_of_a_truth_that_stands_is_the_last_one():
+    points, truth = a_drive()
+    places = {name: truth[name].copy() for name in ("time", "lat", "lon")}
+    places["lon"][600:], places["lon"][:100] = places["lon"][600], places["lon"][100]
+    assert evaluate(points, places).heading_rmse_deg == pytest.approx(0.0, abs=0.01)
+
+
 def test_epochs_without_a_position_are_left_out():
     points, truth = a_drive()
     points["lat"][:100] = np.nan

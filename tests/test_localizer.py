@@ -1,6 +1,7 @@
 """The on-line filter: what it says is what the recorded drive gives, and it refuses openly."""
 
 import math
+import pickle
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -282,6 +283,23 @@ def test_a_wheel_counter_that_jumps_on_line_is_bridged_at_the_speed_before_and_c
 def test_what_is_no_observation_is_refused_with_what_was_expected(told, message: str):
     with pytest.raises(ReadError, match=message):
         Localizer(TOWN).update(told)
+
+
+@pytest.mark.parametrize("lag", [None, 5.0])
+def test_a_localizer_out_of_a_pickle_goes_on_as_if_nothing_had_been(lag: float | None):
+    online = Localizer(TOWN, vehicle=CAR, lag=lag)
+    at = np.arange(0, 600, 10)
+    seen = list(records(wheels(STRAIGHT), fixes(STRAIGHT, at)))
+    for one in seen[:300]:
+        online.take(one)
+    again = pickle.loads(pickle.dumps(online))
+    for one in seen[300:600]:
+        online.take(one)
+        again.take(one)
+    np.testing.assert_array_equal(said({0.0: online.estimate()}), said({0.0: again.estimate()}))
+    if lag is not None:
+        pair = online.lagged(), again.lagged()
+        np.testing.assert_array_equal(*[said({0.0: estimate}) for estimate in pair])
 
 
 def test_on_line_a_map_that_is_none_is_refused():

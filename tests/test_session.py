@@ -95,6 +95,15 @@ def test_a_frame_of_edges_is_a_map(fixes, edges, answer):
     same(whichroad.match(fixes, edges).points, answer)
 
 
+@pytest.mark.parametrize("name", ["town.gpkg", "town.shp", "town.fgb", "town.geojson"])
+def test_what_geopandas_reads_is_a_map(fixes, edges, answer, tmp_path, name: str):
+    edges.to_file(tmp_path / name)
+    points = whichroad.match(fixes, tmp_path / name).points
+    np.testing.assert_allclose(points.lat, answer.lat, atol=1e-6)  # GeoJSON has seven digits
+    # which way it goes is even at the first fix
+    assert points.source_id.iloc[1:].tolist() == answer.source_id.iloc[1:].tolist()
+
+
 def test_what_is_no_map_and_no_settings_is_refused(fixes, roads):
     with pytest.raises(MapError, match="roads: NoneType was given; a RoadMap"):
         whichroad.match(fixes, None)

@@ -11,7 +11,8 @@ from .. import Options
 from . import harness
 
 CHI2_95 = 5.991  # two degrees of freedom
-SAME_M = 1.0  # a true position this near to an edge is on it
+SAME_M = 1.0  # a true position is at most so far from the edge that it is on
+TIE_M = 0.02  # and nearer to that by so much than to the edges that follow or lead to it
 SAME_TURN = 0.5  # cosine between the edge and the true course
 DRAWS = 200  # of what would happen if what is said were exactly true
 BESIDE = 2  # edges of the path, before and behind
@@ -115,6 +116,9 @@ def driven_edges(
 ) -> list[set[int]]:
     """Our edges under true positions on the map's centre lines, by course.
 
+    One each, two at a node: with a tolerance of a metre both edges at a node would count as
+    driven, of which the answer gives its probability to one.
+
     Args:
         roads: Our map.
         lat: (n,) degrees.
@@ -126,13 +130,13 @@ def driven_edges(
     found = []
     for a, b, heading in zip(x.tolist(), y.tolist(), course.tolist(), strict=True):
         near = roads.near(a, b, SAME_M)
-        found.append(
-            {
-                int(e)
-                for e, s in zip(near.edge, near.s, strict=True)
-                if np.cos(roads.at(int(e), float(s))[2] - heading) > SAME_TURN
-            }
-        )
+        along = [
+            (float(d), int(e))
+            for e, s, d in zip(near.edge, near.s, near.distance, strict=True)
+            if np.cos(roads.at(int(e), float(s))[2] - heading) > SAME_TURN
+        ]
+        least = min(along, default=(0.0, -1))[0]
+        found.append({e for d, e in along if d <= least + TIE_M})
     return found
 
 

@@ -17,6 +17,16 @@ TIME = pa.timestamp("us", tz="UTC")
 RECORDING = {b"whichroad": b"recording"}
 """Marks Arrow streams that grow while a vehicle drives: their last batch may be torn."""
 
+GEOMETRY = pa.field(
+    "geometry",
+    pa.binary(),
+    metadata={
+        "ARROW:extension:name": "geoarrow.wkb",
+        "ARROW:extension:metadata": '{"crs":"EPSG:4326"}',
+    },
+)
+"""WKB LineString, driving direction, lon before lat; marked so that geopandas takes it as such."""
+
 POINTS = pa.schema(
     [
         ("drive_id", pa.string()),
@@ -69,7 +79,7 @@ PATH = pa.schema(
         ("mean_speed_mps", pa.float64()),  # null where no time passed
         ("p", pa.float64()),
         ("broken_rule", pa.string()),
-        ("geometry", pa.binary()),  # WKB LineString, driving direction, lon before lat
+        GEOMETRY,
     ]
 )
 """One row per traversed edge; consecutive rows share a node unless the rule broken is `gap`."""

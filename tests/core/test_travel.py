@@ -1,5 +1,6 @@
 """Between fixes that lie far apart hypotheses move along routes, and nothing gets lost."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +24,7 @@ from whichroad.core.output import (
     V_Y,
     V_YY,
 )
-from whichroad.core.place import place_on_edge
+from whichroad.core.place import place_on_edge, settle
 from whichroad.settings import Settings
 from whichroad.smoother import Lag
 
@@ -165,22 +166,25 @@ def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fi
     sigma=st.floats(2.0, 40.0),
     length=st.floats(3.0, 200.0),
     is_junction=st.booleans(),
+    drove=st.sampled_from([1.0, 80.0, 900.0, 1e6]),
 )
 def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
-    s: float, sigma: float, length: float, is_junction: bool
+    s: float, sigma: float, length: float, is_junction: bool, drove: float
 ):
     u = np.linspace(s - 60.0 - 6.0 * sigma, s + 60.0 + 6.0 * sigma, 200_001)
 
-    def normal(mean: float, width: float) -> np.ndarray:
+    def normal(mean: float, width: float, u: np.ndarray = u) -> np.ndarray:
         return np.exp(-0.5 * ((u - mean) / width) ** 2) / width / np.sqrt(2.0 * np.pi)
 
+    before = normal(length - 6.0, math.hypot(6.0, math.sqrt(drove)), np.array(s))
     stand = 30.0 * min(1.0, length / 12.0) * is_junction
     where = ((u >= 0.0) & (u <= length)) + stand * normal(length - 6.0, 6.0)
-    density = normal(s, sigma) * where / (1.0 + stand / length) * (u[1] - u[0])
+    density = normal(s, sigma) * where * (u[1] - u[0])
+    density /= 1.0 + stand * max(1.0 / length, float(before))
     mass = density.sum()
     assume(mass > 0.01)
     mean = (u * density).sum() / mass
-    found = place_on_edge(s, sigma, length, is_junction)
+    found = place_on_edge(s, sigma, length, is_junction, drove)
     assert found[0] == pytest.approx(mass, rel=5e-3, abs=2e-3)
     assert found[1] == pytest.approx(mean, abs=0.1 * sigma)
     variance = ((u - mean) ** 2 * density).sum() / mass
@@ -199,6 +203,29 @@ def test_vehicles_stand_before_junctions():
     road = [np.array([[0.0, 0.0], [300.0, 0.0]]), np.array([[300.0, 0.0], [600.0, 0.0]])]
     side = np.array([[300.0, 0.0], [300.0, 300.0]])
     assert before_the_node([*road, side]) > before_the_node(road) + 0.1
+
+
+def test_before_a_junction_is_no_more_probable_for_who_was_foreseen_there():
+    foreseen, found = (place_on_edge(294.0, 3.0, 300.0, True, drove)[0] for drove in (1.0, 1e6))
+    assert foreseen == pytest.approx(1.0, abs=0.15)
+    assert found > 1.5 * foreseen
+
+
+def test_who_stands_is_placed_before_a_junction_once():
+    road = [np.array([[0.0, 0.0], [300.0, 0.0]]), np.array([[300.0, 0.0], [600.0, 0.0]])]
+    side = np.array([[300.0, 0.0], [300.0, 300.0]])
+    roads = network([*road, side])
+    rows = fixes(np.array([[100.0, -1.75], [294.0, -1.75]]), np.array([0.0, 30.0]), 3.0)
+    *_, (_, belief, _) = steps(roads, rows, mode=CLOCK)
+    best = int(np.argmax(belief.probability[: belief.size[0]]))
+    changed = []
+    for drove in (0.0, 1e6):
+        belief.drove[best] = drove
+        before = belief.log_weight[best]
+        settle(belief, roads, 1.0)
+        changed.append(belief.log_weight[best] - before)
+    assert abs(changed[0]) < 0.1
+    assert changed[1] > 0.4
 
 
 @pytest.mark.parametrize("seconds", [4.0, 10.0])

@@ -88,3 +88,17 @@ def test_another_table_is_not_appended_to(tmp_path):
 def test_a_folder_that_is_no_recording_is_refused(tmp_path):
     with pytest.raises(whichroad.ReadError, match="a folder without"):
         read_drive(tmp_path)
+
+
+def test_a_recording_without_wheels_reads_as_its_fixes(town, ride, observations, tmp_path):
+    fixes = [one for one in observations[:800] if isinstance(one, whichroad.GeoFix)]
+    record(tmp_path / "rec", town, ride, fixes)
+    (drive,) = read_drive(tmp_path / "rec", vehicle=ride.vehicle)
+    assert len(drive.fixes) == len(fixes)
+    assert drive.odometry is None
+
+
+def test_a_recording_of_nothing_says_so(town, tmp_path):
+    Recorder(tmp_path / "rec", town, {}).close()
+    with pytest.raises(whichroad.ReadError, match="nothing was recorded"):
+        read_drive(tmp_path / "rec")

@@ -5,6 +5,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from whichroad.batch import match_many
 from whichroad.errors import MapError
 from whichroad.roadmap import RoadMap
 
@@ -103,6 +104,19 @@ def test_a_frame_in_is_a_frame_with_lines_out(roads):
     assert got.crs == "EPSG:4326"
     assert [len(line.coords) for line in got.geometry] == [2, 2, 2]
     assert got.geometry.iloc[0].coords[-1] == got.geometry.iloc[1].coords[0]
+
+
+def test_the_path_of_an_answer_stays_one_that_geopandas_takes(roads):
+    lat, lon = roads.plane.to_geodetic(
+        *np.array([roads.at(eastward(roads), s)[:2] for s in (5, 195)]).T
+    )
+    trip = {"drive_id": ["a", "a"], "time": [0.0, 15.0], "lat": lat, "lon": lon}
+    path = match_many(trip, roads).path
+    assert geopandas.GeoDataFrame.from_arrow(path).crs == "EPSG:4326"
+    ways = geopandas.GeoDataFrame.from_arrow(roads.by_source(path))
+    assert ways.source_id.tolist() == ["10", "11", "12"]
+    degrees = ways.geometry.iloc[1].length
+    assert degrees * 72_500 == pytest.approx(80.0, rel=0.01)  # m, along a parallel
 
 
 def test_an_empty_path_stays_empty(roads):

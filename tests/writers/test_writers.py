@@ -137,10 +137,13 @@ def test_gpx_is_a_track_with_time_that_gpxpy_reads(points, tmp_path):
     assert {e.tag.rpartition("}")[2]: e.text for e in first.extensions}["p_road"] == "0.8"
 
 
-def test_gpx_of_a_path_has_one_segment_per_edge(path, tmp_path):
-    write_table(path, tmp_path / "path.gpx")
-    segments = gpxpy.parse((tmp_path / "path.gpx").read_text("utf-8")).tracks[0].segments
-    assert [len(segment.points) for segment in segments] == [2, 3]
+def test_gpx_of_a_path_is_a_segment_for_each_run_of_edges_with_times_at_their_ends(path, tmp_path):
+    gap = path.slice(0, 1)  # begins elsewhere than where the others end
+    write_table(pa.concat_tables([path, gap]), tmp_path / "path.gpx")
+    (track,) = gpxpy.parse((tmp_path / "path.gpx").read_text("utf-8")).tracks
+    assert [len(segment.points) for segment in track.segments] == [4, 2]
+    seconds = [p.time and p.time.timestamp() for p in track.segments[0].points]
+    assert seconds == [0.0, 1.5, None, 3.0]
 
 
 def test_gpx_without_position_is_refused(tmp_path):

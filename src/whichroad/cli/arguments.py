@@ -49,7 +49,7 @@ MapOption = Annotated[
     typer.Option(
         "--map",
         help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
-        "or a table of edges (.geojson, .csv, .parquet).",
+        "or a table of edges (.geojson, .csv, .parquet, .gpkg, .shp).",
     ),
 ]
 
@@ -108,6 +108,16 @@ def _moment(text: str) -> Moment | None:
     except ValueError:
         return None
     return time if time.tzinfo else time.replace(tzinfo=UTC)
+
+
+def at_work(kernel: str) -> str:
+    """What to say while a kernel runs, which is compiled before if it never was."""
+    from ..core._jit import cache_folder
+
+    folder = cache_folder()
+    if folder is not None and any(folder.rglob(f"{kernel}-*.nbi")):
+        return "localizing"
+    return "compiling, this once: a minute or two"
 
 
 @contextmanager

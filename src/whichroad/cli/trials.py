@@ -58,7 +58,9 @@ def simulate(
 
 def evaluate(
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points that match wrote.")],
-    truth: Annotated[Path, typer.Option(help="The truth, a table as simulate writes it.")],
+    truth: Annotated[
+        Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
+    ],
 ) -> None:
     """Say what an answer is worth against a known truth."""
     from ..evaluate import evaluate_files

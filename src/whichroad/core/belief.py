@@ -69,6 +69,7 @@ class Belief(NamedTuple):
     abscissa: Vector  # (C,) m
     spread: Vector  # (C,) standard deviation of the abscissa, m
     stay: Vector  # (C,) probability of not being past the edge's end, when last looked at
+    drove: Vector  # (C,) variance of what it drove to a fix far from the last one, m²; 0: it stood
     node: Ints  # (C,) newest node of the route tree
     fresh: Bytes  # (C,) 1: the edge was entered in this epoch, the route node is not made yet
     size: Ints  # (1,)
@@ -100,6 +101,7 @@ def new_belief(remembered: bool = False) -> Belief:
         np.zeros(c),
         np.ones(c),
         np.ones(c),
+        np.zeros(c),
         np.full(c, -1, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(1, np.int64),

@@ -46,6 +46,7 @@ def _begin(belief: Belief, fresh: Belief, route: Route, work: Work) -> None:
         belief.abscissa[i] = fresh.abscissa[i]
         belief.spread[i] = fresh.spread[i]
         belief.stay[i] = fresh.stay[i]
+        belief.drove[i] = fresh.drove[i]
         belief.node[i] = fresh.node[i]
         belief.fresh[i] = fresh.fresh[i]
         for j in range(len(belief.scratch)):

@@ -54,6 +54,7 @@ def new_population(capacity: int, clock: Vector) -> Belief:
         np.zeros(capacity),
         np.ones(capacity),
         np.ones(capacity),
+        np.zeros(capacity),
         np.full(capacity, -1, np.int64),
         np.zeros(capacity, np.uint8),
         np.zeros(1, np.int64),

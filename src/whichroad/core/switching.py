@@ -83,6 +83,7 @@ def copy_hypothesis(belief: Belief, source: int, target: int) -> None:
     belief.abscissa[target] = belief.abscissa[source]
     belief.spread[target] = belief.spread[source]
     belief.stay[target] = belief.stay[source]
+    belief.drove[target] = belief.drove[source]
     belief.node[target] = belief.node[source]
     belief.fresh[target] = belief.fresh[source]
     for a in range(int(belief.clock[ORIGINS])):

@@ -29,7 +29,7 @@ from .belief import (
     X,
     Y,
 )
-from .gaussian import condition
+from .gaussian import condition, normal_cdf
 from .grid import closest, vertex_at
 from .legs import (
     SPEED_SIGMA,
@@ -56,6 +56,7 @@ _STAND_TIME = 30.0  # s, about which who stands goes on standing
 _MOST = 24  # routes that become hypotheses
 _LEAST = 1e-5  # probability of what comes back to a road
 _FAR_ABOVE = 3.0  # nats
+_ANYWHERE = 1e6  # m²
 _STANDING = 1e-3  # probability of standing that is looked at
 WIDE = 30.0  # m, across the road before the road is observed
 
@@ -107,6 +108,7 @@ def _arrive(
     off = work.near_s[goal] - at
     heavy = heavy_tail(variance, off, jitter) - variance
     variance += heavy
+    drove = max(variance - belief.spread[i] ** 2, 1.0)
     harder = 1.0 + heavy / max(far, 1.0)  # than usual it braked, or hurried
     far += heavy
     segment, foot, _, nx, ny = project(
@@ -152,6 +154,7 @@ def _arrive(
     belief.edge[child] = edge
     belief.segment[child] = segment
     belief.stay[child] = 1.0
+    belief.drove[child] = drove
     belief.abscissa[child] = foot
     if label >= 0:
         belief.fresh[child] = 1
@@ -160,7 +163,7 @@ def _arrive(
 
 
 @part
-def _stand(belief: Belief, i: int, dt: float) -> None:
+def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> None:
     """Append a child of hypothesis i that has stood all the time; the others drove."""
     mean = belief.mean[i]
     cov = belief.cov[i]
@@ -171,8 +174,12 @@ def _stand(belief: Belief, i: int, dt: float) -> None:
     child = belief.size[0]
     copy_hypothesis(belief, i, child)
     rescale(belief, i, 1.0 - share)
-    rescale(belief, child, share)
+    edge = belief.edge[i]
+    on_edge = normal_cdf((roads.length[edge] - belief.abscissa[i]) / belief.spread[i])
+    on_edge -= normal_cdf(-belief.abscissa[i] / belief.spread[i])
+    rescale(belief, child, share / max(on_edge, 0.3))  # what lies beyond was not there
     decay(belief.mean[child], belief.cov[child], K, 0.0, 0.0, 0.02)
+    belief.drove[child] = 0.0
     belief.size[0] = child + 1
 
 
@@ -261,6 +268,7 @@ def _come_back(
         belief.edge[child] = edge
         belief.segment[child] = segment
         belief.stay[child] = 1.0
+        belief.drove[child] = _ANYWHERE
         belief.fresh[child] = 1
         belief.size[0] = child + 1
 
@@ -322,7 +330,7 @@ def travel(
     since = belief.clock[NOW] - dt
     for i in range(n):
         if belief.edge[i] != OFF_ROAD:
-            _stand(belief, i, dt)
+            _stand(belief, roads, i, dt)
     while children < _MOST and pairs > 0 and belief.size[0] < CAPACITY:
         best = 0
         for p in range(pairs):

@@ -16,6 +16,7 @@ SLACK_M = 10.0
 NEES_CAP = 1e4
 """One epoch far off must not hide all others."""
 
+_MOVED = 1e-8  # rad between two places of the truth, some centimetres, that tell a course
 _LATE_S = 0.5  # an epoch this far outside the truth's span is not compared
 _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; squared eccentricity
 
@@ -38,6 +39,7 @@ class Comparison(NamedTuple):
     stopped: Bools  # in truth
     since: Array  # s since the truth began
     outage: Bools
+    told: Bools  # whether the truth tells its edge
 
     def rows(self, keep: Bools) -> "Comparison":
         """Some of the rows."""
@@ -58,7 +60,7 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
     p = p.rows(_comparable(p, true_time))
     time = p.times()
     nearest = _nearest(true_time, time)
-    bearing = np.interp(time, true_time, np.unwrap(np.radians(t.numbers("bearing_deg"))))
+    bearing = np.interp(time, true_time, np.unwrap(_bearing(t)))
     east, north = _error(p, t, time, true_time, "lat", "lon")
     turned = np.radians(p.numbers("bearing_deg")) - bearing
     heading = -np.arctan2(np.sin(turned), np.cos(turned))
@@ -93,7 +95,22 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
         stopped=speed == 0.0,
         since=time - true_time[0],
         outage=outage,
+        told=np.full(len(time), "edge_id" in t.names),
     )
+
+
+def _bearing(t: Table) -> Array:
+    """The truth's bearing, rad; where it tells none its course, at a standstill the last one."""
+    if "bearing_deg" in t.names:
+        return np.radians(t.numbers("bearing_deg"))
+    lat, lon = np.radians(t.numbers("lat")), np.radians(t.numbers("lon"))
+    north, east = np.diff(lat), np.diff(lon) * np.cos(lat[1:])
+    moved = np.flatnonzero(np.hypot(north, east) > _MOVED)
+    if not len(moved):
+        return np.zeros(len(lat))
+    k = np.clip(np.searchsorted(moved, np.arange(len(lat)), side="right") - 1, 0, None)
+    course: Array = np.arctan2(east, north)[moved[k]]
+    return course
 
 
 def _comparable(p: Table, true_time: Array) -> Bools:

@@ -23,7 +23,10 @@ _BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Figures of one or many drives; shares are between 0 and 1."""
+    """Figures of one or many drives; shares are between 0 and 1.
+
+    Of a truth that tells no edges those of edges are NaN.
+    """
 
     epochs: int
     rmse_m: float
@@ -73,8 +76,8 @@ def evaluate(
 
     Args:
         points: The points table (docs/formats.md) as pandas, GeoPandas, Arrow or a dict.
-        truth: time, lat, lon, bearing_deg, and if known edge_id, abscissa_m, speed_mps,
-            on_road, map_lat, map_lon, travelled_m, outage.
+        truth: time, lat, lon, and if known bearing_deg (else the course), edge_id, abscissa_m,
+            speed_mps, on_road, map_lat, map_lon, travelled_m, outage.
         mask: Outages as (from, to), s since 1970, besides the truth's own.
         skip_s: Leave out so much of the drive's beginning.
         moving: Leave out standstill.
@@ -121,9 +124,10 @@ def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
 
 def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
     error = np.hypot(c.along, c.cross)
-    named = c.p_road > 0.0
+    named = (c.p_road > 0.0) & c.told
     sure = named & (c.p_road >= SURE)
-    exact = c.strict & c.on_road
+    exact = c.strict & c.on_road & c.told
+    some = 1.0 if c.told.any() else np.nan  # of a truth without edges nothing is said of them
     return Evaluation(
         epochs=len(error),
         rmse_m=_rms(error),
@@ -137,13 +141,13 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
         # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)
         coverage=tuple(float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
         map_rmse_m=_rms(c.map_error),
-        right_edge=float(np.mean(c.right)),
-        right_edge_strict=float(np.mean(c.strict)),
-        abscissa_rmse_m=_rms(c.abscissa[exact]),
-        brier=_mean((c.p_road - c.right)[named] ** 2),
-        calibration_error=calibration_error(c.p_road[named], c.right[named]),
-        sure=float(np.mean(sure)),
-        sure_wrong=_mean(~c.right[sure]),
+        right_edge=some * _mean(c.right[c.told]),
+        right_edge_strict=some * _mean(c.strict[c.told]),
+        abscissa_rmse_m=some * _rms(c.abscissa[exact]),
+        brier=some * _mean((c.p_road - c.right)[named] ** 2),
+        calibration_error=some * calibration_error(c.p_road[named], c.right[named]),
+        sure=some * _mean(sure[c.told]),
+        sure_wrong=some * _mean(~c.right[sure]),
         p_off_on_road=_mean(c.p_off[c.on_road]),
         p_off_off_road=_mean(c.p_off[~c.on_road]),
         outage=outage,

@@ -156,11 +156,24 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part
         )
     straight = replace(vehicle, counter_bits=0)
     parts = []
-    for file in files:
+    for file in [file for file in files if _has_rows(file)]:  # a drive may be without wheels
         drives = read_table(file, vehicle=straight, settings=settings)
         drives = [replace(drive, drive_id=folder.name) for drive in drives]
         parts.append(_Part(f"{folder.name}/{file.name}", "table", drives))
+    if not parts:
+        raise ReadError(f"{folder}: nothing was recorded; fixes or odometry were expected")
     return parts
+
+
+def _has_rows(file: Path) -> bool:
+    """Whether there is a row in an Arrow stream, or something else that its reader will tell of."""
+    import pyarrow as pa
+
+    try:
+        with pa.OSFile(str(file)) as source, pa.ipc.open_stream(source) as batches:
+            return any(batch.num_rows for batch in batches)
+    except (pa.ArrowException, OSError):
+        return True
 
 
 def _read(

@@ -57,7 +57,7 @@ def parcels(source: Any, drive_id: str = "drive_id") -> Iterator[Parcel]:
         if hasattr(source, "read_next_batch"):
             yield from _of_stream(source, drive_id)
         else:
-            yield from _parts(_named(_table(source, drive_id), drive_id))
+            yield from _parts(_named(*_table(source, drive_id), drive_id))
     elif isinstance(source, Iterable):
         yield from _of_stream(source, drive_id)
     else:
@@ -94,11 +94,13 @@ def _of_dataset(data: Any, drive_id: str) -> Iterable[Any]:
     )
 
 
-def _table(source: Any, drive_id: str) -> "pa.Table":
-    """Any table in memory as Arrow."""
+def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
+    """Any table in memory as Arrow, and the names of all its columns."""
+    names = list(getattr(source, "columns", ()))
     if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
         source = source.rename(columns={drive_id: "drive_id"})
-    return in_memory(source)[0]
+        return in_memory(source)[0], [str(name) for name in names]
+    return in_memory(source)
 
 
 def _check(names: list[str]) -> None:
@@ -107,22 +109,23 @@ def _check(names: list[str]) -> None:
         raise ReadError(no_column("table", "no time", names, ("time",)))
 
 
-def _named(table: "pa.Table", drive_id: str) -> "pa.Table":
-    """The table with the names of its trips in a column `drive_id`."""
+def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
+    """The table, of all whose columns are told, with its trips' names in a column `drive_id`."""
     found = find(table.column_names)
-    _check(table.column_names)
+    if "time" not in found:
+        _check(names)
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
     elif "drive_id" in found and (drive_id == "drive_id" or "drive_id" in table.column_names):
         place = found["drive_id"].place
     else:
         raise ReadError(
-            f"table: no column {drive_id!r} among {listed(table.column_names)}; one that names "
+            f"table: no column {drive_id!r} among {listed(names)}; one that names "
             f"the trip of each row was expected, for example {', '.join(NAMES['drive_id'])}"
         )
     keep = [c.place for c in found.values() if c.place != place]
-    names = [table.column_names[i] for i in keep if table.column_names[i] != "drive_id"]
-    return table.select(names).append_column("drive_id", table.column(place))
+    used = [table.column_names[i] for i in keep if table.column_names[i] != "drive_id"]
+    return table.select(used).append_column("drive_id", table.column(place))
 
 
 def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
@@ -177,8 +180,8 @@ def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Tab
     last: dict[str, int] = {}
     rows = 0
     for batch in batches:
-        table = _table(batch, drive_id)
-        for name, part in _cut(_named(table, drive_id)):
+        table, names = _table(batch, drive_id)
+        for name, part in _cut(_named(table, names, drive_id)):
             waiting.setdefault(name, []).append(part)
             last[name] = rows
         rows += table.num_rows

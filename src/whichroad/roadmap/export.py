@@ -79,7 +79,11 @@ def by_source(roads: "RoadMap", path: Any) -> Any:
         "geometry": _lines(roads, edge[row].astype(np.int64), start, end),
     }
     kept = path.select([n for n in path.column_names if n not in _OF_EDGES]).take(pa.array(row))
-    return pa.table({n: new.get(n, kept[n]) for n in kept.column_names})
+    table = pa.table({n: new.get(n, kept[n]) for n in kept.column_names})
+    # marks of fields, such as what geopandas knows a geometry by, stay
+    marks = [path.schema.field(n).metadata for n in table.column_names]
+    fields = [f.with_metadata(m) for f, m in zip(table.schema, marks, strict=True)]
+    return table.cast(pa.schema(fields))
 
 
 def _check(path: Any, roads: "RoadMap") -> None:

@@ -6,6 +6,10 @@ from typing import Any
 from ..errors import MapError
 from .roadmap import RoadMap
 
+# what is not among these is a compiled map, whatever it is called
+_TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
+           ".shp", ".fgb", ".gml", ".zip")  # fmt: skip
+
 
 def open_map(roads: Any) -> RoadMap:
     """A road map: itself, or of a compiled file, an OpenStreetMap extract or a table of edges.
@@ -17,7 +21,7 @@ def open_map(roads: Any) -> RoadMap:
         name = str(roads).lower()
         if name.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2")):
             return RoadMap.from_osm(roads)
-        if name.endswith((".geojson", ".json", ".csv", ".parquet")):
+        if name.endswith(_TABLES):
             return RoadMap.from_edges(roads)
         return RoadMap.open(roads)
     if hasattr(roads, "arrays"):

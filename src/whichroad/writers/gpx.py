@@ -17,6 +17,7 @@ xmlns:whichroad="urn:whichroad:points">
 """
 EXTENSIONS = ("bearing_deg", "speed_mps", "edge_id", "source_id", "p_road", "p_off_road", "status")
 ROWS_AT_A_TIME = 10_000
+_SAME = 1e-8  # degrees between the end of an edge and the start of the next, a millimetre
 
 
 def write(table: pa.Table, path: Path) -> None:
@@ -69,13 +70,27 @@ def _point(row: dict[str, Any]) -> str:
 
 
 def _lines(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
-    """Each edge of a path as a segment of its own: its ends have times, its vertices none."""
+    """Edges of a path that follow one another as one segment; the ends of edges have times."""
     import shapely
 
+    before: tuple[float, float] | None = None  # where the edge before ended
     for row in rows:
         if row["geometry"] is None:
             continue
-        yield "<trkseg>"
-        for lon, lat in shapely.from_wkb(row["geometry"]).coords:
-            yield f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}"></trkpt>'
+        points = shapely.from_wkb(row["geometry"]).coords[:]
+        follows = (
+            before is not None and shapely.Point(points[0]).distance(shapely.Point(before)) <= _SAME
+        )
+        if not follows:
+            yield "</trkseg>\n<trkseg>\n" if before else "<trkseg>\n"
+            yield _vertex(points[0], row.get("enter_time"))
+        yield from (_vertex(point, None) for point in points[1:-1])
+        yield _vertex(points[-1], row.get("exit_time"))
+        before = points[-1]
+    if before:
         yield "</trkseg>\n"
+
+
+def _vertex(point: tuple[float, float], time: str | None) -> str:
+    inside = "" if time is None else f"<time>{time}</time>"
+    return f'<trkpt lat="{point[1]:.9f}" lon="{point[0]:.9f}">{inside}</trkpt>\n'
