@@ -57,6 +57,23 @@ def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
     return pa.array(values, mask=absent if absent.any() else None)
 
 
+def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """A row of each value of (n,) that differs, and which of those each row has.
+
+    By a hash, which takes a fifth of the time that sorting does.
+    """
+    which = pa.array(values).dictionary_encode()
+    at = which.indices.to_numpy().copy()
+    one = np.empty(len(which.dictionary), np.int64)
+    one[at] = np.arange(len(at))
+    return one, at
+
+
+def _within(degrees: Array, turn: float) -> Array:
+    """`degrees % turn`, in a fifth of the time."""
+    return np.asarray(degrees - turn * np.floor(degrees / turn))
+
+
 def points_table(
     drive_id: str | Sequence[str],
     epochs: Epochs,
@@ -87,7 +104,7 @@ def points_table(
     map_lat, map_lon = plane.to_geodetic(v[V_MAP_X], v[V_MAP_Y])
     match_lat, match_lon = plane.to_geodetic(v[V_MATCH_X], v[V_MATCH_Y])
     turn = plane.convergence(x, y)
-    bearing = np.degrees(math.pi / 2 - (v[V_H] - turn)) % 360.0
+    bearing = _within(np.degrees(math.pi / 2 - (v[V_H] - turn)), 360.0)
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
     xx, xy, yy = v[V_XX], v[V_XY], v[V_YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
@@ -110,7 +127,7 @@ def points_table(
         "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
-        "ellipse_bearing_deg": _nullable((90.0 - np.degrees(axis)) % 180.0, none),
+        "ellipse_bearing_deg": _nullable(_within(90.0 - np.degrees(axis), 180.0), none),
         "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,
@@ -139,12 +156,10 @@ def _sources(
     roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
 ) -> tuple[pa.Array, pa.Array]:
     """Source ids as text and directions; few streets differ, so each is asked for once."""
-    if not len(edge):
-        return pa.array([], pa.string()), pa.array([], pa.bool_())
-    _, first, at = np.unique(roads.piece(edge, s), return_index=True, return_inverse=True)
-    ids, forward = roads.sources(edge[first], s[first])
-    texts = pa.array([str(i) for i in ids], pa.string())
-    return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
+    piece = pa.array(roads.piece(edge, s), mask=absent).dictionary_encode()
+    ids, forward = roads.drawn_as(piece.dictionary.to_numpy())
+    texts = pa.array(ids).cast(pa.string())
+    return texts.take(piece.indices), pa.array(forward).take(piece.indices)
 
 
 def _attributes(
@@ -187,7 +202,7 @@ def _reasons(
     scale[away > 0.0] = 0.0
     vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
-    _, first, at = np.unique(key, return_index=True, return_inverse=True)
+    one, at = _distinct(key)
     texts = [
         reason(
             "on_road" if vie[k] else STATUS[status[k]],
@@ -195,11 +210,11 @@ def _reasons(
             scale=0.1 * scale[k],
             answered=output.live[k] > 0,
         )
-        for k in first
+        for k in one
     ]
     rows = np.flatnonzero(vie)
     told = pa.array(texts, pa.string())
-    also = pc.if_else(pc.equal(told, ""), None, told).take(pa.array(at[rows]))
+    also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
     words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
@@ -209,15 +224,22 @@ def _reasons(
 def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     """`reasons.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
-    edge, which = np.unique(edges[row, rank], return_inverse=True)
-    names = dict(zip(edge.tolist(), roads.names(np.maximum(edge, 0)), strict=True))
-    titles = pa.array([title(e, names.__getitem__) for e in names], pa.string())
+    road = pa.array(edges[row, rank]).dictionary_encode()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
     said = pc.binary_join_element_wise(
-        titles.take(pa.array(which)), _SHARES.take(pa.array(cents)), " "
+        _titles(road.dictionary, roads).take(road.indices), _SHARES.take(pa.array(cents)), " "
     )
     ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
     return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
+
+
+def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
+    """`reasons.title` of (n,) edges."""
+    on = pc.greater_equal(edge, 0)
+    number = pc.binary_join_element_wise("edge", edge.cast(pa.string()), " ")
+    street = roads.names(np.maximum(edge.to_numpy(), 0))
+    named = pc.binary_join_element_wise(street, number, ", ", null_handling="skip")
+    return pc.if_else(on, named, title(OFF_ROAD, lambda _: None))
 
 
 def _disbelieved(epochs: Epochs, live: NDArray[np.int32], v: Matrix, first: Sequence[int]) -> Array:
@@ -227,7 +249,8 @@ def _disbelieved(epochs: Epochs, live: NDArray[np.int32], v: Matrix, first: Sequ
         return np.zeros(n)
     every = len(k) == n
     at = slice(None) if every else k
-    away = np.hypot(epochs.fix[at, 0] - v[V_X, at], epochs.fix[at, 1] - v[V_Y, at])
+    dx, dy = epochs.fix[at, 0] - v[V_X, at], epochs.fix[at, 1] - v[V_Y, at]
+    away = np.sqrt(dx * dx + dy * dy)
     own = epochs.fix[at, 2] * np.maximum(v[V_GNSS_SCALE, at], 1.0)
     far = far_off(away, np.sqrt(own**2 + v[V_XX, at] + v[V_YY, at])) & (live[at] > 0)
     away = np.where(far, away, 0.0)
@@ -288,7 +311,7 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
         return pa.array([], pa.binary())
     whole = (enter <= 0.0) & (leave >= roads.arrays.length[edges])
     key = np.where(whole, edges, len(roads.arrays.length) + np.arange(rows))
-    _, one, at = np.unique(key, return_index=True, return_inverse=True)
+    one, at = _distinct(key)
     x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
     lat, lon = roads.plane.to_geodetic(x, y)
     return line_wkb(lon, lat, vertex).take(pa.array(at))
@@ -301,8 +324,9 @@ def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
 
 def _broken(way: Traversals) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
-    unique, at = np.unique(np.where(way.gap, _GAP, way.rules), return_inverse=True)
-    words = [_rule_names(int(b)) for b in unique]
+    rules = np.where(way.gap, _GAP, way.rules)
+    one, at = _distinct(rules)
+    words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))
 
 

@@ -200,18 +200,16 @@ def _geodetic(sphere: geodesy.Sphere, x: Array, y: Array) -> tuple[Array, Array]
 
     Its iteration takes ten times as long as the series (Karney 2011, equation 36; Clenshaw).
     """
-    u, v = x / (2.0 * sphere.radius), y / (2.0 * sphere.radius)
+    east, north = x / sphere.radius, y / sphere.radius
     with np.errstate(all="ignore"):  # a pole, and what is no point
-        t = u * u + v * v
-        part = 1.0 / (1.0 + t)
-        east, north, up = 2.0 * u * part, 2.0 * v * part, (1.0 - t) * part
+        up = 1.0 - 0.25 * (east * east + north * north)  # all of them longer by one factor
         ahead = up * sphere.cos0 - north * sphere.sin0
         tangent = (up * sphere.sin0 + north * sphere.cos0) / np.sqrt(east * east + ahead * ahead)
         q = (np.arcsinh(tangent) - sphere.shift) / sphere.power
         sine, cosine = np.tanh(q), 1.0 / np.cosh(q)
-        double = 2.0 * (cosine * cosine - sine * sine)
-        this, before = np.zeros_like(q), np.zeros_like(q)
-        for c in reversed(_SERIES):
+        double = 4.0 * cosine * cosine - 2.0
+        this, before = np.full_like(q, _SERIES[-1]), np.zeros_like(q)
+        for c in _SERIES[-2::-1]:
             this, before = c + double * this - before, this
         lat = np.arctan2(sine, cosine) + 2.0 * sine * cosine * this
         lon = sphere.lon0 + np.arctan2(east, ahead) / sphere.power

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .columns import figures_of, path_table, points_table
@@ -122,7 +121,9 @@ class Job(NamedTuple):
         begin = np.cumsum([0, *np.where(plain, np.diff(first), 0)])
         own = begin[:-1][plain]
         epochs, apart = epochs_of_fixes(fixes, own.tolist(), self.roads.plane)
-        near = np.logical_or.reduceat(are_near(fixes, self.roads), own)
+        near = are_near(fixes.lat_deg[own], fixes.lon_deg[own], self.roads)
+        if not near.all():  # one fix of each is enough
+            near = np.logical_or.reduceat(are_near(fixes.lat_deg, fixes.lon_deg, self.roads), own)
         usable[plain] = apart & near
         return _Plain(epochs, begin, usable & [name != "" for name in parcel.names])
 
@@ -218,11 +219,10 @@ def _told(answer: _Answer) -> pa.Table:
         figures_of(fleet.epochs, fleet.output, fleet.first, fleet.way, fleet.first_edge)
     )
     answered = columns["epochs_without_answer"] < columns["epochs"]
-    reasons = pa.array(["no epoch could be answered"] * d, pa.string())
     columns |= {
         "drive_id": answer.names,
         "answered": answered,
-        "reason": pc.if_else(pa.array(answered), None, reasons),
+        "reason": pa.array(["no epoch could be answered"] * d, mask=answered),
         "skipped": [list(drive.skipped.items()) if drive else []] * d,
         "notes": [list(drive.notes) if drive else []] * d,
     }

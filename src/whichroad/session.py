@@ -250,19 +250,19 @@ def timeline_of(
     return build_timeline(drive, roads.plane, vehicle, mask)
 
 
-def are_near(fixes: Fixes, roads: RoadMap) -> NDArray[np.bool_]:
+def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
     """Whether each of (n,) fixes is not too far from the map for its drive to be matched."""
-    return np.asarray(_away(fixes, roads) <= _FAR)
+    return np.asarray(_away(lat_deg, lon_deg, roads) <= _FAR)
 
 
-def _away(fixes: Fixes, roads: RoadMap) -> Array:
+def _away(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> Array:
     """Metres from the circle around the map, negative inside, (n,)."""
-    return np.asarray(_ground_distance(roads, fixes.lat_deg, fixes.lon_deg) - roads.reach)
+    return np.asarray(_ground_distance(roads, lat_deg, lon_deg) - roads.reach)
 
 
 def _check_distance(name: str, fixes: Fixes, roads: RoadMap) -> None:
     """Refuse a drive that is wholly off the map, with the distance and a hint."""
-    away = _away(fixes, roads)
+    away = _away(fixes.lat_deg, fixes.lon_deg, roads)
     nearest = int(np.argmin(away))
     if away[nearest] <= _FAR:
         return

@@ -163,7 +163,7 @@ def _between(route: Route, roads: Roads, memory: Memory, i: int, j: int) -> list
 
 def joins(roads: Roads, a: int, b: int) -> bool:
     """Whether edge b follows on edge a."""
-    return bool((roads.succ[roads.succ_first[a] : roads.succ_first[a + 1]] == b).any())
+    return b in roads.succ[roads.succ_first[a] : roads.succ_first[a + 1]].tolist()
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:

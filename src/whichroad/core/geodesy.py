@@ -64,15 +64,18 @@ def to_plane(sphere: Sphere, lat: float, lon: float) -> tuple[float, float]:
 
 @kernel
 def _on_sphere(sphere: Sphere, x: float, y: float) -> tuple[float, float, float]:
-    """Sine and cosine of the latitude on the sphere, and the longitude from the origin's."""
+    """The point of the sphere: along the Earth's axis, east and ahead of it.
+
+    Ahead is where the origin's meridian lies: sin χ, sin Λ cos χ, cos Λ cos χ.
+    """
     u = x / (2.0 * sphere.radius)
     v = y / (2.0 * sphere.radius)
     t = u * u + v * v
     east = 2.0 * u / (1.0 + t)
     north = 2.0 * v / (1.0 + t)
     up = (1.0 - t) / (1.0 + t)
-    ahead = up * sphere.cos0 - north * sphere.sin0
-    return up * sphere.sin0 + north * sphere.cos0, math.hypot(east, ahead), math.atan2(east, ahead)
+    sine = up * sphere.sin0 + north * sphere.cos0
+    return sine, east, up * sphere.cos0 - north * sphere.sin0
 
 
 @kernel
@@ -87,13 +90,13 @@ def to_geodetic(sphere: Sphere, x: float, y: float) -> tuple[float, float]:
     Returns:
         Latitude in [-π/2, π/2] and longitude in [-π, π), rad.
     """
-    sine, cosine, angle = _on_sphere(sphere, x, y)
-    q = (math.asinh(sine / cosine) - sphere.shift) / sphere.power
+    sine, east, ahead = _on_sphere(sphere, x, y)
+    q = (math.asinh(sine / math.hypot(east, ahead)) - sphere.shift) / sphere.power
     s = math.tanh(q)
     for _ in range(7):  # each round gains a factor of e² cos²φ
         s = math.tanh(q + E * math.atanh(E * s))
     lat = math.atan(math.sinh(q + E * math.atanh(E * s)))
-    return lat, wrap_longitude(sphere.lon0 + angle / sphere.power)
+    return lat, wrap_longitude(sphere.lon0 + math.atan2(east, ahead) / sphere.power)
 
 
 @kernel
@@ -110,10 +113,10 @@ def convergence(sphere: Sphere, x: float, y: float) -> float:
     Returns:
         Grid convergence, rad.
     """
-    sine, cosine, angle = _on_sphere(sphere, x, y)
+    sine, east, ahead = _on_sphere(sphere, x, y)
     return math.atan2(
-        math.sin(angle) * (sine + sphere.sin0),
-        cosine * sphere.cos0 + (1.0 + sine * sphere.sin0) * math.cos(angle),
+        east * (sine + sphere.sin0),
+        (east * east + ahead * ahead) * sphere.cos0 + (1.0 + sine * sphere.sin0) * ahead,
     )
 
 

@@ -176,7 +176,9 @@ def _without(
 
 def _or_unknown(value: Array | None, sigma: Array | None, n: int) -> tuple[Array, Array]:
     """Speeds and their sigmas; infinite where there is none."""
-    value, sigma = _column(value, n), _column(sigma, n)
+    if value is None:
+        return np.zeros(n), np.full(n, np.inf)
+    sigma = _column(sigma, n)
     known = np.isfinite(value) & (np.abs(value) < 1e3)
     sigma = np.where(np.isfinite(sigma) & (sigma > 0), sigma, SIGMA_SPEED)
     return np.where(known, value, 0.0), np.where(known, sigma, np.inf)
@@ -184,7 +186,8 @@ def _or_unknown(value: Array | None, sigma: Array | None, n: int) -> tuple[Array
 
 def _course(bearing: Array | None, speed: Array, sigma_speed: Array) -> tuple[Array, Array]:
     """Courses over ground and their sigmas; only a moving receiver has one."""
-    bearing = _column(bearing, len(speed))
+    if bearing is None:
+        return np.zeros(len(speed)), np.full(len(speed), np.inf)
     known = np.isfinite(bearing) & (np.abs(bearing) <= 720)
     known &= np.isfinite(sigma_speed) & (speed > MOVING)
     angle = np.degrees(np.arctan2(np.where(known, sigma_speed, 1.0), speed))

@@ -87,10 +87,12 @@ def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
     import pyarrow as pa
 
     column = table.column(meaning.place)
-    if not meaning.factor and not pa.types.is_timestamp(column.type):
-        sizes = np.abs(numbers(column, meaning.name, Counter()))
-        sizes = sizes[np.isfinite(sizes)]
-        bounds = [largest for largest, _ in LARGEST]
-        if len(sizes) and np.ptp(np.searchsorted(bounds, [sizes.min(), sizes.max()], side="right")):
-            return None
-    return times(column, meaning, "table", Counter())
+    if meaning.factor or pa.types.is_timestamp(column.type):
+        return times(column, meaning, "table", Counter())
+    values = numbers(column, meaning.name, Counter())
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
+        return values
+    bounds = [largest for largest, _ in LARGEST]
+    least, most = np.searchsorted(bounds, [sizes.min(), sizes.max()], side="right").tolist()
+    return values * LARGEST[least][1] if least == most else None

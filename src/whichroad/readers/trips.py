@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 APART = 1 << 16  # rows of other trips after which a trip of a stream is whole
-PARCEL = 1 << 13  # rows that are worked on together, if trips are shorter
+PARCEL = 1 << 14  # rows that are worked on together, if trips are shorter
 _BATCH = 1 << 15  # rows read at a time
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip

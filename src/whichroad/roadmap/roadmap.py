@@ -20,6 +20,7 @@ from .tags import ACCESS_WORDS
 
 if TYPE_CHECKING:
     import geopandas
+    import pyarrow as pa
 
 _ARRAYS = [name for name in Roads._fields if name not in ("cell_size", "curvature")]
 _TEXTS = ("code", "offset", "utf8")
@@ -245,7 +246,10 @@ class RoadMap:
 
     def sources(self, edge: ArrayLike, s: ArrayLike) -> tuple[list[int | str], NDArray[np.bool_]]:
         """`source` of (n,) edges and abscissae."""
-        piece = self.piece(edge, s)
+        return self.drawn_as(self.piece(edge, s))
+
+    def drawn_as(self, piece: Ints) -> tuple[list[int | str], NDArray[np.bool_]]:
+        """`source` of (n,) of the `pieces`."""
         way, forward = self.pieces.way[piece], self.pieces.forward[piece] > 0
         ids = self._values("source_id", way)
         if "back_id" in self.ways:  # rows were directed: the opposite row has its own id
@@ -278,11 +282,11 @@ class RoadMap:
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""
-        return self.names(np.array([edge]))[0]
+        return self._values("name", self.way[[edge]])[0]  # type: ignore[no-any-return]
 
-    def names(self, edge: NDArray[Any]) -> list[str | None]:
-        """`name` of (n,) edges."""
-        return self._values("name", self.way[edge])
+    def names(self, edge: NDArray[Any]) -> "pa.Array":
+        """`name` of (n,) edges as an Arrow column, null where there is none."""
+        return cast(Texts, self.ways["name"]).column(self.way[edge])
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
