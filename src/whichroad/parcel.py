@@ -36,6 +36,9 @@ class Tables(NamedTuple):
     path: pa.Table  # one row per edge driven, `tables.PATH`
     drives: pa.Table  # one row per trip, `tables.DRIVES`, also where there is no answer
 
+    def __repr__(self) -> str:
+        return ", ".join(f"{name}: {len(t):,} rows" for name, t in self._asdict().items())
+
 
 def joined(parts: Sequence[Tables]) -> Tables:
     """Tables one behind the other."""
@@ -208,7 +211,7 @@ def _unexpected(error: Exception) -> str:
 def _failed(failure: _Failure) -> pa.Table:
     """A trip without an answer as a row of `tables.DRIVES`."""
     row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
-           "fixes": 0, "epochs_without_answer": 0}  # fmt: skip
+           "fixes": 0, "epochs_without_answer": 0, "skipped": [], "notes": []}  # fmt: skip
     return pa.Table.from_pylist([row], DRIVES)
 
 

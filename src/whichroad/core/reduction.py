@@ -18,7 +18,7 @@ _CLEAR = 1e-4  # probability of all other edges, below which
 _CLEAR_LIMIT = 0.003  # nats, relative, are little to lose by merging
 _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
-_OFF_PRUNE = 0.1  # of the usual floor; below it the next one that leaves a road is as good
+_OFF_PRUNE = 0.01  # of the usual floor; it is the way back when every road was wrong
 
 
 @kernel
@@ -184,7 +184,7 @@ def reduce(
 ) -> None:  # fmt: skip
     """Normalise; drop the negligible; merge within edges; enter the route tree.
 
-    The off-road hypothesis is kept down to a tenth of the usual floor: it is the way back
+    The off-road hypothesis is kept down to a hundredth of the usual floor: it is the way back
     when every road was wrong.  With less it is born anew wherever a road is left.
 
     Args:
