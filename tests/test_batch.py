@@ -192,6 +192,22 @@ def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
     assert set(many.points["drive_id"].to_pylist()) == {"car 0", "car 1"}
 
 
+def test_trips_in_a_projected_system_are_matched_by_its_name(roads, fleet):
+    import pyproj
+
+    x, y = pyproj.Transformer.from_crs(4326, 32632, always_xy=True).transform(
+        fleet["lon"].to_numpy(), fleet["lat"].to_numpy()
+    )
+    projected = fleet.drop_columns(["lat", "lon"]).append_column("x", pa.array(x))
+    projected = projected.append_column("y", pa.array(y))
+    usual, found = match_many(fleet, roads), match_many(projected, roads, crs="EPSG:32632")
+    assert found.points["edge_id"].equals(usual.points["edge_id"])
+    told = match_many(projected, roads).drives
+    assert not any(told["answered"].to_pylist())
+    assert "crs=" in told["reason"][0].as_py()
+    assert told["skipped"][0].as_py() == []
+
+
 def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatch):
     def localize(roads, timeline, **more):
         if timeline.epochs.time[0] == 1.6e9 + 100:

@@ -32,6 +32,7 @@ def match_many(
     settings: Settings | None = None,
     lag: Any = None,
     attributes: bool = False,
+    crs: Any = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Tables:
@@ -50,6 +51,7 @@ def match_many(
         settings: The model's numbers.
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to the points.
+        crs: Reference system of `x, y` columns, as in `match`.
         threads: How many trips side by side; None: one for each core this process may use.
         progress: Told ("trips", trips done, 0).
 
@@ -64,7 +66,7 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, threads=threads, progress=progress,
+            attributes=attributes, crs=crs, threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -79,6 +81,7 @@ def match_stream(
     settings: Settings | None = None,
     lag: Any = None,
     attributes: bool = False,
+    crs: Any = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Tables]:
@@ -95,7 +98,7 @@ def match_stream(
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     workers = threads or _cores()
-    job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes)
+    job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes, crs)
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         for tables in _in_order(pool, job.tables, parcels(table, drive_id), 2 * workers):

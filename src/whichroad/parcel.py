@@ -87,6 +87,7 @@ class Job(NamedTuple):
     settings: Settings | None
     lag: Lag | None
     attributes: bool
+    crs: Any = None
 
     def tables(self, parcel: Parcel) -> Tables:
         """The answers to the trips of a parcel."""
@@ -163,7 +164,9 @@ class Job(NamedTuple):
                 timeline = Timeline(epochs, CLOCK, 0)
             else:
                 rows_ = parcel.table.slice(low, high - low)
-                drive = drive_from_table(rows_, vehicle=self.vehicle, settings=self.settings)[0]
+                drive = drive_from_table(
+                    rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs
+                )[0]
                 timeline = timeline_of(drive, self.roads, vehicle)
             recorded = localize_recorded(
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag

@@ -98,11 +98,11 @@ def match(
     from ..readers import read_drive, read_vehicle
     from ..readers.trips import are_many
 
-    plain = not (can or dbc or crs or start or mask or report) and model is Model.default
+    plain = not (can or dbc or start or mask or report) and model is Model.default
     if len(drive) == 1 and plain and are_many(drive[0]):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
-            force=force, vehicle=vehicle, attributes=attributes, lag=lag,
+            force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
         )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
