@@ -15,8 +15,7 @@ from .errors import SettingError
 from .parcel import Job, Tables, joined
 from .readers import read_vehicle
 from .readers.trips import Parcel, parcels
-from .roadmap import RoadMap
-from .session import open_map
+from .roadmap import RoadMap, open_map
 from .settings import Settings, Vehicle
 from .smoother import Lag
 

@@ -27,8 +27,7 @@ from .localizer import Recorded, localize_recorded
 from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
 from .records import Array, Drive, Fixes, Observation, StartPose
 from .result import Answered, Result
-from .roadmap import RoadMap
-from .roadmap import open_map as open_map
+from .roadmap import RoadMap, open_map
 from .route import Traversals, traversals
 from .search import MAP
 from .settings import Settings, Vehicle

@@ -129,7 +129,7 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
         from ..live.server import Plan
     from ..localizer import Localizer
     from ..readers import read_vehicle
-    from ..session import open_map
+    from ..roadmap import open_map
     from ..settings import Settings, Vehicle
 
     car = Vehicle() if vehicle is None else read_vehicle(vehicle)

@@ -21,8 +21,7 @@ def map_build(
     force: Force = False,
 ) -> None:
     """Compile a map once, to open it in an instant."""
-    from ..roadmap import RoadMap
-    from ..session import open_map
+    from ..roadmap import RoadMap, open_map
     from ..writers import replacing
 
     with progress_line() as progress, replacing(out, force=force) as part:
@@ -34,7 +33,7 @@ def map_build(
 @map_app.command("info")
 def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")]) -> None:
     """Say what a map holds."""
-    from ..session import open_map
+    from ..roadmap import open_map
 
     with progress_line() as progress:
         progress(f"reading {roads}", 0, 0)

@@ -97,6 +97,7 @@ def match(
     from .. import session
     from ..readers import read_drive, read_vehicle
     from ..readers.trips import are_many
+    from ..roadmap import open_map
 
     plain = not (can or dbc or start or mask or report) and model is Model.default
     if len(drive) == 1 and plain and are_many(drive[0]):
@@ -115,7 +116,7 @@ def match(
                 "by `whichroad report points.parquet --drive-id NAME`"
             )
         progress("reading the map", 0, 0)
-        network = session.open_map(roads)
+        network = open_map(roads)
         progress(at_work("drive.run"), 0, 0)
         result = session.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,

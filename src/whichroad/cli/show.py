@@ -54,7 +54,7 @@ def replay(
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from ..readers import read_drive, read_vehicle
     from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
-    from ..session import open_map
+    from ..roadmap import open_map
 
     with extra_live("replay"):
         import uvicorn  # noqa: F401  # now, not when the drive has been answered
@@ -97,7 +97,7 @@ def report(
     from ..replay.film import Film
     from ..replay.points import read_points
     from ..replay.report import check_report, write_report
-    from ..session import open_map
+    from ..roadmap import open_map
 
     check_report(out, force=force)
     if path is not None and roads is None:

@@ -43,7 +43,7 @@ def simulate(
     force: Force = False,
 ) -> None:
     """Make a drive whose truth is known, in the formats of a real one."""
-    from ..session import open_map
+    from ..roadmap import open_map
     from ..simulate import simulate_drive, write_drive
 
     with progress_line() as progress:

@@ -206,6 +206,7 @@ def copy_row(source: Belief, i: int, target: Belief, j: int) -> None:
     target.abscissa[j] = source.abscissa[i]
     target.spread[j] = source.spread[i]
     target.stay[j] = source.stay[i]
+    target.drove[j] = source.drove[i]
     target.node[j] = source.node[i]
     target.fresh[j] = source.fresh[i]
 

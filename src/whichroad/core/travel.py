@@ -56,7 +56,7 @@ _STAND_TIME = 30.0  # s, about which who stands goes on standing
 _MOST = 24  # routes that become hypotheses
 _LEAST = 1e-5  # probability of what comes back to a road
 _FAR_ABOVE = 3.0  # nats
-_ANYWHERE = 1e6  # m²
+_ANYWHERE = 1e6  # m², of the way that somebody drove who comes from nowhere
 _STANDING = 1e-3  # probability of standing that is looked at
 WIDE = 30.0  # m, across the road before the road is observed
 
