@@ -220,7 +220,7 @@ def names(path: Path) -> list[str]:
     return sorted({n for n in found if n.rpartition(".")[2] not in SUFFIXES})
 
 
-@pytest.mark.parametrize("document", ["docs/model.md", "docs/map.md", "docs/glossary.md"])
+@pytest.mark.parametrize("document", ["docs/model.md", "docs/architecture.md", "docs/glossary.md"])
 def test_what_the_documents_name_exists(document: str):
     missing = []
     for name in names(ROOT / document):
@@ -229,10 +229,6 @@ def test_what_the_documents_name_exists(document: str):
         except (ImportError, AttributeError):
             missing.append(name)
     assert missing == []
-
-
-def test_the_model_page_names_functions():
-    assert len(names(ROOT / "docs" / "model.md")) > 20
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=title)
