@@ -14,9 +14,9 @@ from whichroad import fleet as fleets
 from whichroad.batch import match_many, match_stream
 from whichroad.fleet import localize_fleet
 from whichroad.frames import Plane
-from whichroad.localizer import localize_recorded
 from whichroad.parcel import Tables
 from whichroad.readers import trips
+from whichroad.recorded import localize_recorded
 from whichroad.tables import ATTRIBUTES, DRIVES, PATH, POINTS
 
 PLANE = Plane(49.4, 8.7)

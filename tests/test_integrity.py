@@ -13,11 +13,12 @@ import whichroad
 from strategies import seeds
 from whichroad.cli.match import say
 from whichroad.columns import _competing, points_table
-from whichroad.core.belief import NO_EDGE
 from whichroad.epochs import build_timeline
+from whichroad.filter.state import NO_EDGE
 from whichroad.frames import Plane
-from whichroad.localizer import Localizer, localize_recorded
+from whichroad.localizer import Localizer
 from whichroad.reasons import STATUS, competing, reason
+from whichroad.recorded import localize_recorded
 from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle

@@ -10,15 +10,15 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from scenes import Town, Truth, drive_along, gnss, network
-from whichroad import localizer, scratch, ways
-from whichroad.core.belief import Route, new_route
-from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
+from scenes import Town, Truth, columns, drive_along, gnss, network
+from whichroad import path, recorded, workspace
 from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError, MapError, ReadError
+from whichroad.filter.state import Path, new_path
 from whichroad.frames import Plane
-from whichroad.localizer import STATUS, Localizer, localize_recorded
+from whichroad.localizer import STATUS, Localizer
 from whichroad.readers.fixes import NOT_A_COVARIANCE
+from whichroad.recorded import localize_recorded
 from whichroad.records import (
     Distance,
     Drive,
@@ -104,13 +104,12 @@ def both_ways(log: WheelCounts, gnss_log: Fixes) -> tuple[dict[float, Estimate],
     assert online.skipped == {}
     timeline = build_timeline(Drive("d", gnss_log, log), PLANE, CAR)
     output = localize_recorded(TOWN, timeline, vehicle=CAR).output
-    assert len(timeline.epochs.time) == len(estimates)
-    columns = [V_X, V_Y, V_H, V_XX, V_YY, V_P, V_OFF, V_S]
+    assert len(timeline.epochs) == len(estimates)
     edges = [
         (int(e) if e >= 0 else None, STATUS[s])
-        for e, s in zip(output.edge, output.status, strict=True)
+        for e, s in zip(output.rows.edge, output.rows.status, strict=True)
     ]
-    return estimates, output.value[:, columns], edges
+    return estimates, columns(output, "x y heading xx yy p_edge p_off_road s"), edges
 
 
 @pytest.mark.parametrize("delay", [0.05, 0.03])
@@ -149,23 +148,23 @@ def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a
     at = np.arange(0, len(STRAIGHT.time), 10)
     timeline = build_timeline(Drive("d", fixes(STRAIGHT, at), wheels(STRAIGHT)), PLANE, CAR)
     whole = localize_recorded(TOWN, timeline, vehicle=CAR)
-    monkeypatch.setattr(localizer, "_CHUNK", 137)
+    monkeypatch.setattr(recorded, "_CHUNK", 137)
     trees = []
 
-    def small_tree(_: int) -> Route:
-        """52 nodes, then the kernel asks for more room."""
-        trees.append(new_route(2100))
+    def small_tree(_: int) -> Path:
+        """52 entries, then the kernel asks for more room."""
+        trees.append(new_path(2100))
         return trees[-1]
 
-    monkeypatch.setattr(scratch, "_free", threading.local())
-    monkeypatch.setattr(scratch, "new_route", small_tree)
-    monkeypatch.setattr(ways, "new_route", small_tree)
+    monkeypatch.setattr(workspace, "_free", threading.local())
+    monkeypatch.setattr(workspace, "new_path", small_tree)
+    monkeypatch.setattr(path, "new_path", small_tree)
     cut = localize_recorded(TOWN, timeline, vehicle=CAR)
     assert len(trees) > 2
     for a, b in zip(cut.output, whole.output, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert len(whole.route_edge) > 10
-    for a, b in zip(cut[1:4], whole[1:4], strict=True):
+    assert len(whole.chain.edge) > 10
+    for a, b in zip(cut.chain, whole.chain, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
@@ -343,5 +342,5 @@ def test_a_recorded_drive_that_nothing_can_start_is_refused():
 
 def test_speed_is_what_the_wheels_say():
     online = driven_to(100)
-    assert online._output.value[0, V_SPEED] == pytest.approx(10.0, rel=0.03)
+    assert online._output.rows.speed[0] == pytest.approx(10.0, rel=0.03)
     assert math.isfinite(online.predict(11.0).pose.x)

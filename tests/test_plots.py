@@ -31,14 +31,15 @@ def roads():
     """Two parallel roads, 12 m apart, and one across."""
     lines = np.array([[(0, 0), (400, 0)], [(0, 12), (400, 12)], [(200, -50), (200, 80)]], float)
     arrays = SimpleNamespace(
-        x=lines[:, :, 0].ravel(),
-        y=lines[:, :, 1].ravel(),
-        first=np.array([0, 2, 4, 6]),
-        opposite=np.array([-1, -1, -1]),
+        vertices=SimpleNamespace(x=lines[:, :, 0].ravel(), y=lines[:, :, 1].ravel()),
+        edges=SimpleNamespace(first_vertex=np.array([0, 2, 4]), opposite=np.array([-1, -1, -1])),
     )
     names = {0: "Main Street", 1: "Side Lane", 2: None}
     return SimpleNamespace(
-        plane=PLANE, arrays=arrays, attributes=lambda edge: {"name": names[edge]}
+        plane=PLANE,
+        arrays=arrays,
+        attributes=lambda edge: {"name": names[edge]},
+        edge_line=lambda edge: lines[edge],
     )
 
 
@@ -149,5 +150,5 @@ def test_an_ellipse_has_the_axes_of_its_covariance():
 
 
 def test_roads_far_from_the_drive_are_not_drawn(result, roads):
-    roads.arrays.x[4:] += 5000
+    roads.arrays.vertices.x[4:] += 5000
     assert len(scene_of(result, roads).roads) == 2

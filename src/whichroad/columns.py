@@ -2,45 +2,23 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from .core._jit import Matrix
-from .core.belief import NO_EDGE, OFF_ROAD
-from .core.epoch import Epochs
-from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
-from .core.output import (
-    AMBIGUOUS,
-    V_GNSS_SCALE,
-    V_H,
-    V_HH,
-    V_LATERAL,
-    V_MAP_X,
-    V_MAP_Y,
-    V_MATCH_X,
-    V_MATCH_Y,
-    V_OFF,
-    V_P,
-    V_PROTECTION,
-    V_S,
-    V_SPEED,
-    V_X,
-    V_XX,
-    V_XY,
-    V_Y,
-    V_YY,
-    Output,
-)
+from ._compile import Records
+from .filter.estimate import AMBIGUOUS, Output
+from .filter.state import NO_EDGE, OFF_ROAD
+from .graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from .reasons import COUNTS, RECENT, STATUS, far_off, reason, title
 from .records import Array
 from .roadmap import RoadMap
-from .route import Traversals
 from .sensors.gnss import ellipse
 from .tables import ATTRIBUTES, PATH, POINTS, line_wkb, times
+from .traversals import Traversals
 
 _RULES = (
     (AGAINST_ONE_WAY, "against_one_way"),
@@ -48,9 +26,41 @@ _RULES = (
     (NO_ACCESS, "no_access"),
     (U_TURN, "u_turn"),
 )
+XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
 _GAP = 1 << 20  # beyond all rules
 _STATUS = pa.array(STATUS)
 _SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
+
+
+class _Estimates(NamedTuple):
+    """Columns of `filter.estimate.ESTIMATE` without gaps: all that follows takes them whole."""
+
+    x: Array  # (n,)
+    y: Array
+    heading: Array
+    cov: Array  # (6, n)
+    p_edge: Array
+    p_off_road: Array
+    s: Array
+    lateral: Array
+    map_x: Array
+    map_y: Array
+    match_x: Array
+    match_y: Array
+    speed: Array
+    protection_level: Array
+    gnss_scale: Array
+    edge: NDArray[np.int32]
+    live: NDArray[np.int32]
+    alt_edge: NDArray[np.int32]  # (n, ALTERNATIVES)
+    alt_p: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+
+def _columns(output: Output) -> _Estimates:
+    columns = {name: output.rows[name] for name in _Estimates._fields}
+    columns["cov"] = columns["cov"].T
+    return _Estimates(**{name: np.ascontiguousarray(c) for name, c in columns.items()})
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
@@ -76,7 +86,7 @@ def _within(degrees: Array, turn: float) -> Array:
 
 def points_table(
     drive_id: str | Sequence[str],
-    epochs: Epochs,
+    epochs: Records,
     output: Output,
     roads: RoadMap,
     *,
@@ -97,53 +107,52 @@ def points_table(
         A table with the columns of `tables.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
-    plane, v = roads.plane, output.value.T.copy()  # by columns: all that follows takes them whole
-    none = output.live == 0
-    x, y = v[V_X], v[V_Y]
-    lat, lon = plane.to_geodetic(x, y)
-    map_lat, map_lon = plane.to_geodetic(v[V_MAP_X], v[V_MAP_Y])
-    match_lat, match_lon = plane.to_geodetic(v[V_MATCH_X], v[V_MATCH_Y])
-    turn = plane.convergence(x, y)
-    bearing = _within(np.degrees(math.pi / 2 - (v[V_H] - turn)), 360.0)
+    plane, v = roads.plane, _columns(output)
+    none = v.live == 0
+    lat, lon = plane.to_geodetic(v.x, v.y)
+    map_lat, map_lon = plane.to_geodetic(v.map_x, v.map_y)
+    match_lat, match_lon = plane.to_geodetic(v.match_x, v.match_y)
+    turn = plane.convergence(v.x, v.y)
+    bearing = _within(np.degrees(math.pi / 2 - (v.heading - turn)), 360.0)
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
-    xx, xy, yy = v[V_XX], v[V_XY], v[V_YY]
+    xx, xy, yy = v.cov[XX], v.cov[XY], v.cov[YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
     nn = s * s * xx - 2 * c * s * xy + c * c * yy
     en = c * s * (yy - xx) + (c * c - s * s) * xy
     major, minor, axis = ellipse(ee, en, nn)
-    off = none | (output.edge < 0)
-    edge, s = np.where(off, 0, output.edge), np.where(off, 0.0, v[V_S])
+    off = none | (v.edge < 0)
+    edge, s = np.where(off, 0, v.edge), np.where(off, 0.0, v.s)
     source, forward = _sources(roads, edge, s, off)
     columns = {
-        "drive_id": _repeated(names, np.diff(first, append=len(x))),
+        "drive_id": _repeated(names, np.diff(first, append=len(epochs))),
         "time": times(epochs.time),
         "lat": _nullable(lat, none),
         "lon": _nullable(lon, none),
         "bearing_deg": _nullable(bearing, none),
-        "speed_mps": _nullable(v[V_SPEED], none),
+        "speed_mps": _nullable(v.speed, none),
         "cov_ee_m2": _nullable(ee, none),
         "cov_en_m2": _nullable(en, none),
         "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
+        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v.cov[HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
         "ellipse_bearing_deg": _nullable(_within(90.0 - np.degrees(axis), 180.0), none),
-        "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
+        "edge_id": pa.array(v.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,
-        "abscissa_m": _nullable(v[V_S], off),
-        "lateral_m": _nullable(v[V_LATERAL], off),
+        "abscissa_m": _nullable(v.s, off),
+        "lateral_m": _nullable(v.lateral, off),
         "matched_lat": _nullable(match_lat, off),
         "matched_lon": _nullable(match_lon, off),
         "map_lat": _nullable(map_lat, none),
         "map_lon": _nullable(map_lon, none),
-        "p_road": _nullable(v[V_P], none),
-        "p_off_road": _nullable(v[V_OFF], none),
-        "status": _STATUS.take(pa.array(output.status)),
-        "reason": _reasons(epochs, output, v, roads, first),
-        "alternatives": _alternatives(output),
-        "protection_level_m": _nullable(v[V_PROTECTION], none),
-        "gnss_scale": _nullable(v[V_GNSS_SCALE], none | (v[V_GNSS_SCALE] == 0.0)),
+        "p_road": _nullable(v.p_edge, none),
+        "p_off_road": _nullable(v.p_off_road, none),
+        "status": _STATUS.take(pa.array(v.status)),
+        "reason": _reasons(epochs, v, roads, first),
+        "alternatives": _alternatives(v),
+        "protection_level_m": _nullable(v.protection_level, none),
+        "gnss_scale": _nullable(v.gnss_scale, none | (v.gnss_scale == 0.0)),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
@@ -175,47 +184,45 @@ def _attributes(
     }
 
 
-def _alternatives(output: Output) -> pa.Array:
-    on = np.flatnonzero(output.alt_edge >= 0)  # in the order of rows
-    n, width = output.alt_edge.shape
+def _alternatives(v: _Estimates) -> pa.Array:
+    on = np.flatnonzero(v.alt_edge >= 0)  # in the order of rows
+    n, width = v.alt_edge.shape
     ends = np.zeros(n + 1, np.int32)
     np.cumsum(np.bincount(on // width, minlength=n), out=ends[1:])
     rows = pa.StructArray.from_arrays(
         [
-            pa.array(output.alt_edge.take(on).astype(np.int64)),
-            pa.array(output.alt_p.take(on).astype(np.float64)),
+            pa.array(v.alt_edge.take(on).astype(np.int64)),
+            pa.array(v.alt_p.take(on).astype(np.float64)),
         ],
         names=["edge_id", "p"],
     )
     return pa.ListArray.from_arrays(pa.array(ends), rows)
 
 
-def _reasons(
-    epochs: Epochs, output: Output, v: Matrix, roads: RoadMap, begins: Sequence[int]
-) -> pa.Array:
+def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[int]) -> pa.Array:
     """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
-    n, status = len(epochs.time), output.status
+    n, status = len(epochs), v.status
     if not n:
         return pa.array([], pa.string())
-    away = np.rint(_disbelieved(epochs, output.live, v, begins))
-    scale = np.rint(10.0 * v[V_GNSS_SCALE])
+    away = np.rint(_disbelieved(epochs, v, begins))
+    scale = np.rint(10.0 * v.gnss_scale)
     scale[away > 0.0] = 0.0
-    vie = (status == AMBIGUOUS) & (output.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
-    key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (output.live > 0)
+    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
+    key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (v.live > 0)
     one, at = _distinct(key)
     texts = [
         reason(
             "on_road" if vie[k] else STATUS[status[k]],
             disbelieved=away[k],
             scale=0.1 * scale[k],
-            answered=output.live[k] > 0,
+            answered=v.live[k] > 0,
         )
         for k in one
     ]
     rows = np.flatnonzero(vie)
     told = pa.array(texts, pa.string())
     also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
-    words = _competing(output.alt_edge[rows], output.alt_p[rows].astype(np.float64), roads)
+    words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
     return pa.concat_arrays([told, words]).take(pa.array(at))
@@ -242,23 +249,25 @@ def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
     return pc.if_else(on, named, title(OFF_ROAD, lambda _: None))
 
 
-def _disbelieved(epochs: Epochs, live: NDArray[np.int32], v: Matrix, first: Sequence[int]) -> Array:
+def _disbelieved(epochs: Records, v: _Estimates, first: Sequence[int]) -> Array:
     """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
-    n, k = len(live), np.flatnonzero(epochs.has_fix)
+    n, k = len(epochs), np.flatnonzero(epochs.has_fix)
     if not len(k):
         return np.zeros(n)
     every = len(k) == n
     at = slice(None) if every else k
-    dx, dy = epochs.fix[at, 0] - v[V_X, at], epochs.fix[at, 1] - v[V_Y, at]
+    fix = epochs.fix
+    dx, dy = fix[at, 0] - v.x[at], fix[at, 1] - v.y[at]
     away = np.sqrt(dx * dx + dy * dy)
-    own = epochs.fix[at, 2] * np.maximum(v[V_GNSS_SCALE, at], 1.0)
-    far = far_off(away, np.sqrt(own**2 + v[V_XX, at] + v[V_YY, at])) & (live[at] > 0)
+    own = fix[at, 2] * np.maximum(v.gnss_scale[at], 1.0)
+    far = far_off(away, np.sqrt(own**2 + v.cov[XX, at] + v.cov[YY, at])) & (v.live[at] > 0)
     away = np.where(far, away, 0.0)
     if every:
         return away
+    time = epochs.time
     last = np.searchsorted(k, np.arange(n), side="right") - 1
     begin = np.repeat(first, np.diff(first, append=n))  # of the row's own drive
-    recent = (last >= 0) & (k[last] >= begin) & (epochs.time - epochs.time[k[last]] <= RECENT)
+    recent = (last >= 0) & (k[last] >= begin) & (time - time[k[last]] <= RECENT)
     return np.where(recent, away[last], 0.0)
 
 
@@ -282,14 +291,14 @@ def path_table(
     duration = way.exit_time - way.enter_time
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
-    arrays = roads.arrays
+    of_edges = roads.arrays.edges
     columns = {
         "drive_id": _repeated(names, count),
         "seq": pa.array(np.arange(rows) - np.repeat(np.cumsum(count) - count, count)),
         "edge_id": pa.array(edges, pa.int64()),
         "source_id": source,
-        "from_node": pa.array(arrays.from_node[edges].astype(np.int64)),
-        "to_node": pa.array(arrays.to_node[edges].astype(np.int64)),
+        "from_node": pa.array(of_edges.from_node[edges].astype(np.int64)),
+        "to_node": pa.array(of_edges.to_node[edges].astype(np.int64)),
         "forward": forward,
         "enter_time": times(way.enter_time),
         "exit_time": times(way.exit_time),
@@ -309,8 +318,8 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
     rows = len(edges)
     if not rows:
         return pa.array([], pa.binary())
-    whole = (enter <= 0.0) & (leave >= roads.arrays.length[edges])
-    key = np.where(whole, edges, len(roads.arrays.length) + np.arange(rows))
+    whole = (enter <= 0.0) & (leave >= roads.arrays.edges.length[edges])
+    key = np.where(whole, edges, len(roads) + np.arange(rows))
     one, at = _distinct(key)
     x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
     lat, lon = roads.plane.to_geodetic(x, y)
@@ -337,7 +346,7 @@ def _rule_names(bits: int) -> str | None:
 
 
 def figures_of(
-    epochs: Epochs, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
+    epochs: Records, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
 ) -> dict[str, NDArray[Any]]:
     """What `tables.DRIVES` tells of drives in numbers, (d,) each.
 
@@ -348,11 +357,12 @@ def figures_of(
         way: (r,) their routes, one behind the other.
         begins: (d + 1,) where each begins, and r.
     """
-    known = output.live > 0
+    rows, time = output.rows, epochs.time
+    known = rows.live > 0
     answered = _sums(known, first)
     low, high = np.array(first[:-1]), np.array(first[1:])
     some = high > low
-    ends = epochs.time[np.where(some, high - 1, 0)] - epochs.time[np.where(some, low, 0)]
+    ends = time[np.where(some, high - 1, 0)] - time[np.where(some, low, 0)]
     return {
         "epochs": high - low,
         "fixes": _sums(epochs.has_fix > 0, first),
@@ -360,9 +370,9 @@ def figures_of(
         "duration_s": np.where(some, ends, 0.0),
         "path_m": _sums(np.abs(way.exit_m - way.enter_m), begins),
         "edges": np.diff(begins),
-        "gaps": _sums(way.gap, begins),
-        "mean_p_road": _sums(output.value[:, V_P] * known, first) / np.maximum(answered, 1),
-        "mean_p_off_road": _sums(output.value[:, V_OFF] * known, first) / np.maximum(answered, 1),
+        "gaps": _sums(way.gap > 0, begins),
+        "mean_p_road": _sums(rows.p_edge * known, first) / np.maximum(answered, 1),
+        "mean_p_off_road": _sums(rows.p_off_road * known, first) / np.maximum(answered, 1),
     }
 
 
@@ -382,14 +392,14 @@ def _mean(values: NDArray[Any]) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def summary_of(epochs: Epochs, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
+def summary_of(epochs: Records, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
     """The drive in numbers, for people and for JSON."""
-    n = len(epochs.time)
-    shares = {s: float(np.mean(output.status == i)) for i, s in enumerate(STATUS) if n}
+    n, rows = len(epochs), output.rows
+    shares = {s: float(np.mean(rows.status == i)) for i, s in enumerate(STATUS) if n}
     figures = figures_of(epochs, output, [0, n], way, [0, len(way.edge)])
     return {name: column[0].item() for name, column in figures.items()} | {
         "fixes_masked": masked,
-        "mean_live_hypotheses": _mean(output.live[output.live > 0]),
+        "mean_live_hypotheses": _mean(rows.live[rows.live > 0]),
         "status": {k: v for k, v in shares.items() if v > 0},
-        "off_road_epochs": int((output.alt_edge[:, 0] == OFF_ROAD).sum()),
+        "off_road_epochs": int((rows.alt_edge[:, 0] == OFF_ROAD).sum()),
     }

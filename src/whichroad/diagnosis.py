@@ -8,8 +8,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from .core.epoch import CLOCK, Epochs
-from .core.output import Output
+from ._compile import Records
+from .filter.estimate import Output
+from .filter.state import CLOCK
 from .settings import Settings, Vehicle
 from .watch import Watch, rows_of
 
@@ -196,7 +197,7 @@ def _gnss(watch: Watch) -> list[Finding]:
 
 
 def findings_of(
-    epochs: Epochs, output: Output, mode: int, settings: Settings, vehicle: Vehicle
+    epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle
 ) -> tuple[Finding, ...]:
     """What does not fit in a recorded drive; nothing is said where time alone moves it."""
     if mode == CLOCK:

@@ -8,20 +8,20 @@ from typing import Any, NamedTuple, cast
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from .core.epoch import Epochs
-from .core.output import Output
+from ._compile import Records
 from .diagnosis import Finding
 from .errors import SettingError
-from .route import Traversals
+from .filter.estimate import Output
+from .path import Alternative, Way, best_ways
 from .tables import geo_frame
-from .ways import Alternative, Way, best_ways
+from .traversals import Traversals
 from .writers import write_table
 
 
 class Answered(NamedTuple):
     """What the tables of a drive are made of."""
 
-    epochs: Epochs
+    epochs: Records  # (n,) filter.state.EPOCH
     output: Output
     way: Callable[[], Traversals]
 

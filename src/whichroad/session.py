@@ -13,25 +13,20 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .columns import path_table, points_table, summary_of
-from .core.belief import NO_EDGE, OFF_ROAD
-from .core.epoch import Epochs
-from .core.output import (
-    ALTERNATIVES,
-    Output,
-)
 from .diagnosis import Finding
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
-from .literal import localize_literal
-from .localizer import Recorded, localize_recorded
+from .filter.estimate import Output
+from .filter.state import NO_EDGE, OFF_ROAD
+from .global_start import MAP
 from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
+from .recorded import Recorded, localize_by_paper, localize_recorded
 from .records import Array, Drive, Fixes, Observation, StartPose
 from .result import Answered, Result
 from .roadmap import RoadMap, open_map
-from .route import Traversals, traversals
-from .search import MAP
 from .settings import Settings, Vehicle
-from .smoother import Lag
+from .smoothing import Lag
+from .traversals import Traversals, traversals
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
@@ -185,9 +180,9 @@ def _match_one(
     hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
 ) -> Result:  # fmt: skip
     timeline = timeline_of(drive, roads, vehicle, mask)
-    n = len(timeline.epochs.time)
+    n = len(timeline.epochs)
     localize: Callable[..., Recorded] = (
-        localize_literal if model == "paper" else partial(localize_recorded, lag=lag)
+        localize_by_paper if model == "paper" else partial(localize_recorded, lag=lag)
     )
     try:
         recorded = localize(
@@ -196,7 +191,7 @@ def _match_one(
         )  # fmt: skip
     except DriveError as error:  # what a reader noted may be why
         raise DriveError("; ".join([str(error), *drive.notes])) from None
-    way = cache(partial(traversals, timeline.epochs, recorded, roads.arrays))
+    way = cache(partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays))
     diagnosis = cache(lambda: recorded.diagnosis)
     return Result(
         partial(
@@ -288,12 +283,11 @@ def _ground_distance(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
 
 
 def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
-    poses = output.alt_pose.reshape(-1, ALTERNATIVES, 6)
-    edge = np.where(output.alt_edge == NO_EDGE, -2, output.alt_edge)
-    edge = np.where(output.alt_edge == OFF_ROAD, -1, edge)
-    epochs: Epochs = timeline.epochs
+    poses, rows, epochs = output.alt_pose, output.rows, timeline.epochs
+    edge = np.where(rows.alt_edge == NO_EDGE, -2, rows.alt_edge)
+    edge = np.where(edge == OFF_ROAD, -1, edge)
     return {
-        "time": epochs.time, "edge": edge.astype(np.int32), "p": output.alt_p.astype(float),
+        "time": epochs.time, "edge": edge.astype(np.int32), "p": rows.alt_p.astype(float),
         "x": poses[..., 0], "y": poses[..., 1], "heading": poses[..., 2],
         "cov_xx": poses[..., 3], "cov_xy": poses[..., 4], "cov_yy": poses[..., 5],
         "has_fix": epochs.has_fix.astype(bool), "fix": epochs.fix,

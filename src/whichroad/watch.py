@@ -18,17 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.epoch import Epochs
-from .core.output import (
-    V_GNSS_SCALE,
-    V_H,
-    V_MAP_X,
-    V_MAP_Y,
-    V_SPEED,
-    V_X,
-    V_Y,
-    Output,
-)
+from ._compile import Record, Records
+from .filter.estimate import Output
 from .records import Array
 from .settings import Settings, Vehicle
 
@@ -68,7 +59,7 @@ class Row(NamedTuple):
     minor: Any
 
 
-_SAID = np.array([V_SPEED, V_H, V_GNSS_SCALE, V_X, V_Y, V_MAP_X, V_MAP_Y])
+_ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
 _BLOCK = 2048  # epochs that are looked at together on line
 
 
@@ -90,11 +81,11 @@ class Shift(NamedTuple):
     sigma_antenna: float
 
 
-def rows_of(epochs: Epochs, output: Output) -> Array:
+def rows_of(epochs: Records, output: Output) -> Array:
     """Columns of `Row` for every epoch, (n, 15)."""
-    odometer = np.column_stack([epochs.time, epochs.arc, epochs.turn])
-    fix = np.column_stack([epochs.has_fix, epochs.fix[:, :4]])
-    return np.hstack([odometer, output.value[:, _SAID], fix])
+    odometer = [epochs.time, epochs.arc, epochs.turn]
+    estimate = [output.rows[name] for name in _ESTIMATED]
+    return np.column_stack([*odometer, *estimate, epochs.has_fix, epochs.fix[:, :4]])
 
 
 class _Fixes(NamedTuple):
@@ -132,15 +123,20 @@ class Watch:
         self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
-    def look(self, epochs: Epochs, output: Output) -> None:
-        """Add the one epoch that there is, as on line; it is looked at later."""
+    def look(self, epoch: Record, estimate: Record) -> None:
+        """Add an epoch, as on line; it is looked at later.
+
+        Args:
+            epoch: One of `filter.state.EPOCH`.
+            estimate: One of `filter.estimate.ESTIMATE`.
+        """
         row = self._block[self._waiting]
-        row[0], row[1], row[2] = epochs.time[0], epochs.arc[0], epochs.turn[0]
-        row[3:10] = output.value[0, _SAID]
-        fixed = epochs.has_fix[0]
+        row[0], row[1], row[2] = epoch["time"], epoch["arc"], epoch["turn"]
+        row[3:10] = [estimate[name] for name in _ESTIMATED]
+        fixed = epoch["has_fix"]
         row[10] = fixed
         if fixed:
-            row[11:] = epochs.fix[0, :4]
+            row[11:] = epoch["fix"][:4]
         self._waiting += 1
         if self._waiting == _BLOCK:
             self._flush()

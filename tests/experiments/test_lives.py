@@ -105,4 +105,4 @@ def test_the_fixed_covariance_is_the_average_of_the_fixes_own():
 def test_streets_that_meet_are_followed_in_the_direction_of_the_route():
     roads = draw_map({"a": [(0, 0), (100, 0)], "b": [(100, 90), (100, 0)], "c": [(100, 0), (9, 9)]})
     one, other = along(roads, ["a", "b"])
-    assert roads.arrays.to_node[one] == roads.arrays.from_node[other]
+    assert roads.arrays.edges.to_node[one] == roads.arrays.edges.from_node[other]

@@ -13,7 +13,9 @@ from scenes import (
     On,
     Truth,
     belief_on,
-    call,
+    column,
+    columns,
+    context,
     drive_along,
     edge_weights,
     gnss,
@@ -23,12 +25,23 @@ from scenes import (
     weights,
 )
 from strategies import seeds
-from whichroad.core.belief import GX, MX, OFF_ROAD, Belief, H, N, X
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.core.network import Roads
-from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_XX, V_XY, V_YY, Output
-from whichroad.core.reduction import reduce
-from whichroad.core.start import leave_and_return
+from whichroad.filter.births import exchange_off_road
+from whichroad.filter.estimate import Output
+from whichroad.filter.reduction import reduce
+from whichroad.filter.state import (
+    CLOCK,
+    DISTANCE,
+    GX,
+    MX,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    H,
+    N,
+    X,
+    new_path,
+)
+from whichroad.graph.network import Roads
 
 TOWN = grid_town()
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -63,21 +76,21 @@ def moved(truth: Truth, fix: np.ndarray, turn: np.ndarray, shift: np.ndarray):
 def assert_moved(there: Output, here: Output, turn: np.ndarray, shift: np.ndarray, within: float):
     """What is said there is what is said here, moved."""
     close = {"rtol": within, "atol": within}
-    np.testing.assert_allclose(there.value[:, :2], here.value[:, :2] @ turn.T + shift, **close)
-    heading = np.exp(1j * here.value[:, V_H])
+    np.testing.assert_allclose(
+        columns(there, "x y"), columns(here, "x y") @ turn.T + shift, **close
+    )
+    heading = np.exp(1j * column(here, "heading"))
     if np.linalg.det(turn) < 0.0:
         heading = heading.conj()
     turned = heading * complex(turn[0, 0], turn[1, 0])
-    np.testing.assert_allclose(np.exp(1j * there.value[:, V_H]), turned, **close)
-    here_cov, there_cov = (
-        o.value[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2) for o in (here, there)
-    )
+    np.testing.assert_allclose(np.exp(1j * column(there, "heading")), turned, **close)
+    here_cov, there_cov = (columns(o, "xx xy xy yy").reshape(-1, 2, 2) for o in (here, there))
     np.testing.assert_allclose(there_cov, turn @ here_cov @ turn.T, **close)
-    said = [V_P, V_OFF]
-    np.testing.assert_allclose(there.value[:, said], here.value[:, said], **close)
-    sure = here.value[:, V_P] > 0.5  # else two edges may be equally probable
-    np.testing.assert_array_equal(there.edge[sure], here.edge[sure])
-    np.testing.assert_allclose(there.value[sure, V_S], here.value[sure, V_S], **close)
+    for name in ("p_edge", "p_off_road"):
+        np.testing.assert_allclose(there.rows[name], here.rows[name], **close)
+    sure = here.rows.p_edge > 0.5  # else two edges may be equally probable
+    np.testing.assert_array_equal(there.rows.edge[sure], here.rows.edge[sure])
+    np.testing.assert_allclose(there.rows.s[sure], here.rows.s[sure], **close)
 
 
 @MODES
@@ -127,9 +140,10 @@ def test_streets_in_any_order_and_drawn_either_way_give_the_same_answer(mode: in
     here = localize(network(TOWN), epochs, mode=mode).output
     there = localize(network(streets), epochs, mode=mode).output
     place = np.argsort(order)
-    edge = np.where(here.edge >= 0, 2 * place[here.edge // 2] + here.edge % 2, here.edge)
-    edge = np.where((here.edge >= 0) & back[here.edge // 2], edge ^ 1, edge)
-    assert_moved(there, here._replace(edge=edge), np.eye(2), np.zeros(2), EXACT)
+    old = here.rows.edge.copy()
+    edge = np.where(old >= 0, 2 * place[old // 2] + old % 2, old)
+    here.rows.edge = np.where((old >= 0) & back[old // 2], edge ^ 1, edge)
+    assert_moved(there, here, np.eye(2), np.zeros(2), EXACT)
 
 
 @MODES
@@ -176,9 +190,10 @@ def turned_belief(belief: Belief, turn: np.ndarray) -> None:
     whole = np.eye(N)
     for state in (X, MX, GX):
         whole[state : state + 2, state : state + 2] = turn
-    belief.mean[:] = belief.mean @ whole.T
-    belief.mean[:, H] += math.atan2(turn[1, 0], turn[0, 0])
-    belief.cov[:] = whole @ belief.cov @ whole.T
+    mean, cov = belief.hyp["mu"], belief.hyp["cov"]
+    mean[:] = mean @ whole.T
+    mean[:, H] += math.atan2(turn[1, 0], turn[0, 0])
+    cov[:] = whole @ cov @ whole.T
 
 
 def wandering(seed: int, roads: Roads, turn: np.ndarray) -> Belief:
@@ -191,11 +206,12 @@ def wandering(seed: int, roads: Roads, turn: np.ndarray) -> Belief:
         roads, [On(OFF_ROAD, at[0] + dx, float(p), -at[1] - dy)
                 for (dx, dy), p in zip(spread, shares, strict=True)],
     )  # fmt: skip
-    belief.mean[:4, H] = rng.uniform(-3.0, 3.0, 4)
+    belief.hyp["mu"][:4, H] = rng.uniform(-3.0, 3.0, 4)
+    cov = belief.hyp["cov"]
     for i in range(4):
         root = rng.normal(size=(2, 2)) * [[8.0], [2.0]]
-        belief.cov[i, :2, :2] = root @ root.T + np.eye(2)
-        belief.cov[i, H, H] = 0.2
+        cov[i, :2, :2] = root @ root.T + np.eye(2)
+        cov[i, H, H] = 0.2
     turned_belief(belief, turn)
     return belief
 
@@ -209,7 +225,8 @@ def test_turning_the_world_changes_nothing_in_who_comes_back_to_which_road(seed:
     for how in (np.eye(2), turn):
         roads = network([line @ how.T for line in TOWN])
         belief = wandering(seed, roads, how)
-        call(leave_and_return, belief=belief, roads=roads, travelled=10.0, follows_road=False)
+        belief.state.since_exit = 10.0
+        exchange_off_road(belief, context(roads))
         shares.append(edge_weights(belief))
     assert shares[1] == pytest.approx(shares[0], abs=EXACT)
 
@@ -223,7 +240,7 @@ def test_turning_the_world_changes_nothing_in_what_merges_off_the_roads(seed: in
     for how in (np.eye(2), turn):
         roads = network([line @ how.T for line in TOWN])
         belief = wandering(seed, roads, how)
-        call(reduce, belief=belief)
+        reduce(belief, new_path(1 << 12), context(roads))
         left.append(np.sort(weights(belief)))
     assert len(left[0]) == len(left[1])
     np.testing.assert_allclose(left[1], left[0], atol=EXACT)

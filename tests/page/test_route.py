@@ -47,8 +47,8 @@ def test_the_way_between_far_fixes_runs_along_the_roads(sparse: Result, roads: R
 
 
 def test_a_way_is_the_shape_of_its_edges_from_point_to_point(roads: RoadMap):
-    edge = int(np.argmax(np.diff(roads.arrays.first)))
-    length = float(roads.arrays.length[edge])
+    edge = int(np.argmax(roads.arrays.edges.last_vertex - roads.arrays.edges.first_vertex))
+    length = float(roads.arrays.edges.length[edge])
     once = np.ones(1)
     route = Route(np.array([edge]), 0.0 * once, 60.0 * once, 0.0 * once, length * once, [None])
     time, on = np.array([10.0, 50.0]), np.array([edge, edge])
@@ -60,7 +60,7 @@ def test_a_way_is_the_shape_of_its_edges_from_point_to_point(roads: RoadMap):
 
 
 def test_a_route_that_breaks_off_is_drawn_straight_there(roads: RoadMap):
-    length = roads.arrays.length[:1].astype(float)
+    length = roads.arrays.edges.length[:1].astype(float)
     route = Route(np.array([0]), np.zeros(1), np.ones(1), 0.0 * length, length, [None])
     nowhere = np.array([np.nan, np.nan])
     assert route.between(np.array([5.0, 50.0]), np.array([-2, -2]), nowhere, roads) == {}

@@ -168,23 +168,23 @@ def test_the_route_is_legal_and_connected(hand_made):
     for seed in range(10):
         route = simulate_drive(hand_made, seed=seed, length_m=3000.0).route
         for a, b in itertools.pairwise(route):
-            turns = slice(roads.succ_first[a], roads.succ_first[a + 1])
-            turn = list(roads.succ[turns]).index(b)
-            assert roads.succ_rule[turns][turn] == 0
-            assert roads.rule[b] == 0
-            assert roads.opposite[a] != b
+            edge, turns = roads.edges[a], roads.turns
+            turns = turns[edge.first_turn : edge.end_turn]
+            assert turns.rule[turns.edge.tolist().index(b)] == 0
+            assert roads.edges.rule[b] == 0
+            assert edge.opposite != b
 
 
 def test_banned_turns_and_dead_ends_are_never_taken(hand_made):
     roads = hand_made.arrays
-    banned = np.zeros(len(roads.succ), dtype=np.uint8)
-    banned[::3] = 2
-    strict = hand_made._replace(arrays=roads._replace(succ_rule=banned))
+    turns = roads.turns.copy()
+    turns.rule[::3] = 2
+    strict = hand_made._replace(arrays=roads._replace(turns=turns))
     pairs = {
-        (e, int(roads.succ[k]))
-        for e in range(len(roads.length))
-        for k in range(roads.succ_first[e], roads.succ_first[e + 1])
-        if banned[k]
+        (e, int(turn.edge))
+        for e, edge in enumerate(roads.edges)
+        for turn in turns[edge.first_turn : edge.end_turn]
+        if turn.rule
     }
     for seed in range(5):
         drive = simulate_drive(strict, seed=seed, length_m=3000.0)
@@ -200,12 +200,12 @@ def test_edges_follow_the_route_and_the_map_position_lies_on_them(hand_made):
     changes = truth.edge[np.concatenate([[True], np.diff(truth.edge) != 0])]
     assert list(changes) == list(drive.route[: len(changes)])
     assert (truth.abscissa >= 0).all()
-    assert (truth.abscissa <= roads.length[truth.edge]).all()
+    assert (truth.abscissa <= roads.edges.length[truth.edge]).all()
     x = np.empty(len(truth))
     y = np.empty(len(truth))
     for k, (e, s) in enumerate(zip(truth.edge, truth.abscissa, strict=True)):
-        v = slice(roads.first[e], roads.first[e + 1])
-        x[k], y[k] = np.interp(s, roads.s[v], roads.x[v]), np.interp(s, roads.s[v], roads.y[v])
+        v = roads.vertices[roads.edges.first_vertex[e] : roads.edges.last_vertex[e] + 1]
+        x[k], y[k] = np.interp(s, v.s, v.x), np.interp(s, v.s, v.y)
     # usual lane 1.75 m + next lane 3.3 m + streets and strays, corners cut by a few metres
     assert np.hypot(x - truth.map_x, y - truth.map_y).max() < 10.0
 
@@ -213,11 +213,11 @@ def test_edges_follow_the_route_and_the_map_position_lies_on_them(hand_made):
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_one_keeps_to_the_driving_side(hand_made, side):
     drive = simulate_drive(hand_made, seed=6, scenario=replace(GOOD, driving_side=side))
-    truth, roads = drive.truth, hand_made.arrays
-    a, b = roads.first[truth.edge], roads.first[truth.edge + 1] - 1
-    dx, dy = roads.x[b] - roads.x[a], roads.y[b] - roads.y[a]
-    right = ((truth.map_x - roads.x[a]) * dy - (truth.map_y - roads.y[a]) * dx) / np.hypot(dx, dy)
-    middle = np.abs(truth.abscissa / roads.length[truth.edge] - 0.5) < 0.3
+    truth, edges = drive.truth, hand_made.arrays.edges[drive.truth.edge]
+    a, b = (hand_made.arrays.vertices[v] for v in (edges.first_vertex, edges.last_vertex))
+    dx, dy = b.x - a.x, b.y - a.y
+    right = ((truth.map_x - a.x) * dy - (truth.map_y - a.y) * dx) / np.hypot(dx, dy)
+    middle = np.abs(truth.abscissa / edges.length - 0.5) < 0.3
     assert np.median(right[middle]) == pytest.approx(1.75 if side == "right" else -1.75, abs=0.5)
     assert drive.vehicle.driving_side == side
 
@@ -267,7 +267,9 @@ def test_a_given_route_is_driven_and_a_broken_one_refused(hand_made):
 
 
 def test_what_cannot_be_driven_is_refused(hand_made):
-    closed = hand_made.arrays._replace(rule=np.full_like(hand_made.arrays.rule, 4))
+    edges = hand_made.arrays.edges.copy()
+    edges.rule = 4
+    closed = hand_made.arrays._replace(edges=edges)
     with pytest.raises(MapError, match="no legal drive"):
         simulate_drive(hand_made._replace(arrays=closed), seed=1)
 
@@ -299,8 +301,9 @@ def test_drivable_edges_lead_on_for_ever(hand_made):
     ok = drivable(roads, np.random.default_rng(0))
     assert ok.mean() > 0.9
     for e in np.flatnonzero(ok):
-        follow = roads.succ[roads.succ_first[e] : roads.succ_first[e + 1]]
-        assert ok[follow[follow != roads.opposite[e]]].any()
+        edge = roads.edges[e]
+        follow = roads.turns.edge[edge.first_turn : edge.end_turn]
+        assert ok[follow[follow != edge.opposite]].any()
 
 
 def test_a_single_street_is_driven_and_outages_may_be_given_in_seconds(one_street):

@@ -68,10 +68,10 @@ def test_a_sketch_compiles_to_the_streets_that_were_drawn():
     roads = sketch.compiled()
     names = np.array(roads.column("name"))
     assert sorted(names.tolist()) == ["Here", "Here", "There", "There"]
-    length = {name: roads.arrays.length[names == name] for name in ("Here", "There")}
+    length = {name: roads.arrays.edges.length[names == name] for name in ("Here", "There")}
     assert length["Here"] == pytest.approx(300.0, rel=1e-4)
     assert length["There"] == pytest.approx(np.hypot(400.0, 30.0), rel=1e-4)
-    assert (roads.arrays.rule[names == "There"] > 0).sum() == 1
+    assert (roads.arrays.edges.rule[names == "There"] > 0).sum() == 1
 
 
 @pytest.mark.parametrize("beside", [1, 2, 3])

@@ -88,10 +88,10 @@ def fix_errors(swarm: Swarm, n: int) -> tuple[np.ndarray, np.ndarray]:
 def test_the_same_seed_is_the_same_drive(swarm):
     line, par = winding(), Numbers.of(GOOD)
     first = simulate_short(line, swarm, par, True, 5)
-    kept = [a[:first].copy() for a in (*swarm.epochs, *swarm.truth)]
+    kept = [a[:first].copy() for a in (swarm.epochs, *swarm.truth)]
     simulate_short(line, swarm, par, True, 6)
     assert simulate_short(line, swarm, par, True, 5) == first
-    for a, b in zip(kept, (*swarm.epochs, *swarm.truth), strict=True):
+    for a, b in zip(kept, (swarm.epochs, *swarm.truth), strict=True):
         np.testing.assert_array_equal(a, b[:first])
 
 
@@ -262,5 +262,5 @@ def test_without_odometry_only_fixes_remain(swarm):
     n = simulate_short(straight(), swarm, par, False, 4)
     np.testing.assert_array_equal(swarm.epochs.fix[:n], fixes)
     np.testing.assert_array_equal(swarm.truth.place[:n], place)
-    assert not swarm.epochs.moved[:n].any()
+    assert not swarm.epochs.odometry_valid[:n].any()
     assert not swarm.epochs.arc[:n].any()

@@ -54,7 +54,7 @@ def match_trips(
         path = path_out and files.enter_context(growing(path_out, force=force))
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("fleet.localize_each"), 0, 0)
+        progress(at_work("many.localize_each"), 0, 0)
         for part in match_stream(table, network, progress=progress, **options):
             if points:
                 points(thinned(part.points, every) if every else part.points)

@@ -117,7 +117,7 @@ def match(
             )
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("drive.run"), 0, 0)
+        progress(at_work("step.run"), 0, 0)
         result = session.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,

@@ -43,15 +43,15 @@ def along(roads: "RoadMap", streets: list[str]) -> list[int]:
 
     The first is driven towards the second, every other one away from the one before.
     """
-    arrays = roads.arrays
+    edges = roads.arrays.edges
     of: dict[str, list[int]] = {}
-    for edge in range(len(arrays.length)):
+    for edge in range(len(edges)):
         of.setdefault(street_of(roads, edge), []).append(edge)
-    second = {int(arrays.from_node[e]) for e in of[streets[1]]}
-    route = [next(e for e in of[streets[0]] if int(arrays.to_node[e]) in second)]
+    second = {int(edges.from_node[e]) for e in of[streets[1]]}
+    route = [next(e for e in of[streets[0]] if int(edges.to_node[e]) in second)]
     for name in streets[1:]:
-        here = int(arrays.to_node[route[-1]])
-        route.append(next(e for e in of[name] if int(arrays.from_node[e]) == here))
+        here = int(edges.to_node[route[-1]])
+        route.append(next(e for e in of[name] if int(edges.from_node[e]) == here))
     return route
 
 

@@ -44,11 +44,9 @@ class Place:
 
     def streets(self) -> dict[str, Array]:
         """Each street's line once."""
-        arrays = self.roads.arrays
         lines: dict[str, Array] = {}
-        for e in range(len(arrays.length)):
-            part = slice(int(arrays.first[e]), int(arrays.first[e + 1]))
-            lines.setdefault(street_of(self.roads, e), self.here(arrays.x[part], arrays.y[part]))
+        for e in range(len(self.roads)):
+            lines.setdefault(street_of(self.roads, e), self.here(*self.roads.edge_line(e).T))
         return lines
 
 

@@ -1,7 +1,7 @@
 """The life-cycle log: every hypothesis of one drive, born, weighed, dead, and why.
 
-The filter is stepped epoch by epoch and looked at.  A hypothesis of ours is a node of the
-route tree: "the vehicle entered this edge then, from there".  One of the paper's is a
+The filter is stepped epoch by epoch and looked at.  A hypothesis of ours is an entry of the
+path tree: "the vehicle entered this edge then, from there".  One of the paper's is a
 candidate, for as long as it is one.
 """
 
@@ -11,15 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.belief import OFF_ROAD, Belief, Route, new_belief, new_route
-from ..core.drive import run
-from ..core.memory import new_memory
-from ..core.output import new_output
-from ..core.paper import Literal, new_bench
-from ..core.paper_drive import run_paper
-from ..core.switching import new_work
+from .._compile import Records
 from ..epochs import Timeline, build_timeline
-from ..settings import Settings
+from ..filter.estimate import new_output
+from ..filter.history import new_history
+from ..filter.state import OFF_ROAD, Belief, Context, Path, new_belief, new_path, new_work
+from ..filter.step import run
+from ..records import Array
+from ..settings import Settings, parameters
 from ..simulate import SimulatedDrive
 from .maps import street_of
 from .rides import ALIVE
@@ -72,64 +71,60 @@ class Log:
     lives: list[Hypothesis]
 
 
+def _beliefs(
+    scene: Scene, drive: SimulatedDrive, timeline: Timeline, paper: bool
+) -> Iterator[tuple[Belief, Path]]:
+    """The belief and the path tree after each epoch."""
+    par = parameters(Settings(), drive.vehicle, timeline.mode, paper=paper)
+    ctx = Context(par, scene.roads.arrays, new_work(paper=paper))
+    belief, path, history = new_belief(), new_path(0 if paper else 1 << 15), new_history(0)
+    n = len(timeline.epochs)
+    output = new_output(n, False)
+    for k in range(n):
+        run(belief, path, history, timeline.epochs, output, ctx, k, k + 1)
+        yield belief, path
+
+
 def _epochs_of_ours(
     scene: Scene, drive: SimulatedDrive, timeline: Timeline
 ) -> Iterator[list[Seen]]:
-    roads, settings, car = scene.roads.arrays, Settings(), drive.vehicle
-    n = len(timeline.epochs.time)
-    belief, route, work = new_belief(), new_route(1 << 15), new_work()
-    output, parameters = new_output(n, False), settings.parameters()
-    lever = np.array([car.antenna_forward, car.antenna_left])
-    side = 1.0 if car.driving_side == "right" else -1.0
-    for k in range(n):
-        run(
-            belief, roads, route, work, timeline.epochs, output, k, k + 1, timeline.mode, side,
-            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
-            new_memory(0),
-        )  # fmt: skip
-        yield _seen_of_ours(belief, route, roads.length)
+    edges = scene.roads.arrays.edges
+    for belief, path in _beliefs(scene, drive, timeline, False):
+        yield _seen_of_ours(_living(belief), path, edges.length)
 
 
-def _seen_of_ours(belief: Belief, route: Route, length: np.ndarray) -> list[Seen]:
-    """A node that holds several Gaussians is one hypothesis."""
+def _living(belief: Belief) -> Records:
+    """The hypotheses, (n,)."""
+    return belief.hyp[: belief.state[0].count]
+
+
+def _seen_of_ours(living: Records, path: Path, length: Array) -> list[Seen]:
+    """A path entry that holds several Gaussians is one hypothesis."""
     found: dict[int, Seen] = {}
-    for i in range(int(belief.size[0])):
-        node, edge = int(belief.node[i]), int(belief.edge[i])
-        past = edge != OFF_ROAD and bool(belief.abscissa[i] > length[edge])
-        before = found.get(node)
-        p = float(belief.probability[i]) + (before.p if before else 0.0)
-        found[node] = Seen(node, edge, p, int(route.parent[node]), past)
+    for hyp in living:
+        entry, edge = int(hyp.path_entry), int(hyp.edge)
+        past = edge != OFF_ROAD and bool(hyp.along > length[edge])
+        before = found.get(entry)
+        p = float(hyp.weight) + (before.p if before else 0.0)
+        found[entry] = Seen(entry, edge, p, int(path.entry.parent[entry]), past)
     return list(found.values())
 
 
 def _epochs_of_paper(
     scene: Scene, drive: SimulatedDrive, timeline: Timeline
 ) -> Iterator[list[Seen]]:
-    settings, car = Settings(), drive.vehicle
-    n = len(timeline.epochs.time)
-    belief, bench, output = new_belief(), new_bench(), new_output(n, False)
-    literal = Literal(*(float(getattr(settings, name)) for name in Literal._fields))
-    lever = np.array([car.antenna_forward, car.antenna_left])
     keys: dict[int, int] = {}
     top, count = -1, 0
-    for k in range(n):
-        run_paper(
-            belief, scene.roads.arrays, bench, timeline.epochs, output, k, k + 1, timeline.mode,
-            lever, settings.parameters(), literal, settings.outage_after_s,
-            settings.ambiguous_below,
-        )  # fmt: skip
-        size = int(belief.size[0])
-        edges = belief.edge[:size].tolist()
+    for belief, _ in _beliefs(scene, drive, timeline, True):
+        living = _living(belief)
+        edges, weights = living.edge.tolist(), living.weight.tolist()
         for edge in edges:
             if edge not in keys:
                 keys[edge], count = count, count + 1
         keys = {edge: key for edge, key in keys.items() if edge in edges}
-        yield [
-            Seen(keys[e], e, p, top, False)
-            for e, p in zip(edges, belief.probability[:size].tolist(), strict=True)
-        ]
-        if size:
-            top = keys[edges[int(np.argmax(belief.probability[:size]))]]
+        yield [Seen(keys[e], e, p, top, False) for e, p in zip(edges, weights, strict=True)]
+        if edges:
+            top = keys[edges[int(np.argmax(weights))]]
 
 
 def watch(scene: Scene, drive: SimulatedDrive, model: str) -> Log:

@@ -192,7 +192,7 @@ class Engine:
     @property
     def answered(self) -> bool:
         """Whether the filter has begun."""
-        return int(self.localizer._belief.size[0]) > 0
+        return bool(self.localizer._state["count"])
 
     def mask(self, masked: bool) -> None:
         """Withhold fixes from the filter, or give them to it again."""

@@ -326,7 +326,7 @@ def warm_up(localizer: Localizer) -> None:
     """Have every kernel ready before the first observation: one like it is driven elsewhere."""
     roads, car, lag = localizer.roads, localizer.vehicle, localizer.lag
     double = Localizer(roads, vehicle=car, settings=localizer.settings, lag=lag)
-    x, y, _ = roads.at(0, 0.5 * float(roads.arrays.length[0]))
+    x, y, _ = roads.at(0, 0.5 * float(roads.arrays.edges.length[0]))
     lat, lon = roads.plane.to_geodetic(x, y)
     kinds = (WheelTicks, WheelSpeed, SpeedYaw)
     readings: list[Any] = [kind(0.1 * i, i, i) for kind in kinds for i in range(5)]

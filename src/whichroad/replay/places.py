@@ -78,9 +78,10 @@ def _passes(film: Film, roads: "RoadMap | None", k: int) -> bool:
         return math.fsum(share for e, share in zip(edges, p, strict=True) if e in along) >= _SURE
     if roads is None:
         return False
-    a = roads.arrays
-    after = set(a.succ[a.succ_first[best] : a.succ_first[best + 1]].tolist())
-    before = set(a.pred[a.pred_first[best] : a.pred_first[best + 1]].tolist())
+    arrays, edge = roads.arrays, roads.arrays.edges[best]
+    after = set(arrays.turns.edge[edge["first_turn"] : edge["end_turn"]].tolist())
+    into = slice(edge["first_predecessor"], edge["end_predecessor"])
+    before = set(arrays.predecessors[into].tolist())
     joined = [share for e, share in zip(edges[1:], p[1:], strict=True) if e in after | before]
     return float(p[0]) + max(joined, default=0.0) >= _SURE
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import topology
 from ..errors import MapError
 from ..frames import Plane
 from ..records import Array
+from . import topology
 from .lines import Lines
 from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..errors import MapError
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .streets import Column, Restriction, Streets, Texts
 

@@ -90,7 +90,7 @@ class Streets:
     node_id: Column  # (N,) the source's names, -1 or empty where only geometry knows the node
     first: Ints  # (W+1,)
     node: Ints  # (L,)
-    rule_forward: Bytes  # (W,) bits of core.network for driving as drawn
+    rule_forward: Bytes  # (W,) bits of graph.network for driving as drawn
     rule_backward: Bytes  # (W,)
     speed: Array  # (W,) m/s
     lane: Array  # (W,) m right of the centre line, in legal directions

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.network import Roads
+from ..graph.network import Roads
 from ..records import Array
 from .route import Edges
 from .settings import SimulationSettings
@@ -66,12 +66,14 @@ def smooth(values: Array, sigma: float) -> Array:
 
 def _centre_line(roads: Roads, edges: Edges) -> tuple[Array, Array, Array, Array]:
     """Grid abscissa, x, y of the route's centre lines, and where each edge begins."""
-    entry = np.concatenate([[0.0], np.cumsum(roads.length[edges])])
-    part = [slice(int(roads.first[e]), int(roads.first[e + 1])) for e in edges]
-    s = np.concatenate([roads.s[p] + begin for p, begin in zip(part, entry, strict=False)])
+    entry = np.concatenate([[0.0], np.cumsum(roads.edges.length[edges])])
+    rows = roads.edges[edges]
+    ranges = zip(rows.first_vertex.tolist(), rows.last_vertex.tolist(), strict=True)
+    part = [roads.vertices[first : last + 1] for first, last in ranges]
+    s = np.concatenate([p.s + begin for p, begin in zip(part, entry, strict=False)])
     along = np.linspace(0.0, entry[-1], max(2, int(np.ceil(entry[-1] / _STEP)) + 1))
-    x = np.interp(along, s, np.concatenate([roads.x[p] for p in part]))
-    y = np.interp(along, s, np.concatenate([roads.y[p] for p in part]))
+    x = np.interp(along, s, np.concatenate([p.x for p in part]))
+    y = np.interp(along, s, np.concatenate([p.y for p in part]))
     return along, x, y, entry
 
 
@@ -106,8 +108,8 @@ def _offset(
     """Lateral offset of the car, metres right of the centre line, (n,)."""
     on = np.clip(np.searchsorted(entry, along, side="right") - 1, 0, len(edges) - 1)
     own = random.normal(0.0, settings.street_sigma, len(edges))
-    offset = (roads.lane[edges] + own)[on]
-    invites = (roads.speed[edges][on] > _FAST) & (smooth(np.abs(bend), 20.0) < _VISIT_BEND)
+    offset = (roads.edges.lane[edges] + own)[on]
+    invites = (roads.edges.speed[edges][on] > _FAST) & (smooth(np.abs(bend), 20.0) < _VISIT_BEND)
     for begin in _poisson(settings.lane_change_rate, along[-1], random):
         visit = (along > begin) & (along < begin + random.uniform(100.0, 400.0))
         offset[visit & invites] -= settings.lane_width
@@ -157,7 +159,7 @@ def lay_course(
     map_x, map_y = _widen(smooth(x + offset * dy / step, 2.0), smooth(y - offset * dx / step, 2.0))
     shift = warp.at(map_x, map_y)
     x, y = map_x + shift[:, 0], map_y + shift[:, 1]
-    scale = 1.0 + roads.curvature * (x**2 + y**2)
+    scale = 1.0 + roads.plane.curvature[0] * (x**2 + y**2)
     pieces = np.hypot(np.diff(x), np.diff(y)) / (0.5 * (scale[1:] + scale[:-1]))
     heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
     return Course(

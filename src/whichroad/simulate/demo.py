@@ -55,7 +55,7 @@ def demo_route(roads: "RoadMap", seed: int = 1) -> Edges:
     """
     junctions = _junctions(roads, seed)
     edges = shortest_route(roads.arrays, junctions.tolist())
-    leaving = np.flatnonzero(roads.arrays.from_node == junctions[-1])
+    leaving = np.flatnonzero(roads.arrays.edges.from_node == junctions[-1])
     last = [e for e in leaving.tolist() if roads.attributes(e)["name"] == _LAST_STREET]
     return np.append(edges, last)
 
@@ -77,8 +77,8 @@ def _junctions(roads: "RoadMap", seed: int) -> NDArray[np.int64]:
 def demo_scenes(roads: "RoadMap", seed: int = 1) -> Scenes:
     """Where the paper's situations lie along the demo's drive."""
     edges = demo_route(roads, seed)
-    ends = np.cumsum(roads.arrays.length[edges]) - 0.2 * roads.arrays.length[edges[0]]
-    passed = dict(zip(roads.arrays.to_node[edges].tolist(), ends.tolist(), strict=True))
+    ends = np.cumsum(roads.arrays.edges.length[edges]) - 0.2 * roads.arrays.edges.length[edges[0]]
+    passed = dict(zip(roads.arrays.edges.to_node[edges].tolist(), ends.tolist(), strict=True))
     junctions = _junctions(roads, seed).tolist()
 
     def place(name: str) -> float:

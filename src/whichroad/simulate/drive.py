@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.network import Roads
 from ..errors import SettingError
+from ..graph.network import Roads
 from ..records import Array, Drive, Fixes
 from ..settings import Vehicle
 from .course import Course, lay_course
@@ -143,7 +143,7 @@ def _truth(roads: Roads, course: Course, states: States) -> Truth:
         stopped=states.speed == 0.0,
         travelled=states.travelled - states.travelled[0],
         edge=edge,
-        abscissa=np.minimum(along - course.entry[k], roads.length[edge]),
+        abscissa=np.minimum(along - course.entry[k], roads.edges.length[edge]),
         map_x=np.interp(states.travelled, course.travelled, course.map_x),
         map_y=np.interp(states.travelled, course.travelled, course.map_y),
     )
@@ -312,7 +312,7 @@ def _grid_times(end: float, rate: float) -> Array:
 def _checked(roads: Roads, route: Sequence[int]) -> Edges:
     """A given route as an array, if its edges follow one another."""
     edges = np.asarray(route, dtype=np.int64)
-    broken = np.flatnonzero(roads.to_node[edges[:-1]] != roads.from_node[edges[1:]])
+    broken = np.flatnonzero(roads.edges.to_node[edges[:-1]] != roads.edges.from_node[edges[1:]])
     if len(edges) == 0 or len(broken):
         at = (
             f"edge {edges[broken[0]]} is not followed by {edges[broken[0] + 1]}"

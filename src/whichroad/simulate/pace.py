@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.network import Roads
+from ..graph.network import Roads
 from ..records import Array
 from .course import Course, gauss_markov
 from .settings import SimulationSettings
@@ -44,7 +44,7 @@ def _limits(
     coarse = np.linspace(0.0, course.along[-1], max(2, int(course.along[-1] / 25.0)))
     rhythm = gauss_markov(coarse, settings.pace_sigma, _RHYTHM, random)[:, 0]
     pace = 1.0 + random.normal(0.0, settings.pace_sigma) + np.interp(course.along, coarse, rhythm)
-    limit = roads.speed[course.edges].astype(float)[on] * np.clip(pace, 0.5, 1.5)
+    limit = roads.edges.speed[course.edges].astype(float)[on] * np.clip(pace, 0.5, 1.5)
     bend = np.abs(np.gradient(course.heading) / np.maximum(np.gradient(course.travelled), 1e-3))
     bent = np.sqrt(settings.lateral_acceleration / np.maximum(bend, 1e-6))
     most: Array = np.maximum(np.minimum(limit, bent), _SLOWEST)
@@ -55,7 +55,8 @@ def _stops(
     roads: Roads, course: Course, settings: SimulationSettings, random: np.random.Generator
 ) -> Array:
     """Where along the route the car stops, in driving order, true m."""
-    forks = np.diff(roads.succ_first)[course.edges[:-1]] > 1
+    left = roads.edges[course.edges[:-1]]
+    forks = left.end_turn - left.first_turn > 1
     places = course.entry[1:-1][forks] - _BEFORE_JUNCTION
     places = places[random.random(len(places)) < settings.stop_probability]
     kept, last = [], 0.0

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.network import Roads
+from .._compile import Records
 from ..errors import MapError
+from ..graph.network import Roads
 
 Edges = NDArray[np.int64]
 
@@ -23,10 +24,11 @@ _SHARPEST = 2.3  # rad, turns at a junction that a car cannot take in one go are
 
 def _legal_turns(roads: Roads) -> tuple[Edges, Edges]:
     """Turns that break no rule and can be steered, as (from, to) edges."""
-    origin = np.repeat(np.arange(len(roads.length)), np.diff(roads.succ_first))
-    ok = (roads.succ_rule == 0) & (roads.rule[roads.succ] == 0) & (roads.rule[origin] == 0)
-    ok &= (roads.succ != roads.opposite[origin]) & (np.abs(roads.succ_turn) < _SHARPEST)
-    return origin[ok], roads.succ[ok].astype(np.int64)
+    edges, turns = roads.edges, roads.turns
+    origin = np.repeat(np.arange(len(edges)), edges.end_turn - edges.first_turn)
+    ok = (turns.rule == 0) & (edges.rule[turns.edge] == 0) & (edges.rule[origin] == 0)
+    ok &= (turns.edge != edges.opposite[origin]) & (np.abs(turns.angle) < _SHARPEST)
+    return origin[ok], turns.edge[ok].astype(np.int64)
 
 
 def _reached(start: int, first: Edges, follow: Edges, count: int) -> NDArray[np.bool_]:
@@ -56,14 +58,14 @@ def drivable(roads: Roads, random: np.random.Generator) -> NDArray[np.bool_]:
     Returns:
         (E,) True for the edges.
     """
-    count = len(roads.length)
+    count = len(roads.edges)
     origin, target = _legal_turns(roads)
     bounds = np.arange(count + 1)
     order = np.argsort(target, kind="stable")
     forward = np.searchsorted(origin, bounds)
     backward = np.searchsorted(target[order], bounds)
     best = np.zeros(count, dtype=bool)
-    for edge in random.permutation(np.flatnonzero(roads.rule == 0))[:_ATTEMPTS]:
+    for edge in random.permutation(np.flatnonzero(roads.edges.rule == 0))[:_ATTEMPTS]:
         if best[edge]:
             continue
         part = _reached(edge, forward, target, count) & _reached(
@@ -73,24 +75,32 @@ def drivable(roads: Roads, random: np.random.Generator) -> NDArray[np.bool_]:
             best = part
         if best.sum() > 0.4 * count:
             break
-    return best if best.any() else roads.rule == 0
+    return best if best.any() else roads.edges.rule == 0
+
+
+def _turns_of(roads: Roads, edge: int) -> Records:
+    """The turns out of an edge."""
+    row = roads.edges[edge]
+    return roads.turns[row["first_turn"] : row["end_turn"]]
 
 
 def _walk(
     roads: Roads, allowed: NDArray[np.bool_], length_m: float, random: np.random.Generator
 ) -> list[int]:
     """One random drive of at least `length_m`, or until no legal turn is left."""
+    edges = roads.edges
+    length, service, opposite = edges.length, edges.service, edges.opposite
     starts = np.flatnonzero(allowed)
-    weight = roads.length[starts] * np.where(roads.service[starts] > 0, _SERVICE, 1.0)
+    weight = length[starts] * np.where(service[starts] > 0, _SERVICE, 1.0)
     edge = int(random.choice(starts, p=weight / weight.sum()))
-    route, driven, visits = [edge], float(roads.length[edge]), {edge: 1}
+    route, driven, visits = [edge], float(length[edge]), {edge: 1}
     before = 0.0  # rad turned just now
     while driven < length_m:
-        turns = np.arange(roads.succ_first[edge], roads.succ_first[edge + 1])
-        follow = roads.succ[turns]
-        p = roads.succ_prior[turns] * np.where(roads.service[follow] > 0, _SERVICE, 1.0)
-        p *= (roads.succ_rule[turns] == 0) & allowed[follow] & (follow != roads.opposite[edge])
-        bend = roads.succ_turn[turns].astype(float)
+        turns = _turns_of(roads, edge)
+        follow = turns.edge
+        p = turns.prior * np.where(service[follow] > 0, _SERVICE, 1.0)
+        p *= (turns.rule == 0) & allowed[follow] & (follow != opposite[edge])
+        bend = turns.angle.astype(float)
         p *= np.abs(bend) < _SHARPEST
         p *= np.where(np.abs(bend + before) < _SHARPEST, 1.0, _BACK)
         p = p * np.array([_AGAIN ** visits.get(int(e), 0) for e in follow])
@@ -98,10 +108,10 @@ def _walk(
             break
         pick = int(random.choice(len(follow), p=p / p.sum()))
         edge = int(follow[pick])
-        before = float(bend[pick]) if roads.length[edge] < _SHORT_LINK_M else 0.0
+        before = float(bend[pick]) if length[edge] < _SHORT_LINK_M else 0.0
         visits[edge] = visits.get(edge, 0) + 1
         route.append(edge)
-        driven += float(roads.length[edge])
+        driven += float(length[edge])
     return route
 
 
@@ -134,12 +144,12 @@ def random_route(
     if allowed.any():
         for _ in range(_ATTEMPTS):
             route = _walk(roads, allowed, length_m, random)
-            best = max(best, route, key=lambda edges: float(roads.length[edges].sum()))
-            if roads.length[best].sum() >= length_m:
+            best = max(best, route, key=lambda edges: float(roads.edges.length[edges].sum()))
+            if roads.edges.length[best].sum() >= length_m:
                 break
-    if roads.length[best].sum() < _SHORTEST_M:
+    if roads.edges.length[best].sum() < _SHORTEST_M:
         raise MapError(
-            f"map of {len(roads.length)} directed edges: no legal drive of {_SHORTEST_M:g} m; "
+            f"map of {len(roads.edges)} directed edges: no legal drive of {_SHORTEST_M:g} m; "
             "roads that may be driven were expected; simulate on another map"
         )
     return np.array(best, dtype=np.int64)
@@ -150,7 +160,7 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
 
     Args:
         roads: The network.
-        nodes: Junctions in the order in which they are passed, as in `roads.from_node`.
+        nodes: Junctions in the order in which they are passed, as in `roads.edges.from_node`.
 
     Returns:
         (n,) edges in driving order.
@@ -163,11 +173,13 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
         if route:
             starts = _turns(roads, route[-1])
         else:
-            starts = np.flatnonzero((roads.from_node == begin) & (roads.rule == 0)).tolist()
+            starts = np.flatnonzero(
+                (roads.edges.from_node == begin) & (roads.edges.rule == 0)
+            ).tolist()
         leg = _shortest_leg(roads, starts, end)
         if not leg:
             raise MapError(
-                f"map of {len(roads.length)} directed edges: no legal way from junction {begin} "
+                f"map of {len(roads.edges)} directed edges: no legal way from junction {begin} "
                 f"to {end}; a connected pair was expected; choose other places"
             )
         route += leg
@@ -176,16 +188,17 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
 
 def _turns(roads: Roads, edge: int) -> list[int]:
     """Edges that may legally follow, the way back not among them."""
-    turns = slice(int(roads.succ_first[edge]), int(roads.succ_first[edge + 1]))
-    follow = roads.succ[turns]
-    ok = (roads.succ_rule[turns] == 0) & (roads.rule[follow] == 0)
-    found: list[int] = follow[ok & (follow != roads.opposite[edge])].tolist()
+    turns = _turns_of(roads, edge)
+    follow = turns.edge
+    ok = (turns.rule == 0) & (roads.edges.rule[follow] == 0)
+    found: list[int] = follow[ok & (follow != roads.edges.opposite[edge])].tolist()
     return found
 
 
 def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
     """Shortest run of edges from one of `starts` to one that ends at junction `end`."""
-    queue = [(float(roads.length[e]), e, -1) for e in starts]
+    length_of, to_node = roads.edges.length, roads.edges.to_node
+    queue = [(float(length_of[e]), e, -1) for e in starts]
     heapq.heapify(queue)
     came_from: dict[int, int] = {}
     while queue:
@@ -193,7 +206,7 @@ def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
         if edge in came_from:
             continue
         came_from[edge] = before
-        if roads.to_node[edge] == end:
+        if to_node[edge] == end:
             leg = []
             while edge >= 0:
                 leg.append(edge)
@@ -201,5 +214,5 @@ def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
             return leg[::-1]
         for follow in _turns(roads, edge):
             if follow not in came_from:
-                heapq.heappush(queue, (length + float(roads.length[follow]), follow, edge))
+                heapq.heappush(queue, (length + float(length_of[follow]), follow, edge))
     return []

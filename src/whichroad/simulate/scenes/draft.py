@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...core._jit import Ints32
+from ..._compile import Ints32
 from ...frames import Plane
 from ...records import Array
 from ...roadmap.tags import CLASS_SPEED_KMH, lane_offset
@@ -87,7 +87,7 @@ def compile_draft(draft: Draft, turn: float) -> Scene:
     """Compile the map, turned by an angle, and prepare the routes."""
     roads = _map(draft, turn)
     names = tuple(dict.fromkeys(name.partition("/")[0] for name in draft.streets))
-    forward = roads.sources(np.arange(len(roads)), 0.5 * roads.arrays.length)[1]
+    forward = roads.sources(np.arange(len(roads)), 0.5 * roads.arrays.edges.length)[1]
     number = {name: k for k, name in enumerate(names)}
     road_of = np.array(
         [2 * number[n] + (not f) for n, f in zip(roads.column("name"), forward, strict=True)],

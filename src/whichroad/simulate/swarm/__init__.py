@@ -3,7 +3,7 @@
 The same world as `simulate_drive` (map error in Fourier modes, lanes, corners, wheels,
 receiver; tests compare the two), along lines that were prepared before, without files,
 records or degrees.  Kernels call none of another file here, so that the compile cache,
-which knows the file's age and the digest of `core`, is never stale.
+which knows the file's age and the digest of the filter's kernels, is never stale.
 """
 
 from .course import drive_line

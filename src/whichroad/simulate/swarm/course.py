@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ...core._jit import Matrix, Vector, kernel
+from ..._compile import Matrix, Vector, kernel
 from .state import (
     ARRIVE,
     BEND,

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from ...core._jit import kernel
+from ..._compile import kernel
+from ...filter._simd import copy_record
 from .state import ANGLE, BIAS, DIFFERENTIAL, RATIO, SCALE, TRACK, Line, Numbers, Swarm
 
 
@@ -42,11 +43,12 @@ def _count_wheels(swarm: Swarm, count: int, par: Numbers) -> None:
         arc = 0.5 * (d_left + d_right)
         turn = (d_right - d_left) / par.track_width
         chord = arc if turn == 0.0 else arc * math.sin(0.5 * turn) / (0.5 * turn)
-        epochs.arc[e] = arc
-        epochs.turn[e] = turn
-        epochs.forward[e] = chord * math.cos(0.5 * turn)
-        epochs.left[e] = chord * math.sin(0.5 * turn)
-        epochs.moved[e] = 1
+        epoch = epochs[e]
+        epoch.arc = arc
+        epoch.turn = turn
+        epoch.forward = chord * math.cos(0.5 * turn)
+        epoch.left = chord * math.sin(0.5 * turn)
+        epoch.odometry_valid = 1
 
 
 @kernel
@@ -98,7 +100,8 @@ def _receive(line: Line, swarm: Swarm, count: int, every: int, dt: float, par: N
         rate = (truth.heading[b] - truth.heading[a]) / ((b - a) * dt)
         hc = math.cos(truth.heading[e])
         hs = math.sin(truth.heading[e])
-        fix = epochs.fix[e]
+        epoch = epochs[e]
+        fix = epoch.fix
         fix[0] = truth.x[e] + par.antenna_forward * hc - par.antenna_left * hs + ex
         fix[1] = truth.y[e] + par.antenna_forward * hs + par.antenna_left * hc + ey
         fix[2] = says * major
@@ -108,12 +111,12 @@ def _receive(line: Line, swarm: Swarm, count: int, every: int, dt: float, par: N
         side = rate * par.antenna_forward
         vx = ahead * hc - side * hs + noise_x
         vy = ahead * hs + side * hc + noise_y
-        epochs.has_fix[e] = 1
-        epochs.speed[e] = math.hypot(vx, vy)
-        epochs.speed_sigma[e] = max(par.gnss_speed_sigma, 1e-3)
-        if epochs.speed[e] > 1.0:
-            epochs.course[e] = math.atan2(vy, vx)
-            epochs.course_sigma[e] = max(par.gnss_speed_sigma, 1e-3) / epochs.speed[e]
+        epoch.has_fix = 1
+        epoch.speed = math.hypot(vx, vy)
+        epoch.speed_sigma = max(par.gnss_speed_sigma, 1e-3)
+        if epoch.speed > 1.0:
+            epoch.course = math.atan2(vy, vx)
+            epoch.course_sigma = max(par.gnss_speed_sigma, 1e-3) / epoch.speed
 
 
 @kernel
@@ -123,16 +126,10 @@ def _thin(swarm: Swarm, count: int, every: int) -> int:
     epochs = swarm.epochs
     n = 0
     for e in range(0, count, every):
-        epochs.time[n] = epochs.time[e]
-        epochs.has_fix[n] = epochs.has_fix[e]
-        for i in range(5):
-            epochs.fix[n, i] = epochs.fix[e, i]
-        epochs.speed[n] = epochs.speed[e]
-        epochs.speed_sigma[n] = epochs.speed_sigma[e]
-        epochs.course[n] = epochs.course[e]
-        epochs.course_sigma[n] = epochs.course_sigma[e]
-        epochs.arc[n] = epochs.turn[n] = epochs.forward[n] = epochs.left[n] = 0.0
-        epochs.moved[n] = 0
+        epoch = epochs[n]
+        copy_record(epoch, epochs[e])
+        epoch.arc = epoch.turn = epoch.forward = epoch.left = 0.0
+        epoch.odometry_valid = 0
         truth.x[n] = truth.x[e]
         truth.y[n] = truth.y[e]
         truth.heading[n] = truth.heading[e]
@@ -154,10 +151,11 @@ def sense(line: Line, swarm: Swarm, par: Numbers, count: int, odometry: bool) ->
     epochs = swarm.epochs
     dt = 1.0 / par.odometry_rate
     for e in range(count):
-        epochs.time[e] = e * dt
-        epochs.has_fix[e] = 0
-        epochs.speed_sigma[e] = math.inf
-        epochs.course_sigma[e] = math.inf
+        epoch = epochs[e]
+        epoch.time = e * dt
+        epoch.has_fix = 0
+        epoch.speed_sigma = math.inf
+        epoch.course_sigma = math.inf
     _count_wheels(swarm, count, par)
     every = round(par.odometry_rate / par.gnss_rate)
     _receive(line, swarm, count, every, dt, par)

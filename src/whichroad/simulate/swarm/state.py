@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core._jit import Bytes, Ints32, Matrix, Vector
-from ...core.epoch import Epochs, new_epochs
+from ..._compile import Bytes, Ints32, Matrix, Records, Vector
+from ...filter.state import new_epochs
 from ..settings import SimulationSettings
 
 LONGEST = 6000  # points of a line, about metres
@@ -95,7 +95,7 @@ class Truth(NamedTuple):
 class Swarm(NamedTuple):
     """Room for one drive, used again and again."""
 
-    epochs: Epochs
+    epochs: Records  # (n,) EPOCH
     truth: Truth
     grid: Matrix  # (15, LONGEST) see the rows below
     modes: Matrix  # (12, MODES)
