@@ -31,30 +31,27 @@ def decimal(text: Bytes, start: Ints, stop: Ints) -> tuple[NDArray[np.float64], 
         The numbers, NaN where the field is empty or bad, and whether a field is bad.
     """
     width = stop - start
-    mantissa = np.zeros(len(start), np.int64)
-    digits = np.zeros(len(start), np.int64)
-    decimals = np.zeros(len(start), np.int64)
-    point = np.zeros(len(start), np.bool_)
+    columns = np.arange(min(int(width.max(initial=0)), LONGEST))[:, None]
+    inside = columns < width
+    char = text[np.minimum(start + columns, max(len(text) - 1, 0))]  # (characters, n)
+    digit = char - np.uint8(48)  # wraps: anything but a digit is beyond 9
+    is_digit = inside & (digit <= 9)
+    is_point = inside & (char == ord("."))
     negative = np.zeros(len(start), np.bool_)
-    bad = (width > LONGEST) | (width < 0)
-    for k in range(min(int(width.max(initial=0)), LONGEST)):
-        inside = k < width
-        char = text[np.minimum(start + k, len(text) - 1)]
-        digit = char - np.uint8(48)  # wraps: anything but a digit is beyond 9
-        is_digit = inside & (digit <= 9)
-        mantissa = np.where(is_digit, mantissa * 10 + digit, mantissa)
-        digits += is_digit
-        decimals += is_digit & point
-        is_point = inside & (char == ord(".")) & ~point
-        point |= is_point
-        is_sign = inside & ((char == ord("-")) | (char == ord("+"))) if k == 0 else False
-        if k == 0:
-            negative = inside & (char == ord("-"))
-        bad |= inside & ~(is_digit | is_point | is_sign)
+    signs = np.zeros(len(start), np.bool_)
+    if len(columns):
+        negative = inside[0] & (char[0] == ord("-"))
+        signs = negative | (inside[0] & (char[0] == ord("+")))
+    mantissa = np.zeros(len(start), np.int64)
+    for each, value in zip(is_digit, digit, strict=True):
+        mantissa = np.where(each, mantissa * 10 + value, mantissa)
+    digits, points = is_digit.sum(axis=0), is_point.sum(axis=0)
+    decimals = np.where(points, width - 1 - np.argmax(is_point, axis=0), 0) if len(columns) else 0
+    bad = (width < 0) | (points > 1) | (digits + points + signs < width)
     bad |= (width > 0) & ((digits == 0) | (digits > _DIGITS) | (mantissa < 0))
-    value = mantissa / 10.0 ** np.minimum(decimals, _DIGITS)
-    value = np.where(negative, -value, value)
-    return np.where(bad | (width <= 0), np.nan, value), bad
+    number = mantissa / 10.0 ** np.clip(decimals, 0, _DIGITS)
+    number = np.where(negative, -number, number)
+    return np.where(bad | (width <= 0), np.nan, number), bad
 
 
 def hexadecimal(text: Bytes, start: Ints, width: int) -> tuple[Ints, Bools]:
