@@ -15,7 +15,7 @@ from whichroad.cli.match import say
 from whichroad.columns import _competing, points_table
 from whichroad.core.belief import NO_EDGE
 from whichroad.epochs import build_timeline
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import Localizer, localize_recorded
 from whichroad.reasons import STATUS, competing, reason
 from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks

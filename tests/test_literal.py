@@ -22,7 +22,7 @@ from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
 from whichroad.core.output import LOST, OUTAGE, V_H, V_OFF, V_P, V_X, V_XX, V_Y
 from whichroad.epochs import Timeline
 from whichroad.errors import DriveError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.literal import localize_literal
 from whichroad.records import StartPose
 

@@ -16,9 +16,9 @@ from whichroad.core.belief import Route, new_route
 from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_SPEED, V_X, V_XX, V_Y, V_YY
 from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError, MapError, ReadError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import STATUS, Localizer, localize_recorded
-from whichroad.readers.fixes import NOT_A_COVARIANCE
+from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
 from whichroad.records import (
     Distance,
     Drive,

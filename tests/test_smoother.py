@@ -16,7 +16,7 @@ from whichroad.core.epoch import CLOCK, WHEELS, Epochs
 from whichroad.core.output import V_H, V_HH, V_P, V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.epochs import Timeline
 from whichroad.errors import SettingError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import Localizer, Recorded, localize_recorded
 from whichroad.records import GeoFix
 from whichroad.simulate.town import draw_town

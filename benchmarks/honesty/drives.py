@@ -21,7 +21,7 @@ from whichroad.epochs import Timeline
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.simulate import SimulationSettings
 from whichroad.simulate.scenes import SCENES, Route, Scene, draw_scene
-from whichroad.simulate.swarm import Numbers, Swarm, Truth, new_swarm, simulate_short
+from whichroad.simulate.vectorised import Numbers, Swarm, Truth, new_swarm, simulate_short
 
 from .classes import CLASSES, NOISES, VARIANTS
 from .oracle import declares, log_ratio

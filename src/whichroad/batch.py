@@ -14,7 +14,7 @@ from typing import Any
 from .errors import SettingError
 from .parcel import Job, Tables, joined
 from .readers import read_vehicle
-from .readers.trips import Parcel, parcels
+from .readers.many_trips import Parcel, parcels
 from .roadmap import RoadMap, open_map
 from .settings import Settings, Vehicle
 from .smoother import Lag

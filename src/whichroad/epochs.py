@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from .errors import DriveError
-from .frames import Plane
+from .geodesy.plane import Plane
 from .records import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of

@@ -55,7 +55,7 @@ from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .sensors.odometry import bridged_step
-from .sensors.sound import sound
+from .sensors.validation import sound
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at

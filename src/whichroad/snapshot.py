@@ -21,7 +21,7 @@ from .core.output import (
     V_Y,
     Output,
 )
-from .frames import Plane
+from .geodesy.plane import Plane
 from .reasons import RECENT, STATUS, reason
 from .records import Array, Hypothesis, Pose
 from .roadmap import RoadMap

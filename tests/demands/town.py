@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import whichroad
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.simulate import Sketch
-from whichroad.simulate.sketch import ORIGIN
+from whichroad.simulate.map_builder import ORIGIN
 
 Array = NDArray[np.float64]
 PLANE = Plane(*ORIGIN)

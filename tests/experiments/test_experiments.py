@@ -10,7 +10,7 @@ import pytest
 from whichroad import cli
 from whichroad.cli.arguments import Scene
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
-from whichroad.experiments.rides import ALIVE, MODELS, answer, lives, ride
+from whichroad.experiments.runs import ALIVE, MODELS, answer, lives, ride
 
 SEEDS = range(3)
 ROADS = [name for name in SCENES if name != "gst"]

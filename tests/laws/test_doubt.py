@@ -23,7 +23,7 @@ from whichroad.core.belief import K
 from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
 from whichroad.core.output import V_XX, V_YY
 from whichroad.epochs import Timeline
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import localize_recorded
 from whichroad.records import StartPose
 from whichroad.settings import Settings

@@ -16,8 +16,8 @@ from whichroad import GeoFix, Localizer, read_vehicle
 from whichroad.live.decode import CanStream
 from whichroad.live.server import Plan, Run
 from whichroad.live.sources import can_address, nmea_address
-from whichroad.readers.frames import read_frames
-from whichroad.simulate.files import nmea_text
+from whichroad.readers.can_frames import read_frames
+from whichroad.simulate.drive_files import nmea_text
 
 
 @pytest.fixture

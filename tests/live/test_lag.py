@@ -9,13 +9,13 @@ import pytest
 from whichroad import GeoFix, Localizer, Vehicle
 from whichroad.live.checkpoint import Checkpoint
 from whichroad.live.decode import CanStream, _Unwrapped
-from whichroad.live.engine import Engine
-from whichroad.live.events import Events
+from whichroad.live.filter_loop import Engine
 from whichroad.live.messages import EstimateMessage
+from whichroad.live.reorder_buffer import Events
 from whichroad.readers.can import key
 
-from .test_events import shifted
 from .test_messages import follows
+from .test_reorder_buffer import shifted
 
 LAG = 5.0
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
+from whichroad.replay.drive_report import write_report
+from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import Player
-from whichroad.replay.report import write_report
-from whichroad.replay.server import replay_app
+from whichroad.replay.recorded_messages import Film
+from whichroad.replay.replay_server import replay_app
 from whichroad.roadmap import RoadMap
 
 from .conftest import served

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
+from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import TICK, Player, Refused
+from whichroad.replay.recorded_messages import Film
 
 
 def run(story: Any) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from whichroad.errors import WriteError
-from whichroad.page.files import STATIC
 from whichroad.page.standalone import MODULES, standalone
+from whichroad.page.static_files import STATIC
 from whichroad.reasons import STATUS
-from whichroad.replay.film import Film
-from whichroad.replay.report import report_data, write_report
+from whichroad.replay.drive_report import report_data, write_report
+from whichroad.replay.recorded_messages import Film
 from whichroad.roadmap import RoadMap
 
 NAMES = re.compile(

@@ -9,11 +9,11 @@ import pytest
 
 from whichroad import match
 from whichroad.errors import ReadError
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
+from whichroad.replay.drive_report import report_data
+from whichroad.replay.driven_path import Route
+from whichroad.replay.open_replay import Remaking
 from whichroad.replay.points import read_points
-from whichroad.replay.report import report_data
-from whichroad.replay.route import Route
+from whichroad.replay.recorded_messages import Film
 from whichroad.replay.timeline import timeline
 from whichroad.result import Result
 from whichroad.roadmap import RoadMap

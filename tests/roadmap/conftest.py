@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from whichroad.core.network import NO_ACCESS, U_TURN
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import RoadMap
 
 PLACE = Plane(49.4, 8.7)

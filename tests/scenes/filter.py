@@ -16,7 +16,7 @@ from whichroad.core.output import (
 )
 from whichroad.core.switching import new_work
 from whichroad.epochs import Timeline
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import Recorded, localize_recorded
 from whichroad.settings import Settings, Vehicle
 from whichroad.smoother import Lag

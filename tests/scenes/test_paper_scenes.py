@@ -26,7 +26,7 @@ from whichroad import match
 from whichroad.core.output import V_OFF, V_P, V_X, V_Y, Output
 from whichroad.epochs import build_timeline
 from whichroad.evaluate import Comparison, anees_band, compare, pool
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.simulate import (
@@ -38,7 +38,7 @@ from whichroad.simulate import (
     simulate_drive,
     truth_table,
 )
-from whichroad.simulate.warp import draw_warp
+from whichroad.simulate.map_error_field import draw_warp
 
 SURE = 0.999
 ALIVE = 0.01  # a hypothesis that counts

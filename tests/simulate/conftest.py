@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from whichroad.core.network import Roads
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 
 
 class HandMade(NamedTuple):

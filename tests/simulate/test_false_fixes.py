@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from whichroad.simulate import GOOD, Jump, Pull, Sketch, simulate_drive
-from whichroad.simulate.course import lay_course
-from whichroad.simulate.pace import set_pace
-from whichroad.simulate.route import random_route
-from whichroad.simulate.warp import draw_warp
+from whichroad.simulate.lateral_profile import lay_course
+from whichroad.simulate.map_error_field import draw_warp
+from whichroad.simulate.route_choice import random_route
+from whichroad.simulate.speed_profile import set_pace
 
 
 def more_error(roads, pull, seed=4):

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError
-from ..terminal import progress_line
 from .arguments import MapOption, extra_live, read_start
+from .console import progress_line
 
 if TYPE_CHECKING:
+    from ..live.nmea_output import Talker
     from ..live.server import Plan
-    from ..live.talker import Talker
     from ..records import Drive
     from ..roadmap import RoadMap
     from ..settings import Vehicle
@@ -167,7 +167,7 @@ def _sink(text: str) -> tuple[str, str, int]:
 
 
 def _talkers(sinks: list[tuple[str, str, int]]) -> "list[Talker]":
-    from ..live.talker import Talker
+    from ..live.nmea_output import Talker
 
     return [Talker(*sink) for sink in sinks]
 

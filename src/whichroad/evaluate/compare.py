@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import DriveError
 from ..records import Array
-from .tables import Bools, Table
+from .input_tables import Bools, Table
 
 SLACK_M = 10.0
 """An edge is right if it is, was or will be the true one within so much travel."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import DriveError
 from ..records import Array
 from .compare import Comparison, compare
-from .tables import Bools, read_table
+from .input_tables import Bools, read_table
 
 COVERAGE = (0.5, 0.9, 0.95, 0.99)
 SURE = 0.999

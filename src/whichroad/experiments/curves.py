@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from ..plots.panels import TRUTH
 from ..records import Array
 from .lanes import FAINT
-from .rides import MODELS, STEP_S, Ride, lives
+from .runs import MODELS, STEP_S, Ride, lives
 from .scenes import Scene
 from .scores import SEVEN
 

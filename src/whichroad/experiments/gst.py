@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .numbers import Row, binomial
-from .rides import MODELS, Ride
+from .runs import MODELS, Ride
 from .scenes import CANYON_M, Scene
 from .scores import Rows, everywhere, honesty, moving
 

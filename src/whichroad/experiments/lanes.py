@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ..plots.panels import PROBABLE, TRUTH, UNIT
-from .rides import ALIVE
-from .watch import Hypothesis, Log
+from .lifetime_log import Hypothesis, Log
+from .runs import ALIVE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .watch import Hypothesis, Log
+from .lifetime_log import Hypothesis, Log
 
 HYPOTHESES = (
     "hypothesis", "street", "edge", "from", "born_s", "born_m", "born_p", "most_p", "died_s",

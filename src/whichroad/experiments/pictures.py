@@ -14,13 +14,21 @@ from matplotlib.patches import Patch
 from ..plots.pages import DPI, STYLE
 from ..plots.panels import FIX, HIDDEN, RECKONING, TRUTH, probability_bar
 from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
+from .example_drive import Shown
 from .gst import FIXED, NOISES, PER_FIX, Kind
 from .lanes import draw_lanes, lanes_of, legend_of_lanes
-from .places import Place, draw_hypotheses, draw_roads, driven_at, frame, legend_of_map, name_roads
-from .reckon import wheels_alone
-from .rides import MODELS, Ride
+from .map_drawings import (
+    Place,
+    draw_hypotheses,
+    draw_roads,
+    driven_at,
+    frame,
+    legend_of_map,
+    name_roads,
+)
+from .runs import MODELS, Ride
 from .scenes import CANYON_M, Scene
-from .shown import Shown
+from .wheels_alone import wheels_alone
 
 
 class Picture(NamedTuple):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..simulate import GOOD, URBAN, Pull, SimulatedDrive, simulate_drive
-from ..simulate.warp import draw_warp
-from .maps import CANYON_ROUTE, GAP, along, known
+from ..simulate.map_error_field import draw_warp
+from .scene_maps import CANYON_ROUTE, GAP, along, known
 
 if TYPE_CHECKING:
     from ..records import Fixes

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .numbers import Row, binomial, median, ratio
-from .rides import STEP_S, SURE, Ride, lives
+from .runs import STEP_S, SURE, Ride, lives
 from .scenes import Scene
 
 SEVEN = 7.0 * STEP_S

@@ -19,10 +19,10 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import WhichroadError
-from .doors import Doors
-from .engine import Engine
+from .access import Doors
+from .broadcaster import Hub, websocket_frame
+from .filter_loop import Engine
 from .health import label, metric
-from .hub import Hub, websocket_frame
 from .playback import Player
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes

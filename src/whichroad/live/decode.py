@@ -11,10 +11,10 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 from ..readers.can import SI_UNITS, Signal, find_signals
-from ..readers.counters import JUMP
 from ..readers.nmea import NmeaParser
+from ..readers.wheel_counters import JUMP
 from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
-from ..sensors.sound import FASTEST
+from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
 
 _JITTER = 0.02  # s

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, TypedDict
 
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..records import Array, Estimate, GeoFix, Hypothesis
 from ..roadmap import RoadMap
 

@@ -22,7 +22,7 @@ from ..records import (
     WheelSpeeds,
     WheelTicks,
 )
-from .engine import Engine
+from .filter_loop import Engine
 from .messages import PlayMessage
 from .state import State, restore, state_of
 

@@ -20,15 +20,15 @@ from ..errors import SettingError
 from ..localizer import Localizer
 from ..records import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
 from .app import Service, application
+from .broadcaster import Hub
 from .checkpoint import EVERY, Checkpoint
 from .decode import CanStream, NmeaStream
-from .engine import Engine
-from .hub import Hub
+from .filter_loop import Engine
 from .messages import Around, Messages
+from .nmea_output import Talker
 from .playback import Player, Tape
 from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
-from .talker import Talker
 
 _TICK = 0.05  # s
 _REQUEST_TIME = 10.0  # s in which a request's head must have come

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from ..errors import ReadError
 from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
-from .counters import Reversing, held, wheel_counts, wheel_speeds
-from .door import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
-from .frames import Frames, key, read_frames
-from .rows import odometer, odometer_from_speed, speed_yaw_rate
+from .can_frames import Frames, key, read_frames
+from .checks import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
+from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate
+from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 SI_UNITS = {
     "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,

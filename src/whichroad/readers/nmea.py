@@ -15,9 +15,9 @@ import numpy as np
 from ..errors import ReadError
 from ..records import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
-from .door import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
-from .fixes import Reported, as_records, from_gst, make_fixes
+from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan
+from .reported_fixes import Reported, as_records, from_gst, make_fixes
 
 _BLOCK = 1 << 20  # bytes of a log scanned at once
 _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back

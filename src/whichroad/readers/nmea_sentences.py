@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
-from .digits import Bytes, decimal, hexadecimal
-from .door import NO_TIME, Bools, Ints, Skipped, keep
+from .checks import NO_TIME, Bools, Ints, Skipped, keep
+from .parsing import Bytes, decimal, hexadecimal
 
 KNOT = 1852 / 3600  # m/s
 LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it

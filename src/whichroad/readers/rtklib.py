@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import ReadError
 from ..records import Array, Drive
 from ..settings import Settings
-from .columns import iso_seconds
-from .door import LAST, NO_TIME, Skipped, keep, read_bytes
-from .fixes import Reported, make_fixes
+from .arrow_columns import iso_seconds
+from .checks import LAST, NO_TIME, Skipped, keep, read_bytes
+from .reported_fixes import Reported, make_fixes
 
 _LEAP = 18.0  # s, GPS time ahead of UTC since 2017
 _GPS_EPOCH = 315_964_800.0  # 1980-01-06

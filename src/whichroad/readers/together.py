@@ -11,11 +11,11 @@ import numpy as np
 
 from ..records import Array, Fixes
 from ..settings import Settings
-from .columns import LARGEST, numbers, times
-from .door import LAST, Bools, Ints, Skipped
-from .fixes import completed, is_place
+from .arrow_columns import LARGEST, numbers, times
+from .checks import LAST, Bools, Ints, Skipped
+from .drive_columns import Columns, reported
 from .names import Column, find
-from .rows import Columns, reported
+from .reported_fixes import completed, is_place
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from ..live.messages import EstimateMessage, PlayMessage
-from .film import Film, Window
+from .recorded_messages import Film, Window
 from .timeline import timeline
 
 Remake = Callable[[list[Window]], Film]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..records import Array
 
 if TYPE_CHECKING:
-    from .film import Film
+    from .recorded_messages import Film
 
 ROWS = 12_000
 _FIXES = 4_000

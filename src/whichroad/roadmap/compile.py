@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..core.hops import hops, turn_costs
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..records import Array
 from . import cells
 from .chains import chains, end_headings

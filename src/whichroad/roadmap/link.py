@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..core import topology
 from ..errors import MapError
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..records import Array
 from .lines import Lines
 from .sheet import is_absent, plain

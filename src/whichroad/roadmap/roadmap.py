@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core import grid, topology
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..records import Array
 from . import store
 from .compile import Network, Pieces, compile_streets
@@ -97,7 +97,7 @@ class RoadMap:
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
-        from .table import read_edges
+        from .road_tables import read_edges
 
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..records import Array, Fixes, GeoFix
 
 

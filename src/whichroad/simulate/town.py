@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from .sketch import Point, Sketch
+from .map_builder import Point, Sketch
 
 _GRID = 5  # streets each way in the old town
 _CARRIAGEWAY = 6.75  # m, from the boulevard's axis to either carriageway

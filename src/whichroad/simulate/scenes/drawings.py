@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...records import Array
-from .draft import Draft
+from .scene_builder import Draft
 
 Random = np.random.Generator
 Drawing = Callable[[Random, int], Draft]

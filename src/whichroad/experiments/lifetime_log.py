@@ -1,0 +1,184 @@
+"""The life-cycle log: every hypothesis of one drive, born, weighed, dead, and why.
+
+The filter is stepped epoch by epoch and looked at.  A hypothesis of ours is a node of the
+route tree: "the vehicle entered this edge then, from there".  One of the paper's is a
+candidate, for as long as it is one.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.belief import OFF_ROAD, Belief, Route, new_belief, new_route
+from ..core.drive import run
+from ..core.memory import new_memory
+from ..core.output import new_output
+from ..core.paper import Literal, new_bench
+from ..core.paper_drive import run_paper
+from ..core.switching import new_work
+from ..epochs import Timeline, build_timeline
+from ..settings import Settings
+from ..simulate import SimulatedDrive
+from .runs import ALIVE
+from .scene_maps import street_of
+from .scenes import Scene
+
+OFF = "off the roads"
+
+WHY = {
+    "alive": "alive at the drive's end",
+    "merged": "merged into another one on the same edge",
+    "outweighed": "had counted, and fell below the floor",
+    "pruned": "fell below the floor without ever having counted",
+    "left behind": "handed on to what follows: the vehicle had passed its end",
+    "out of reach": "no longer within 30 m of the most probable estimate",
+}
+
+
+class Seen(NamedTuple):
+    """One hypothesis in one epoch."""
+
+    key: int  # the same for the same hypothesis
+    edge: int
+    p: float
+    parent: int  # key, -1: none
+    past_end: bool  # of its edge
+
+
+@dataclass(slots=True)
+class Hypothesis:
+    """A hypothesis' life."""
+
+    number: int
+    edge: int
+    street: str
+    parent: int  # number, -1: none
+    born: int  # epoch
+    last: int = -1  # epoch in which it was seen last
+    why: str = "alive"
+    into: int = -1  # the number it was merged into
+    p: list[float] = field(default_factory=list)  # from `born` to `last`
+    past_end: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """All hypotheses of one drive under one model; time and distance of its n epochs."""
+
+    since: np.ndarray
+    past: np.ndarray  # m past the scene's decision
+    lives: list[Hypothesis]
+
+
+def _epochs_of_ours(
+    scene: Scene, drive: SimulatedDrive, timeline: Timeline
+) -> Iterator[list[Seen]]:
+    roads, settings, car = scene.roads.arrays, Settings(), drive.vehicle
+    n = len(timeline.epochs.time)
+    belief, route, work = new_belief(), new_route(1 << 15), new_work()
+    output, parameters = new_output(n, False), settings.parameters()
+    lever = np.array([car.antenna_forward, car.antenna_left])
+    side = 1.0 if car.driving_side == "right" else -1.0
+    for k in range(n):
+        run(
+            belief, roads, route, work, timeline.epochs, output, k, k + 1, timeline.mode, side,
+            lever, parameters, settings.outage_after_s, settings.ambiguous_below, False,
+            new_memory(0),
+        )  # fmt: skip
+        yield _seen_of_ours(belief, route, roads.length)
+
+
+def _seen_of_ours(belief: Belief, route: Route, length: np.ndarray) -> list[Seen]:
+    """A node that holds several Gaussians is one hypothesis."""
+    found: dict[int, Seen] = {}
+    for i in range(int(belief.size[0])):
+        node, edge = int(belief.node[i]), int(belief.edge[i])
+        past = edge != OFF_ROAD and bool(belief.abscissa[i] > length[edge])
+        before = found.get(node)
+        p = float(belief.probability[i]) + (before.p if before else 0.0)
+        found[node] = Seen(node, edge, p, int(route.parent[node]), past)
+    return list(found.values())
+
+
+def _epochs_of_paper(
+    scene: Scene, drive: SimulatedDrive, timeline: Timeline
+) -> Iterator[list[Seen]]:
+    settings, car = Settings(), drive.vehicle
+    n = len(timeline.epochs.time)
+    belief, bench, output = new_belief(), new_bench(), new_output(n, False)
+    literal = Literal(*(float(getattr(settings, name)) for name in Literal._fields))
+    lever = np.array([car.antenna_forward, car.antenna_left])
+    keys: dict[int, int] = {}
+    top, count = -1, 0
+    for k in range(n):
+        run_paper(
+            belief, scene.roads.arrays, bench, timeline.epochs, output, k, k + 1, timeline.mode,
+            lever, settings.parameters(), literal, settings.outage_after_s,
+            settings.ambiguous_below,
+        )  # fmt: skip
+        size = int(belief.size[0])
+        edges = belief.edge[:size].tolist()
+        for edge in edges:
+            if edge not in keys:
+                keys[edge], count = count, count + 1
+        keys = {edge: key for edge, key in keys.items() if edge in edges}
+        yield [
+            Seen(keys[e], e, p, top, False)
+            for e, p in zip(edges, belief.probability[:size].tolist(), strict=True)
+        ]
+        if size:
+            top = keys[edges[int(np.argmax(belief.probability[:size]))]]
+
+
+def watch(scene: Scene, drive: SimulatedDrive, model: str) -> Log:
+    """Step a model through a drive and log every hypothesis."""
+    timeline = build_timeline(drive.drive, scene.roads.plane, drive.vehicle)
+    follow = _epochs_of_paper if model == "paper" else _epochs_of_ours
+    known: dict[int, Hypothesis] = {}
+    alive: dict[int, Hypothesis] = {}
+    for k, seen in enumerate(follow(scene, drive, timeline)):
+        now = {s.key: s for s in seen}
+        for key, s in now.items():
+            if key not in known:
+                parent = known[s.parent].number if s.parent in known else -1
+                street = OFF if s.edge < 0 else street_of(scene.roads, s.edge)
+                known[key] = Hypothesis(len(known), s.edge, street, parent, k)
+        for key in alive.keys() - now.keys():
+            _bury(alive[key], [known[other] for other in now], known, model)
+        alive = {key: known[key] for key in now}
+        for key, h in alive.items():
+            h.p.append(now[key].p)
+            h.last, h.past_end = k, now[key].past_end
+    since = timeline.epochs.time - timeline.epochs.time[0]
+    truth = drive.truth
+    past = np.interp(since, truth.time - truth.time[0], truth.travelled) - scene.decision_m
+    return Log(since, past, list(known.values()))
+
+
+def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[int]:
+    """Numbers of what the living on roads come from."""
+    everyone = {h.number: h for h in known.values()}
+    found: set[int] = set()
+    for h in living:
+        up = h.parent if h.edge >= 0 else -1
+        while up >= 0 and up not in found:
+            found.add(up)
+            up = everyone[up].parent
+    return found
+
+
+def _bury(
+    dead: Hypothesis, others: list[Hypothesis], known: dict[int, Hypothesis], model: str
+) -> None:
+    """Say why a hypothesis is gone."""
+    same = [h for h in others if h.edge == dead.edge]
+    if model == "paper":
+        dead.why = "out of reach"
+    elif same:
+        dead.why, dead.into = "merged", same[0].number
+    elif dead.past_end or dead.number in _ancestors(others, known):
+        dead.why = "left behind"
+    else:
+        dead.why = "outweighed" if max(dead.p) >= ALIVE else "pruned"

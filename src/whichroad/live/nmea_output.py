@@ -1,0 +1,131 @@
+"""The fused pose as NMEA 0183, for consumers that know nothing else.
+
+GGA, RMC and GST of the middle of the rear axle, in this order.  Where the filter goes on
+without GNSS, the quality is 6 and the mode E: estimated.
+"""
+
+import asyncio
+import math
+from datetime import UTC, datetime
+from typing import Any
+
+from .broadcaster import MOST_LISTENERS, Sockets
+from .messages import EstimateMessage
+
+_KNOT = 1852.0 / 3600.0
+_MOST_IGNORED = 65_536  # bytes that a consumer may send before it is not listened to
+
+
+def sentences(message: EstimateMessage) -> bytes:
+    """The burst of one message."""
+    moment = datetime.fromtimestamp(round(message["epoch_s"], 2), UTC)
+    clock = f"{moment:%H%M%S}.{moment.microsecond // 10_000:02d}"
+    pose, ellipse = message["pose"], message["ellipse"]
+    if pose is None or ellipse is None or message["status"] == "lost":
+        bodies = [
+            f"GNGGA,{clock},,,,,0,00,,,M,,M,,",
+            f"GNRMC,{clock},V,,,,,,,{moment:%d%m%y},,,N",
+        ]
+        return b"".join(map(_checked, bodies))
+    alone = message["status"] == "outage" or message["dead_reckoning"]
+    place = f"{_angle(pose['lat'], 2, 'NS')},{_angle(pose['lon'], 3, 'EW')}"
+    speed = abs(pose["speed_mps"] or 0.0)
+    major, minor, axis = ellipse["major_m"], ellipse["minor_m"], ellipse["bearing_deg"]
+    sin, cos = math.sin(math.radians(axis)), math.cos(math.radians(axis))
+    north, east = math.hypot(major * cos, minor * sin), math.hypot(major * sin, minor * cos)
+    bodies = [
+        f"GNGGA,{clock},{place},{6 if alone else 1},,,,M,,M,,",
+        f"GNRMC,{clock},A,{place},{speed / _KNOT:.3f},{pose['bearing_deg'] % 360.0:.2f},"
+        f"{moment:%d%m%y},,,{'E' if alone else 'A'}",
+        f"GNGST,{clock},,{major:.3f},{minor:.3f},{axis:.1f},{north:.3f},{east:.3f},",
+    ]
+    return b"".join(map(_checked, bodies))
+
+
+def _checked(body: str) -> bytes:
+    total = 0
+    for letter in body.encode():
+        total ^= letter
+    return f"${body}*{total:02X}\r\n".encode()
+
+
+def _angle(degrees: float, digits: int, signs: str) -> str:
+    """Degrees as `ddmm.mmmmmm` and the hemisphere."""
+    micro = round(abs(degrees) * 60e6)
+    letter = signs[0] if degrees >= 0.0 else signs[1]
+    return f"{micro // 60_000_000:0{digits}d}{micro % 60_000_000 / 1e6:09.6f},{letter}"
+
+
+class Talker:
+    """Sends bursts to whoever connects, or to one address by UDP.
+
+    Args:
+        scheme: `tcp`: listen there; `udp`: send there.
+        host: Where.
+        port: 0: any that is free.
+    """
+
+    def __init__(self, scheme: str, host: str, port: int) -> None:
+        self.scheme, self.host, self.port = scheme, host, port
+        self.sockets = Sockets()
+        self._server: asyncio.Server | None = None
+        self._datagrams: asyncio.DatagramTransport | None = None
+
+    async def start(self) -> None:
+        """Open the socket.
+
+        Raises:
+            OSError: It cannot be.
+        """
+        loop = asyncio.get_running_loop()
+        if self.scheme == "udp":
+            self._datagrams, _ = await loop.create_datagram_endpoint(
+                asyncio.DatagramProtocol, remote_addr=(self.host, self.port)
+            )
+            return
+        self._server = await loop.create_server(
+            lambda: _Listener(self.sockets), self.host, self.port
+        )
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    def send(self, text: bytes, message: EstimateMessage) -> None:
+        """One message, as sentences."""
+        if self._datagrams is None and not len(self.sockets):
+            return
+        burst = sentences(message)
+        if self._datagrams is not None:
+            self._datagrams.sendto(burst)
+        else:
+            self.sockets.send(burst)
+
+    def close(self) -> None:
+        """Stop."""
+        if self._datagrams is not None:
+            self._datagrams.close()
+        if self._server is not None:
+            self._server.close()
+        self.sockets.close()
+
+
+class _Listener(asyncio.Protocol):
+    """A consumer; what it says is not of interest."""
+
+    def __init__(self, sockets: Sockets) -> None:
+        self._sockets, self._said = sockets, 0
+        self._transport: Any = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = transport
+        if len(self._sockets) >= MOST_LISTENERS:
+            self._transport.abort()
+            return
+        self._transport.set_write_buffer_limits(high=16_384)
+        self._sockets.add(self._transport)
+
+    def data_received(self, data: bytes) -> None:
+        self._said += len(data)
+        if self._said > _MOST_IGNORED:
+            self._transport.pause_reading()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._sockets.discard(self._transport)

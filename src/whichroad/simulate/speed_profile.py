@@ -1,0 +1,121 @@
+"""When the car is where on its course: speeds, bends, stops."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.network import Roads
+from ..records import Array
+from .lateral_profile import Course, gauss_markov
+from .simulation_settings import SimulationSettings
+
+_SLOWEST = 1.0  # m/s while moving
+_BEFORE_JUNCTION = 4.0  # m, where one stops
+_BETWEEN_STOPS = 80.0  # m
+_RHYTHM = 300.0  # m, over which the driver's pace wanders
+
+
+class Pace(NamedTuple):
+    """Motion along the course: uniform acceleration between grid points, then waiting.
+
+    Shape (n,) each, at the n grid points of the driven part of the course.
+    """
+
+    travelled: Array  # true m along the course
+    speed: Array  # m/s
+    arrive: Array  # s since the drive's start
+    depart: Array  # s; later than `arrive` where the car waits
+
+
+class Motion(NamedTuple):
+    """Samples of the motion, shape (n,) each."""
+
+    travelled: Array  # true m along the course
+    speed: Array  # m/s
+
+
+def _limits(
+    roads: Roads, course: Course, settings: SimulationSettings, random: np.random.Generator
+) -> Array:
+    """Highest speed at each grid point, m/s, from the road and the bend."""
+    on = np.clip(
+        np.searchsorted(course.entry, course.along, side="right") - 1, 0, len(course.edges) - 1
+    )
+    coarse = np.linspace(0.0, course.along[-1], max(2, int(course.along[-1] / 25.0)))
+    rhythm = gauss_markov(coarse, settings.pace_sigma, _RHYTHM, random)[:, 0]
+    pace = 1.0 + random.normal(0.0, settings.pace_sigma) + np.interp(course.along, coarse, rhythm)
+    limit = roads.speed[course.edges].astype(float)[on] * np.clip(pace, 0.5, 1.5)
+    bend = np.abs(np.gradient(course.heading) / np.maximum(np.gradient(course.travelled), 1e-3))
+    bent = np.sqrt(settings.lateral_acceleration / np.maximum(bend, 1e-6))
+    most: Array = np.maximum(np.minimum(limit, bent), _SLOWEST)
+    return most
+
+
+def _stops(
+    roads: Roads, course: Course, settings: SimulationSettings, random: np.random.Generator
+) -> Array:
+    """Where along the route the car stops, in driving order, true m."""
+    forks = np.diff(roads.succ_first)[course.edges[:-1]] > 1
+    places = course.entry[1:-1][forks] - _BEFORE_JUNCTION
+    places = places[random.random(len(places)) < settings.stop_probability]
+    kept, last = [], 0.0
+    for place in places.tolist():
+        if place > last + _BETWEEN_STOPS:
+            kept.append(place)
+            last = place
+    return np.array(kept)
+
+
+def set_pace(
+    roads: Roads,
+    course: Course,
+    start: int,
+    stop: int,
+    settings: SimulationSettings,
+    random: np.random.Generator,
+) -> Pace:
+    """Decide speeds and stops between two grid points, standing at both.
+
+    Args:
+        roads: The network.
+        course: The path.
+        start: First grid point driven.
+        stop: Last grid point driven, > start.
+        settings: Accelerations, stops.
+        random: Source of chance.
+
+    Returns:
+        The motion along the driven part.
+    """
+    limit = _limits(roads, course, settings, random)[start : stop + 1]
+    s = course.travelled[start : stop + 1]
+    wait = np.zeros(len(s))
+    stops = np.searchsorted(course.along, _stops(roads, course, settings, random)) - start
+    # not next to the ends, where the car stands anyway
+    for k in stops[(stops > 1) & (stops < len(s) - 2)]:
+        wait[k] = 1.0 + random.exponential(settings.stop_time)
+    square = limit**2
+    square[(wait > 0)] = 0.0
+    square[[0, -1]] = 0.0
+    # v² grows at most by 2 a per metre ahead, and must have shrunk by 2 b before each limit
+    up, down = 2.0 * settings.acceleration * s, 2.0 * settings.braking * s
+    square = np.minimum.accumulate(square - up) + up
+    square = np.minimum.accumulate((square + down)[::-1])[::-1] - down
+    speed = np.sqrt(np.maximum(square, 0.0))
+    speed[(wait > 0)] = 0.0
+    speed[[0, -1]] = 0.0
+    wait[0] = settings.first_wait
+    needs = 2.0 * np.diff(s) / (speed[1:] + speed[:-1])
+    depart = np.cumsum(wait) + np.concatenate([[0.0], np.cumsum(needs)])
+    return Pace(travelled=s, speed=speed, arrive=depart - wait, depart=depart)
+
+
+def motion_at(pace: Pace, time: Array) -> Motion:
+    """Distance and speed at `time` (n,), s since the start and not past the end."""
+    k = np.clip(np.searchsorted(pace.depart, time, side="right") - 1, 0, len(pace.depart) - 2)
+    last = pace.arrive[k + 1] - pace.depart[k]
+    local = np.clip(time - pace.depart[k], 0.0, last)
+    gain = (pace.speed[k + 1] - pace.speed[k]) / last
+    speed = pace.speed[k] + gain * local
+    travelled = pace.travelled[k] + pace.speed[k] * local + 0.5 * gain * local**2
+    return Motion(travelled, np.where(time >= pace.depart[0], speed, 0.0))

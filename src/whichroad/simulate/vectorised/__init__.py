@@ -1,0 +1,56 @@
+"""Short drives by the ten thousand, simulated by compiled code straight into epochs.
+
+The same world as `simulate_drive` (map error in Fourier modes, lanes, corners, wheels,
+receiver; tests compare the two), along lines that were prepared before, without files,
+records or degrees.  Kernels call none of another file here, so that the compile cache,
+which knows the file's age and the digest of `core`, is never stale.
+"""
+
+from .buffers import (
+    ANGLE,
+    BIAS,
+    DIFFERENTIAL,
+    RATIO,
+    SCALE,
+    TRACK,
+    Line,
+    Numbers,
+    Swarm,
+    Truth,
+    new_swarm,
+)
+from .measurements import sense
+from .trajectory import drive_line
+
+
+def simulate_short(line: Line, swarm: Swarm, par: Numbers, odometry: bool, seed: int) -> int:
+    """Simulate one drive along a line.
+
+    Args:
+        line: The route, n points, at most `state.LONGEST`.
+        swarm: Filled from row 0 on: epochs and truth.
+        par: What is wrong with map, car and receiver.
+        odometry: Wheels at `odometry_rate`; else fixes alone.
+        seed: Everything random comes from it, 0 to 2**32 - 1.
+
+    Returns:
+        The number of epochs.
+    """
+    count = drive_line(line, swarm, par, seed)
+    return int(sense(line, swarm, par, count, odometry))
+
+
+__all__ = [
+    "ANGLE",
+    "BIAS",
+    "DIFFERENTIAL",
+    "RATIO",
+    "SCALE",
+    "TRACK",
+    "Line",
+    "Numbers",
+    "Swarm",
+    "Truth",
+    "new_swarm",
+    "simulate_short",
+]
