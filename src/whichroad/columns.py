@@ -1,6 +1,5 @@
 """What was found of drives, as columns: points, path, summary."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,6 +34,7 @@ from .core.output import (
     V_YY,
     Output,
 )
+from .geodesy.angles import axis_bearing_of, bearing_of, degrees
 from .reasons import COUNTS, RECENT, STATUS, far_off, reason, title
 from .records import Array
 from .roadmap import RoadMap
@@ -69,11 +69,6 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32
     return one, at
 
 
-def _within(degrees: Array, turn: float) -> Array:
-    """`degrees % turn`, in a fifth of the time."""
-    return np.asarray(degrees - turn * np.floor(degrees / turn))
-
-
 def points_table(
     drive_id: str | Sequence[str],
     epochs: Epochs,
@@ -104,7 +99,7 @@ def points_table(
     map_lat, map_lon = plane.to_geodetic(v[V_MAP_X], v[V_MAP_Y])
     match_lat, match_lon = plane.to_geodetic(v[V_MATCH_X], v[V_MATCH_Y])
     turn = plane.convergence(x, y)
-    bearing = _within(np.degrees(math.pi / 2 - (v[V_H] - turn)), 360.0)
+    bearing = bearing_of(v[V_H] - turn, 0.0)
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
     xx, xy, yy = v[V_XX], v[V_XY], v[V_YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
@@ -124,10 +119,10 @@ def points_table(
         "cov_ee_m2": _nullable(ee, none),
         "cov_en_m2": _nullable(en, none),
         "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
+        "sigma_bearing_deg": _nullable(degrees(np.sqrt(np.maximum(v[V_HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
-        "ellipse_bearing_deg": _nullable(_within(90.0 - np.degrees(axis), 180.0), none),
+        "ellipse_bearing_deg": _nullable(axis_bearing_of(axis, 0.0), none),
         "edge_id": pa.array(output.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,

@@ -17,6 +17,7 @@ from .core.paper import STEPPED, Literal, new_bench
 from .core.paper_drive import run_paper
 from .epochs import Timeline
 from .errors import DriveError
+from .geodesy.angles import heading_of, radians
 from .localizer import Recorded
 from .records import Array, StartPose
 from .roadmap import RoadMap
@@ -82,10 +83,10 @@ def _start_at(belief: Belief, roads: RoadMap, start: StartPose, time: float, mod
     x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
     turn = roads.plane.convergence(x, y)
     belief.mean[0, X], belief.mean[0, Y] = x[0], y[0]
-    belief.mean[0, H] = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
+    belief.mean[0, H] = heading_of(start.bearing_deg, float(turn[0]))
     belief.mean[0, K] = 6.0 if mode == CLOCK else 1.0
     belief.cov[0, X, X] = belief.cov[0, Y, Y] = start.sigma_m**2
-    belief.cov[0, H, H] = math.radians(start.sigma_bearing_deg) ** 2
+    belief.cov[0, H, H] = radians(start.sigma_bearing_deg) ** 2
     belief.cov[0, K, K] = 64.0 if mode == CLOCK else 0.0
     belief.edge[0], belief.probability[0] = NO_EDGE, 1.0
     belief.size[0] = 1

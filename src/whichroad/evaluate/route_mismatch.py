@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..geodesy.angles import radians
 from ..records import Array
 
 _NEAR = 3.0  # m, two geometries are the same road ...
-_TURN = np.radians(60.0)  # ... if they also point the same way within this
+_TURN = radians(60.0)  # ... if they also point the same way within this
 _STEP = 1.0  # m, between the samples compared
 _REACH = _NEAR * np.sqrt(2.0)  # of place and direction together
 _TURN_RADIUS = _NEAR / (2.0 * np.sin(0.5 * _TURN))  # m; turning by 60° is as far as 3 m

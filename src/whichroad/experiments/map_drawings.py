@@ -9,6 +9,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from ..geodesy.angles import degrees
 from ..plots.panels import FIX, PROBABLE, ROAD, TRUTH, UNIT
 from ..plots.scene import CHI2_95
 from ..records import Array
@@ -139,7 +140,7 @@ def _ellipses(axes: "Axes", drawn: dict[str, NDArray[Any]]) -> None:
     ).transpose(2, 0, 1)
     squares, directions = np.linalg.eigh(cov)
     minor, major = 2.0 * np.sqrt(CHI2_95 * np.maximum(squares.T, 0.0))
-    angle = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+    angle = degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
     colours = PROBABLE(UNIT(drawn["p"]))
     ellipses = EllipseCollection(
         major, minor, angle, units="xy", offset_transform=axes.transData,

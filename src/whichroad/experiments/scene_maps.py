@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..geodesy.angles import radians
 from ..geodesy.plane import Plane
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def along(roads: "RoadMap", streets: list[str]) -> list[int]:
 
 def _ray(start: tuple[float, float], degrees: float, length: float) -> tuple[float, float]:
     """The point at a distance in a direction, counter-clockwise from east."""
-    angle = np.radians(degrees)
+    angle = radians(degrees)
     x, y = start[0] + length * np.cos(angle), start[1] + length * np.sin(angle)
     return float(x), float(y)
 

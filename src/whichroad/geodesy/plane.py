@@ -1,4 +1,4 @@
-"""The only door for degrees: geodetic positions and the map's plane, bearings and headings.
+"""Geodetic positions and the map's plane, bearings and headings there.
 
 The plane is conformal, so an angle on the ground is the same angle in the plane, and a
 covariance is turned by the convergence alone.  Its scale is that of `Plane.scale`:
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ..core import geodesy
 from ..errors import MapError
 from ..records import Array
+from .angles import bearing_of, degrees, heading_of, radians, wrap
 
 _POLE_DEG = 89.999  # an origin nearer to a pole has no north to speak of
 
@@ -43,7 +44,7 @@ class Plane:
                 f"plane's origin: lat {self.lat0_deg}, lon {self.lon0_deg}; a latitude within "
                 f"±{_POLE_DEG}° and a longitude within ±360° were expected; give degrees"
             )
-        sphere = _sphere_at(math.radians(self.lat0_deg), math.radians(self.lon0_deg))
+        sphere = _sphere_at(radians(self.lat0_deg), radians(self.lon0_deg))
         object.__setattr__(self, "sphere", sphere)
 
     @property
@@ -58,9 +59,9 @@ class Plane:
     def from_geodetic(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> tuple[object, object]:
         """Plane coordinates x, y (m) of WGS84 positions in degrees."""
         if isinstance(lat_deg, float) and isinstance(lon_deg, float):
-            return geodesy.to_plane(self.sphere, math.radians(lat_deg), math.radians(lon_deg))
-        lat = np.radians(np.asarray(lat_deg, dtype=np.float64))
-        lon = np.radians(np.asarray(lon_deg, dtype=np.float64))
+            return geodesy.to_plane(self.sphere, radians(lat_deg), radians(lon_deg))
+        lat = radians(np.asarray(lat_deg, dtype=np.float64))
+        lon = radians(np.asarray(lon_deg, dtype=np.float64))
         x, y = np.empty_like(lat), np.empty_like(lat)
         geodesy.to_plane_all(self.sphere, lat.ravel(), lon.ravel(), x.ravel(), y.ravel())
         return _as_given(x), _as_given(y)
@@ -70,7 +71,7 @@ class Plane:
 
         A map so is built without loading a single compiled kernel.
         """
-        return _plane(self.sphere, np.radians(lat_deg), np.radians(lon_deg))
+        return _plane(self.sphere, radians(lat_deg), radians(lon_deg))
 
     @overload
     def to_geodetic(self, x: float, y: float) -> tuple[float, float]: ...
@@ -80,11 +81,11 @@ class Plane:
         """Latitude and longitude (degrees, WGS84, longitude in [-180, 180)) of plane points."""
         if isinstance(x, float) and isinstance(y, float):
             lat, lon = geodesy.to_geodetic(self.sphere, x, y)
-            return math.degrees(lat), math.degrees(lon)
+            return degrees(lat), degrees(lon)
         lats, lons = _geodetic(
             self.sphere, np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         )
-        return _as_given(np.degrees(lats)), _as_given(np.degrees(lons))
+        return _as_given(degrees(lats)), _as_given(degrees(lons))
 
     @overload
     def convergence(self, x: float, y: float) -> float: ...
@@ -121,8 +122,7 @@ class Plane:
             y: m.
         """
         turn = np.asarray(self.convergence(x, y))  # type: ignore[call-overload]
-        angle = 0.5 * math.pi - np.radians(np.asarray(bearing_deg, dtype=np.float64)) + turn
-        return _as_given(-((math.pi - angle) % (2.0 * math.pi) - math.pi))
+        return _as_given(wrap(heading_of(np.asarray(bearing_deg, dtype=np.float64), turn)))
 
     @overload
     def bearing(self, heading: float, x: float, y: float) -> float: ...
@@ -131,9 +131,7 @@ class Plane:
     def bearing(self, heading: ArrayLike, x: ArrayLike, y: ArrayLike) -> object:
         """Bearing (degrees clockwise from true north, [0, 360)) of a heading at plane points."""
         turn = np.asarray(self.convergence(x, y))  # type: ignore[call-overload]
-        angle = 0.5 * math.pi + turn - np.asarray(heading, dtype=np.float64)
-        bearing = np.degrees(angle) % 360.0
-        return _as_given(np.where(bearing == 360.0, 0.0, bearing))  # -1e-20 % 360 is 360
+        return _as_given(bearing_of(np.asarray(heading, dtype=np.float64), turn))
 
     @overload
     def pose(self, x: float, y: float, heading: float) -> tuple[float, float, float]: ...
@@ -144,8 +142,7 @@ class Plane:
         if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
             lat_rad, lon_rad = geodesy.to_geodetic(self.sphere, x, y)
             turn = geodesy.convergence(self.sphere, x, y)
-            bearing = math.degrees(0.5 * math.pi + turn - heading) % 360.0
-            return math.degrees(lat_rad), math.degrees(lon_rad), bearing % 360.0
+            return degrees(lat_rad), degrees(lon_rad), bearing_of(heading, turn)
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
 

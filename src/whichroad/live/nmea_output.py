@@ -9,10 +9,11 @@ import math
 from datetime import UTC, datetime
 from typing import Any
 
+from ..geodesy.angles import radians, wrap_bearing
+from ..geodesy.units import KNOT
 from .broadcaster import MOST_LISTENERS, Sockets
 from .messages import EstimateMessage
 
-_KNOT = 1852.0 / 3600.0
 _MOST_IGNORED = 65_536  # bytes that a consumer may send before it is not listened to
 
 
@@ -31,11 +32,11 @@ def sentences(message: EstimateMessage) -> bytes:
     place = f"{_angle(pose['lat'], 2, 'NS')},{_angle(pose['lon'], 3, 'EW')}"
     speed = abs(pose["speed_mps"] or 0.0)
     major, minor, axis = ellipse["major_m"], ellipse["minor_m"], ellipse["bearing_deg"]
-    sin, cos = math.sin(math.radians(axis)), math.cos(math.radians(axis))
+    sin, cos = math.sin(radians(axis)), math.cos(radians(axis))
     north, east = math.hypot(major * cos, minor * sin), math.hypot(major * sin, minor * cos)
     bodies = [
         f"GNGGA,{clock},{place},{6 if alone else 1},,,,M,,M,,",
-        f"GNRMC,{clock},A,{place},{speed / _KNOT:.3f},{pose['bearing_deg'] % 360.0:.2f},"
+        f"GNRMC,{clock},A,{place},{speed / KNOT:.3f},{wrap_bearing(pose['bearing_deg']):.2f},"
         f"{moment:%d%m%y},,,{'E' if alone else 'A'}",
         f"GNGST,{clock},,{major:.3f},{minor:.3f},{axis:.1f},{north:.3f},{east:.3f},",
     ]

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
+from ..geodesy.angles import DEGREE
+from ..geodesy.units import KMH, MPH
 from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
@@ -22,8 +24,8 @@ from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 SI_UNITS = {
-    "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,
-    "mph": 0.44704, "rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180, "dps": np.pi / 180,
+    "m/s": 1.0, "km/h": KMH, "kmh": KMH, "kph": KMH, "km/hr": KMH,
+    "mph": MPH, "rad/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "dps": DEGREE,
     "m": 1.0, "km": 1000.0, "mi": 1609.344,
 }  # fmt: skip
 _PLAIN = {"wheel_rl_ticks", "wheel_rr_ticks", "reverse"}  # roles without a unit

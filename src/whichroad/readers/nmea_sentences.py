@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.units import KNOT
 from ..records import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .parsing import Bytes, decimal, hexadecimal
 
-KNOT = 1852 / 3600  # m/s
 LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it
 CHECKSUM = "wrong checksum"
 TRUNCATED = "sentence cut short"

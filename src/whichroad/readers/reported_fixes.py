@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.angles import degrees, radians, wrap_bearing
 from ..records import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, GeoFix
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
@@ -55,7 +56,7 @@ class Reported:
 
 def from_ellipse(major: Array, minor: Array, bearing_deg: Array) -> tuple[Array, Array, Array]:
     """Covariance (ee, en, nn) of an ellipse whose major axis lies `bearing_deg` from north."""
-    sin, cos = np.sin(np.radians(bearing_deg)), np.cos(np.radians(bearing_deg))
+    sin, cos = np.sin(radians(bearing_deg)), np.cos(radians(bearing_deg))
     a, b = major * major, minor * minor
     return a * sin * sin + b * cos * cos, (a - b) * sin * cos, a * cos * cos + b * sin * sin
 
@@ -190,8 +191,8 @@ def _course(bearing: Array | None, speed: Array, sigma_speed: Array) -> tuple[Ar
         return np.zeros(len(speed)), np.full(len(speed), np.inf)
     known = np.isfinite(bearing) & (np.abs(bearing) <= 720)
     known &= np.isfinite(sigma_speed) & (speed > MOVING)
-    angle = np.degrees(np.arctan2(np.where(known, sigma_speed, 1.0), speed))
-    return np.where(known, bearing, 0.0) % 360.0, np.where(known, angle, np.inf)
+    angle = degrees(np.arctan2(np.where(known, sigma_speed, 1.0), speed))
+    return wrap_bearing(np.where(known, bearing, 0.0)), np.where(known, angle, np.inf)
 
 
 def as_records(fixes: Fixes) -> list[GeoFix]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ReadError
+from ..geodesy.angles import course_of
 from ..records import Array, Drive
 from ..settings import Settings
 from .arrow_columns import iso_seconds
@@ -71,7 +72,7 @@ def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Dri
             cov_en=mixed * np.abs(mixed),
             cov_nn=north**2,
             speed=np.hypot(v_east, v_north),
-            bearing_deg=np.degrees(np.arctan2(v_east, v_north)),
+            bearing_deg=course_of(v_east, v_north),
         ).rows(np.flatnonzero(placed & timed))
     fixes = make_fixes(reported, settings or Settings(), skipped)
     return Drive(Path(path).stem, fixes, sources=(str(path),), skipped=dict(skipped))

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.angles import axis_bearing_of, bearing_of, radians
+from ..geodesy.units import METRES_PER_DEGREE
 from ..live.messages import VERSION, EstimateMessage, PlayMessage, iso
 from ..reasons import STATUS, far_off
 from ..records import Array
@@ -263,7 +265,7 @@ def _route(path: Any, drive_id: str, roads: "RoadMap") -> Route | None:
 
 def _metres(lat: Any, lon: Any, at: float) -> Any:
     """Length of small differences of positions in degrees."""
-    return np.hypot(lat, lon * np.cos(np.radians(at))) * np.radians(6_371_008.8)
+    return np.hypot(lat, lon * np.cos(radians(at))) * METRES_PER_DEGREE
 
 
 _SORTED = np.array(sorted(STATUS))
@@ -275,9 +277,9 @@ def _from_poses(poses: dict[str, NDArray[Any]], roads: "RoadMap") -> Choices:
     plane, x, y = roads.plane, poses["x"], poses["y"]
     lat, lon = plane.to_geodetic(x, y)
     turn = plane.convergence(x, y)
-    bearing = np.degrees(0.5 * np.pi + turn - poses["heading"]) % 360.0
+    bearing = bearing_of(poses["heading"], turn)
     major, minor, heading = ellipse(poses["cov_xx"], poses["cov_xy"], poses["cov_yy"])
-    axis = np.degrees(0.5 * np.pi + turn - heading) % 180.0
+    axis = axis_bearing_of(heading, turn)
     edge = poses["edge"].astype(np.int64)
     return Choices(edge, poses["p"], lat, lon, bearing, major, minor, axis)
 

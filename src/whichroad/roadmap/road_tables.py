@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..geodesy.units import mps_of_kmh
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link
@@ -248,7 +249,7 @@ class _Tags:
         usual = np.array(
             [meaning.CLASS_SPEED_KMH.get(h, meaning.DEFAULT_SPEED_KMH) for h in self.highway]
         )
-        self.speed = np.maximum(np.where(self.limit > 0, self.limit, usual), 5.0) / 3.6
+        self.speed = mps_of_kmh(np.maximum(np.where(self.limit > 0, self.limit, usual), 5.0))
 
     def _read(self, what: str, function: Callable[[Any], T], absent: T) -> list[T]:
         column = _find(self._sheet, what)

@@ -1,7 +1,5 @@
 """A start from a given pose."""
 
-import math
-
 import numpy as np
 
 from ..core.belief import Belief, Route, normalise
@@ -9,6 +7,7 @@ from ..core.epoch import CLOCK, WHEELS
 from ..core.reduction import reduce
 from ..core.start import cold_start
 from ..core.switching import new_work
+from ..geodesy.angles import heading_of, radians
 from ..records import StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
@@ -33,7 +32,7 @@ def start_at(
     """
     x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
     turn = roads.plane.convergence(x, y)
-    heading = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
+    heading = heading_of(start.bearing_deg, float(turn[0]))
     fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
     par = settings.parameters()
     scale = 1.0 + roads.arrays.curvature * float(x[0] ** 2 + y[0] ** 2)
@@ -41,7 +40,7 @@ def start_at(
     clock_mode = mode == CLOCK
     cold_start(
         belief, roads.arrays, route, work, 1.0, fix, 1.0, 0.01, scale, np.zeros(2), heading,
-        math.radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
+        radians(start.sigma_bearing_deg), 6.0 if clock_mode else 1.0,
         8.0 if clock_mode else par.scale_sigma, par.drift_sigma if mode == WHEELS else 0.0,
         1.0 if vehicle.driving_side == "right" else -1.0, par.lane_sigma, par.map_sigma,
         par.search_radius, par.off_road_start, par.wrong_way,

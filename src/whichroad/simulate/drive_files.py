@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import WriteError
+from ..geodesy.angles import degrees, wrap_axis, wrap_bearing
+from ..geodesy.units import KNOT, kmh_of_mps
 from ..records import Array, Fixes
 from ..settings import Vehicle
 from .simulated_drive import START, SimulatedDrive
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
 
     from ..roadmap import RoadMap
 
-_KNOT = 1852.0 / 3600.0  # m/s
 _COUNTER_BITS = 16
 _KMH = 0.01  # km/h, one step of the wheel speeds on the bus
 _FORWARD, _STANDING = 4, 0  # what the gear signal says
@@ -81,7 +82,7 @@ def _bursts(fixes: Fixes) -> list[list[str]]:
         np.sqrt(mean + stretch),
         np.sqrt(mean - stretch),
         # of the major axis, clockwise from north
-        np.degrees(0.5 * np.arctan2(2.0 * fixes.cov_en, -2.0 * half)) % 180.0,
+        wrap_axis(degrees(0.5 * np.arctan2(2.0 * fixes.cov_en, -2.0 * half))),
         np.sqrt(fixes.cov_nn),
         np.sqrt(fixes.cov_ee),
     )
@@ -105,14 +106,14 @@ def _burst(
     clock, date = _clock(time)
     place = f"{_minutes(lat, 2)},{'N' if lat >= 0 else 'S'},"
     place += f"{_minutes(lon, 3)},{'E' if lon >= 0 else 'W'}"
-    course = f"{round(bearing, 2) % 360.0:.2f}" if np.isfinite(sigma_bearing) else ""
-    knots = speed / _KNOT
+    course = f"{wrap_bearing(round(bearing, 2)):.2f}" if np.isfinite(sigma_bearing) else ""
+    knots = speed / KNOT
     ellipse = f"{major:.2f},{minor:.2f},{angle:.1f},{sigma_lat:.2f},{sigma_lon:.2f}"
     return [
         f"GPGGA,{clock},{place},1,09,0.9,52.0,M,45.0,M,,",
         f"GPGST,{clock},1.2,{ellipse},{1.5 * major:.2f}",
         f"GPRMC,{clock},A,{place},{knots:.3f},{course},{date:%d%m%y},,,A",
-        f"GPVTG,{course},T,,M,{knots:.3f},N,{3.6 * speed:.3f},K,A",
+        f"GPVTG,{course},T,,M,{knots:.3f},N,{kmh_of_mps(speed):.3f},K,A",
         f"GPZDA,{clock},{date:%d,%m,%Y},00,00",
     ]
 
@@ -156,7 +157,7 @@ def can_text(drive: SimulatedDrive) -> str:
     left = (counts.left.astype(np.int64) % wrap).tolist()
     right = (counts.right.astype(np.int64) % wrap).tolist()
     speed_left, speed_right = (
-        np.round(v * 3.6 / _KMH).astype(int).tolist() for v in _speeds(drive)
+        np.round(kmh_of_mps(v) / _KMH).astype(int).tolist() for v in _speeds(drive)
     )
     lines, gear_due = [], -np.inf
     for k, time in enumerate(counts.time.tolist()):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.angles import course_of, degrees
 from ..records import Array, Fixes, WheelCounts
 from .lateral_profile import gauss_markov
 from .simulation_settings import SimulationSettings
@@ -255,7 +256,7 @@ def fixes_from(
     speed = np.hypot(north, east)
     sigma_bearing = np.full(n, np.inf)
     moving = speed > _COURSE_FROM
-    sigma_bearing[moving] = np.degrees(max(sigma, 1e-3) / speed[moving])
+    sigma_bearing[moving] = degrees(max(sigma, 1e-3) / speed[moving])
     return Fixes(
         time=time,
         lat_deg=position[0],
@@ -265,7 +266,7 @@ def fixes_from(
         cov_nn=errors.cov_nn,
         speed=speed,
         sigma_speed=np.full(n, max(sigma, 1e-3)),
-        bearing_deg=np.degrees(np.arctan2(east, north)) % 360.0,
+        bearing_deg=course_of(east, north),
         sigma_bearing_deg=sigma_bearing,
         flags=np.zeros(n, dtype=np.uint8),
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.network import Roads
 from ..errors import SettingError
+from ..geodesy.angles import radians
 from ..records import Array, Drive, Fixes
 from ..settings import Vehicle
 from .lateral_profile import Course, lay_course
@@ -191,7 +192,7 @@ def _fixes(
         states.x + scale * (ahead_x + c * errors.east - s * errors.north),
         states.y + scale * (ahead_y + s * errors.east + c * errors.north),
     )
-    bearing = np.radians(plane.bearing(heading, states.x, states.y))
+    bearing = radians(plane.bearing(heading, states.x, states.y))
     fixes = fixes_from(START + states.time, position, (speed, bearing), errors, settings, random)
     return fixes, errors
 

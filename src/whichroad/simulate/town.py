@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from ..geodesy.angles import radians
 from .map_builder import Point, Sketch
 
 _GRID = 5  # streets each way in the old town
@@ -139,7 +140,7 @@ def _roundabout(sketch: Sketch, centre: Point) -> None:
         "ring 7",
     ]
     for k, name in enumerate(names):
-        angle = math.radians(45.0 * k)
+        angle = radians(45.0 * k)
         sketch.node(name, centre[0] + _RING * math.cos(angle), centre[1] + _RING * math.sin(angle))
     sketch.way([*names, names[0]], "secondary", junction="roundabout", maxspeed="30", lanes="1")
     sketch.way(["old 4 2", "ring west"], "secondary", name="Rue de Paris", maxspeed="50")

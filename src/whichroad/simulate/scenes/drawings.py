@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ...geodesy.angles import radians
 from ...records import Array
 from .scene_builder import Draft
 
@@ -49,15 +50,15 @@ def junction(random: Random, variant: int) -> Draft:
     points, h = walk(np.zeros(2), 0.0, [(random.uniform(220, 320), _gentle(random))])
     node = draft.add("approach", points)
     if kind == 0:
-        angle = np.radians(random.uniform(12.0, 50.0))
+        angle = radians(random.uniform(12.0, 50.0))
         turns = [0.5 * angle, -0.5 * angle]
     elif kind == 1:
-        turns = [0.0, np.radians(random.uniform(15.0, 60.0)) * random.choice([-1, 1])]
+        turns = [0.0, radians(random.uniform(15.0, 60.0)) * random.choice([-1, 1])]
     elif kind == 2:
-        skew = np.radians(random.uniform(-20.0, 20.0))
+        skew = radians(random.uniform(-20.0, 20.0))
         turns = [np.pi / 2 + skew, -np.pi / 2 + skew]
     else:
-        skew = np.radians(random.uniform(-20.0, 20.0))
+        skew = radians(random.uniform(-20.0, 20.0))
         turns = [0.0, np.pi / 2 + skew, -np.pi / 2 + skew]
     for k, turn in enumerate(turns):
         line, _ = walk(node, h + turn, [(random.uniform(220, 300), _gentle(random))])
@@ -148,7 +149,7 @@ def ramp(random: Random, variant: int) -> Draft:
     points, h = walk(np.zeros(2), 0.0, [(random.uniform(350, 450), _gentle(random) / 2)], 30.0)
     node = draft.add("approach", points, highway="motorway", one_way=True)
     base, _ = walk(node, h, [(random.uniform(550, 650), _gentle(random) / 2)], 10.0)
-    gap, slope = random.uniform(12.0, 25.0), np.tan(np.radians(random.uniform(4.0, 8.0)))
+    gap, slope = random.uniform(12.0, 25.0), np.tan(radians(random.uniform(4.0, 8.0)))
     s = np.arange(len(base)) * 10.0
     rest = np.maximum(gap - slope * s, 0.0)  # straight away, then rounded into the parallel
     share = gap - np.sqrt(rest**2 + 1.0) + np.sqrt(gap**2 + 1.0) - gap
@@ -200,7 +201,7 @@ def tunnel(random: Random, variant: int) -> Draft:
             first.append(piece)
     points, h = walk(np.zeros(2), 0.0, first)
     node = draft.add("approach", points, kmh=60.0)
-    angle = np.radians(random.uniform(5.0, 30.0))
+    angle = radians(random.uniform(5.0, 30.0))
     length = before + dark - sum(p[0] for p in first) + 250.0
     names = ["approach"]
     if variant % 2:
@@ -209,7 +210,7 @@ def tunnel(random: Random, variant: int) -> Draft:
             draft.add(f"first {k}", line, kmh=60.0)
         names.append("first 0")
         node, h = line_end(draft.streets["first 0"].points)
-        angle = np.radians(random.uniform(5.0, 30.0))
+        angle = radians(random.uniform(5.0, 30.0))
     for k, side in enumerate((0.5, -0.5)):
         line, _ = walk(
             node, h + side * angle, [(max(length, 300.0), float(random.normal(0, 1 / 600)))]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core._jit import Ints32
 from ...geodesy.plane import Plane
+from ...geodesy.units import mps_of_kmh
 from ...records import Array
 from ...roadmap.tags import CLASS_SPEED_KMH, lane_offset
 from ..lateral_profile import smooth
@@ -53,7 +54,7 @@ class Street:
 
     def speed(self) -> float:
         """Usual speed, m/s."""
-        return (self.kmh or CLASS_SPEED_KMH[self.highway]) / 3.6
+        return mps_of_kmh(self.kmh or CLASS_SPEED_KMH[self.highway])
 
     def lane(self) -> float:
         """Usual offset right of the centre line, m."""
