@@ -18,8 +18,7 @@ from .errors import SettingError, WhichroadError
 from .fleet import Fleet, localize_fleet, one_fleet
 from .localizer import localize_recorded
 from .readers import drive_from_table
-from .readers.many_trips import Parcel
-from .readers.together import fixes_together
+from .readers.many_trips import Parcel, fixes_together
 from .records import Drive
 from .roadmap import RoadMap
 from .route import traversals
