@@ -14,7 +14,7 @@ from typing import Any
 from .errors import SettingError
 from .parcel import Job, Tables, joined
 from .readers import read_vehicle
-from .readers.many_trips import Parcel, parcels
+from .readers.many_trips import TripBatch, trip_batches
 from .roadmap import RoadMap, open_map
 from .settings import Settings, Vehicle
 from .smoother import Lag
@@ -100,7 +100,7 @@ def match_stream(
     job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes, crs)
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        for tables in _in_order(pool, job.tables, parcels(table, drive_id), 2 * workers):
+        for tables in _in_order(pool, job.tables, trip_batches(table, drive_id), 2 * workers):
             done += tables.drives.num_rows
             if progress:
                 progress("trips", done, 0)
@@ -109,8 +109,8 @@ def match_stream(
 
 def _in_order(
     pool: ThreadPoolExecutor,
-    work: Callable[[Parcel], Tables],
-    todo: Iterator[Parcel],
+    work: Callable[[TripBatch], Tables],
+    todo: Iterator[TripBatch],
     ahead: int,
 ) -> Iterator[Tables]:
     """Results in the order of the work, of which only so much is begun ahead."""

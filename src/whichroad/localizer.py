@@ -55,7 +55,7 @@ from .scratch import Scratch, entered, told_of
 from .search import is_vague, search, start_at
 from .sensors.gnss import fix_row
 from .sensors.odometry import bridged_step
-from .sensors.validation import sound
+from .sensors.validation import validated
 from .settings import Settings, Vehicle
 from .smoother import Lag, Past, Window, smooth
 from .snapshot import Snapshot, pose_at
@@ -262,7 +262,7 @@ class Localizer:
         Returns:
             Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
         """
-        if (possible := sound(observation, self.skipped)) is None:
+        if (possible := validated(observation, self.skipped)) is None:
             return False
         observation = possible
         late = float(self._belief.clock[NOW]) - observation.time

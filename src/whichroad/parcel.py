@@ -18,7 +18,7 @@ from .errors import SettingError, WhichroadError
 from .fleet import Fleet, localize_fleet, one_fleet
 from .localizer import localize_recorded
 from .readers import drive_from_table
-from .readers.many_trips import Parcel, fixes_together
+from .readers.many_trips import TripBatch, batched_fixes
 from .records import Drive
 from .roadmap import RoadMap
 from .route import traversals
@@ -88,7 +88,7 @@ class Job(NamedTuple):
     attributes: bool
     crs: Any = None
 
-    def tables(self, parcel: Parcel) -> Tables:
+    def tables(self, parcel: TripBatch) -> Tables:
         """The answers to the trips of a parcel."""
         vehicle = self.vehicle or Vehicle()
         settings = tuned_by(self.settings, vehicle)
@@ -99,7 +99,7 @@ class Job(NamedTuple):
             return joined([self._alone(one) for answer in answers for one in answer.each()])
 
     def _answers(
-        self, parcel: Parcel, vehicle: Vehicle, settings: Settings
+        self, parcel: TripBatch, vehicle: Vehicle, settings: Settings
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as may be."""
         plain, trip = self._plain(parcel), 0
@@ -114,10 +114,10 @@ class Job(NamedTuple):
                 yield self._answer(parcel, plain, trip, vehicle, settings)
                 trip += 1
 
-    def _plain(self, parcel: Parcel) -> _Plain:
+    def _plain(self, parcel: TripBatch) -> _Plain:
         """The epochs of the trips that need not be read alone."""
         first, usable = np.array(parcel.first), np.zeros(len(parcel.names), np.bool_)
-        read = fixes_together(parcel.table, first[:-1], self.settings or Settings())
+        read = batched_fixes(parcel.table, first[:-1], self.settings or Settings())
         if read is None or not len(read[0]):
             return _Plain(new_epochs(0), np.zeros(len(first), np.int64), usable)
         fixes, plain = read
@@ -148,7 +148,7 @@ class Job(NamedTuple):
         return fleet and _Answer(names[trip : trip + len(fleet.first) - 1], fleet, None)
 
     def _answer(
-        self, parcel: Parcel, plain: _Plain, trip: int, vehicle: Vehicle, settings: Settings
+        self, parcel: TripBatch, plain: _Plain, trip: int, vehicle: Vehicle, settings: Settings
     ) -> _Answer | _Failure:
         """The answer to one trip, or why there is none."""
         name, (low, high) = parcel.names[trip], parcel.first[trip : trip + 2]

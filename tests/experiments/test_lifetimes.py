@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whichroad.experiments.lifetime_log import WHY, watch
-from whichroad.experiments.runs import ALIVE, Ride, lives
+from whichroad.experiments.lifetime_log import WHY, log_hypotheses
+from whichroad.experiments.runs import ALIVE, Run, lifetimes
 from whichroad.experiments.scene_maps import along, draw_map
 from whichroad.experiments.scenes import SCENES, STEADY, fixed_sigma
 from whichroad.experiments.wheels_alone import wheels_alone_error
@@ -16,68 +16,75 @@ from whichroad.simulate import simulate_drive
 @pytest.fixture(scope="module", params=["paper", "default"])
 def log(request):
     scene = SCENES["fork"]
-    return request.param, watch(scene, scene.drive(scene.roads, 1), request.param)
+    return request.param, log_hypotheses(scene, scene.drive(scene.roads, 1), request.param)
 
 
 def test_every_hypothesis_comes_from_one_before_it_and_dies_for_a_reason(log):
     _, told = log
-    for h in told.lives:
+    for h in told.hypotheses:
         assert h.parent < h.number
         assert h.why in WHY
-        assert len(h.p) == h.last - h.born + 1
+        assert len(h.p) == h.last - h.created + 1
         assert (h.why == "alive") == (h.last == len(told.since) - 1)
 
 
 def test_the_dead_merge_into_one_of_their_own_edge(log):
     _, told = log
-    for h in told.lives:
+    for h in told.hypotheses:
         if h.why == "merged":
-            other = told.lives[h.into]
+            other = told.hypotheses[h.into]
             assert other.edge == h.edge
-            assert other.born <= h.last + 1 <= other.last
+            assert other.created <= h.last + 1 <= other.last
 
 
 def test_the_paper_drops_what_is_beyond_its_radius_and_nothing_else(log):
     model, told = log
     if model == "paper":
-        assert {h.why for h in told.lives} <= {"alive", "out of reach"}
+        assert {h.why for h in told.hypotheses} <= {"alive", "out of reach"}
     else:
-        assert {"outweighed", "left behind"} <= {h.why for h in told.lives}
+        assert {"outweighed", "left behind"} <= {h.why for h in told.hypotheses}
 
 
 def test_three_roads_count_at_once_behind_the_two_forks():
     scene = SCENES["fork"]
     most = 0
     for seed in range(3):
-        told = watch(scene, scene.drive(scene.roads, seed), "default")
+        told = log_hypotheses(scene, scene.drive(scene.roads, seed), "default")
         weight = {}
-        for h in told.lives:
+        for h in told.hypotheses:
             if h.street in "234":
                 p = weight.setdefault(h.street, np.zeros(len(told.since)))
-                p[h.born : h.last + 1] += h.p
+                p[h.created : h.last + 1] += h.p
         most = max(most, sum(p >= ALIVE for p in weight.values()).max())
     assert most == 3
 
 
-def made(wrong: dict[str, list[float]]) -> Ride:
+def made(wrong: dict[str, list[float]]) -> Run:
     """A ride at 10 m/s, an epoch a second, from 20 m before the decision on."""
     n = len(next(iter(wrong.values())))
     since = np.arange(float(n))
     p = {street: np.array(values) for street, values in wrong.items()}
     none = np.zeros(n)
-    return Ride(
+    return Run(
         0, 10.0 * since - 20.0, since, none, p, none, none, None, none.astype(bool)
     )  # fmt: skip
 
 
 def test_a_life_runs_from_where_a_road_begins_to_count_to_where_it_ceases():
-    (life,) = lives(SCENES["junction"], made({"3": [0.0, 0.02, 0.3, 0.001, 0.05, 0.0, 0.0]}))
-    assert (life.seconds, life.metres, life.born_m, life.ended) == (4.0, 40.0, -10.0, True)
+    (lifetime,) = lifetimes(
+        SCENES["junction"], made({"3": [0.0, 0.02, 0.3, 0.001, 0.05, 0.0, 0.0]})
+    )
+    assert (lifetime.seconds, lifetime.metres, lifetime.created_m, lifetime.ended) == (
+        4.0,
+        40.0,
+        -10.0,
+        True,
+    )
 
 
 def test_a_road_that_counts_at_the_drives_end_has_not_ended():
-    (life,) = lives(SCENES["junction"], made({"3": [0.0, 0.0, 0.3]}))
-    assert not life.ended
+    (lifetime,) = lifetimes(SCENES["junction"], made({"3": [0.0, 0.0, 0.3]}))
+    assert not lifetime.ended
 
 
 def test_perfect_wheels_alone_find_the_end_of_the_mask():

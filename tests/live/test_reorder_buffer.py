@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from whichroad import GeoFix, Localizer
-from whichroad.live.filter_loop import Engine
-from whichroad.live.reorder_buffer import Events
+from whichroad.live.filter_loop import FilterLoop
+from whichroad.live.reorder_buffer import ReorderBuffer
 from whichroad.live.state import bridge, from_bytes, restore, state_of, to_bytes
 
 
@@ -31,10 +31,10 @@ def answer(town, ride, observations):
 
 
 def test_events_in_order_are_what_the_localizer_says(town, ride, observations):
-    events = Events(localizer(town, ride))
-    assert all(events.take(one) for one in observations[:300])
-    assert same(events.localizer.estimate(), answer(town, ride, observations[:300]).estimate())
-    assert events.rewinds == 0
+    buffer = ReorderBuffer(localizer(town, ride))
+    assert all(buffer.take(one) for one in observations[:300])
+    assert same(buffer.localizer.estimate(), answer(town, ride, observations[:300]).estimate())
+    assert buffer.rewinds == 0
 
 
 def test_late_fixes_give_the_answer_of_the_sorted_observations(town, ride, observations):
@@ -45,13 +45,13 @@ def test_late_fixes_give_the_answer_of_the_sorted_observations(town, ride, obser
     rng = np.random.default_rng(5)
     delay = [rng.uniform(0.1, 0.8) if isinstance(one, GeoFix) else 0.0 for one in observations]
     arrival = np.argsort([one.time + d for one, d in zip(observations, delay, strict=True)])
-    events = Events(localizer(town, ride), window=1.0)
-    events.take(observations[0])
+    buffer = ReorderBuffer(localizer(town, ride), window=1.0)
+    buffer.take(observations[0])
     for i in arrival:
         if i:
-            assert events.take(observations[i])
-    assert events.rewinds > 50
-    assert same(events.localizer.estimate(), answer(town, ride, observations).estimate())
+            assert buffer.take(observations[i])
+    assert buffer.rewinds > 50
+    assert same(buffer.localizer.estimate(), answer(town, ride, observations).estimate())
 
 
 def shifted(fix, seconds):
@@ -60,21 +60,21 @@ def shifted(fix, seconds):
 
 
 def test_an_observation_beyond_the_window_is_refused_and_counted(town, ride, observations):
-    events = Events(localizer(town, ride), window=0.5)
+    buffer = ReorderBuffer(localizer(town, ride), window=0.5)
     for one in observations[:400]:
-        events.take(one)
-    before = events.localizer.estimate()
-    assert not events.take(observations[300])
-    assert events.skipped == {"late": 1}
-    assert same(events.localizer.estimate(), before)
+        buffer.take(one)
+    before = buffer.localizer.estimate()
+    assert not buffer.take(observations[300])
+    assert buffer.skipped == {"late": 1}
+    assert same(buffer.localizer.estimate(), before)
 
 
 def test_what_there_is_to_go_back_to_does_not_grow(town, ride, observations):
-    events = Events(localizer(town, ride), window=1.0)
+    buffer = ReorderBuffer(localizer(town, ride), window=1.0)
     for one in observations:
-        events.take(one)
-    assert len(events._states) <= 22
-    assert events.now - events._taken[0].time <= 1.3
+        buffer.take(one)
+    assert len(buffer._states) <= 22
+    assert buffer.now - buffer._taken[0].time <= 1.3
 
 
 def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
@@ -128,28 +128,28 @@ def test_who_slept_is_where_it_would_be_and_less_sure(town, ride, observations, 
 def test_a_fix_older_than_the_first_wheels_is_taken(town, ride, observations):
     fix = next(one for one in observations if isinstance(one, GeoFix))
     wheels = [one for one in observations if one.time > fix.time and not isinstance(one, GeoFix)]
-    events = Events(localizer(town, ride))
+    buffer = ReorderBuffer(localizer(town, ride))
     for one in wheels[:3]:
-        events.take(one)
-    assert events.take(fix)
-    assert events.skipped == {}
-    assert same(events.localizer.estimate(), answer(town, ride, [fix, *wheels[:3]]).estimate())
+        buffer.take(one)
+    assert buffer.take(fix)
+    assert buffer.skipped == {}
+    assert same(buffer.localizer.estimate(), answer(town, ride, [fix, *wheels[:3]]).estimate())
 
 
 def test_a_clock_far_from_the_others_is_refused_until_only_it_speaks(town, ride, observations):
-    engine = Engine(localizer(town, ride))
-    here, there = engine.sensor("a", "gnss"), engine.sensor("b", "gnss")
+    filter_loop = FilterLoop(localizer(town, ride))
+    here, there = filter_loop.sensor("a", "gnss"), filter_loop.sensor("b", "gnss")
     fixes = [one for one in observations if isinstance(one, GeoFix)]
     for fix in fixes[:10]:
-        engine.take(here, [fix], time.perf_counter())
-        engine.take(there, [shifted(fix, 3600.0)], time.perf_counter())
-        engine.take(there, [shifted(fix, -3600.0)], time.perf_counter())
+        filter_loop.take(here, [fix], time.perf_counter())
+        filter_loop.take(there, [shifted(fix, 3600.0)], time.perf_counter())
+        filter_loop.take(there, [shifted(fix, -3600.0)], time.perf_counter())
     assert (here.skipped, there.skipped) == (0, 20)
-    assert engine.events.skipped == {
+    assert filter_loop.buffer.skipped == {
         "clock ahead of the others": 10, "clock behind the others": 10
     }  # fmt: skip
-    engine._heard -= 10.0
+    filter_loop._heard -= 10.0
     for fix in fixes[10:15]:
-        engine.take(there, [shifted(fix, -3600.0)], time.perf_counter())
-    assert engine.estimate().time == fixes[14].time - 3600.0
-    assert engine.estimate().edge is not None
+        filter_loop.take(there, [shifted(fix, -3600.0)], time.perf_counter())
+    assert filter_loop.estimate().time == fixes[14].time - 3600.0
+    assert filter_loop.estimate().edge is not None

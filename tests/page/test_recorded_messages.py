@@ -12,7 +12,7 @@ from whichroad.live.messages import EstimateMessage, FixMessage, HypothesisMessa
 from whichroad.reasons import STATUS
 from whichroad.replay.open_replay import Remaking, is_points, one_of
 from whichroad.replay.points import read_points
-from whichroad.replay.recorded_messages import Film
+from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.timeline import thinned, timeline
 from whichroad.roadmap import RoadMap
 from whichroad.session import match
@@ -20,9 +20,9 @@ from whichroad.session import match
 PLAY: Any = {"mode": "replay", "paused": False, "speed": 1.0, "position_s": 0, "length_s": 1}
 
 
-def test_a_message_has_the_keys_of_the_live_service(film: Film):
-    for k in range(0, len(film), 500):
-        said = film.message(k, 3, PLAY)
+def test_a_message_has_the_keys_of_the_live_service(recorded: RecordedMessages):
+    for k in range(0, len(recorded), 500):
+        said = recorded.message(k, 3, PLAY)
         assert set(said) == set(EstimateMessage.__annotations__)
         assert set(said["road"]) == set(RoadMessage.__annotations__)
         assert set(said["fix"] or ()) <= set(FixMessage.__annotations__)
@@ -30,10 +30,10 @@ def test_a_message_has_the_keys_of_the_live_service(film: Film):
             assert set(one) == set(HypothesisMessage.__annotations__)
 
 
-def test_a_message_says_what_the_points_say(film: Film, remaking: Remaking):
+def test_a_message_says_what_the_points_say(recorded: RecordedMessages, remaking: Remaking):
     result = match(remaking.drive, remaking.roads, vehicle=remaking.vehicle)
-    for k in range(0, len(film), 700):
-        row, said = result.to_arrow().slice(k, 1).to_pylist()[0], film.message(k, 0, PLAY)
+    for k in range(0, len(recorded), 700):
+        row, said = result.to_arrow().slice(k, 1).to_pylist()[0], recorded.message(k, 0, PLAY)
         assert said["epoch_s"] == pytest.approx(row["time"].timestamp(), abs=1e-5)
         assert (said["pose"] or {})["lat"] == pytest.approx(row["lat"], abs=1e-7)
         assert said["p_road"] == pytest.approx(row["p_road"], abs=1e-7)
@@ -41,36 +41,42 @@ def test_a_message_says_what_the_points_say(film: Film, remaking: Remaking):
         assert said["road"]["edge_id"] == row["edge_id"]
 
 
-def test_hypotheses_come_most_probable_first_and_their_p_is_one_at_most(film: Film):
-    for k in range(0, len(film), 50):
-        shares = [one["p"] for one in film.hypotheses(k)]
+def test_hypotheses_come_most_probable_first_and_their_p_is_one_at_most(recorded: RecordedMessages):
+    for k in range(0, len(recorded), 50):
+        shares = [one["p"] for one in recorded.hypotheses(k)]
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) <= 1.0 + 1e-5
 
 
-def test_the_best_hypothesis_stands_where_the_pose_is_when_it_is_alone(film: Film):
-    alone = np.flatnonzero(film.choices.p[:, 0] > 0.99999 * (1.0 - Settings().unknown))
+def test_the_best_hypothesis_stands_where_the_pose_is_when_it_is_alone(recorded: RecordedMessages):
+    alone = np.flatnonzero(recorded.choices.p[:, 0] > 0.99999 * (1.0 - Settings().unknown))
     assert len(alone) > 100
     metre = 360.0 / 40_030_000.0  # of latitude, degrees
-    away = np.abs(film.choices.lat[alone, 0] - film.columns["lat"][alone]) / metre
+    away = np.abs(recorded.choices.lat[alone, 0] - recorded.columns["lat"][alone]) / metre
     # an edge may have several Gaussians: the best of them is near their mean, in sigmas
-    assert (away / film.choices.major[alone, 0]).max() < 0.25
+    assert (away / recorded.choices.major[alone, 0]).max() < 0.25
 
 
-def test_masked_fixes_are_withheld_and_the_ellipse_grows(film: Film, remaking: Remaking):
-    begin = float(film.time[0]) + 90.0
+def test_masked_fixes_are_withheld_and_the_ellipse_grows(
+    recorded: RecordedMessages, remaking: Remaking
+):
+    begin = float(recorded.time[0]) + 90.0
     dark = remaking([(begin, begin + 40.0)])
-    k = film.at(129.0)
+    k = recorded.at(129.0)
     assert dark.message(k, 0, PLAY)["gnss_masked"]
     assert dark.message(k, 0, PLAY)["fix"]["masked"]  # type: ignore[index]
-    assert not film.message(k, 0, PLAY)["gnss_masked"]
-    assert dark.columns["ellipse_major_m"][k] > 1.2 * film.columns["ellipse_major_m"][k]
-    before = slice(0, film.at(89.9))
-    assert np.array_equal(dark.columns["lat"][before], film.columns["lat"][before], equal_nan=True)
+    assert not recorded.message(k, 0, PLAY)["gnss_masked"]
+    assert dark.columns["ellipse_major_m"][k] > 1.2 * recorded.columns["ellipse_major_m"][k]
+    before = slice(0, recorded.at(89.9))
+    assert np.array_equal(
+        dark.columns["lat"][before], recorded.columns["lat"][before], equal_nan=True
+    )
 
 
-def test_wheels_alone_are_shown_in_gaps_of_gnss_only(film: Film, remaking: Remaking):
-    begin = float(film.time[0]) + 90.0
+def test_wheels_alone_are_shown_in_gaps_of_gnss_only(
+    recorded: RecordedMessages, remaking: Remaking
+):
+    begin = float(recorded.time[0]) + 90.0
     dark = remaking([(begin, begin + 40.0)])
     inside, outside = dark.at(120.0), dark.at(80.0)
     assert dark.reckoning.at(outside) is None
@@ -86,16 +92,16 @@ def test_wheels_alone_are_shown_in_gaps_of_gnss_only(film: Film, remaking: Remak
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv", ".geojson", ".arrow"])
 def test_points_from_a_file_make_the_film_that_was_written(
-    suffix: str, film: Film, remaking: Remaking, roads: RoadMap, tmp_path: Path
+    suffix: str, recorded: RecordedMessages, remaking: Remaking, roads: RoadMap, tmp_path: Path
 ):
     result = match(remaking.drive, roads, vehicle=remaking.vehicle)
     path = tmp_path / f"points{suffix}"
     result.write(path)
     assert is_points(path)
-    again = Film(read_points(path), roads)
-    assert len(again) == len(film)
-    for k in range(0, len(film), 600):
-        old, new = film.message(k, 0, PLAY), again.message(k, 0, PLAY)
+    again = RecordedMessages(read_points(path), roads)
+    assert len(again) == len(recorded)
+    for k in range(0, len(recorded), 600):
+        old, new = recorded.message(k, 0, PLAY), again.message(k, 0, PLAY)
         assert new["epoch_s"] == pytest.approx(old["epoch_s"], abs=1e-5)
         assert (new["pose"] or {})["lat"] == pytest.approx((old["pose"] or {})["lat"], abs=1e-7)
         assert new["status"] == old["status"]
@@ -115,10 +121,10 @@ def test_of_several_drives_one_has_to_be_named(remaking: Remaking):
         one_of([remaking.drive, remaking.drive], None)
 
 
-def test_the_columns_keep_their_least_probable_moments(film: Film):
-    line = timeline(film, rows=200)
+def test_the_columns_keep_their_least_probable_moments(recorded: RecordedMessages):
+    line = timeline(recorded, rows=200)
     assert len(line["t"]) <= 200
-    assert min(line["p"]) == pytest.approx(np.nanmin(film.columns["p_road"]), abs=1e-4)
+    assert min(line["p"]) == pytest.approx(np.nanmin(recorded.columns["p_road"]), abs=1e-4)
     assert max(line["status"]) < len(STATUS)
-    everything = thinned(film.time, film.columns["p_road"], len(film))
-    assert np.array_equal(everything, np.arange(len(film)))
+    everything = thinned(recorded.time, recorded.columns["p_road"], len(recorded))
+    assert np.array_equal(everything, np.arange(len(recorded)))

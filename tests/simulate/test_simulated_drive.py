@@ -225,16 +225,16 @@ def test_one_keeps_to_the_driving_side(hand_made, side):
 def test_the_world_is_the_map_moved_by_the_warp(hand_made):
     drive = simulate_drive(hand_made, seed=7)
     t = drive.truth
-    shift = drive.warp.at(t.map_x, t.map_y)
+    shift = drive.error_field.at(t.map_x, t.map_y)
     # the warp is taken at the path's grid points, 1 m apart
     assert np.abs(np.column_stack([t.x - t.map_x, t.y - t.map_y]) - shift).max() < 0.05
 
 
 def test_the_map_error_has_the_size_it_should():
-    from whichroad.simulate.map_error_field import draw_warp
+    from whichroad.simulate.map_error_field import draw_map_error
 
     place = np.zeros(1), np.zeros(1)
-    shifts = [draw_warp(GOOD, np.random.default_rng(k)).at(*place)[0] for k in range(400)]
+    shifts = [draw_map_error(GOOD, np.random.default_rng(k)).at(*place)[0] for k in range(400)]
     variance = GOOD.map_sigma**2 + GOOD.relative_sigma**2
     assert np.mean(np.square(shifts)) / variance == pytest.approx(
         1, abs=CHI2_999 * np.sqrt(2 / 800)

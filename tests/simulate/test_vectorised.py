@@ -7,14 +7,14 @@ import pytest
 from scipy.stats import chi2
 
 from whichroad.simulate import GOOD, SimulationSettings
-from whichroad.simulate.map_error_field import draw_warp
+from whichroad.simulate.map_error_field import draw_map_error
 from whichroad.simulate.vectorised import (
     DIFFERENTIAL,
     SCALE,
+    DriveBuffers,
     Line,
     Numbers,
-    Swarm,
-    new_swarm,
+    new_buffers,
     simulate_short,
 )
 
@@ -57,17 +57,21 @@ def winding() -> Line:
 
 
 @pytest.fixture(scope="module")
-def swarm() -> Swarm:
-    return new_swarm(4000)
+def buffers() -> DriveBuffers:
+    return new_buffers(4000)
 
 
 def drives(
-    swarm: Swarm, line: Line, how: SimulationSettings, count: int = N, odometry: bool = True
+    buffers: DriveBuffers,
+    line: Line,
+    how: SimulationSettings,
+    count: int = N,
+    odometry: bool = True,
 ) -> list[int]:
-    """Epochs of each of some drives, one after another; look at `swarm` in between."""
+    """Epochs of each of some drives, one after another; look at `buffers` in between."""
     par = Numbers.of(how)
     for seed in range(count):
-        yield simulate_short(line, swarm, par, odometry, seed)
+        yield simulate_short(line, buffers, par, odometry, seed)
 
 
 def assert_variance(values: np.ndarray, expected: float) -> None:
@@ -76,28 +80,30 @@ def assert_variance(values: np.ndarray, expected: float) -> None:
     assert chi2.ppf(1e-4, values.size) < ratio < chi2.ppf(1 - 1e-4, values.size)
 
 
-def fix_errors(swarm: Swarm, n: int) -> tuple[np.ndarray, np.ndarray]:
+def fix_errors(buffers: DriveBuffers, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the fixes and their error in the plane."""
-    at = np.flatnonzero(swarm.epochs.has_fix[:n])
-    h = swarm.truth.heading[at]
-    x = swarm.epochs.fix[at, 0] - GOOD.antenna_forward * np.cos(h) - swarm.truth.x[at]
-    y = swarm.epochs.fix[at, 1] - GOOD.antenna_forward * np.sin(h) - swarm.truth.y[at]
+    at = np.flatnonzero(buffers.epochs.has_fix[:n])
+    h = buffers.truth.heading[at]
+    x = buffers.epochs.fix[at, 0] - GOOD.antenna_forward * np.cos(h) - buffers.truth.x[at]
+    y = buffers.epochs.fix[at, 1] - GOOD.antenna_forward * np.sin(h) - buffers.truth.y[at]
     return at, np.column_stack([x, y])
 
 
-def test_the_same_seed_is_the_same_drive(swarm):
+def test_the_same_seed_is_the_same_drive(buffers):
     line, par = winding(), Numbers.of(GOOD)
-    first = simulate_short(line, swarm, par, True, 5)
-    kept = [a[:first].copy() for a in (*swarm.epochs, *swarm.truth)]
-    simulate_short(line, swarm, par, True, 6)
-    assert simulate_short(line, swarm, par, True, 5) == first
-    for a, b in zip(kept, (*swarm.epochs, *swarm.truth), strict=True):
+    first = simulate_short(line, buffers, par, True, 5)
+    kept = [a[:first].copy() for a in (*buffers.epochs, *buffers.truth)]
+    simulate_short(line, buffers, par, True, 6)
+    assert simulate_short(line, buffers, par, True, 5) == first
+    for a, b in zip(kept, (*buffers.epochs, *buffers.truth), strict=True):
         np.testing.assert_array_equal(a, b[:first])
 
 
-def test_without_errors_the_wheels_tell_the_true_motion(swarm):
-    n = simulate_short(winding(), swarm, Numbers.of(replace(QUIET, metres_per_tick=1e-6)), True, 1)
-    epochs, truth = swarm.epochs, swarm.truth
+def test_without_errors_the_wheels_tell_the_true_motion(buffers):
+    n = simulate_short(
+        winding(), buffers, Numbers.of(replace(QUIET, metres_per_tick=1e-6)), True, 1
+    )
+    epochs, truth = buffers.epochs, buffers.truth
     heading = truth.heading[0] + np.concatenate([[0.0], np.cumsum(epochs.turn[1:n])])
     c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
     x = truth.x[0] + np.cumsum(c * epochs.forward[1:n] - s * epochs.left[1:n])
@@ -107,23 +113,23 @@ def test_without_errors_the_wheels_tell_the_true_motion(swarm):
     np.testing.assert_allclose(y, truth.y[1:n], atol=0.05)
 
 
-def test_without_errors_fixes_are_the_antenna(swarm):
-    n = simulate_short(winding(), swarm, Numbers.of(QUIET), True, 1)
-    at, error = fix_errors(swarm, n)
+def test_without_errors_fixes_are_the_antenna(buffers):
+    n = simulate_short(winding(), buffers, Numbers.of(QUIET), True, 1)
+    at, error = fix_errors(buffers, n)
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
-    np.testing.assert_allclose(np.diff(swarm.epochs.time[at]), 1.0, atol=1e-9)
-    moving = swarm.truth.speed[at] > 2.0
+    np.testing.assert_allclose(np.diff(buffers.epochs.time[at]), 1.0, atol=1e-9)
+    moving = buffers.truth.speed[at] > 2.0
     np.testing.assert_allclose(
-        swarm.epochs.speed[at][moving], swarm.truth.speed[at][moving], atol=0.05
+        buffers.epochs.speed[at][moving], buffers.truth.speed[at][moving], atol=0.05
     )
 
 
-def test_speed_and_position_fit_and_a_car_can_do_it(swarm):
+def test_speed_and_position_fit_and_a_car_can_do_it(buffers):
     line = winding()
     line.stop[300] = 1
     how = replace(GOOD, stop_probability=1.0)
-    n = simulate_short(line, swarm, Numbers.of(how), True, 3)
-    truth, dt = swarm.truth, 0.1
+    n = simulate_short(line, buffers, Numbers.of(how), True, 3)
+    truth, dt = buffers.truth, 0.1
     step = np.hypot(np.diff(truth.x[:n]), np.diff(truth.y[:n]))
     # trapezia are off by half the jerk at corners of the speed: (a + b) dt² / 8
     mean = 0.5 * (truth.speed[1:n] + truth.speed[: n - 1]) * dt
@@ -137,33 +143,33 @@ def test_speed_and_position_fit_and_a_car_can_do_it(swarm):
     assert np.ptp(truth.travelled[waits[:10]]) == 0.0
 
 
-def test_the_receivers_error_has_the_variance_that_was_asked(swarm):
+def test_the_receivers_error_has_the_variance_that_was_asked(buffers):
     how = replace(GOOD, gnss_axis_ratio=1.0)
     last = []
-    for n in drives(swarm, straight(300), how):
-        last.append(fix_errors(swarm, n)[1][-1])
+    for n in drives(buffers, straight(300), how):
+        last.append(fix_errors(buffers, n)[1][-1])
     assert_variance(np.array(last), how.gnss_bias_low**2 + how.gnss_white**2)
 
 
-def test_the_slow_error_lasts_as_long_as_was_asked_and_stands_with_the_car(swarm):
+def test_the_slow_error_lasts_as_long_as_was_asked_and_stands_with_the_car(buffers):
     how = replace(GOOD, gnss_axis_ratio=1.0, gnss_white=0.0, first_wait=5.0)
     waited, moved = [], []
-    for n in drives(swarm, straight(), how):
-        at, error = fix_errors(swarm, n)
+    for n in drives(buffers, straight(), how):
+        at, error = fix_errors(buffers, n)
         waited.append(error[4] - error[0])
-        go = int(np.argmax(swarm.truth.speed[at] > 1.0)) + 1
+        go = int(np.argmax(buffers.truth.speed[at] > 1.0)) + 1
         moved.append(error[go + 20] - error[go])
     np.testing.assert_allclose(waited, 0.0, atol=1e-9)
     keep = np.exp(-20.0 / how.gnss_time)
     assert_variance(np.array(moved), 2.0 * how.gnss_bias_low**2 * (1.0 - keep))
 
 
-def test_errors_have_the_reported_shape(swarm):
+def test_errors_have_the_reported_shape(buffers):
     how = replace(GOOD, gnss_reported_spread=0.0, gnss_axis_ratio=3.0)
     normal = []
-    for n in drives(swarm, straight(200), how):
-        at, error = fix_errors(swarm, n)
-        fix = swarm.epochs.fix[at[-1]]
+    for n in drives(buffers, straight(200), how):
+        at, error = fix_errors(buffers, n)
+        fix = buffers.epochs.fix[at[-1]]
         c, s = np.cos(fix[4]), np.sin(fix[4])
         along = np.array([c * error[-1, 0] + s * error[-1, 1], c * error[-1, 1] - s * error[-1, 0]])
         normal.append(along / fix[2:4])
@@ -174,16 +180,16 @@ def test_errors_have_the_reported_shape(swarm):
     assert_variance(np.array(normal)[:, 1], true)
 
 
-def test_wheels_are_as_wrong_as_was_asked(swarm):
+def test_wheels_are_as_wrong_as_was_asked(buffers):
     how = replace(GOOD, wheel_walk=0.0, map_sigma=0.0, relative_sigma=0.0)
     scale, differential, ratio, turn = [], [], [], []
-    for n in drives(swarm, straight(), how):
-        metres = swarm.truth.travelled[n - 1] - swarm.truth.travelled[0]
-        scale.append(swarm.drawn[SCALE] - 1.0)
-        differential.append(swarm.drawn[DIFFERENTIAL])
-        ratio.append(metres / swarm.epochs.arc[:n].sum() - 1.0)
-        true = swarm.truth.heading[n - 1] - swarm.truth.heading[0]
-        turn.append((swarm.epochs.turn[:n].sum() - true) / metres)
+    for n in drives(buffers, straight(), how):
+        metres = buffers.truth.travelled[n - 1] - buffers.truth.travelled[0]
+        scale.append(buffers.drawn[SCALE] - 1.0)
+        differential.append(buffers.drawn[DIFFERENTIAL])
+        ratio.append(metres / buffers.epochs.arc[:n].sum() - 1.0)
+        true = buffers.truth.heading[n - 1] - buffers.truth.heading[0]
+        turn.append((buffers.epochs.turn[:n].sum() - true) / metres)
     assert_variance(np.array(scale), how.scale_sigma**2)
     assert_variance(np.array(differential), how.differential_sigma**2)
     # two ticks in 600 m are 1.4e-4
@@ -192,25 +198,25 @@ def test_wheels_are_as_wrong_as_was_asked(swarm):
     np.testing.assert_allclose(turn, expected, atol=2 * 0.0404 / 1.5 / 600 + 2e-5)
 
 
-def test_the_wheels_walk(swarm):
+def test_the_wheels_walk(buffers):
     how = replace(QUIET, wheel_walk=5e-3, metres_per_tick=1e-6)
     extra = []
-    for n in drives(swarm, straight(), how):
-        extra.append(swarm.epochs.turn[:n].sum() * how.track_width / np.sqrt(600.0))
+    for n in drives(buffers, straight(), how):
+        extra.append(buffers.epochs.turn[:n].sum() * how.track_width / np.sqrt(600.0))
     assert_variance(np.array(extra), 2 * how.wheel_walk**2)
 
 
-def test_the_map_is_wrong_as_in_the_other_simulator(swarm):
+def test_the_map_is_wrong_as_in_the_other_simulator(buffers):
     """Variance at a point, and of differences over 20, 60 and 300 m."""
     how = replace(GOOD, lane_change_rate=0.0)
     mine, other = [], []
-    for n in drives(swarm, straight(), how, 600):
-        truth = swarm.truth
+    for n in drives(buffers, straight(), how, 600):
+        truth = buffers.truth
         at = np.searchsorted(truth.travelled[:n], [100.0, 120.0, 160.0, 400.0])
         mine.append(truth.y[at] - truth.map_y[at])
     random = np.random.default_rng(1)
     for _ in range(600):
-        there = draw_warp(how, random).at(np.array([100.0, 120.0, 160.0, 400.0]), np.zeros(4))
+        there = draw_map_error(how, random).at(np.array([100.0, 120.0, 160.0, 400.0]), np.zeros(4))
         other.append(there[:, 1])
     a, b = np.array(mine), np.array(other)
     assert_variance(a[:, 0], how.map_sigma**2 + how.relative_sigma**2)
@@ -221,46 +227,46 @@ def test_the_map_is_wrong_as_in_the_other_simulator(swarm):
         assert abs(np.log(size[0] / size[1])) < 6 * 0.082
 
 
-def test_cars_keep_their_lanes(swarm):
+def test_cars_keep_their_lanes(buffers):
     """Street and driver: the offset varies as both do, and is near the lane's on average."""
     offsets = []
     how = replace(GOOD, lane_change_rate=0.0)
-    for n in drives(swarm, straight(), how):
-        k = int(np.searchsorted(swarm.truth.travelled[:n], 300.0))
-        offsets.append(-swarm.truth.map_y[k] - 1.75)
+    for n in drives(buffers, straight(), how):
+        k = int(np.searchsorted(buffers.truth.travelled[:n], 300.0))
+        offsets.append(-buffers.truth.map_y[k] - 1.75)
     assert_variance(np.array(offsets), how.street_sigma**2 + how.lane_sigma**2)
 
 
-def test_lanes_are_changed_as_often_as_was_asked_and_slowly(swarm):
+def test_lanes_are_changed_as_often_as_was_asked_and_slowly(buffers):
     line = straight(2000)
     how = replace(QUIET, lane_change_rate=2e-4)
     visits = 0
-    for n in drives(swarm, line, how, 200):
-        right = -swarm.truth.map_y[:n]
+    for n in drives(buffers, line, how, 200):
+        right = -buffers.truth.map_y[:n]
         visits += right.min() < 0.0
-        slope = np.abs(np.diff(right)) / np.maximum(np.diff(swarm.truth.travelled[:n]), 1e-3)
+        slope = np.abs(np.diff(right)) / np.maximum(np.diff(buffers.truth.travelled[:n]), 1e-3)
         assert slope.max() < 0.15  # two that overlap make twice the step
     # 200 drives of 0.4 visits: 1 - exp(-0.4) of them have one
     share = visits / 200
     assert abs(share - (1 - np.exp(-0.4))) < 4 * np.sqrt(0.33 * 0.67 / 200)
 
 
-def test_no_fix_where_it_is_dark(swarm):
+def test_no_fix_where_it_is_dark(buffers):
     line = straight()
     line.masked[200:400] = 1
-    n = simulate_short(line, swarm, Numbers.of(GOOD), True, 1)
-    at = np.flatnonzero(swarm.epochs.has_fix[:n])
-    assert not line.masked[swarm.truth.place[at]].any()
+    n = simulate_short(line, buffers, Numbers.of(GOOD), True, 1)
+    at = np.flatnonzero(buffers.epochs.has_fix[:n])
+    assert not line.masked[buffers.truth.place[at]].any()
     assert len(at) > 20
 
 
-def test_without_odometry_only_fixes_remain(swarm):
+def test_without_odometry_only_fixes_remain(buffers):
     par = Numbers.of(GOOD)
-    with_wheels = simulate_short(straight(), swarm, par, True, 4)
-    at = np.flatnonzero(swarm.epochs.has_fix[:with_wheels])
-    fixes, place = swarm.epochs.fix[at].copy(), swarm.truth.place[at].copy()
-    n = simulate_short(straight(), swarm, par, False, 4)
-    np.testing.assert_array_equal(swarm.epochs.fix[:n], fixes)
-    np.testing.assert_array_equal(swarm.truth.place[:n], place)
-    assert not swarm.epochs.moved[:n].any()
-    assert not swarm.epochs.arc[:n].any()
+    with_wheels = simulate_short(straight(), buffers, par, True, 4)
+    at = np.flatnonzero(buffers.epochs.has_fix[:with_wheels])
+    fixes, place = buffers.epochs.fix[at].copy(), buffers.truth.place[at].copy()
+    n = simulate_short(straight(), buffers, par, False, 4)
+    np.testing.assert_array_equal(buffers.epochs.fix[:n], fixes)
+    np.testing.assert_array_equal(buffers.truth.place[:n], place)
+    assert not buffers.epochs.moved[:n].any()
+    assert not buffers.epochs.arc[:n].any()

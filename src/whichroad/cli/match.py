@@ -134,8 +134,8 @@ def match(
             from ..replay.open_replay import Remaking, one_of
 
             shown = Remaking(one_of(drives, None), network, car)
-            film = shown.film(result, shown.absolute(windows))
-            write_report(film, report, network, force=force)
+            recorded = shown.recorded(result, shown.absolute(windows))
+            write_report(recorded, report, network, force=force)
     say(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         raise DriveError(

@@ -96,7 +96,7 @@ def report(
     """Write one HTML file that shows an answer, to open anywhere and to mail."""
     from ..replay.drive_report import check_report, write_report
     from ..replay.points import read_points
-    from ..replay.recorded_messages import Film
+    from ..replay.recorded_messages import RecordedMessages
     from ..roadmap import open_map
 
     check_report(out, force=force)
@@ -108,5 +108,5 @@ def report(
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)
         progress("writing", 0, 0)
-        write_report(Film(points, network), out, network, force=force)
+        write_report(RecordedMessages(points, network), out, network, force=force)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

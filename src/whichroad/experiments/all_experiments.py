@@ -9,13 +9,13 @@ from typing import Any
 
 from .. import __version__
 from ..errors import SettingError, WriteError
-from .example_drive import middling, show
+from .example_drive import answer_example, median_seed
 from .experiments_report import key_table, write_report
 from .gst import KINDS, PER_FIX, Kind, score_gst
 from .logs import write_log
 from .numbers import Row
 from .pictures import Picture, draw_scene
-from .runs import ALIVE, MODELS, STEP_S, SURE, Ride, answer, ride
+from .runs import ALIVE, MODELS, STEP_S, SURE, Run, answer, run_of
 from .scenes import SCENES, Scene, fixed_sigma
 from .scores import score
 from .summary_text import seen
@@ -136,7 +136,7 @@ def _run_scene(
     scene: Scene, seeds: range, out: Path, number: int, count: int, tell: Tell
 ) -> Outcome:
     kinds: Sequence[Kind] = KINDS if scene.name == "gst" else [(m, PER_FIX) for m in MODELS]
-    rides: dict[Kind, list[Ride]] = {kind: [] for kind in kinds}
+    runs: dict[Kind, list[Run]] = {kind: [] for kind in kinds}
     alone = []
     for done, seed in enumerate(seeds):
         tell(f"{scene.name}, seed {seed}", number * len(seeds) + done, count * len(seeds))
@@ -146,16 +146,18 @@ def _run_scene(
         for kind in kinds:
             model, noise = kind
             told = drive if noise == PER_FIX else fixed_sigma(drive)
-            rides[kind].append(ride(scene, told, answer(scene, told, model)))
+            runs[kind].append(run_of(scene, told, answer(scene, told, model)))
     tell(f"{scene.name}, drawing", (number + 1) * len(seeds), count * len(seeds))
-    shown = show(scene, middling(scene, rides["default", PER_FIX]))
+    example = answer_example(scene, median_seed(scene, runs["default", PER_FIX]))
     logs = [
-        path for model, log in shown.logs.items() for path in write_log(out, scene.name, model, log)
+        path
+        for model, log in example.logs.items()
+        for path in write_log(out, scene.name, model, log)
     ]
     rows = (
-        score_gst(scene, rides)
+        score_gst(scene, runs)
         if scene.name == "gst"
-        else [row for model in MODELS for row in score(scene, model, rides[model, PER_FIX], alone)]
+        else [row for model in MODELS for row in score(scene, model, runs[model, PER_FIX], alone)]
     )
-    pictures = draw_scene(scene, rides, shown, out)
-    return Outcome(scene, rows, seen(scene, rows), shown.drive.seed, pictures, logs)
+    pictures = draw_scene(scene, runs, example, out)
+    return Outcome(scene, rows, seen(scene, rows), example.drive.seed, pictures, logs)

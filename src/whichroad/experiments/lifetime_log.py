@@ -37,7 +37,7 @@ WHY = {
 }
 
 
-class Seen(NamedTuple):
+class Sighting(NamedTuple):
     """One hypothesis in one epoch."""
 
     key: int  # the same for the same hypothesis
@@ -55,26 +55,26 @@ class Hypothesis:
     edge: int
     street: str
     parent: int  # number, -1: none
-    born: int  # epoch
+    created: int  # epoch
     last: int = -1  # epoch in which it was seen last
     why: str = "alive"
     into: int = -1  # the number it was merged into
-    p: list[float] = field(default_factory=list)  # from `born` to `last`
+    p: list[float] = field(default_factory=list)  # from `created` to `last`
     past_end: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Log:
+class LifetimeLog:
     """All hypotheses of one drive under one model; time and distance of its n epochs."""
 
     since: np.ndarray
     past: np.ndarray  # m past the scene's decision
-    lives: list[Hypothesis]
+    hypotheses: list[Hypothesis]
 
 
 def _epochs_of_ours(
     scene: Scene, drive: SimulatedDrive, timeline: Timeline
-) -> Iterator[list[Seen]]:
+) -> Iterator[list[Sighting]]:
     roads, settings, car = scene.roads.arrays, Settings(), drive.vehicle
     n = len(timeline.epochs.time)
     belief, route, work = new_belief(), new_route(1 << 15), new_work()
@@ -90,21 +90,21 @@ def _epochs_of_ours(
         yield _seen_of_ours(belief, route, roads.length)
 
 
-def _seen_of_ours(belief: Belief, route: Route, length: np.ndarray) -> list[Seen]:
+def _seen_of_ours(belief: Belief, route: Route, length: np.ndarray) -> list[Sighting]:
     """A node that holds several Gaussians is one hypothesis."""
-    found: dict[int, Seen] = {}
+    found: dict[int, Sighting] = {}
     for i in range(int(belief.size[0])):
         node, edge = int(belief.node[i]), int(belief.edge[i])
         past = edge != OFF_ROAD and bool(belief.abscissa[i] > length[edge])
         before = found.get(node)
         p = float(belief.probability[i]) + (before.p if before else 0.0)
-        found[node] = Seen(node, edge, p, int(route.parent[node]), past)
+        found[node] = Sighting(node, edge, p, int(route.parent[node]), past)
     return list(found.values())
 
 
 def _epochs_of_paper(
     scene: Scene, drive: SimulatedDrive, timeline: Timeline
-) -> Iterator[list[Seen]]:
+) -> Iterator[list[Sighting]]:
     settings, car = Settings(), drive.vehicle
     n = len(timeline.epochs.time)
     belief, bench, output = new_belief(), new_bench(), new_output(n, False)
@@ -125,14 +125,14 @@ def _epochs_of_paper(
                 keys[edge], count = count, count + 1
         keys = {edge: key for edge, key in keys.items() if edge in edges}
         yield [
-            Seen(keys[e], e, p, top, False)
+            Sighting(keys[e], e, p, top, False)
             for e, p in zip(edges, belief.probability[:size].tolist(), strict=True)
         ]
         if size:
             top = keys[edges[int(np.argmax(belief.probability[:size]))]]
 
 
-def watch(scene: Scene, drive: SimulatedDrive, model: str) -> Log:
+def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeLog:
     """Step a model through a drive and log every hypothesis."""
     timeline = build_timeline(drive.drive, scene.roads.plane, drive.vehicle)
     follow = _epochs_of_paper if model == "paper" else _epochs_of_ours
@@ -146,7 +146,7 @@ def watch(scene: Scene, drive: SimulatedDrive, model: str) -> Log:
                 street = OFF if s.edge < 0 else street_of(scene.roads, s.edge)
                 known[key] = Hypothesis(len(known), s.edge, street, parent, k)
         for key in alive.keys() - now.keys():
-            _bury(alive[key], [known[other] for other in now], known, model)
+            _close(alive[key], [known[other] for other in now], known, model)
         alive = {key: known[key] for key in now}
         for key, h in alive.items():
             h.p.append(now[key].p)
@@ -154,7 +154,7 @@ def watch(scene: Scene, drive: SimulatedDrive, model: str) -> Log:
     since = timeline.epochs.time - timeline.epochs.time[0]
     truth = drive.truth
     past = np.interp(since, truth.time - truth.time[0], truth.travelled) - scene.decision_m
-    return Log(since, past, list(known.values()))
+    return LifetimeLog(since, past, list(known.values()))
 
 
 def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[int]:
@@ -169,7 +169,7 @@ def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[in
     return found
 
 
-def _bury(
+def _close(
     dead: Hypothesis, others: list[Hypothesis], known: dict[int, Hypothesis], model: str
 ) -> None:
     """Say why a hypothesis is gone."""

@@ -14,7 +14,7 @@ from ..plots.panels import FIX, PROBABLE, ROAD, TRUTH, UNIT
 from ..plots.scene import CHI2_95
 from ..records import Array
 from ..result import Result
-from .example_drive import Shown
+from .example_drive import ExampleDrive
 from .runs import ALIVE, STEP_S
 from .scene_maps import ORIGIN, street_of
 from .scenes import Scene
@@ -53,11 +53,11 @@ class Place:
         return lines
 
 
-def driven_at(shown: Shown, metres: Sequence[float] | Array) -> Array:
+def driven_at(example: ExampleDrive, metres: Sequence[float] | Array) -> Array:
     """When so many metres past the decision had been driven, s since 1970."""
-    truth = shown.drive.truth
+    truth = example.drive.truth
     moved = truth.travelled + 1e-6 * np.arange(len(truth.travelled))
-    when: Array = np.interp(np.asarray(metres) + shown.scene.decision_m, moved, truth.time)
+    when: Array = np.interp(np.asarray(metres) + example.scene.decision_m, moved, truth.time)
     return when
 
 
@@ -85,15 +85,15 @@ def name_roads(axes: "Axes", place: Place) -> None:
 
 
 def draw_hypotheses(
-    axes: "Axes", shown: Shown, place: Place, result: Result, window: tuple[float, float]
+    axes: "Axes", example: ExampleDrive, place: Place, result: Result, window: tuple[float, float]
 ) -> None:
     """Every hypothesis at every step of a stretch (m), with its ellipse; truth and fixes."""
-    begin, end = driven_at(shown, window)
-    truth = shown.drive.truth
+    begin, end = driven_at(example, window)
+    truth = example.drive.truth
     part = (truth.time >= begin) & (truth.time <= end)
     path = place.here(truth.x[part], truth.y[part])
     axes.plot(*path.T, color=TRUTH, lw=1.1, zorder=4)
-    fixes = shown.drive.drive.fixes
+    fixes = example.drive.drive.fixes
     assert fixes is not None
     seen = (fixes.time >= begin) & (fixes.time <= end)
     spots = place.at(fixes.lat_deg[seen], fixes.lon_deg[seen])

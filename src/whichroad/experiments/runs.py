@@ -26,7 +26,7 @@ STEP_S = 1.0
 """One step of the paper, s: its receiver spoke once a second."""
 
 
-class Ride(NamedTuple):
+class Run(NamedTuple):
     """One drive answered by one model.  n compared epochs."""
 
     seed: int
@@ -45,7 +45,7 @@ def answer(scene: Scene, drive: SimulatedDrive, model: str) -> Result:
     return match(drive.drive, scene.roads, vehicle=drive.vehicle, model=model, hypotheses=True)
 
 
-def ride(scene: Scene, drive: SimulatedDrive, result: Result) -> Ride:
+def run_of(scene: Scene, drive: SimulatedDrive, result: Result) -> Run:
     """Set an answer beside its truth."""
     roads, truth = scene.roads, drive.truth
     points = result.to_arrow()
@@ -62,7 +62,7 @@ def ride(scene: Scene, drive: SimulatedDrive, result: Result) -> Ride:
     none = np.zeros(len(row))
     wrong = {s: m for s, m in mass.items() if s not in driven}
     ee, nn = (points[name].to_numpy()[row] for name in ("cov_ee_m2", "cov_nn_m2"))
-    return Ride(
+    return Run(
         seed=drive.seed,
         past=np.interp(c.since, truth.time - truth.time[0], truth.travelled) - scene.decision_m,
         since=c.since,
@@ -75,17 +75,17 @@ def ride(scene: Scene, drive: SimulatedDrive, result: Result) -> Ride:
     )
 
 
-class Life(NamedTuple):
+class Lifetime(NamedTuple):
     """How long a wrong road counted: from when its probability first was `ALIVE` to the last."""
 
     street: str
-    born_m: float  # past the decision
+    created_m: float  # past the decision
     seconds: float
     metres: float
     ended: bool  # before the drive did
 
 
-def lives(scene: Scene, r: Ride) -> list[Life]:
+def lifetimes(scene: Scene, r: Run) -> list[Lifetime]:
     """The wrong roads that began to count where the scene asks for them."""
     first_m, last_m = scene.counted_m
     out = []
@@ -97,5 +97,5 @@ def lives(scene: Scene, r: Ride) -> list[Life]:
         end = b + 1 < len(p)
         after = min(b + 1, len(p) - 1)
         seconds, metres = r.since[after] - r.since[a], r.past[after] - r.past[a]
-        out.append(Life(street, float(r.past[a]), float(seconds), float(metres), end))
+        out.append(Lifetime(street, float(r.past[a]), float(seconds), float(metres), end))
     return out

@@ -25,7 +25,7 @@ class TooLarge(Exception):
     """A body is larger than it may be."""
 
 
-class Doors:
+class AccessControl:
     """Middleware that lets in or answers 4xx.
 
     Args:

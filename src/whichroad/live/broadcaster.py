@@ -80,7 +80,7 @@ class Sockets:
         self._open.clear()
 
 
-class Hub:
+class Broadcaster:
     """Listeners of WebSockets and of server-sent events.
 
     Attributes:

@@ -9,7 +9,7 @@ from ..settings import Vehicle
 from .messages import ReckoningMessage
 
 
-class Reckoning:
+class DeadReckoning:
     """Equation (1) of the paper with the odometer as it is, from a pose on.
 
     Args:

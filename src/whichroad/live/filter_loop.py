@@ -13,11 +13,11 @@ from typing import Any
 from ..localizer import Localizer
 from ..records import Estimate, GeoFix, Observation
 from ..roadmap import RoadMap
-from .dead_reckoning import Reckoning
+from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
 from .messages import Around, EstimateMessage, Messages, PlayMessage
 from .recording import Recorder
-from .reorder_buffer import Events
+from .reorder_buffer import ReorderBuffer
 from .state import restore, state_of
 
 Sink = Callable[[bytes, EstimateMessage], None]
@@ -33,7 +33,7 @@ _BETWEEN = 1.5  # so that odometry calls for a message this many times later
 _RECORDED = 0.09  # s of event time between recorded estimates
 
 
-class Engine:
+class FilterLoop:
     """The filter and what is known around it.
 
     Args:
@@ -57,9 +57,9 @@ class Engine:
         recorder: Recorder | None = None,
     ) -> None:
         self.localizer, self.recorder = localizer, recorder
-        self.events = Events(localizer, window)
+        self.buffer = ReorderBuffer(localizer, window)
         self.messages = Messages(localizer.roads)
-        self.reckoning = Reckoning(localizer.roads.plane, localizer.vehicle)
+        self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
         self.latency = Latency()
         self.sensors: dict[str, Health] = {}
         self.sinks: list[Sink] = []
@@ -118,29 +118,29 @@ class Engine:
 
     def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
         """Whether a clock agrees with the others; where only this one speaks, it is believed."""
-        events, silent = self.events, now - self._heard
-        if events.now < 0.0:
+        buffer, silent = self.buffer, now - self._heard
+        if buffer.now < 0.0:
             return True
-        ahead = observations[0].time - events.now
+        ahead = observations[0].time - buffer.now
         if ahead > silent + _AHEAD:
             why = "clock ahead of the others"
-        elif ahead < -events.window - _AHEAD:
+        elif ahead < -buffer.window - _AHEAD:
             why = "clock behind the others"
         else:
             return True
         if silent > _DOUBT:
             restore(self.localizer, self._blank)
-            events.begin(-math.inf)
+            buffer.begin(-math.inf)
             self.reckoning.stop()
-            events.skipped["clock jumped: started anew"] += 1
+            buffer.skipped["clock jumped: started anew"] += 1
             return True
-        events.skipped[why] += len(observations)
+        buffer.skipped[why] += len(observations)
         return False
 
     def observe(self, observations: Sequence[Observation]) -> bool:
         """Take observations without a word; returns whether one of them was a fix."""
         fresh = False
-        recorder, events, reckoning = self.recorder, self.events, self.reckoning
+        recorder, buffer, reckoning = self.recorder, self.buffer, self.reckoning
         for one in observations:
             if recorder is not None:
                 recorder.observe(one)
@@ -151,9 +151,9 @@ class Engine:
                     continue
             else:
                 reckoning.take(one)
-            events.take(one)
-            if recorder is not None and events.now - self._recorded >= _RECORDED:
-                self._recorded = events.now
+            buffer.take(one)
+            if recorder is not None and buffer.now - self._recorded >= _RECORDED:
+                self._recorded = buffer.now
                 recorder.say(self.localizer)
         return fresh
 
@@ -161,13 +161,13 @@ class Engine:
         """Called often: where nothing comes, the filter goes on by dead reckoning and says so."""
         now = time.perf_counter()
         silent = now - self._heard
-        if silent >= _SILENCE and now - self._told >= self._every and self.events.now > 0.0:
+        if silent >= _SILENCE and now - self._told >= self._every and self.buffer.now > 0.0:
             self.publish(ahead=min(silent, _HORIZON))
 
     def estimate(self, ahead: float = 0.0) -> Estimate:
         """What the filter says now, or so many seconds after the last observation."""
-        if ahead and self.events.now > 0.0:
-            return self.localizer.predict(self.events.now + ahead)
+        if ahead and self.buffer.now > 0.0:
+            return self.localizer.predict(self.buffer.now + ahead)
         return self.localizer.estimate()
 
     def publish(self, *, arrival: float | None = None, ahead: float = 0.0) -> None:
@@ -236,6 +236,6 @@ class Engine:
             "gnss_masked": self.gnss_masked,
             "play": self.play(),
             "latency_ms": self.latency.message(now),
-            "skipped": {**self.localizer.skipped, **self.events.skipped},
-            "rewinds": self.events.rewinds,
+            "skipped": {**self.localizer.skipped, **self.buffer.skipped},
+            "rewinds": self.buffer.rewinds,
         }

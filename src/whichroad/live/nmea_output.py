@@ -57,7 +57,7 @@ def _angle(degrees: float, digits: int, signs: str) -> str:
     return f"{micro // 60_000_000:0{digits}d}{micro % 60_000_000 / 1e6:09.6f},{letter}"
 
 
-class Talker:
+class NmeaOutput:
     """Sends bursts to whoever connects, or to one address by UDP.
 
     Args:

@@ -22,7 +22,7 @@ from ..records import (
     WheelSpeeds,
     WheelTicks,
 )
-from .filter_loop import Engine
+from .filter_loop import FilterLoop
 from .messages import PlayMessage
 from .state import State, restore, state_of
 
@@ -37,7 +37,7 @@ _KEPT_EVERY = 2.0  # s of the recording between states to go back to
 _MOST_KEPT = 400
 
 
-class Tape:
+class RecordedObservations:
     """The observations of a recorded drive, in the order of their times.
 
     Args:
@@ -121,8 +121,8 @@ class Player:
     """Plays a tape into an engine.
 
     Args:
-        engine: Takes the observations.
-        tape: What is played.
+        filter_loop: Takes the observations.
+        recording: What is played.
         speed: Times real time; None: as fast as possible.
         paused: Whether to wait for `resume` or `step`.
 
@@ -131,12 +131,17 @@ class Player:
     """
 
     def __init__(
-        self, engine: Engine, tape: Tape, *, speed: float | None = 1.0, paused: bool = False
+        self,
+        filter_loop: FilterLoop,
+        recording: RecordedObservations,
+        *,
+        speed: float | None = 1.0,
+        paused: bool = False,
     ) -> None:
-        self.engine, self.tape = engine, tape
+        self.filter_loop, self.recording = filter_loop, recording
         self.speed, self.paused = speed, paused
         self.ended = asyncio.Event()
-        self._health = engine.sensor("recording", "file")
+        self._health = filter_loop.sensor("recording", "file")
         self._health.link = "open"
         self._at = 0
         self._kept: list[tuple[int, State]] = []
@@ -144,12 +149,12 @@ class Player:
         self._anchor = (0.0, 0.0)  # clock and recording agree here
         self._target: int | None = None  # where a search goes
         self._wake = asyncio.Event()
-        engine.play = self.message
+        filter_loop.play = self.message
 
     @property
     def position(self) -> float:
         """Seconds from the recording's beginning."""
-        return self.tape.when(max(self._at - 1, 0)) - float(self.tape.time[0])
+        return self.recording.when(max(self._at - 1, 0)) - float(self.recording.time[0])
 
     def message(self) -> PlayMessage:
         """The state of play."""
@@ -158,12 +163,12 @@ class Player:
             paused=self.paused,
             speed=self.speed,
             position_s=round(self.position, 3),
-            length_s=round(self.tape.length, 3),
+            length_s=round(self.recording.length, 3),
         )
 
     def start_at(self, when: float) -> None:
         """Begin at a time that the filter is at already."""
-        self._at = self.tape.index(when)
+        self._at = self.recording.index(when)
 
     async def run(self) -> None:
         """Play until cancelled; waits where it is paused or at the end."""
@@ -172,16 +177,16 @@ class Player:
             if self._target is not None:
                 self._run_on(self._target)
                 await asyncio.sleep(0)
-            elif self.paused or self._at >= len(self.tape):
-                if self._at >= len(self.tape) and not self.ended.is_set():
+            elif self.paused or self._at >= len(self.recording):
+                if self._at >= len(self.recording) and not self.ended.is_set():
                     self._health.link = "ended"
-                    self.engine.publish()
+                    self.filter_loop.publish()
                     self.ended.set()
                 self._wake.clear()
                 await self._wake.wait()
                 self._set_anchor()
             elif self.speed is None:
-                self._play_slice(len(self.tape))
+                self._play_slice(len(self.recording))
                 await asyncio.sleep(0)
             else:
                 await self._keep_pace(self.speed)
@@ -189,9 +194,9 @@ class Player:
     async def _keep_pace(self, speed: float) -> None:
         clock, recorded = self._anchor
         due = recorded + speed * (time.perf_counter() - clock)
-        when = self.tape.when(self._at)
+        when = self.recording.when(self._at)
         if when <= due:
-            end = self.tape.index(due + 1e-9)
+            end = self.recording.index(due + 1e-9)
             reached = self._play_slice(max(end, self._at + 1))
             await asyncio.sleep(0.001 if reached else 0)
         else:
@@ -200,13 +205,13 @@ class Player:
     def _play_slice(self, end: int) -> bool:
         """Play up to an index for as long as may be; returns whether it was reached."""
         began = arrival = time.perf_counter()
-        tape, engine, health = self.tape, self.engine, self._health
-        end = min(end, len(tape))
+        recording, filter_loop, health = self.recording, self.filter_loop, self._health
+        end = min(end, len(recording))
         while self._at < end:
-            chunk = [tape[i] for i in range(self._at, min(self._at + 32, end))]
+            chunk = [recording[i] for i in range(self._at, min(self._at + 32, end))]
             self._keep()
             self._at += len(chunk)
-            engine.take(health, chunk, arrival, recorded=True)
+            filter_loop.take(health, chunk, arrival, recorded=True)
             arrival = time.perf_counter()
             if arrival - began > _SLICE:
                 break
@@ -214,27 +219,30 @@ class Player:
 
     def _keep(self) -> None:
         """Remember the state here, to go back to; the farther apart the longer the drive is."""
-        when = self.tape.when(self._at)
-        if self._kept and when - self.tape.when(self._kept[-1][0]) < self._every:
+        when = self.recording.when(self._at)
+        if self._kept and when - self.recording.when(self._kept[-1][0]) < self._every:
             return
-        self._kept.append((self._at, state_of(self.engine.localizer)))
+        self._kept.append((self._at, state_of(self.filter_loop.localizer)))
         if len(self._kept) > _MOST_KEPT:
             self._kept = self._kept[::2]
             self._every *= 2.0
 
     def _set_anchor(self) -> None:
-        self._anchor = (time.perf_counter(), self.tape.when(min(self._at, len(self.tape) - 1)))
+        self._anchor = (
+            time.perf_counter(),
+            self.recording.when(min(self._at, len(self.recording) - 1)),
+        )
 
     # What people may do
 
     def pause(self) -> None:
         """Stop here."""
         self.paused = True
-        self.engine.publish()
+        self.filter_loop.publish()
 
     def resume(self) -> None:
         """Go on; from the end, from the beginning."""
-        if self._at >= len(self.tape):
+        if self._at >= len(self.recording):
             self.seek(0.0)
         self.paused = False
         self._wake.set()
@@ -242,8 +250,8 @@ class Player:
     def step(self, seconds: float = _STEP) -> None:
         """Play so many seconds, and stop there."""
         self.paused = True
-        target = self.tape.when(min(self._at, len(self.tape) - 1)) + seconds
-        self._target = self.tape.index(target)
+        target = self.recording.when(min(self._at, len(self.recording) - 1)) + seconds
+        self._target = self.recording.index(target)
         self._wake.set()
 
     def set_speed(self, speed: float | None) -> None:
@@ -254,30 +262,30 @@ class Player:
 
     def seek(self, position: float) -> None:
         """Go to a time, s from the beginning, through all that was observed before it."""
-        target = self.tape.index(float(self.tape.time[0]) + max(position, 0.0))
+        target = self.recording.index(float(self.recording.time[0]) + max(position, 0.0))
         self.ended.clear()
         self._health.link = "open"
         if target < self._at:
             while len(self._kept) > 1 and self._kept[-1][0] > target:
                 self._kept.pop()
-            at, state = self._kept[-1] if self._kept else (0, state_of(self.engine.localizer))
-            restore(self.engine.localizer, state)
+            at, state = self._kept[-1] if self._kept else (0, state_of(self.filter_loop.localizer))
+            restore(self.filter_loop.localizer, state)
             self._at = at
-            self.engine.reckoning.stop()
-            self.engine.events.begin(self.tape.when(at))
+            self.filter_loop.reckoning.stop()
+            self.filter_loop.buffer.begin(self.recording.when(at))
         self._target = target
         self._wake.set()
 
     def _run_on(self, target: int) -> None:
         """Observe without a word, for as long as may be."""
-        began, target = time.perf_counter(), min(target, len(self.tape))
+        began, target = time.perf_counter(), min(target, len(self.recording))
         while self._at < target and time.perf_counter() - began < _SLICE:
             self._keep()
             end = min(self._at + 32, target)
-            chunk = [self.tape[i] for i in range(self._at, end)]
+            chunk = [self.recording[i] for i in range(self._at, end)]
             self._at = end
-            self.engine.observe(chunk)
+            self.filter_loop.observe(chunk)
         if self._at >= target:
             self._target = None
             self._set_anchor()
-            self.engine.publish()
+            self.filter_loop.publish()

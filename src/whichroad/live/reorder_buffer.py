@@ -17,7 +17,7 @@ from .state import State, restore, state_of
 _EVERY = 0.05  # s between states to go back to
 
 
-class Events:
+class ReorderBuffer:
     """Feeds a localizer in the order of event times.
 
     Args:

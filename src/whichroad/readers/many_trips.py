@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 APART = 1 << 16  # rows of other trips after which a trip of a stream is whole
-PARCEL = 1 << 14  # rows that are worked on together, if trips are shorter
+BATCH_ROWS = 1 << 14  # rows that are worked on together, if trips are shorter
 _BATCH = 1 << 15  # rows read at a time
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
@@ -37,7 +37,7 @@ _ODOMETRY = frozenset(
 )
 
 
-class Parcel(NamedTuple):
+class TripBatch(NamedTuple):
     """Rows of whole trips, trip after trip."""
 
     table: "pa.Table"
@@ -45,7 +45,7 @@ class Parcel(NamedTuple):
     first: list[int]  # where each begins, and the number of rows
 
 
-def parcels(source: Any, drive_id: str = "drive_id") -> Iterator[Parcel]:
+def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]:
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
     Args:
@@ -165,20 +165,20 @@ def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
         yield name, table.slice(low, high - low)
 
 
-def _parts(table: "pa.Table") -> Iterator[Parcel]:
+def _parts(table: "pa.Table") -> Iterator[TripBatch]:
     """Parcels of a table that lies in memory."""
     table, names, first = _sorted(table)
     trip = 0
     while trip < len(names):
         low = first[trip]
-        end = max(bisect_right(first, low + PARCEL) - 1, trip + 1)
+        end = max(bisect_right(first, low + BATCH_ROWS) - 1, trip + 1)
         rows = first[end] - low
         begins = [row - low for row in first[trip : end + 1]]
-        yield Parcel(table.slice(low, rows), names[trip:end], begins)
+        yield TripBatch(table.slice(low, rows), names[trip:end], begins)
         trip = end
 
 
-def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[Parcel]:
+def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[TripBatch]:
     yield from _packed(_whole(batches, drive_id))
 
 
@@ -211,7 +211,7 @@ def _joined(parts: "list[pa.Table]") -> "pa.Table":
         return pa.concat_tables(texts, promote_options="permissive")
 
 
-def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[Parcel]:
+def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[TripBatch]:
     """Trips put together until they are worth a call."""
     import pyarrow as pa
 
@@ -219,15 +219,15 @@ def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[Parcel]:
     parts: list[Any] = []
     first = [0]
     for name, part in trips:
-        full = first[-1] + part.num_rows > PARCEL
+        full = first[-1] + part.num_rows > BATCH_ROWS
         if parts and (full or not part.schema.equals(parts[0].schema)):
-            yield Parcel(pa.concat_tables(parts), names, first)
+            yield TripBatch(pa.concat_tables(parts), names, first)
             names, parts, first = [], [], [0]
         names.append(name)
         parts.append(part)
         first.append(first[-1] + part.num_rows)
     if parts:
-        yield Parcel(pa.concat_tables(parts), names, first)
+        yield TripBatch(pa.concat_tables(parts), names, first)
 
 
 def are_many(path: str | PathLike[str]) -> bool:
@@ -249,9 +249,7 @@ def are_many(path: str | PathLike[str]) -> bool:
     return False
 
 
-def fixes_together(
-    table: "pa.Table", first: Ints, settings: Settings
-) -> tuple[Fixes, Bools] | None:
+def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
     """Read the fixes of those of some trips that are plain.
 
     Args:
@@ -265,7 +263,7 @@ def fixes_together(
     """
     found = find(table.column_names)
     found.pop("drive_id", None)
-    if not _is_plain(table, found):
+    if not _is_regular(table, found):
         return None
     time = _in_one_unit(table, found["time"])
     if time is None:
@@ -279,15 +277,15 @@ def fixes_together(
     good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
     later = np.diff(time, prepend=-np.inf) > 0.0
     later[first] = True
-    plain = np.logical_and.reduceat(good & later, first)
-    if not plain.all():
-        rows = np.repeat(plain, np.diff(first, append=len(time)))
+    regular = np.logical_and.reduceat(good & later, first)
+    if not regular.all():
+        rows = np.repeat(regular, np.diff(first, append=len(time)))
         columns = {quantity: values[rows] for quantity, values in columns.items()}
     fixes = completed(reported(columns), settings, skipped)
-    return None if skipped else (fixes, plain)
+    return None if skipped else (fixes, regular)
 
 
-def _is_plain(table: "pa.Table", found: dict[str, Column]) -> bool:
+def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
     """Whether there are positions and no odometry, all of them numbers."""
     import pyarrow as pa
 

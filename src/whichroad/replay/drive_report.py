@@ -13,8 +13,8 @@ from ..page.layer import attribution, drawn_near, edge_of
 from ..page.standalone import standalone
 from ..reasons import STATUS
 from ..writers import replacing
-from .recorded_messages import Film
-from .stretches import places_of
+from .recorded_messages import RecordedMessages
+from .stretches import stretches_of
 from .timeline import thinned, timeline
 
 if TYPE_CHECKING:
@@ -38,12 +38,16 @@ def check_report(path: str | os.PathLike[str], *, force: bool = False) -> None:
 
 
 def write_report(
-    film: Film, path: str | os.PathLike[str], roads: "RoadMap | None" = None, *, force: bool = False
+    recorded: RecordedMessages,
+    path: str | os.PathLike[str],
+    roads: "RoadMap | None" = None,
+    *,
+    force: bool = False,
 ) -> None:
     """Write the report of a film.
 
     Args:
-        film: Of one drive.
+        recorded: Of one drive.
         path: An .html file.
         roads: The map; those near the track are drawn.
         force: Replace a file that is there.
@@ -52,29 +56,29 @@ def write_report(
         WriteError: The file cannot be written.
     """
     check_report(path, force=force)
-    text = standalone(f"{film.drive_id} · whichroad", report_data(film, roads))
+    text = standalone(f"{recorded.drive_id} · whichroad", report_data(recorded, roads))
     with replacing(Path(path), force=force) as part:
         Path(part).write_text(text, encoding="utf-8")
 
 
-def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
+def report_data(recorded: RecordedMessages, roads: "RoadMap | None" = None) -> dict[str, Any]:
     """What the report's script draws.
 
     Args:
-        film: Of one drive.
+        recorded: Of one drive.
         roads: The map.
     """
-    at = thinned(film.time, film.columns["p_road"], ROWS)
-    c = film.columns
-    lat, lon = film.track()
+    at = thinned(recorded.time, recorded.columns["p_road"], ROWS)
+    c = recorded.columns
+    lat, lon = recorded.track()
     box = [lon.min(), lat.min(), lon.max(), lat.max()] if len(lat) else [0.0, 0.0, 0.0, 0.0]
     near = [] if roads is None or not len(lat) else drawn_near(roads, lat, lon, _MARGIN)
-    words = sorted(set(film.reason))
+    words = sorted(set(recorded.reason))
     return {
-        "drive_id": film.drive_id,
-        "began": datetime.fromtimestamp(float(film.time[0]), UTC).isoformat(timespec="seconds"),
+        "drive_id": recorded.drive_id,
+        "began": datetime.fromtimestamp(float(recorded.time[0]), UTC).isoformat(timespec="seconds"),
         "box": [round(float(v), 6) for v in box],
-        "line": timeline(film, ROWS),
+        "line": timeline(recorded, ROWS),
         "more": {
             "bearing": _column(c, "bearing_deg", at, 1),
             "speed": _column(c, "speed_mps", at, 2),
@@ -85,16 +89,16 @@ def report_data(film: Film, roads: "RoadMap | None" = None) -> dict[str, Any]:
             "matched_lon": _column(c, "matched_lon", at, 7),
             "protection": _column(c, "protection_level_m", at, 1),
             "scale": _column(c, "gnss_scale", at, 2),
-            "edge": film.edge[at].tolist(),
-            "reason": [words.index(film.reason[k]) for k in at],
+            "edge": recorded.edge[at].tolist(),
+            "reason": [words.index(recorded.reason[k]) for k in at],
         },
         "reasons": words,
-        "poses": _poses(film, at),
+        "poses": _poses(recorded, at),
         "roads": near,
         "attribution": "" if roads is None else attribution(roads),
-        "edges": _edges(film, roads, at),
-        "summary": _summary(film),
-        "places": places_of(film, roads),
+        "edges": _edges(recorded, roads, at),
+        "summary": _summary(recorded),
+        "places": stretches_of(recorded, roads),
     }
 
 
@@ -105,11 +109,13 @@ def _column(c: dict[str, Any], name: str, at: NDArray[Any], digits: int) -> list
     return [v if np.isfinite(v) else None for v in np.round(values[at], digits).tolist()]
 
 
-def _poses(film: Film, at: NDArray[Any]) -> list[list[list[float | None]]]:
+def _poses(recorded: RecordedMessages, at: NDArray[Any]) -> list[list[list[float | None]]]:
     """Poses of the alternatives, where there is a choice: p, edge, pose, ellipse."""
     rows: list[list[list[float | None]]] = []
     for k in at.tolist():
-        said = [one for one in film.hypotheses(k) if one["lat"] is not None and one["p"] > 0.002]
+        said = [
+            one for one in recorded.hypotheses(k) if one["lat"] is not None and one["p"] > 0.002
+        ]
         rows.append(
             [
                 [
@@ -125,28 +131,28 @@ def _poses(film: Film, at: NDArray[Any]) -> list[list[list[float | None]]]:
     return rows
 
 
-def _edges(film: Film, roads: "RoadMap | None", at: NDArray[Any]) -> dict[str, Any]:
+def _edges(recorded: RecordedMessages, roads: "RoadMap | None", at: NDArray[Any]) -> dict[str, Any]:
     """Line and street of every edge that is named."""
     if roads is None:
         return {}
-    named = np.unique(film.choices.edge[at][film.choices.p[at] >= 0.002])
+    named = np.unique(recorded.choices.edge[at][recorded.choices.p[at] >= 0.002])
     return {str(edge): edge_of(roads, edge) for edge in named.tolist() if 0 <= edge < len(roads)}
 
 
-def _summary(film: Film) -> dict[str, Any]:
+def _summary(recorded: RecordedMessages) -> dict[str, Any]:
     """The drive in a few numbers."""
-    c, n = film.columns, len(film)
+    c, n = recorded.columns, len(recorded)
     known = np.isfinite(c["lat"])
-    share = {word: float(np.mean(film.status == i)) for i, word in enumerate(STATUS)}
+    share = {word: float(np.mean(recorded.status == i)) for i, word in enumerate(STATUS)}
     return {
         "epochs": n,
-        "duration_s": round(film.length, 1),
-        "driven_m": round(film.driven, 1),
+        "duration_s": round(recorded.length, 1),
+        "driven_m": round(recorded.driven, 1),
         "mean_p": round(float(c["p_road"][known].mean()), 4) if known.any() else 0.0,
         "major_95_m": round(2.448 * float(np.median(c["ellipse_major_m"][known])), 2)
         if known.any()
         else None,
-        "fixes": len(film.signals.fix_times),
-        "fixes_masked": int(film.is_masked(film.signals.fix_times).sum()),
+        "fixes": len(recorded.signals.fix_times),
+        "fixes_masked": int(recorded.is_masked(recorded.signals.fix_times).sum()),
         "status": {word: round(part, 4) for word, part in share.items() if part > 0.0},
     }

@@ -12,7 +12,7 @@ from ..errors import DriveError
 from ..session import match
 from .player import Player
 from .points import read_points
-from .recorded_messages import Film, Window
+from .recorded_messages import RecordedMessages, Window
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Remaking:
     start: Any = None
     model: str = "default"
 
-    def __call__(self, windows: Sequence[Window]) -> Film:
+    def __call__(self, windows: Sequence[Window]) -> RecordedMessages:
         """The film with fixes withheld in windows of seconds since 1970."""
         begin = _begin(self.drive)
         since = [(a - begin, min(b - begin, _END)) for a, b in windows]
@@ -57,11 +57,11 @@ class Remaking:
             self.drive, self.roads, vehicle=self.vehicle, start=self.start, mask=since,
             model=self.model, hypotheses=True,
         )  # fmt: skip
-        return self.film(result, windows)
+        return self.recorded(result, windows)
 
-    def film(self, result: "Result", windows: Sequence[Window] = ()) -> Film:
+    def recorded(self, result: "Result", windows: Sequence[Window] = ()) -> RecordedMessages:
         """The film of an answer that is there already."""
-        return Film(result, self.roads, Signals(self.drive, self.vehicle), windows)
+        return RecordedMessages(result, self.roads, Signals(self.drive, self.vehicle), windows)
 
     def absolute(self, mask: Sequence[tuple[Any, Any]]) -> list[Window]:
         """Windows in seconds since 1970 from what `match` takes as `mask`."""
@@ -78,7 +78,7 @@ def play_result(
     path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None
 ) -> Player:
     """A player of points, and of the route, from files; there is no drive to mask."""
-    return Player(Film(read_points(path, drive_id, route), roads))
+    return Player(RecordedMessages(read_points(path, drive_id, route), roads))
 
 
 def one_of(drives: "list[Drive]", drive_id: str | None) -> "Drive":

@@ -10,10 +10,10 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from ..live.messages import EstimateMessage, PlayMessage
-from .recorded_messages import Film, Window
+from .recorded_messages import RecordedMessages, Window
 from .timeline import timeline
 
-Remake = Callable[[list[Window]], Film]
+Remake = Callable[[list[Window]], RecordedMessages]
 
 TICK = 0.05  # s between two looks at the clock
 FASTEST = 100.0  # times real time, where as fast as possible is asked for
@@ -29,7 +29,7 @@ class Player:
     """Plays one film to any number of lookers-on.
 
     Args:
-        film: What is played.
+        recorded: What is played.
         remake: Answers the drive anew with GNSS withheld in some windows; None: the film is
             of a result, whose drive is not there.
         position: Where it begins, s.
@@ -38,21 +38,21 @@ class Player:
 
     def __init__(
         self,
-        film: Film,
+        recorded: RecordedMessages,
         remake: Remake | None = None,
         *,
         position: float = 0.0,
         paused: bool = False,
     ) -> None:
-        self.film = film
+        self.recorded = recorded
         self._remake = remake
-        self._windows: list[Window] = list(film.masked)
+        self._windows: list[Window] = list(recorded.masked)
         self.position, self.speed, self.paused = position, 1.0, paused
         self._max = False
         self._seq, self._shown, self._edition = 0, -1, 0
         self._changed = asyncio.Condition()
         self._making = asyncio.Lock()
-        self.message: EstimateMessage = film.message(film.at(position), 0, self._play())
+        self.message: EstimateMessage = recorded.message(recorded.at(position), 0, self._play())
 
     def _play(self) -> PlayMessage:
         return {
@@ -60,7 +60,7 @@ class Player:
             "paused": self.paused,
             "speed": None if self._max else self.speed,
             "position_s": round(self.position, 3),
-            "length_s": round(self.film.length, 3),
+            "length_s": round(self.recorded.length, 3),
         }
 
     async def run(self) -> None:
@@ -76,15 +76,15 @@ class Player:
 
     async def _go(self, position: float, always: bool = False) -> None:
         """Stand at a place of the film, and tell it where that is another epoch."""
-        self.position = min(max(position, 0.0), self.film.length)
-        if self.position >= self.film.length:
+        self.position = min(max(position, 0.0), self.recorded.length)
+        if self.position >= self.recorded.length:
             self.paused = True
-        k = self.film.at(self.position)
+        k = self.recorded.at(self.position)
         if k == self._shown and not always:
             return
         self._shown = k
         self._seq += 1
-        self.message = self.film.message(k, self._seq, self._play())
+        self.message = self.recorded.message(k, self._seq, self._play())
         async with self._changed:
             self._changed.notify_all()
 
@@ -104,7 +104,7 @@ class Player:
 
     def timeline(self) -> dict[str, Any]:
         """The whole film, thinned, for a strip to scrub in; and whether it can be made anew."""
-        return {**timeline(self.film), "maskable": self._remake is not None}
+        return {**timeline(self.recorded), "maskable": self._remake is not None}
 
     async def control(self, action: str, value: Any = None) -> None:
         """Do what was asked for.
@@ -121,12 +121,12 @@ class Player:
                 await self._mask(action == "mask")
             case "pause" | "resume":
                 self.paused = action == "pause"
-                if not self.paused and self.position >= self.film.length:
+                if not self.paused and self.position >= self.recorded.length:
                     self.position = 0.0
             case "step":
                 self.paused = True
-                k = min(self.film.at(self.position) + 1, len(self.film) - 1)
-                self.position = float(self.film.time[k] - self.film.time[0])
+                k = min(self.recorded.at(self.position) + 1, len(self.recorded) - 1)
+                self.position = float(self.recorded.time[k] - self.recorded.time[0])
             case "speed":
                 self._max = value is None
                 if value is not None:
@@ -142,12 +142,12 @@ class Player:
         if self._remake is None:
             raise Refused("this is a result without its drive: replay the drive to mask GNSS")
         async with self._making:
-            now = float(self.film.time[0]) + self.position
+            now = float(self.recorded.time[0]) + self.position
             kept = [(a, min(b, now - _MOMENT)) for a, b in self._windows if a < now - _MOMENT]
             if on:
                 kept.append((now, _LATER))
             self._windows = kept
-            self.film = await asyncio.to_thread(self._remake, list(kept))
+            self.recorded = await asyncio.to_thread(self._remake, list(kept))
             self._edition += 1
 
 

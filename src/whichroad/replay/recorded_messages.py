@@ -51,7 +51,7 @@ class Choices:
     axis_deg: Array  # bearing of the major axis
 
 
-class Film:
+class RecordedMessages:
     """The messages of one drive.
 
     Args:

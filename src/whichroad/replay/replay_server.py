@@ -17,7 +17,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import SettingError
-from ..live.access import Doors
+from ..live.access import AccessControl
 from ..page import page_routes
 from .player import Player, Refused
 
@@ -79,7 +79,7 @@ def replay_app(
             Route("/control", control, methods=["POST"]),
             WebSocketRoute("/ws", show),
         ],
-        middleware=[Middleware(Doors, local=host in _LOCAL)],
+        middleware=[Middleware(AccessControl, local=host in _LOCAL)],
         lifespan=lifespan,
     )
 

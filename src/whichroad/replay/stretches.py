@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..reasons import STATUS
-from .recorded_messages import Film
+from .recorded_messages import RecordedMessages
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -19,21 +19,21 @@ _SURE = 0.9  # P of edges in a row from which on it is only a question of where
 _LOOK_AT = ("ambiguous", "outage", "off_road", "lost")
 
 
-def places_of(film: Film, roads: "RoadMap | None") -> list[dict[str, Any]]:
+def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[dict[str, Any]]:
     """Stretches that are worth a look, in order of time: doubts, and rules broken.
 
     To pass from one edge to the next makes both probable for a moment; that is no question.
     """
-    found = [place for word in _LOOK_AT for place in _doubts(film, roads, word)]
-    return sorted(found + _broken(film), key=lambda place: float(place["begin"]))[:_PLACES]
+    found = [place for word in _LOOK_AT for place in _doubts(recorded, roads, word)]
+    return sorted(found + _broken(recorded), key=lambda place: float(place["begin"]))[:_PLACES]
 
 
-def _doubts(film: Film, roads: "RoadMap | None", word: str) -> list[dict[str, Any]]:
+def _doubts(recorded: RecordedMessages, roads: "RoadMap | None", word: str) -> list[dict[str, Any]]:
     """Stretches of one status."""
-    time, p = film.time, np.nan_to_num(film.columns["p_road"])
-    rows = np.flatnonzero(film.status == STATUS.index(word))
+    time, p = recorded.time, np.nan_to_num(recorded.columns["p_road"])
+    rows = np.flatnonzero(recorded.status == STATUS.index(word))
     if word == "ambiguous":
-        rows = np.array([k for k in rows.tolist() if not _passes(film, roads, k)], np.int64)
+        rows = np.array([k for k in rows.tolist() if not _passes(recorded, roads, k)], np.int64)
     if not len(rows):
         return []
     # what is said at an epoch holds until the next one
@@ -47,34 +47,39 @@ def _doubts(film: Film, roads: "RoadMap | None", word: str) -> list[dict[str, An
         least = int(run[np.argmin(p[run])])
         worst = (float(time[least]), float(p[least]))
         places.append(
-            _place(film, word, begin, min(end, float(time[-1])), worst, _contest(film, run))
+            _place(recorded, word, begin, min(end, float(time[-1])), worst, _contest(recorded, run))
         )
     return places
 
 
 def _place(
-    film: Film, kind: str, begin: float, end: float, worst: tuple[float, float], roads: list[str]
+    recorded: RecordedMessages,
+    kind: str,
+    begin: float,
+    end: float,
+    worst: tuple[float, float],
+    roads: list[str],
 ) -> dict[str, Any]:
     """A place as the report's script reads it; times in s since 1970 until here."""
-    since = float(film.time[0])
+    since = float(recorded.time[0])
     return {
         "kind": kind, "begin": round(begin - since, 2), "end": round(end - since, 2),
         "worst": round(worst[0] - since, 2), "p": round(worst[1], 3), "roads": roads,
     }  # fmt: skip
 
 
-def _passes(film: Film, roads: "RoadMap | None", k: int) -> bool:
+def _passes(recorded: RecordedMessages, roads: "RoadMap | None", k: int) -> bool:
     """Whether nearly all of P is on edges that follow each other.
 
     Where the route is known they must do so on the route; else the best edge and one before
     or after it count.
     """
-    edges, p = film.choices.edge[k].tolist(), film.choices.p[k].tolist()
+    edges, p = recorded.choices.edge[k].tolist(), recorded.choices.p[k].tolist()
     best = edges[0]
     if best < 0:
         return False
-    if film.route is not None:
-        along = film.route.near(float(film.time[k]), best)
+    if recorded.route is not None:
+        along = recorded.route.near(float(recorded.time[k]), best)
         return math.fsum(share for e, share in zip(edges, p, strict=True) if e in along) >= _SURE
     if roads is None:
         return False
@@ -85,27 +90,27 @@ def _passes(film: Film, roads: "RoadMap | None", k: int) -> bool:
     return float(p[0]) + max(joined, default=0.0) >= _SURE
 
 
-def _contest(film: Film, run: NDArray[Any]) -> list[str]:
+def _contest(recorded: RecordedMessages, run: NDArray[Any]) -> list[str]:
     """Names of the roads that compete in a stretch, most probable first."""
-    edge, p = film.choices.edge[run], film.choices.p[run]
+    edge, p = recorded.choices.edge[run], recorded.choices.p[run]
     mass: dict[int, float] = {}
     for one in np.unique(edge[p >= 0.05]).tolist():
         mass[one] = float(p[edge == one].sum())
     names: list[str] = []
     for one in sorted(mass, key=lambda e: -mass[e]):
-        name = "off the roads" if one == -1 else _called(film, one)
+        name = "off the roads" if one == -1 else _called(recorded, one)
         if name not in names:
             names.append(name)
     return names[:4]
 
 
-def _called(film: Film, edge: int) -> str:
-    return film.street(edge).get("name") or f"edge {edge}"
+def _called(recorded: RecordedMessages, edge: int) -> str:
+    return recorded.street(edge).get("name") or f"edge {edge}"
 
 
-def _broken(film: Film) -> list[dict[str, Any]]:
+def _broken(recorded: RecordedMessages) -> list[dict[str, Any]]:
     """Where the route breaks a rule, or breaks off; edges in a row that do so alike are one."""
-    route = film.route
+    route = recorded.route
     if route is None:
         return []
     places, i = [], 0
@@ -114,9 +119,9 @@ def _broken(film: Film) -> list[dict[str, Any]]:
         while i < len(route.edge) and route.broken[i] == rule:
             i += 1
         if rule is not None:
-            names = list(dict.fromkeys(_called(film, int(e)) for e in route.edge[begin:i]))
+            names = list(dict.fromkeys(_called(recorded, int(e)) for e in route.edge[begin:i]))
             at, end = float(route.enter[begin]), float(route.exit[i - 1])
-            k = min(int(np.searchsorted(film.time, at)), len(film) - 1)
-            p = float(np.nan_to_num(film.columns["p_road"][k]))
-            places.append(_place(film, rule, at, max(at, end), (at, p), names[:4]))
+            k = min(int(np.searchsorted(recorded.time, at)), len(recorded) - 1)
+            p = float(np.nan_to_num(recorded.columns["p_road"][k]))
+            places.append(_place(recorded, rule, at, max(at, end), (at, p), names[:4]))
     return places

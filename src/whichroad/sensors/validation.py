@@ -22,7 +22,7 @@ LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
 Skipped = dict[str, int]
 
 
-def sound(said: Observation, skipped: Skipped) -> Observation | None:
+def validated(said: Observation, skipped: Skipped) -> Observation | None:
     """The observation as far as it can be true, or None.
 
     Args:

@@ -6,7 +6,7 @@ car follows lanes and cuts corners, its wheels are never what the user believes.
 
 from .demo_drive import Scenes, demo_drive, demo_route, demo_scenes, write_demo
 from .drive_files import truth_table, write_drive
-from .map_builder import Sketch
+from .map_builder import MapBuilder
 from .route_choice import drivable, random_route, shortest_route
 from .sensor_models import Jump, Pull
 from .simulated_drive import START, SimulatedDrive, Truth, simulate_drive
@@ -20,11 +20,11 @@ __all__ = [
     "START",
     "URBAN",
     "Jump",
+    "MapBuilder",
     "Pull",
     "Scenes",
     "SimulatedDrive",
     "SimulationSettings",
-    "Sketch",
     "Truth",
     "demo_drive",
     "demo_route",

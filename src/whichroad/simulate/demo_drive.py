@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import MapError
 from .drive_files import prepare, write_drive
-from .map_error_field import draw_warp
+from .map_error_field import draw_map_error
 from .route_choice import Edges, shortest_route
 from .sensor_models import Pull
 from .simulated_drive import SimulatedDrive, simulate_drive
@@ -109,10 +109,10 @@ def demo_drive(roads: "RoadMap", *, seed: int = 1) -> SimulatedDrive:
     """
     scenes = demo_scenes(roads, seed)
     settings = replace(GOOD, lane_change_rate=0.0)
-    warp = draw_warp(settings, np.random.default_rng(seed))
+    error_field = draw_map_error(settings, np.random.default_rng(seed))
     # the boulevard runs east: what its map is too far south, the fixes must be pulled more
     x, y, _ = roads.at(int(demo_route(roads, seed)[-5]), 0.0)
-    south = float(warp.at(np.array([x]), np.array([y]))[0, 1])
+    south = float(error_field.at(np.array([x]), np.array([y]))[0, 1])
     pull = Pull(scenes.mask[1], _TO_SIDE_LANE + south, _PULL_TIME, _PULL_REPORTED)
     return simulate_drive(
         roads,
@@ -121,7 +121,7 @@ def demo_drive(roads: "RoadMap", *, seed: int = 1) -> SimulatedDrive:
         route=demo_route(roads, seed).tolist(),
         outages_m=(scenes.mask, scenes.junction),
         pulls=(pull,),
-        warp=warp,
+        error_field=error_field,
         drive_id="demo",
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.network import Roads
 from ..records import Array
-from .map_error_field import Warp
+from .map_error_field import MapErrorField
 from .route_choice import Edges
 from .simulation_settings import SimulationSettings
 
@@ -19,7 +19,7 @@ _WIDTHS = (3.0,) * 8 + (6.0,) * 4  # m, rounds of relaxing what is tighter
 _VISIT_BEND = 0.01  # 1/m, roads straighter than this invite to the next lane
 
 
-class Course(NamedTuple):
+class VehiclePath(NamedTuple):
     """The path of M on an even grid along the route's centre line, shape (n,) each.
 
     World and map frames are both in the map's plane; the world is the map's path moved
@@ -123,13 +123,13 @@ def _poisson(rate: float, length: float, random: np.random.Generator) -> Array:
     return random.uniform(0.0, length, random.poisson(rate * length))
 
 
-def lay_course(
+def draw_path(
     roads: Roads,
     edges: Edges,
-    warp: Warp,
+    error_field: MapErrorField,
     settings: SimulationSettings,
     random: np.random.Generator,
-) -> Course:
+) -> VehiclePath:
     """Lay the path of M along a route.
 
     The centre line's corners are rounded, the lane's offset is added (less of it on the
@@ -138,7 +138,7 @@ def lay_course(
     Args:
         roads: The network.
         edges: (r,) connected edges in driving order.
-        warp: World minus map.
+        error_field: World minus map.
         settings: Lanes and corners.
         random: Source of chance.
 
@@ -155,12 +155,12 @@ def lay_course(
     dx, dy = np.gradient(x), np.gradient(y)
     step = np.hypot(dx, dy)
     map_x, map_y = _widen(smooth(x + offset * dy / step, 2.0), smooth(y - offset * dx / step, 2.0))
-    shift = warp.at(map_x, map_y)
+    shift = error_field.at(map_x, map_y)
     x, y = map_x + shift[:, 0], map_y + shift[:, 1]
     scale = 1.0 + roads.curvature * (x**2 + y**2)
     pieces = np.hypot(np.diff(x), np.diff(y)) / (0.5 * (scale[1:] + scale[:-1]))
     heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
-    return Course(
+    return VehiclePath(
         along=along,
         travelled=np.concatenate([[0.0], np.cumsum(pieces)]),
         x=x,

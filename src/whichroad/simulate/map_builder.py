@@ -23,7 +23,7 @@ _VERTEX_SPACING = 28.0  # m, along curved roads
 Tags = dict[str, str]
 
 
-class Sketch:
+class MapBuilder:
     """Nodes, ways and restrictions in the making; places in metres about `ORIGIN`."""
 
     def __init__(self) -> None:

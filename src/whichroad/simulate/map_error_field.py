@@ -36,7 +36,7 @@ def draw_field(sigma: float, shortest: float, longest: float, random: np.random.
     return Field(wave * np.cos(direction), wave * np.sin(direction), amplitude[0], amplitude[1])
 
 
-class Warp(NamedTuple):
+class MapErrorField(NamedTuple):
     """World minus map: an absolute error over kilometres, a relative one over blocks."""
 
     absolute: Field
@@ -47,9 +47,9 @@ class Warp(NamedTuple):
         return self.absolute.at(x, y) + self.relative.at(x, y)
 
 
-def draw_warp(settings: SimulationSettings, random: np.random.Generator) -> Warp:
+def draw_map_error(settings: SimulationSettings, random: np.random.Generator) -> MapErrorField:
     """Draw what is wrong with the map in one drive."""
-    return Warp(
+    return MapErrorField(
         draw_field(settings.map_sigma, settings.map_shortest, settings.map_longest, random),
         draw_field(
             settings.relative_sigma,

@@ -13,8 +13,8 @@ from ..errors import SettingError
 from ..geodesy.angles import radians
 from ..records import Array, Drive, Fixes
 from ..settings import Vehicle
-from .lateral_profile import Course, lay_course
-from .map_error_field import Warp, draw_warp
+from .lateral_profile import VehiclePath, draw_path
+from .map_error_field import MapErrorField, draw_map_error
 from .route_choice import Edges, drivable, random_route
 from .sensor_models import (
     GnssErrors,
@@ -31,7 +31,7 @@ from .sensor_models import (
     wheel_counts,
 )
 from .simulation_settings import PRESETS, SimulationSettings
-from .speed_profile import Pace, motion_at, set_pace
+from .speed_profile import SpeedProfile, draw_speed_profile, motion_at
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -74,7 +74,7 @@ class SimulatedDrive:
     false_fix: NDArray[np.bool_]  # (m,) in a multipath episode
     seen_fix: NDArray[np.bool_]  # (m,) not in an outage: those in `drive`
     wheels: Wheels
-    warp: Warp
+    error_field: MapErrorField
     settings: SimulationSettings
     seed: int
 
@@ -94,21 +94,21 @@ def settings_of(scenario: str | SimulationSettings) -> SimulationSettings:
     return PRESETS[scenario]
 
 
-def _states(course: Course, pace: Pace, time: Array) -> States:
+def _states(path: VehiclePath, profile: SpeedProfile, time: Array) -> States:
     """True motion at times (n,), s since the drive's start.
 
     Between grid points the path is a cubic with the grid's headings, so that positions,
     headings and speeds fit one another.
     """
-    motion = motion_at(pace, time)
-    s = course.travelled
+    motion = motion_at(profile, time)
+    s = path.travelled
     k = np.clip(np.searchsorted(s, motion.travelled, side="right") - 1, 0, len(s) - 2)
     step = s[k + 1] - s[k]
     f = (motion.travelled - s[k]) / step
     a, b = f * (1 - f) ** 2 * step, -(f**2) * (1 - f) * step
     blend = f**2 * (3 - 2 * f)
-    scale = np.hypot(course.x[k + 1] - course.x[k], course.y[k + 1] - course.y[k]) / step
-    turn = course.heading[k + 1] - course.heading[k]
+    scale = np.hypot(path.x[k + 1] - path.x[k], path.y[k + 1] - path.y[k]) / step
+    turn = path.heading[k + 1] - path.heading[k]
 
     def along(values: Array, slope: Array) -> Array:
         curve: Array = (
@@ -120,21 +120,21 @@ def _states(course: Course, pace: Pace, time: Array) -> States:
 
     return States(
         time=time,
-        x=along(course.x, np.cos(course.heading)),
-        y=along(course.y, np.sin(course.heading)),
-        heading=course.heading[k] + f * turn,
+        x=along(path.x, np.cos(path.heading)),
+        y=along(path.y, np.sin(path.heading)),
+        heading=path.heading[k] + f * turn,
         bend=turn / step,
         travelled=motion.travelled,
         speed=motion.speed,
     )
 
 
-def _truth(roads: Roads, course: Course, states: States) -> Truth:
+def _truth(roads: Roads, path: VehiclePath, states: States) -> Truth:
     """Edges and the map's frame for the true motion."""
-    along = np.interp(states.travelled, course.travelled, course.along)
-    k = np.searchsorted(course.entry, along, side="right") - 1
-    k = np.clip(k, 0, len(course.edges) - 1)
-    edge = course.edges[k]
+    along = np.interp(states.travelled, path.travelled, path.along)
+    k = np.searchsorted(path.entry, along, side="right") - 1
+    k = np.clip(k, 0, len(path.edges) - 1)
+    edge = path.edges[k]
     return Truth(
         time=START + states.time,
         x=states.x,
@@ -144,24 +144,24 @@ def _truth(roads: Roads, course: Course, states: States) -> Truth:
         stopped=states.speed == 0.0,
         travelled=states.travelled - states.travelled[0],
         edge=edge,
-        abscissa=np.minimum(along - course.entry[k], roads.length[edge]),
-        map_x=np.interp(states.travelled, course.travelled, course.map_x),
-        map_y=np.interp(states.travelled, course.travelled, course.map_y),
+        abscissa=np.minimum(along - path.entry[k], roads.length[edge]),
+        map_x=np.interp(states.travelled, path.travelled, path.map_x),
+        map_y=np.interp(states.travelled, path.travelled, path.map_y),
     )
 
 
 def _outages(
-    pace: Pace, settings: SimulationSettings, windows: Sequence[tuple[float, float]]
+    profile: SpeedProfile, settings: SimulationSettings, windows: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Times without fixes, s since the start, for windows of distance driven."""
     windows = list(windows)
-    driven = pace.travelled - pace.travelled[0]
+    driven = profile.travelled - profile.travelled[0]
     if settings.outage_length > 0:
         period = max(settings.outage_every, settings.outage_length + 1.0)
         begins = np.arange(settings.outage_first, driven[-1], period)
         windows += [(float(b), float(b) + settings.outage_length) for b in begins]
     return [
-        (float(np.interp(a, driven, pace.depart)), float(np.interp(b, driven, pace.depart)))
+        (float(np.interp(a, driven, profile.depart)), float(np.interp(b, driven, profile.depart)))
         for a, b in windows
     ]
 
@@ -215,16 +215,16 @@ def _nominal(settings: SimulationSettings) -> Vehicle:
 
 
 def _part(
-    course: Course, length_m: float, given: bool, random: np.random.Generator
+    path: VehiclePath, length_m: float, given: bool, random: np.random.Generator
 ) -> tuple[int, int]:
     """First and last grid point of the course that are driven: from mid-edge to mid-edge."""
-    first, last = course.entry[1], course.along[-1] - course.entry[-2]
+    first, last = path.entry[1], path.along[-1] - path.entry[-2]
     begin = (0.2 if given else random.uniform(0.1, 0.6)) * first
-    end = course.along[-1] - 0.2 * last
+    end = path.along[-1] - 0.2 * last
     if not given:
         end = min(end, begin + length_m)
-    start = int(np.searchsorted(course.along, begin))
-    return start, max(start + 2, int(np.searchsorted(course.along, end)) - 1)
+    start = int(np.searchsorted(path.along, begin))
+    return start, max(start + 2, int(np.searchsorted(path.along, end)) - 1)
 
 
 def simulate_drive(
@@ -238,7 +238,7 @@ def simulate_drive(
     outages_s: Sequence[tuple[float, float]] = (),
     pulls: Sequence[Pull | Jump] = (),
     allowed: NDArray[np.bool_] | None = None,
-    warp: Warp | None = None,
+    error_field: MapErrorField | None = None,
     drive_id: str | None = None,
 ) -> SimulatedDrive:
     """Simulate a drive whose truth is known.
@@ -254,7 +254,7 @@ def simulate_drive(
         outages_s: The same in s since the drive's start.
         pulls: False positions, besides the scenario's errors.
         allowed: What `drivable` found, to save finding it for each of many drives.
-        warp: World minus map, to share one between drives; None: drawn.
+        error_field: World minus map, to share one between drives; None: drawn.
         drive_id: Name of the drive; None: from the seed.
 
     Returns:
@@ -271,16 +271,16 @@ def simulate_drive(
         edges = random_route(arrays, 1.1 * length_m + 100.0, for_route, allowed)
     else:
         edges = _checked(arrays, route)
-    warp = warp or draw_warp(settings, for_warp)
-    course = lay_course(arrays, edges, warp, settings, for_course)
-    start, stop = _part(course, length_m, route is not None, for_route)
-    pace = set_pace(arrays, course, start, stop, settings, for_pace)
-    ticks = partial(_grid_times, pace.arrive[-1])
-    states = _states(course, pace, ticks(settings.odometry_rate))
-    fix_states = _states(course, pace, ticks(settings.gnss_rate))
+    error_field = error_field or draw_map_error(settings, for_warp)
+    path = draw_path(arrays, edges, error_field, settings, for_course)
+    start, stop = _part(path, length_m, route is not None, for_route)
+    profile = draw_speed_profile(arrays, path, start, stop, settings, for_pace)
+    ticks = partial(_grid_times, profile.arrive[-1])
+    states = _states(path, profile, ticks(settings.odometry_rate))
+    fix_states = _states(path, profile, ticks(settings.gnss_rate))
     wheels = draw_wheels(settings, for_wheels)
     fixes, errors = _fixes(roads, fix_states, settings, for_fixes, pulls)
-    outages = [*_outages(pace, settings, outages_m), *outages_s]
+    outages = [*_outages(profile, settings, outages_m), *outages_s]
     seen = np.ones(len(fixes), dtype=bool)
     for begin, end in outages:
         seen &= (fix_states.time < begin) | (fix_states.time > end)
@@ -291,7 +291,7 @@ def simulate_drive(
             odometry=wheel_counts(states, START, wheels, settings, for_wheels),
         ),
         vehicle=_nominal(settings),
-        truth=_truth(arrays, course, states),
+        truth=_truth(arrays, path, states),
         route=edges,
         outages=tuple((START + a, START + b) for a, b in outages),
         fix_truth=fix_states,
@@ -299,7 +299,7 @@ def simulate_drive(
         false_fix=errors.false,
         seen_fix=seen,
         wheels=wheels,
-        warp=warp,
+        error_field=error_field,
         settings=settings,
         seed=seed,
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.network import Roads
 from ..records import Array
-from .lateral_profile import Course, gauss_markov
+from .lateral_profile import VehiclePath, gauss_markov
 from .simulation_settings import SimulationSettings
 
 _SLOWEST = 1.0  # m/s while moving
@@ -15,7 +15,7 @@ _BETWEEN_STOPS = 80.0  # m
 _RHYTHM = 300.0  # m, over which the driver's pace wanders
 
 
-class Pace(NamedTuple):
+class SpeedProfile(NamedTuple):
     """Motion along the course: uniform acceleration between grid points, then waiting.
 
     Shape (n,) each, at the n grid points of the driven part of the course.
@@ -35,28 +35,26 @@ class Motion(NamedTuple):
 
 
 def _limits(
-    roads: Roads, course: Course, settings: SimulationSettings, random: np.random.Generator
+    roads: Roads, path: VehiclePath, settings: SimulationSettings, random: np.random.Generator
 ) -> Array:
     """Highest speed at each grid point, m/s, from the road and the bend."""
-    on = np.clip(
-        np.searchsorted(course.entry, course.along, side="right") - 1, 0, len(course.edges) - 1
-    )
-    coarse = np.linspace(0.0, course.along[-1], max(2, int(course.along[-1] / 25.0)))
+    on = np.clip(np.searchsorted(path.entry, path.along, side="right") - 1, 0, len(path.edges) - 1)
+    coarse = np.linspace(0.0, path.along[-1], max(2, int(path.along[-1] / 25.0)))
     rhythm = gauss_markov(coarse, settings.pace_sigma, _RHYTHM, random)[:, 0]
-    pace = 1.0 + random.normal(0.0, settings.pace_sigma) + np.interp(course.along, coarse, rhythm)
-    limit = roads.speed[course.edges].astype(float)[on] * np.clip(pace, 0.5, 1.5)
-    bend = np.abs(np.gradient(course.heading) / np.maximum(np.gradient(course.travelled), 1e-3))
+    profile = 1.0 + random.normal(0.0, settings.pace_sigma) + np.interp(path.along, coarse, rhythm)
+    limit = roads.speed[path.edges].astype(float)[on] * np.clip(profile, 0.5, 1.5)
+    bend = np.abs(np.gradient(path.heading) / np.maximum(np.gradient(path.travelled), 1e-3))
     bent = np.sqrt(settings.lateral_acceleration / np.maximum(bend, 1e-6))
     most: Array = np.maximum(np.minimum(limit, bent), _SLOWEST)
     return most
 
 
 def _stops(
-    roads: Roads, course: Course, settings: SimulationSettings, random: np.random.Generator
+    roads: Roads, path: VehiclePath, settings: SimulationSettings, random: np.random.Generator
 ) -> Array:
     """Where along the route the car stops, in driving order, true m."""
-    forks = np.diff(roads.succ_first)[course.edges[:-1]] > 1
-    places = course.entry[1:-1][forks] - _BEFORE_JUNCTION
+    forks = np.diff(roads.succ_first)[path.edges[:-1]] > 1
+    places = path.entry[1:-1][forks] - _BEFORE_JUNCTION
     places = places[random.random(len(places)) < settings.stop_probability]
     kept, last = [], 0.0
     for place in places.tolist():
@@ -66,19 +64,19 @@ def _stops(
     return np.array(kept)
 
 
-def set_pace(
+def draw_speed_profile(
     roads: Roads,
-    course: Course,
+    path: VehiclePath,
     start: int,
     stop: int,
     settings: SimulationSettings,
     random: np.random.Generator,
-) -> Pace:
+) -> SpeedProfile:
     """Decide speeds and stops between two grid points, standing at both.
 
     Args:
         roads: The network.
-        course: The path.
+        path: The path.
         start: First grid point driven.
         stop: Last grid point driven, > start.
         settings: Accelerations, stops.
@@ -87,10 +85,10 @@ def set_pace(
     Returns:
         The motion along the driven part.
     """
-    limit = _limits(roads, course, settings, random)[start : stop + 1]
-    s = course.travelled[start : stop + 1]
+    limit = _limits(roads, path, settings, random)[start : stop + 1]
+    s = path.travelled[start : stop + 1]
     wait = np.zeros(len(s))
-    stops = np.searchsorted(course.along, _stops(roads, course, settings, random)) - start
+    stops = np.searchsorted(path.along, _stops(roads, path, settings, random)) - start
     # not next to the ends, where the car stands anyway
     for k in stops[(stops > 1) & (stops < len(s) - 2)]:
         wait[k] = 1.0 + random.exponential(settings.stop_time)
@@ -107,15 +105,15 @@ def set_pace(
     wait[0] = settings.first_wait
     needs = 2.0 * np.diff(s) / (speed[1:] + speed[:-1])
     depart = np.cumsum(wait) + np.concatenate([[0.0], np.cumsum(needs)])
-    return Pace(travelled=s, speed=speed, arrive=depart - wait, depart=depart)
+    return SpeedProfile(travelled=s, speed=speed, arrive=depart - wait, depart=depart)
 
 
-def motion_at(pace: Pace, time: Array) -> Motion:
+def motion_at(profile: SpeedProfile, time: Array) -> Motion:
     """Distance and speed at `time` (n,), s since the start and not past the end."""
-    k = np.clip(np.searchsorted(pace.depart, time, side="right") - 1, 0, len(pace.depart) - 2)
-    last = pace.arrive[k + 1] - pace.depart[k]
-    local = np.clip(time - pace.depart[k], 0.0, last)
-    gain = (pace.speed[k + 1] - pace.speed[k]) / last
-    speed = pace.speed[k] + gain * local
-    travelled = pace.travelled[k] + pace.speed[k] * local + 0.5 * gain * local**2
-    return Motion(travelled, np.where(time >= pace.depart[0], speed, 0.0))
+    k = np.clip(np.searchsorted(profile.depart, time, side="right") - 1, 0, len(profile.depart) - 2)
+    last = profile.arrive[k + 1] - profile.depart[k]
+    local = np.clip(time - profile.depart[k], 0.0, last)
+    gain = (profile.speed[k + 1] - profile.speed[k]) / last
+    speed = profile.speed[k] + gain * local
+    travelled = profile.travelled[k] + profile.speed[k] * local + 0.5 * gain * local**2
+    return Motion(travelled, np.where(time >= profile.depart[0], speed, 0.0))

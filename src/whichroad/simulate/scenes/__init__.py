@@ -9,7 +9,7 @@ its number is 2 k + (0 as it was drawn, 1 against that), k being the name's plac
 import numpy as np
 
 from .drawings import SCENES
-from .scene_builder import Draft, Route, Scene, compile_draft
+from .scene_builder import Route, Scene, SceneBuilder, build_scene
 
 
 def draw_scene(kind: str, variant: int) -> Scene:
@@ -20,8 +20,8 @@ def draw_scene(kind: str, variant: int) -> Scene:
         variant: Which of its geometries: same number, same scene.
     """
     random = np.random.default_rng([list(SCENES).index(kind), variant])
-    draft = SCENES[kind](random, variant)
-    return compile_draft(draft, float(random.uniform(-np.pi, np.pi)))
+    builder = SCENES[kind](random, variant)
+    return build_scene(builder, float(random.uniform(-np.pi, np.pi)))
 
 
-__all__ = ["SCENES", "Draft", "Route", "Scene", "compile_draft", "draw_scene"]
+__all__ = ["SCENES", "Route", "Scene", "SceneBuilder", "compile_draft", "draw_scene"]

@@ -63,7 +63,7 @@ class Street:
 
 
 @dataclass
-class Draft:
+class SceneBuilder:
     """Streets by name, drawn from shared end points; routes as lists of names."""
 
     streets: dict[str, Street] = field(default_factory=dict)
@@ -84,17 +84,17 @@ class Draft:
         self.routes.append((list(names), decision, watch))
 
 
-def compile_draft(draft: Draft, turn: float) -> Scene:
+def build_scene(builder: SceneBuilder, turn: float) -> Scene:
     """Compile the map, turned by an angle, and prepare the routes."""
-    roads = _map(draft, turn)
-    names = tuple(dict.fromkeys(name.partition("/")[0] for name in draft.streets))
+    roads = _map(builder, turn)
+    names = tuple(dict.fromkeys(name.partition("/")[0] for name in builder.streets))
     forward = roads.sources(np.arange(len(roads)), 0.5 * roads.arrays.length)[1]
     number = {name: k for k, name in enumerate(names)}
     road_of = np.array(
         [2 * number[n] + (not f) for n, f in zip(roads.column("name"), forward, strict=True)],
         np.int32,
     )
-    routes = tuple(_route(draft, roads, number, turn, *route) for route in draft.routes)
+    routes = tuple(_route(builder, roads, number, turn, *route) for route in builder.routes)
     return Scene(roads, road_of, names, routes)
 
 
@@ -106,7 +106,7 @@ def _placed(points: Array, turn: float) -> tuple[Array, Array]:
     return np.asarray(lat), np.asarray(lon)
 
 
-def _map(draft: Draft, turn: float) -> "RoadMap":
+def _map(builder: SceneBuilder, turn: float) -> "RoadMap":
     import geopandas as gpd
     import shapely
 
@@ -115,7 +115,7 @@ def _map(draft: Draft, turn: float) -> "RoadMap":
     ends: dict[tuple[float, float], int] = {}
     rows: dict[str, list[Any]] = {}
     lines = []
-    for name, street in draft.streets.items():
+    for name, street in builder.streets.items():
         if not street.mapped:
             continue
         lat, lon = _placed(street.points, turn)
@@ -137,11 +137,11 @@ def _map(draft: Draft, turn: float) -> "RoadMap":
 
 
 def _route(
-    draft: Draft, roads: "RoadMap", number: dict[str, int], turn: float, names: list[str],
+    builder: SceneBuilder, roads: "RoadMap", number: dict[str, int], turn: float, names: list[str],
     decision: int, watch: float,
 ) -> Route:  # fmt: skip
     """The centre line of a route on a grid of about a metre, corners rounded."""
-    streets = [draft.streets[n.lstrip("-")] for n in names]
+    streets = [builder.streets[n.lstrip("-")] for n in names]
     parts = [
         s.points[::-1] if n.startswith("-") else s.points
         for s, n in zip(streets, names, strict=True)
@@ -162,8 +162,8 @@ def _route(
     stop = np.zeros(len(along), np.uint8)
     stop[np.searchsorted(along, ends[:-1] - _STOP_BEFORE)] = 1
     masked = each([st.masked for st in streets], np.uint8)
-    if draft.mask is not None:
-        masked[(along > draft.mask[0]) & (along < draft.mask[1])] = 1
+    if builder.mask is not None:
+        masked[(along > builder.mask[0]) & (along < builder.mask[1])] = 1
     whole = np.linspace(0.0, s[-1], int(s[-1]) + 2)
 
     def rounded(values: Array) -> Array:

@@ -13,22 +13,24 @@ from .buffers import (
     RATIO,
     SCALE,
     TRACK,
+    DriveBuffers,
     Line,
     Numbers,
-    Swarm,
     Truth,
-    new_swarm,
+    new_buffers,
 )
 from .measurements import sense
 from .trajectory import drive_line
 
 
-def simulate_short(line: Line, swarm: Swarm, par: Numbers, odometry: bool, seed: int) -> int:
+def simulate_short(
+    line: Line, buffers: DriveBuffers, par: Numbers, odometry: bool, seed: int
+) -> int:
     """Simulate one drive along a line.
 
     Args:
         line: The route, n points, at most `state.LONGEST`.
-        swarm: Filled from row 0 on: epochs and truth.
+        buffers: Filled from row 0 on: epochs and truth.
         par: What is wrong with map, car and receiver.
         odometry: Wheels at `odometry_rate`; else fixes alone.
         seed: Everything random comes from it, 0 to 2**32 - 1.
@@ -36,8 +38,8 @@ def simulate_short(line: Line, swarm: Swarm, par: Numbers, odometry: bool, seed:
     Returns:
         The number of epochs.
     """
-    count = drive_line(line, swarm, par, seed)
-    return int(sense(line, swarm, par, count, odometry))
+    count = drive_line(line, buffers, par, seed)
+    return int(sense(line, buffers, par, count, odometry))
 
 
 __all__ = [
@@ -47,10 +49,10 @@ __all__ = [
     "RATIO",
     "SCALE",
     "TRACK",
+    "DriveBuffers",
     "Line",
     "Numbers",
-    "Swarm",
     "Truth",
-    "new_swarm",
+    "new_buffers",
     "simulate_short",
 ]

@@ -92,7 +92,7 @@ class Truth(NamedTuple):
     map_y: Vector
 
 
-class Swarm(NamedTuple):
+class DriveBuffers(NamedTuple):
     """Room for one drive, used again and again."""
 
     epochs: Epochs
@@ -113,9 +113,9 @@ def _new_truth(n: int) -> Truth:
     return Truth(x, y, heading, speed, travelled, np.zeros(n, np.int32), map_x, map_y)
 
 
-def new_swarm(epochs: int = 6000) -> Swarm:
+def new_buffers(epochs: int = 6000) -> DriveBuffers:
     """Make room for drives of up to so many epochs."""
-    return Swarm(
+    return DriveBuffers(
         new_epochs(epochs),
         _new_truth(epochs),
         np.zeros((15, LONGEST)),

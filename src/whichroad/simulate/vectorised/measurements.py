@@ -6,15 +6,15 @@ import math
 import numpy as np
 
 from ...core._jit import kernel
-from .buffers import ANGLE, BIAS, DIFFERENTIAL, RATIO, SCALE, TRACK, Line, Numbers, Swarm
+from .buffers import ANGLE, BIAS, DIFFERENTIAL, RATIO, SCALE, TRACK, DriveBuffers, Line, Numbers
 
 
 @kernel
-def _count_wheels(swarm: Swarm, count: int, par: Numbers) -> None:
+def _count_wheels(buffers: DriveBuffers, count: int, par: Numbers) -> None:
     """Whole ticks of both rear wheels, and what the nominal car makes of them."""
-    truth = swarm.truth
-    epochs = swarm.epochs
-    drawn = swarm.drawn
+    truth = buffers.truth
+    epochs = buffers.epochs
+    drawn = buffers.drawn
     drawn[SCALE] = 1.0 + par.scale_sigma * np.random.normal()
     drawn[DIFFERENTIAL] = par.differential_sigma * np.random.normal()
     drawn[TRACK] = par.track_width * (1.0 + par.track_sigma * np.random.normal())
@@ -50,11 +50,13 @@ def _count_wheels(swarm: Swarm, count: int, par: Numbers) -> None:
 
 
 @kernel
-def _receive(line: Line, swarm: Swarm, count: int, every: int, dt: float, par: Numbers) -> None:
+def _receive(
+    line: Line, buffers: DriveBuffers, count: int, every: int, dt: float, par: Numbers
+) -> None:
     """A fix each `every` epochs of `dt` s, but where GNSS is masked; errors go on there."""
-    truth = swarm.truth
-    epochs = swarm.epochs
-    drawn = swarm.drawn
+    truth = buffers.truth
+    epochs = buffers.epochs
+    drawn = buffers.drawn
     ratio = math.sqrt(par.gnss_axis_ratio)
     size = math.sqrt(0.5 * (ratio**2 + ratio**-2))
     major = ratio / size
@@ -117,10 +119,10 @@ def _receive(line: Line, swarm: Swarm, count: int, every: int, dt: float, par: N
 
 
 @kernel
-def _thin(swarm: Swarm, count: int, every: int) -> int:
+def _thin(buffers: DriveBuffers, count: int, every: int) -> int:
     """Keep the epochs with fixes alone, for drives without odometry; returns how many."""
-    truth = swarm.truth
-    epochs = swarm.epochs
+    truth = buffers.truth
+    epochs = buffers.epochs
     n = 0
     for e in range(0, count, every):
         epochs.time[n] = epochs.time[e]
@@ -146,19 +148,19 @@ def _thin(swarm: Swarm, count: int, every: int) -> int:
 
 
 @kernel
-def sense(line: Line, swarm: Swarm, par: Numbers, count: int, odometry: bool) -> int:
+def sense(line: Line, buffers: DriveBuffers, par: Numbers, count: int, odometry: bool) -> int:
     """Fill the epochs of a drive of `count` epochs; without odometry only those with fixes.
 
     Goes on with the random numbers that `drive_line` began.
     """
-    epochs = swarm.epochs
+    epochs = buffers.epochs
     dt = 1.0 / par.odometry_rate
     for e in range(count):
         epochs.time[e] = e * dt
         epochs.has_fix[e] = 0
         epochs.speed_sigma[e] = math.inf
         epochs.course_sigma[e] = math.inf
-    _count_wheels(swarm, count, par)
+    _count_wheels(buffers, count, par)
     every = round(par.odometry_rate / par.gnss_rate)
-    _receive(line, swarm, count, every, dt, par)
-    return count if odometry else _thin(swarm, count, every)
+    _receive(line, buffers, count, every, dt, par)
+    return count if odometry else _thin(buffers, count, every)

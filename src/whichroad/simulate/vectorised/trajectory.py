@@ -21,9 +21,9 @@ from .buffers import (
     TRAVELLED,
     A,
     B,
+    DriveBuffers,
     Line,
     Numbers,
-    Swarm,
     X,
     Y,
 )
@@ -170,9 +170,9 @@ def _offsets(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
 
 
 @kernel
-def _lay(line: Line, swarm: Swarm, n: int, par: Numbers) -> None:
+def _lay(line: Line, buffers: DriveBuffers, n: int, par: Numbers) -> None:
     """The path of M in both frames, its length and heading."""
-    grid = swarm.grid
+    grid = buffers.grid
     _directions(line, grid, n)
     _offsets(line, grid, n, par)
     mx = grid[MAP_X]
@@ -180,11 +180,11 @@ def _lay(line: Line, swarm: Swarm, n: int, par: Numbers) -> None:
     for k in range(n):
         mx[k] = line.x[k] + grid[OFFSET, k] * grid[NX, k]
         my[k] = line.y[k] + grid[OFFSET, k] * grid[NY, k]
-    _draw_field(swarm.modes, 0, par.map_sigma, par.map_shortest, par.map_longest)
-    _draw_field(swarm.modes, 6, par.relative_sigma, par.relative_shortest, par.relative_longest)
+    _draw_field(buffers.modes, 0, par.map_sigma, par.map_shortest, par.map_longest)
+    _draw_field(buffers.modes, 6, par.relative_sigma, par.relative_shortest, par.relative_longest)
     k = 0
     while k < n:
-        grid[A, k], grid[B, k] = _warp(swarm.modes, mx[k], my[k])
+        grid[A, k], grid[B, k] = _warp(buffers.modes, mx[k], my[k])
         k = n if k == n - 1 else min(k + _COARSE, n - 1)
     _curve(grid[A], n)
     _curve(grid[B], n)
@@ -250,10 +250,10 @@ def _pace(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
 
 
 @kernel
-def _follow(swarm: Swarm, n: int, rate: float) -> int:
+def _follow(buffers: DriveBuffers, n: int, rate: float) -> int:
     """True motion at `rate` Hz; returns how many epochs."""
-    grid = swarm.grid
-    truth = swarm.truth
+    grid = buffers.grid
+    truth = buffers.truth
     count = min(int(grid[ARRIVE, n - 1] * rate) + 1, len(truth.x))
     k = 0
     for e in range(count):
@@ -287,10 +287,10 @@ def _follow(swarm: Swarm, n: int, rate: float) -> int:
 
 
 @kernel
-def drive_line(line: Line, swarm: Swarm, par: Numbers, seed: int) -> int:
+def drive_line(line: Line, buffers: DriveBuffers, par: Numbers, seed: int) -> int:
     """Drive along a line; returns the number of epochs, whose truth is filled."""
     np.random.seed(seed)
     n = len(line.x)
-    _lay(line, swarm, n, par)
-    _pace(line, swarm.grid, n, par)
-    return _follow(swarm, n, par.odometry_rate)
+    _lay(line, buffers, n, par)
+    _pace(line, buffers.grid, n, par)
+    return _follow(buffers, n, par.odometry_rate)
