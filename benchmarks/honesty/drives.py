@@ -64,7 +64,7 @@ def scene_of(kind: str, variant: int) -> Scene:
 
 
 @cache
-def _swarm() -> DriveBuffers:
+def _buffers() -> DriveBuffers:
     return new_buffers()
 
 
@@ -95,7 +95,7 @@ def drive(name: str, noise: str, number: int) -> Drive:
     scene = scene_of(kind.scene, number % VARIANTS)
     driven = int(draw) % len(scene.routes)
     route = scene.routes[driven]
-    buffers = _swarm()
+    buffers = _buffers()
     n = simulate_short(route.line, buffers, _numbers(noise), kind.odometry, int(seed))
     epochs = Epochs(*(a[:n] for a in buffers.epochs))
     truth = Truth(*(a[:n] for a in buffers.truth))

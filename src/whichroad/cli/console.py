@@ -1,4 +1,4 @@
-"""What the command line says to people: a line of progress, names and values."""
+"""Console output of the commands: a line of progress, names and values."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -10,10 +10,10 @@ import typer
 
 @contextmanager
 def progress_line() -> Iterator[Callable[[str, int, int], None]]:
-    """A line on the terminal that says what is being done; silent elsewhere.
+    """A progress bar on a terminal; nothing elsewhere.
 
     Yields:
-        To be told (what, done, of how many); zero of zero is of unknown length.
+        A function of (task, done, total); 0 of 0: the length is unknown.
     """
     if not sys.stderr.isatty():
         yield lambda what, done, total: None

@@ -77,10 +77,10 @@ def replay(
             progress("answering it", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows)
         app = replay_app(player, network, tiles_url=tiles, host=host)
-        door = listen(host, port)
-    url = f"http://{host}:{door.getsockname()[1]}/"
+        listener = listen(host, port)
+    url = f"http://{host}:{listener.getsockname()[1]}/"
     typer.echo(f"{url} shows it; Ctrl-C ends")
-    serve(app, door, url if browser else None)
+    serve(app, listener, url if browser else None)
 
 
 def report(

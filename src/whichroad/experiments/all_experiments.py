@@ -1,4 +1,4 @@
-"""All experiments: drive, answer, count, draw, report."""
+"""All experiments: simulate, match, evaluate, draw, report."""
 
 import json
 import os

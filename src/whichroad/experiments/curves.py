@@ -1,4 +1,4 @@
-"""Curves over many drives: P of the true road, life-times, errors beside what is stated."""
+"""Curves over many drives: P of the true road, lifetimes, true and stated errors."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ _SHOWN_STEPS = 14.0  # at least
 
 
 def on_grid(r: Run, values: Array, metres: Array) -> Array:
-    """Values of a ride at metres past the decision: those of the next epoch."""
+    """Values of a run at metres past the decision: those of the next epoch."""
     at = np.clip(np.searchsorted(r.past, metres), 0, len(r.past) - 1)
     picked: Array = values[at]
     return picked
@@ -63,7 +63,7 @@ def draw_survival(axes: "Axes", scene: Scene, runs: Mapping[str, Sequence[Run]])
 
 
 Line = tuple[str, str, Sequence[Run]]
-"""Label, colour, rides."""
+"""Label, colour, runs."""
 
 
 def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]) -> float:

@@ -1,4 +1,4 @@
-"""The one drive of a scene that is drawn and logged."""
+"""The example drive of a scene, which is drawn and logged."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .scenes import Scene, fixed_sigma
 
 @dataclass(frozen=True, slots=True)
 class ExampleDrive:
-    """A drive, its answers and its life-cycle logs, by model."""
+    """A drive, its results and its lifetime logs, by model."""
 
     scene: Scene
     drive: SimulatedDrive
@@ -24,13 +24,13 @@ class ExampleDrive:
 
 
 def median_seed(scene: Scene, runs: Sequence[Run]) -> int:
-    """The seed of the drive in which wrong roads counted for a middling time."""
+    """The seed of the drive with the median of the longest lifetime of a wrong road."""
     doubt = [max((lifetime.seconds for lifetime in lifetimes(scene, r)), default=0.0) for r in runs]
     return runs[int(np.argsort(doubt, kind="stable")[len(doubt) // 2])].seed
 
 
 def answer_example(scene: Scene, seed: int) -> ExampleDrive:
-    """Answer one drive again by every model, and log it."""
+    """Match one drive by every model, and log its hypotheses."""
     drive = scene.drive(scene.roads, seed)
     return ExampleDrive(
         scene,

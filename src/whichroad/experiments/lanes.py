@@ -1,4 +1,4 @@
-"""Lanes of hypotheses: every road's probability over the way, who came from whom, who died why."""
+"""Lanes of hypotheses: the probability of every road over the distance, births and deaths."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -118,7 +118,7 @@ def legend_of_lanes(model: str) -> list[Line2D]:
             [], [], color=TRUTH, marker=_SIGNS[why], mfc="white", ms=6.5, ls="", label=text
         )
 
-    created = Line2D([], [], color=TRUTH, lw=0.8, ls=(0, (1, 1.5)), label="born from")
+    created = Line2D([], [], color=TRUTH, lw=0.8, ls=(0, (1, 1.5)), label="created from")
     below = Line2D([], [], color=FAINT, lw=1.2, label=f"P < {ALIVE}")
     if model == "paper":
         return [created, below, sign("out of reach", "dead: beyond 30 m")]

@@ -1,8 +1,8 @@
-"""The life-cycle log: every hypothesis of one drive, born, weighed, dead, and why.
+"""Lifetime log: every hypothesis of one drive, when it was created, its weight, its end.
 
-The filter is stepped epoch by epoch and looked at.  A hypothesis of ours is a node of the
-route tree: "the vehicle entered this edge then, from there".  One of the paper's is a
-candidate, for as long as it is one.
+The filter runs epoch by epoch and its hypotheses are read.  A hypothesis of whichroad is
+an entry of the path tree: the vehicle entered this edge at this time, from that edge.  A
+hypothesis of the paper's method is a candidate while it remains one.
 """
 
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ class Sighting(NamedTuple):
 
 @dataclass(slots=True)
 class Hypothesis:
-    """A hypothesis' life."""
+    """The lifetime of a hypothesis."""
 
     number: int
     edge: int
@@ -91,7 +91,7 @@ def _epochs_of_ours(
 
 
 def _seen_of_ours(belief: Belief, route: Route, length: np.ndarray) -> list[Sighting]:
-    """A node that holds several Gaussians is one hypothesis."""
+    """Several Gaussians of one path entry are one hypothesis."""
     found: dict[int, Sighting] = {}
     for i in range(int(belief.size[0])):
         node, edge = int(belief.node[i]), int(belief.edge[i])
@@ -133,7 +133,7 @@ def _epochs_of_paper(
 
 
 def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeLog:
-    """Step a model through a drive and log every hypothesis."""
+    """Run a model over a drive and log every hypothesis."""
     timeline = build_timeline(drive.drive, scene.roads.plane, drive.vehicle)
     follow = _epochs_of_paper if model == "paper" else _epochs_of_ours
     known: dict[int, Hypothesis] = {}
@@ -158,7 +158,7 @@ def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeL
 
 
 def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[int]:
-    """Numbers of what the living on roads come from."""
+    """Numbers of the ancestors of the living hypotheses on roads."""
     everyone = {h.number: h for h in known.values()}
     found: set[int] = set()
     for h in living:
@@ -172,7 +172,7 @@ def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[in
 def _close(
     dead: Hypothesis, others: list[Hypothesis], known: dict[int, Hypothesis], model: str
 ) -> None:
-    """Say why a hypothesis is gone."""
+    """Set why a hypothesis has ended."""
     same = [h for h in others if h.edge == dead.edge]
     if model == "paper":
         dead.why = "out of reach"

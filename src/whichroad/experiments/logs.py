@@ -1,4 +1,4 @@
-"""The life-cycle log as tables: the hypotheses, and their weights over time."""
+"""The lifetime log as tables: the hypotheses, and their weights over time."""
 
 import csv
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Maps: roads, truth and fixes, and the hypotheses with their ellipses, in metres."""
+"""Drawings of maps in metres: roads, truth, fixes, and hypotheses with their ellipses."""
 
 import itertools
 from collections.abc import Sequence

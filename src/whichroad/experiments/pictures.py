@@ -50,7 +50,7 @@ def draw_scene(
         out: Folder.
 
     Returns:
-        First what the paper draws, then the lives of its hypotheses, then many drives.
+        First what the paper draws, then the lifetimes of its hypotheses, then many drives.
     """
     by_model = {model: runs[model, PER_FIX] for model in MODELS}
     count, seed = len(by_model["default"]), example.drive.seed

@@ -1,4 +1,4 @@
-"""One drive answered by one model, beside its truth: what the numbers are made of."""
+"""One drive matched by one model, beside its truth."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ STEP_S = 1.0
 
 
 class Run(NamedTuple):
-    """One drive answered by one model.  n compared epochs."""
+    """One drive matched by one model; n compared epochs."""
 
     seed: int
     past: Array  # (n,) m driven since the scene's decision
@@ -46,7 +46,7 @@ def answer(scene: Scene, drive: SimulatedDrive, model: str) -> Result:
 
 
 def run_of(scene: Scene, drive: SimulatedDrive, result: Result) -> Run:
-    """Set an answer beside its truth."""
+    """Compare a result with the truth."""
     roads, truth = scene.roads, drive.truth
     points = result.to_arrow()
     c = compare(points, truth_table(drive, roads))
@@ -76,7 +76,7 @@ def run_of(scene: Scene, drive: SimulatedDrive, result: Result) -> Run:
 
 
 class Lifetime(NamedTuple):
-    """How long a wrong road counted: from when its probability first was `ALIVE` to the last."""
+    """The time during which a wrong road had a probability of `ALIVE` or more."""
 
     street: str
     created_m: float  # past the decision
@@ -86,7 +86,7 @@ class Lifetime(NamedTuple):
 
 
 def lifetimes(scene: Scene, r: Run) -> list[Lifetime]:
-    """The wrong roads that began to count where the scene asks for them."""
+    """Lifetimes of the wrong roads that began where the scene counts them."""
     first_m, last_m = scene.counted_m
     out = []
     for street, p in r.wrong.items():

@@ -1,4 +1,4 @@
-"""What the paper leaves out: the numbers of many rides through one scene."""
+"""Figures over many runs through one scene."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

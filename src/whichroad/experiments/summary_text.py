@@ -1,4 +1,4 @@
-"""What is seen, in sentences made from the numbers: never a claim that was not measured."""
+"""Summary of the figures in sentences that are made from the numbers."""
 
 from collections.abc import Callable, Sequence
 

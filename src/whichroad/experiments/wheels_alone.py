@@ -1,4 +1,4 @@
-"""Wheels alone: equation (1) through an outage, without map and GNSS."""
+"""Dead reckoning through an outage: equation (1), without map and GNSS."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-"""Who may come in: checked before anything else looks at a request.
+"""Access control of the web service: the checks that come before a request is handled.
 
-Closed by default: answers for the own host only, no other origin, as many requests and
-bytes as a person needs, a token where one is set.
+The defaults are closed.  Only this host is served, and no other origin.  Requests and
+bytes are limited to what a person needs.  A token is required where one is set.
 """
 
 import hmac
@@ -22,19 +22,19 @@ _SAFE = [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-refe
 
 
 class TooLarge(Exception):
-    """A body is larger than it may be."""
+    """A request body exceeds its limit."""
 
 
 class AccessControl:
-    """Middleware that lets in or answers 4xx.
+    """Middleware that passes a request on or answers 4xx.
 
     Args:
-        app: What is behind.
-        local: Whether only the own host is served, by its names.
-        token: Asked of everybody; None: nobody.
-        per_second: Requests of one caller.
-        burst: Requests of one caller at once.
-        largest: Bytes of a body, by path.
+        app: The application behind it.
+        local: Whether requests must name this host.
+        token: Token that every request must carry; None: no token.
+        per_second: Sustained requests per second of one client.
+        burst: Requests that one client may send at once.
+        largest: Largest body in bytes, by path.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class AccessControl:
                 await _refuse(scope, receive, send, 413, f"at most {most} bytes are taken here")
 
     def _refused(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
-        """Status and reason, or None for who may come in."""
+        """Status and reason of a refusal; None: the request is allowed."""
         caller = scope["client"][0] if scope.get("client") else ""
         if not self._may_ask(caller):
             return 429, "too many requests"
@@ -134,7 +134,7 @@ class AccessControl:
         return any(hmac.compare_digest(one.encode(), token) for one in said)
 
     def _cookie(self, scope: Scope) -> list[tuple[bytes, bytes]]:
-        """A browser that was opened with the token keeps it."""
+        """The cookie that keeps the token in a browser that was opened with it."""
         if self._token is None or _query_token(scope) != self._token:
             return []
         value = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
@@ -152,7 +152,7 @@ def _query_token(scope: Scope) -> str | None:
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, why: str) -> None:
-    """Answer so, and nothing else."""
+    """Answer with an error and do not call the application."""
     body = json.dumps({"error": why}).encode()
     if scope["type"] == "websocket":
         await receive()

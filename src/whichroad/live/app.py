@@ -1,4 +1,4 @@
-"""The addresses of the live service, as a Starlette application."""
+"""The HTTP and WebSocket endpoints of the live service, as a Starlette application."""
 
 import asyncio
 import json
@@ -40,12 +40,12 @@ _FASTEST = 1000.0
 
 
 class Service:
-    """What the addresses answer from.
+    """Handlers of the endpoints.
 
     Args:
         filter_loop: The filter.
         broadcaster: Its listeners.
-        player: Plays a recording; None: time is the world's.
+        player: Plays a recording; None: live inputs.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Service:
         filter_loop.sinks.append(broadcaster.send)
 
     def routes(self) -> list[BaseRoute]:
-        """All addresses but the page's."""
+        """All endpoints but the page's."""
         return [
             WebSocketRoute("/ws", self.websocket),
             Route("/events", self.events),

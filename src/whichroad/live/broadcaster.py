@@ -1,32 +1,32 @@
-"""Many listeners of one stream: none of them may slow the filter down.
+"""Broadcaster: sends each message to all listeners without waiting for any of them.
 
-A message is framed once and written to the sockets as it is.  What a listener does not take
-waits in a buffer of bounded size; who lets it overflow is dropped.
+A message is framed once and written to every socket.  Unsent bytes wait in a buffer of
+bounded size.  A listener whose buffer overflows is disconnected.
 """
 
 import asyncio
 from collections.abc import AsyncIterator
 from typing import Any, Protocol
 
-MOST_WAITING = 256 * 1024  # bytes that a listener may leave lying
+MOST_WAITING = 256 * 1024  # bytes that may wait for one listener
 MOST_LISTENERS = 512
-_MOST_EVENTS = 100  # messages that a listener of events may leave lying
+_MOST_EVENTS = 100  # messages that may wait for one listener of server-sent events
 
 
 class Transport(Protocol):
-    """What is needed of `asyncio.Transport`."""
+    """The methods of `asyncio.Transport` that are used."""
 
     def write(self, data: bytes) -> None:
-        """Send, later if need be."""
+        """Send, or buffer, some bytes."""
 
     def get_write_buffer_size(self) -> int:
-        """Bytes not sent yet."""
+        """Bytes that wait to be sent."""
 
     def is_closing(self) -> bool:
-        """Whether it is of no use any more."""
+        """Whether the connection is closing."""
 
     def abort(self) -> None:
-        """Close now."""
+        """Close without sending what is buffered."""
 
 
 def websocket_frame(text: bytes) -> bytes:
@@ -40,10 +40,10 @@ def websocket_frame(text: bytes) -> bytes:
 
 
 class Sockets:
-    """Sockets that all get the same bytes.
+    """A set of sockets that receive the same bytes.
 
     Attributes:
-        dropped: Listeners that were too slow.
+        dropped: Number of listeners that were disconnected because they were too slow.
     """
 
     def __init__(self) -> None:
@@ -54,15 +54,15 @@ class Sockets:
         return len(self._open)
 
     def add(self, transport: Transport) -> None:
-        """From now on it gets what is sent."""
+        """Add a socket."""
         self._open.add(transport)
 
     def discard(self, transport: Transport) -> None:
-        """No more."""
+        """Remove a socket."""
         self._open.discard(transport)
 
     def send(self, data: bytes) -> None:
-        """To all of them; those that left too much lying are dropped."""
+        """Send to all sockets; disconnect those with too many unsent bytes."""
         for transport in tuple(self._open):
             if transport.is_closing():
                 self._open.discard(transport)
@@ -74,18 +74,18 @@ class Sockets:
                 transport.write(data)
 
     def close(self) -> None:
-        """Drop all of them."""
+        """Disconnect all sockets."""
         for transport in tuple(self._open):
             transport.abort()
         self._open.clear()
 
 
 class Broadcaster:
-    """Listeners of WebSockets and of server-sent events.
+    """Sends messages over WebSockets and as server-sent events.
 
     Attributes:
-        sockets: Those of WebSockets.
-        sent: Messages handed out.
+        sockets: The WebSocket connections.
+        sent: Number of messages sent.
     """
 
     def __init__(self) -> None:
@@ -96,21 +96,21 @@ class Broadcaster:
 
     @property
     def listeners(self) -> int:
-        """How many there are."""
+        """Number of listeners."""
         return len(self.sockets) + len(self._queues)
 
     @property
     def dropped(self) -> int:
-        """How many were too slow."""
+        """Number of listeners disconnected because they were too slow."""
         return self._dropped + self.sockets.dropped
 
     @property
     def full(self) -> bool:
-        """Whether nobody else may listen."""
+        """Whether the number of listeners is at its limit."""
         return self.listeners >= MOST_LISTENERS
 
     def send(self, text: bytes, message: Any = None) -> None:
-        """One message to everybody."""
+        """Send one message to all listeners."""
         self.sent += 1
         if len(self.sockets):
             self.sockets.send(websocket_frame(text))
@@ -137,7 +137,7 @@ class Broadcaster:
             self._queues.discard(queue)
 
     def close(self) -> None:
-        """Let everybody go."""
+        """Disconnect all listeners."""
         self.sockets.close()
         for queue in self._queues:
             if queue.full():

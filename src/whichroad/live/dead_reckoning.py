@@ -1,4 +1,4 @@
-"""Wheels alone, for comparison: what the vehicle would think without GNSS and map."""
+"""Dead reckoning by odometry alone, for comparison with the filter."""
 
 import math
 
@@ -10,10 +10,10 @@ from .messages import ReckoningMessage
 
 
 class DeadReckoning:
-    """Equation (1) of the paper with the odometer as it is, from a pose on.
+    """Integrates equation (1) of the paper with uncorrected odometry.
 
     Args:
-        plane: The map's.
+        plane: Plane of the map.
         vehicle: Metres per count and track width.
     """
 
@@ -24,13 +24,13 @@ class DeadReckoning:
         self._since = self._travelled = 0.0
 
     def reset(self, estimate: Estimate) -> None:
-        """Begin again at the pose of an estimate."""
+        """Restart at the pose of an estimate."""
         pose = estimate.pose
         self._pose = (pose.x, pose.y, pose.heading)
         self._since, self._travelled = estimate.time, 0.0
 
     def stop(self) -> None:
-        """Have no pose until the next reset."""
+        """Discard the pose until the next reset."""
         self._pose = self._before = None
 
     @property
@@ -39,7 +39,7 @@ class DeadReckoning:
         return self._pose is not None
 
     def take(self, reading: Observation) -> None:
-        """Move by one odometry reading; readings out of order are passed over."""
+        """Move by one odometry reading; readings out of order are ignored."""
         if isinstance(reading, GeoFix | Distance):
             return
         before, pose = self._before, self._pose
@@ -56,7 +56,7 @@ class DeadReckoning:
         self._travelled += abs(arc)
 
     def message(self) -> ReckoningMessage | None:
-        """What is published; None without a reset or a heading."""
+        """The published message; None without a reset or a heading."""
         if self._pose is None or self._before is None:
             return None
         lat, lon, bearing = self._plane.pose(*self._pose)

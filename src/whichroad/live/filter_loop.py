@@ -1,7 +1,7 @@
-"""The filter of the live service: observations in, messages out, everything in one thread.
+"""Filter loop of the live service: observations in, messages out, in one thread.
 
-Inputs call `take`, a clock calls `tick`; the outputs that were added are handed each message
-as it is made.  Nothing here waits for anything.
+Inputs call `take` and a timer calls `tick`.  Each message is passed to all outputs when it
+is made.  Nothing here blocks.
 """
 
 import json
@@ -23,24 +23,24 @@ from .state import restore, state_of
 Sink = Callable[[bytes, EstimateMessage], None]
 
 LIVE = PlayMessage(mode="live", paused=False, speed=1.0, position_s=None, length_s=None)
-_SILENCE = 0.3  # s without an observation after which the filter goes on alone
-_HORIZON = 60.0  # s that it goes on
-_LEAST = 0.02  # s between messages that fixes call for
-_AHEAD = 5.0  # s by which clocks may differ beyond the window before they are doubted
-_DOUBT = 3.0  # s of silence of the others after which a doubted clock is believed
-_RECENT = 0.25  # s after a fix in which the next one is waited for,
-_BETWEEN = 1.5  # so that odometry calls for a message this many times later
+_SILENCE = 0.3  # s without an observation after which dead reckoning starts
+_HORIZON = 60.0  # s, longest dead reckoning without an observation
+_LEAST = 0.02  # s, shortest time between messages triggered by fixes
+_AHEAD = 5.0  # s, largest difference of clocks beyond the window
+_DOUBT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
+_RECENT = 0.25  # s after a fix during which the next fix is expected
+_BETWEEN = 1.5  # factor on the message interval for odometry while a fix is expected
 _RECORDED = 0.09  # s of event time between recorded estimates
 
 
 class FilterLoop:
-    """The filter and what is known around it.
+    """The filter, its inputs' health and its outputs.
 
     Args:
-        localizer: Owns the belief.
-        window: s by which an observation may be late and still be put in its place.
-        rate: Messages a second, where no fix calls for one.
-        recorder: Is told everything.
+        localizer: The on-line filter.
+        window: Largest delay of an observation, s.
+        rate: Messages per second while no fix triggers one.
+        recorder: Records observations and estimates.
 
     Attributes:
         seq: Number of the last message.
@@ -67,13 +67,13 @@ class FilterLoop:
         self.published: bytes = b""
         self.message: EstimateMessage | None = None
         self.play: Callable[[], PlayMessage] = lambda: LIVE
-        self.least = _LEAST  # s between messages that fixes call for
+        self.least = _LEAST  # s, shortest time between messages triggered by fixes
         self._every = 1.0 / rate
         self._blank = state_of(localizer)
         self._fix: GeoFix | None = None
         self._fix_masked = False
-        self._told = self._heard = -1e9  # when the last message was made, something came,
-        self._fresh = -1e9  # and the last message was made that a fix called for
+        self._told = self._heard = -1e9  # clock at the last message and observation
+        self._fresh = -1e9  # clock at the last message triggered by a fix
         self._recorded = -1e18
 
     @property
@@ -82,7 +82,7 @@ class FilterLoop:
         return self.localizer.roads
 
     def sensor(self, name: str, kind: str) -> Health:
-        """The health of an input, made when it is first asked for."""
+        """The health of an input, created at the first call."""
         return self.sensors.setdefault(name, Health(name, kind))
 
     def take(
@@ -93,13 +93,13 @@ class FilterLoop:
         *,
         recorded: bool = False,
     ) -> None:
-        """Take what an input said, and publish if it is time to.
+        """Process observations of an input, and publish a message if one is due.
 
         Args:
-            health: Of the input.
-            observations: In the order of arrival, at least one.
-            arrival: When they came, on the clock of `time.perf_counter`.
-            recorded: Their times are not the world's.
+            health: Health of the input.
+            observations: At least one, in the order of arrival.
+            arrival: Time of arrival on the clock of `time.perf_counter`, s.
+            recorded: Whether their times come from a recording.
         """
         now = time.perf_counter()
         if not recorded and not self._in_time(observations, now):
@@ -117,7 +117,7 @@ class FilterLoop:
             self.publish(arrival=arrival)
 
     def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
-        """Whether a clock agrees with the others; where only this one speaks, it is believed."""
+        """Whether an input's clock agrees with the others; a lone input is accepted."""
         buffer, silent = self.buffer, now - self._heard
         if buffer.now < 0.0:
             return True
@@ -138,7 +138,7 @@ class FilterLoop:
         return False
 
     def observe(self, observations: Sequence[Observation]) -> bool:
-        """Take observations without a word; returns whether one of them was a fix."""
+        """Process observations without publishing; returns whether one was a fix."""
         fresh = False
         recorder, buffer, reckoning = self.recorder, self.buffer, self.reckoning
         for one in observations:
@@ -158,24 +158,24 @@ class FilterLoop:
         return fresh
 
     def tick(self) -> None:
-        """Called often: where nothing comes, the filter goes on by dead reckoning and says so."""
+        """Publish by dead reckoning while no observation arrives; called regularly."""
         now = time.perf_counter()
         silent = now - self._heard
         if silent >= _SILENCE and now - self._told >= self._every and self.buffer.now > 0.0:
             self.publish(ahead=min(silent, _HORIZON))
 
     def estimate(self, ahead: float = 0.0) -> Estimate:
-        """What the filter says now, or so many seconds after the last observation."""
+        """The estimate at the last observation, or `ahead` seconds after it."""
         if ahead and self.buffer.now > 0.0:
             return self.localizer.predict(self.buffer.now + ahead)
         return self.localizer.estimate()
 
     def publish(self, *, arrival: float | None = None, ahead: float = 0.0) -> None:
-        """Make a message and hand it to all outputs.
+        """Make a message and pass it to all outputs.
 
         Args:
-            arrival: When what it is made of came, for the latency.
-            ahead: s of dead reckoning since the last observation.
+            arrival: Arrival time of the newest observation, for the latency.
+            ahead: Dead reckoning since the last observation, s.
         """
         now = self._told = time.perf_counter()
         estimate = self.estimate(ahead)
@@ -191,18 +191,18 @@ class FilterLoop:
 
     @property
     def answered(self) -> bool:
-        """Whether the filter has begun."""
+        """Whether the filter has started."""
         return int(self.localizer._belief.size[0]) > 0
 
     def mask(self, masked: bool) -> None:
-        """Withhold fixes from the filter, or give them to it again."""
+        """Withhold fixes from the filter, or stop doing so."""
         if masked and not self.gnss_masked and self.answered:
             self.reckoning.reset(self.localizer.estimate())
         self.gnss_masked = masked
         self.publish()
 
     def reset_reckoning(self) -> None:
-        """Let wheels alone begin again at the pose that is."""
+        """Restart dead reckoning at the present pose."""
         if self.answered:
             self.reckoning.reset(self.localizer.estimate())
 
@@ -224,7 +224,7 @@ class FilterLoop:
         )
 
     def health(self) -> dict[str, Any]:
-        """What `/health` says."""
+        """The content of `/health`."""
         now = time.perf_counter()
         sensors = [sensor.message(now) for sensor in self.sensors.values()]
         good = bool(sensors) and all(s["ok"] or s["state"] == "ended" for s in sensors)

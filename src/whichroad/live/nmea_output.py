@@ -1,7 +1,7 @@
-"""The fused pose as NMEA 0183, for consumers that know nothing else.
+"""NMEA output: the estimated pose as NMEA 0183 sentences.
 
-GGA, RMC and GST of the middle of the rear axle, in this order.  Where the filter goes on
-without GNSS, the quality is 6 and the mode E: estimated.
+Each message becomes GGA, RMC and GST, in this order, of the middle of the rear axle.
+Without GNSS the quality is 6 and the mode is E: estimated.
 """
 
 import asyncio
@@ -14,11 +14,11 @@ from ..geodesy.units import KNOT
 from .broadcaster import MOST_LISTENERS, Sockets
 from .messages import EstimateMessage
 
-_MOST_IGNORED = 65_536  # bytes that a consumer may send before it is not listened to
+_MOST_IGNORED = 65_536  # bytes read from a consumer before reading stops
 
 
 def sentences(message: EstimateMessage) -> bytes:
-    """The burst of one message."""
+    """The sentences of one message."""
     moment = datetime.fromtimestamp(round(message["epoch_s"], 2), UTC)
     clock = f"{moment:%H%M%S}.{moment.microsecond // 10_000:02d}"
     pose, ellipse = message["pose"], message["ellipse"]
@@ -58,12 +58,12 @@ def _angle(degrees: float, digits: int, signs: str) -> str:
 
 
 class NmeaOutput:
-    """Sends bursts to whoever connects, or to one address by UDP.
+    """Sends sentences to all TCP clients, or to one UDP address.
 
     Args:
-        scheme: `tcp`: listen there; `udp`: send there.
-        host: Where.
-        port: 0: any that is free.
+        scheme: `tcp`: listen at the address; `udp`: send to it.
+        host: Host name or address.
+        port: Port; 0: any free port.
     """
 
     def __init__(self, scheme: str, host: str, port: int) -> None:
@@ -76,7 +76,7 @@ class NmeaOutput:
         """Open the socket.
 
         Raises:
-            OSError: It cannot be.
+            OSError: The socket cannot be opened.
         """
         loop = asyncio.get_running_loop()
         if self.scheme == "udp":
@@ -90,7 +90,7 @@ class NmeaOutput:
         self.port = self._server.sockets[0].getsockname()[1]
 
     def send(self, text: bytes, message: EstimateMessage) -> None:
-        """One message, as sentences."""
+        """Send one message as sentences."""
         if self._datagrams is None and not len(self.sockets):
             return
         burst = sentences(message)
@@ -100,7 +100,7 @@ class NmeaOutput:
             self.sockets.send(burst)
 
     def close(self) -> None:
-        """Stop."""
+        """Close all sockets."""
         if self._datagrams is not None:
             self._datagrams.close()
         if self._server is not None:
@@ -109,7 +109,7 @@ class NmeaOutput:
 
 
 class _Listener(asyncio.Protocol):
-    """A consumer; what it says is not of interest."""
+    """A TCP client; what it sends is ignored."""
 
     def __init__(self, sockets: Sockets) -> None:
         self._sockets, self._said = sockets, 0

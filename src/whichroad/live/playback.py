@@ -1,4 +1,4 @@
-"""Recorded drives, played as if they happened now: at any speed, paused, stepped, sought."""
+"""Playback of recorded drives: at any speed, with pause, step and seek."""
 
 import asyncio
 import time
@@ -29,11 +29,11 @@ from .state import State, restore, state_of
 _KINDS: dict[type, Callable[..., Observation]] = {
     WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,
 }  # fmt: skip
-_BLOCK = 4096  # observations made at once
-_SLICE = 0.004  # s of work between two looks at the world
-_STEP = 0.1  # s of the recording, one step
+_BLOCK = 4096  # observations created at once
+_SLICE = 0.004  # s of work before other tasks run
+_STEP = 0.1  # s of the recording in one step
 _NAP = 0.02  # s, the longest sleep while playing
-_KEPT_EVERY = 2.0  # s of the recording between states to go back to
+_KEPT_EVERY = 2.0  # s of the recording between stored states
 _MOST_KEPT = 400
 
 
@@ -41,11 +41,11 @@ class RecordedObservations:
     """The observations of a recorded drive, in the order of their times.
 
     Args:
-        drive: What was recorded; of one time the odometry comes first.
-        laps: How often it is played, one after the other.
+        drive: The recording; of equal times the odometry comes first.
+        laps: Number of repetitions.
 
     Raises:
-        DriveError: There is nothing in it.
+        DriveError: The drive has neither a fix nor odometry.
     """
 
     def __init__(self, drive: Drive, laps: int = 1) -> None:
@@ -102,7 +102,7 @@ class RecordedObservations:
         return self._block[at]
 
     def _make(self, index: int) -> None:
-        """The block that begins there."""
+        """Create the block of observations that begins at an index."""
         lap, row = divmod(index, len(self.time))
         end = min(row + _BLOCK, len(self.time))
         block: list[Any] = [None] * (end - row)
@@ -118,12 +118,12 @@ class RecordedObservations:
 
 
 class Player:
-    """Plays a tape into an engine.
+    """Plays a recording into a filter loop.
 
     Args:
-        filter_loop: Takes the observations.
-        recording: What is played.
-        speed: Times real time; None: as fast as possible.
+        filter_loop: Processes the observations.
+        recording: The observations.
+        speed: Multiple of real time; None: as fast as possible.
         paused: Whether to wait for `resume` or `step`.
 
     Attributes:
@@ -146,8 +146,8 @@ class Player:
         self._at = 0
         self._kept: list[tuple[int, State]] = []
         self._every = _KEPT_EVERY
-        self._anchor = (0.0, 0.0)  # clock and recording agree here
-        self._target: int | None = None  # where a search goes
+        self._anchor = (0.0, 0.0)  # clock and time of the recording that correspond
+        self._target: int | None = None  # index to which a seek goes
         self._wake = asyncio.Event()
         filter_loop.play = self.message
 
@@ -167,11 +167,11 @@ class Player:
         )
 
     def start_at(self, when: float) -> None:
-        """Begin at a time that the filter is at already."""
+        """Begin at a time that the filter has reached already."""
         self._at = self.recording.index(when)
 
     async def run(self) -> None:
-        """Play until cancelled; waits where it is paused or at the end."""
+        """Play until cancelled; waits while paused and at the end."""
         self._set_anchor()
         while True:
             if self._target is not None:
@@ -203,7 +203,7 @@ class Player:
             await asyncio.sleep(min((when - due) / speed, _NAP))
 
     def _play_slice(self, end: int) -> bool:
-        """Play up to an index for as long as may be; returns whether it was reached."""
+        """Play up to an index for a limited time; returns whether it was reached."""
         began = arrival = time.perf_counter()
         recording, filter_loop, health = self.recording, self.filter_loop, self._health
         end = min(end, len(recording))
@@ -218,7 +218,7 @@ class Player:
         return self._at >= end
 
     def _keep(self) -> None:
-        """Remember the state here, to go back to; the farther apart the longer the drive is."""
+        """Store the state for seeking; the longer the drive, the fewer states."""
         when = self.recording.when(self._at)
         if self._kept and when - self.recording.when(self._kept[-1][0]) < self._every:
             return
@@ -233,35 +233,35 @@ class Player:
             self.recording.when(min(self._at, len(self.recording) - 1)),
         )
 
-    # What people may do
+    # Controls
 
     def pause(self) -> None:
-        """Stop here."""
+        """Pause."""
         self.paused = True
         self.filter_loop.publish()
 
     def resume(self) -> None:
-        """Go on; from the end, from the beginning."""
+        """Resume; at the end, start from the beginning."""
         if self._at >= len(self.recording):
             self.seek(0.0)
         self.paused = False
         self._wake.set()
 
     def step(self, seconds: float = _STEP) -> None:
-        """Play so many seconds, and stop there."""
+        """Play some seconds, then pause."""
         self.paused = True
         target = self.recording.when(min(self._at, len(self.recording) - 1)) + seconds
         self._target = self.recording.index(target)
         self._wake.set()
 
     def set_speed(self, speed: float | None) -> None:
-        """Times real time; None: as fast as possible."""
+        """Set the speed as a multiple of real time; None: as fast as possible."""
         self.speed = speed
         self._set_anchor()
         self._wake.set()
 
     def seek(self, position: float) -> None:
-        """Go to a time, s from the beginning, through all that was observed before it."""
+        """Go to a time, s from the beginning, processing all observations before it."""
         target = self.recording.index(float(self.recording.time[0]) + max(position, 0.0))
         self.ended.clear()
         self._health.link = "open"
@@ -277,7 +277,7 @@ class Player:
         self._wake.set()
 
     def _run_on(self, target: int) -> None:
-        """Observe without a word, for as long as may be."""
+        """Process observations without publishing, for a limited time."""
         began, target = time.perf_counter(), min(target, len(self.recording))
         while self._at < target and time.perf_counter() - began < _SLICE:
             self._keep()

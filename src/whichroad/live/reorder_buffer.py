@@ -1,9 +1,9 @@
-"""The order of events: observations by their own times, whenever they arrive.
+"""Reorder buffer: observations are processed in the order of their own times.
 
-An observation in order is taken at once.  One that comes late, within the window, is put
-where it belongs: the localizer goes back to a state before it and takes what followed
-again.  So nothing waits, and the answer is that of the sorted observations.  Of readings
-with one time the first to arrive comes first.
+An observation in order is processed at once.  For a late one within the window, the
+localizer returns to a stored state before it and processes all later observations again.
+So no observation waits, and the result is that of the sorted observations.  Observations
+with equal times are processed in the order of arrival.
 """
 
 from bisect import bisect_right
@@ -14,19 +14,19 @@ from ..localizer import Localizer
 from ..records import Observation
 from .state import State, restore, state_of
 
-_EVERY = 0.05  # s between states to go back to
+_EVERY = 0.05  # s between stored states
 
 
 class ReorderBuffer:
-    """Feeds a localizer in the order of event times.
+    """Passes observations to a localizer in the order of their times.
 
     Args:
-        localizer: Takes the observations.
-        window: s by which an observation may be late; 0: none may.
+        localizer: Processes the observations.
+        window: Largest delay of an observation, s; 0: late observations are skipped.
 
     Attributes:
-        skipped: Observations that were not taken, by reason.
-        rewinds: How often the localizer went back.
+        skipped: Number of skipped observations, by reason.
+        rewinds: How often the localizer returned to an earlier state.
     """
 
     def __init__(self, localizer: Localizer, window: float = 1.0) -> None:
@@ -34,12 +34,12 @@ class ReorderBuffer:
         self.skipped: Counter[str] = Counter()
         self.rewinds = 0
         self.now = -float("inf")  # time of the newest observation
-        self._floor = -float("inf")  # no observation may be older: there is no state before it
+        self._floor = -float("inf")  # time of the oldest stored state
         self._taken: deque[Observation] = deque()
         self._states: deque[State] = deque()
 
     def take(self, observation: Observation) -> bool:
-        """Take an observation; False: it is too late, and counted.
+        """Process an observation; False: it was not used.
 
         Args:
             observation: With its own time, s.
@@ -56,13 +56,13 @@ class ReorderBuffer:
         return self.localizer.take(observation)
 
     def begin(self, time: float) -> None:
-        """The localizer was brought to a time from outside; what is older is too late."""
+        """Start again at a time to which the localizer was set from outside."""
         self._taken.clear()
         self._states.clear()
         self.now = self._floor = time
 
     def _keep(self, time: float) -> None:
-        """Remember the state before an observation, and drop what is beyond the window."""
+        """Store the state before an observation; drop states beyond the window."""
         states, taken = self._states, self._taken
         state = state_of(self.localizer)
         when = time if states else self._floor
@@ -73,7 +73,7 @@ class ReorderBuffer:
             taken.popleft()
 
     def _take_late(self, observation: Observation) -> bool:
-        """Go back, put it in its place, and take what followed again."""
+        """Return to a state before the observation and process it and all later ones."""
         states = self._states
         if not states or observation.time < max(states[0].time, self.now - self.window):
             self.skipped["late"] += 1

@@ -1,4 +1,4 @@
-"""Everything together in one loop: inputs, filter, outputs, the web."""
+"""The live service: inputs, filter, outputs and web server in one event loop."""
 
 import asyncio
 import contextlib
@@ -84,7 +84,7 @@ class Plan:
 
 
 class Socket(WebSocketsSansIOProtocol):
-    """A WebSocket whose transport the hub may write to."""
+    """A WebSocket whose transport the broadcaster may write to."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)

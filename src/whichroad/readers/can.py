@@ -19,7 +19,7 @@ from ..geodesy.units import KMH, MPH
 from ..records import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
-from .checks import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
+from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
 from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
@@ -94,7 +94,7 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
 
     where = Path(dbc).name
     try:
-        with heard("cantools", "message repeated in the .dbc", skipped):
+        with counted_warnings("cantools", "message repeated in the .dbc", skipped):
             base: Any = cantools.database.load_file(str(dbc))
         messages = base.messages
     except Exception as error:  # cantools lets out whatever its parsers meet

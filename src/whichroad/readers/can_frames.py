@@ -1,4 +1,4 @@
-"""CAN frames out of a log: candump text by a parser of our own, all else by python-can."""
+"""CAN frames of a log: candump text by our own parser, other formats by python-can."""
 
 import re
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ReadError
 from ..records import Array
 from .blf import check_blf
-from .checks import Skipped, heard, read_bytes
+from .checks import Skipped, counted_warnings, read_bytes
 
 _COMPACT = re.compile(
     rb"^[ \t]*\((\d+\.\d+)\)[ \t]+\S+[ \t]+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
@@ -108,7 +108,7 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
     found: dict[int, Rows] = {}
     count = 0
     try:
-        with heard("can", "part of the log not understood", skipped):
+        with counted_warnings("can", "part of the log not understood", skipped):
             for time, identifier, extended, data, plain in _messages(path):
                 count += 1
                 k = key(identifier, extended)

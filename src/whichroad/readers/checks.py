@@ -1,4 +1,4 @@
-"""What every reader does at the door: open the file, put rows in order, count what is skipped.
+"""Checks shared by all readers: open the file, sort rows, count what is skipped.
 
 A `Skipped` counts records by reason; it ends as `Drive.skipped`.
 """
@@ -43,30 +43,30 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
 
 
 def listed(names: Iterable[str], most: int = 20) -> str:
-    """Names as a message lists them, on one line whatever is in them."""
+    """Names as one line of an error message."""
     names = list(names)
     shown = [name[:40] if name.isprintable() else ascii(name[:40]) for name in names[:most]]
     return ", ".join(shown) + (", ..." if len(names) > most else "") if names else "none"
 
 
 @contextmanager
-def heard(library: str, reason: str, skipped: Skipped) -> Iterator[None]:
-    """Count what a library only logs (and would print where nobody listens)."""
+def counted_warnings(library: str, reason: str, skipped: Skipped) -> Iterator[None]:
+    """Count the warnings that a library logs, and keep them from being printed."""
 
-    class Ear(logging.Handler):
+    class Counting(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             skipped[reason] += 1
 
-    ear = Ear(logging.WARNING)
-    logging.getLogger(library).addHandler(ear)
+    handler = Counting(logging.WARNING)
+    logging.getLogger(library).addHandler(handler)
     try:
         yield
     finally:
-        logging.getLogger(library).removeHandler(ear)
+        logging.getLogger(library).removeHandler(handler)
 
 
 def keep(good: Bools, reason: str, skipped: Skipped) -> Bools:
-    """`good` as it is; the rows where it is false are counted under `reason`."""
+    """Return `good`, and count the rows where it is false under `reason`."""
     bad = int(good.size - np.count_nonzero(good))
     if bad:
         skipped[reason] += bad
@@ -92,6 +92,6 @@ def in_order(time: NDArray[Any], skipped: Skipped) -> Ints:
     if late:
         skipped[BACKWARDS] += late
     order = np.argsort(time, kind="stable") if late else np.arange(len(time))
-    fresh = np.ones(len(time), np.bool_)
-    fresh[1:] = np.diff(time[order]) > 0
-    return order[keep(fresh, REPEATED, skipped)]
+    new = np.ones(len(time), np.bool_)
+    new[1:] = np.diff(time[order]) > 0
+    return order[keep(new, REPEATED, skipped)]

@@ -1,4 +1,4 @@
-"""The front door: files of any known format to drives on one clock."""
+"""Reading drives: files of any known format, combined on one clock."""
 
 import re
 from collections import Counter

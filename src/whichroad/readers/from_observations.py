@@ -1,4 +1,4 @@
-"""Single observations, as the on-line filter takes them, put together to a recorded drive."""
+"""A recorded drive from single observations, as the on-line filter takes them."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _LOGS: dict[type, type[OdometryLog]] = {
 def drive_of_observations(
     observations: Sequence[Observation], settings: Settings | None = None
 ) -> Drive:
-    """The drive of which these were observed, in any order.
+    """The drive that consists of these observations, in any order.
 
     Args:
         observations: Fixes and readings of one kind of odometry.

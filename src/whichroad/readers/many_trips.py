@@ -1,7 +1,8 @@
-"""Many trips out of a table or a stream of any size, as parcels of whole trips.
+"""Batches of whole trips from a table or a stream of any size.
 
-A stream is cut into trips without holding more of it than is needed: a trip is whole
-once so many rows of others have come after its last.
+A trip of a stream is complete once enough rows of other trips have followed its last row.
+The fixes of regular trips (sorted, valid, without odometry) are read by one call per
+batch; the result is that of `drive_tables.drive_from_table` trip by trip.
 """
 
 from bisect import bisect_right
@@ -27,9 +28,9 @@ from .reported_fixes import completed, is_place
 if TYPE_CHECKING:
     import pyarrow as pa
 
-APART = 1 << 16  # rows of other trips after which a trip of a stream is whole
-BATCH_ROWS = 1 << 14  # rows that are worked on together, if trips are shorter
-_BATCH = 1 << 15  # rows read at a time
+APART = 1 << 16  # rows of other trips after which a trip of a stream is complete
+BATCH_ROWS = 1 << 14  # rows of a batch of short trips
+_BATCH = 1 << 15  # rows read from a file at once
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
 _ODOMETRY = frozenset(
@@ -149,7 +150,7 @@ def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
         column = pa.chunked_array(column.combine_chunks())
     labels, codes = texts(column)
     runs = np.flatnonzero(np.diff(codes, prepend=-1))
-    if len(np.unique(codes[runs])) < len(runs):  # trips lie between one another
+    if len(np.unique(codes[runs])) < len(runs):  # rows of several trips are interleaved
         _, first, code = np.unique(codes, return_index=True, return_inverse=True)
         order = np.argsort(first[code], kind="stable")
         table, codes = table.take(order), codes[order]
@@ -166,7 +167,7 @@ def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
 
 
 def _parts(table: "pa.Table") -> Iterator[TripBatch]:
-    """Parcels of a table that lies in memory."""
+    """Batches of a table in memory."""
     table, names, first = _sorted(table)
     trip = 0
     while trip < len(names):
@@ -183,7 +184,7 @@ def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[TripBatch]:
 
 
 def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
-    """Each trip of a stream and its rows, when it is whole."""
+    """Each trip of a stream and its rows, once it is complete."""
     waiting: dict[str, list[Any]] = {}
     last: dict[str, int] = {}
     rows = 0
@@ -212,7 +213,7 @@ def _joined(parts: "list[pa.Table]") -> "pa.Table":
 
 
 def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[TripBatch]:
-    """Trips put together until they are worth a call."""
+    """Batches of consecutive trips with `BATCH_ROWS` rows or more."""
     import pyarrow as pa
 
     names: list[str] = []
@@ -244,13 +245,13 @@ def are_many(path: str | PathLike[str]) -> bool:
             seen.update(map(str, column.unique().to_pylist()))
             if len(seen) > 1:
                 return True
-    except (ReadError, OSError, ValueError):  # whoever reads it next says what is wrong
+    except (ReadError, OSError, ValueError):  # the reader of the file will report the error
         return False
     return False
 
 
 def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
-    """Read the fixes of those of some trips that are plain.
+    """Read the fixes of the regular trips of a batch.
 
     Args:
         table: (n,) rows, trip after trip.
@@ -258,8 +259,8 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
         settings: Gives the sigma of fixes that report none.
 
     Returns:
-        Fixes, trip after trip, and (d,) of which trips: what is read of those alone is the same,
-        nothing skipped and nothing noted; None where that cannot be said of any.
+        Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
+        same fixes, with nothing skipped or noted.  None: no trip can be read this way.
     """
     found = find(table.column_names)
     found.pop("drive_id", None)
@@ -286,13 +287,13 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
 
 
 def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
-    """Whether there are positions and no odometry, all of them numbers."""
+    """Whether the table has numeric positions and no odometry."""
     import pyarrow as pa
 
     has = found.keys()
     if not {"time", "lat", "lon"} <= has or not table.num_rows or _ODOMETRY & has:
         return False
-    if "bearing" in has and "speed" not in has:  # which is worth a note
+    if "bearing" in has and "speed" not in has:  # the reader of single trips adds a note
         return False
     return all(
         pa.types.is_floating(kind)

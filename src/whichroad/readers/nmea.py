@@ -116,7 +116,7 @@ class NmeaParser:
         return self._emit(waiting + done) if done >= 0 else []
 
     def pause(self) -> list[GeoFix]:
-        """The line is silent: the fix of the burst that has ended.
+        """The fix of the burst that has ended, when nothing arrives any more.
 
         Nothing comes out of a burst that stands in the middle of a sentence.
         """

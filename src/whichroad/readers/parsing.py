@@ -1,7 +1,7 @@
-"""Numbers in a buffer of text, a whole column at once.
+"""Parsing of numbers in a buffer of text, all fields at once.
 
-Python takes a microsecond for each field of a log; here one pass over the columns of
-digits reads all fields together.
+Python needs a microsecond for each field of a log.  Here one pass over the columns of
+digits reads all fields.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def decimal(text: Bytes, start: Ints, stop: Ints) -> tuple[NDArray[np.float64], 
     columns = np.arange(min(int(width.max(initial=0)), LONGEST))[:, None]
     inside = columns < width
     char = text[np.minimum(start + columns, max(len(text) - 1, 0))]  # (characters, n)
-    digit = char - np.uint8(48)  # wraps: anything but a digit is beyond 9
+    digit = char - np.uint8(48)  # unsigned: any other character gives more than 9
     is_digit = inside & (digit <= 9)
     is_point = inside & (char == ord("."))
     negative = np.zeros(len(start), np.bool_)

@@ -1,7 +1,6 @@
-"""Wheel counters as cars give them to counters as the filter takes them.
+"""Wheel counters of a car, unwrapped, signed, and both wheels at the same times.
 
-Unwrapped, signed, both wheels at the same times.  A step no car can make is bridged at
-the speed before it and counted.
+An impossible step is replaced by one at the speed before it, and counted.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""An answer as one HTML file: map, track, hypotheses, charts and the places worth a look."""
+"""A report of one drive as one HTML file: map, track, hypotheses and charts."""
 
 import os
 from datetime import UTC, datetime
@@ -44,7 +44,7 @@ def write_report(
     *,
     force: bool = False,
 ) -> None:
-    """Write the report of a film.
+    """Write the report of a drive.
 
     Args:
         recorded: Of one drive.

@@ -1,4 +1,4 @@
-"""The route of a drive beside its points: the line between fixes far apart, the rules broken."""
+"""The path of a drive beside its points: the line between distant fixes, and broken rules."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""From what a user names, a drive's logs or a table of points, to a film."""
+"""Recorded messages from a drive's logs or from a table of points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,12 +36,12 @@ def is_points(path: str | Path) -> bool:
             file.seek(max(path.stat().st_size - _LOOK, 0))
             return b"p_road" in head + file.read(_LOOK)
     except OSError:
-        return False  # the reader will say why
+        return False  # the reader will report the error
 
 
 @dataclass(frozen=True, slots=True)
 class Remaking:
-    """Answers one drive, as often as asked, with GNSS withheld here and there."""
+    """Matches one drive again with fixes withheld in chosen windows."""
 
     drive: "Drive"
     roads: "RoadMap"
@@ -50,7 +50,7 @@ class Remaking:
     model: str = "default"
 
     def __call__(self, windows: Sequence[Window]) -> RecordedMessages:
-        """The film with fixes withheld in windows of seconds since 1970."""
+        """The messages with fixes withheld in windows of seconds since 1970."""
         begin = _begin(self.drive)
         since = [(a - begin, min(b - begin, _END)) for a, b in windows]
         result = match(
@@ -60,7 +60,7 @@ class Remaking:
         return self.recorded(result, windows)
 
     def recorded(self, result: "Result", windows: Sequence[Window] = ()) -> RecordedMessages:
-        """The film of an answer that is there already."""
+        """The messages of an existing result."""
         return RecordedMessages(result, self.roads, Signals(self.drive, self.vehicle), windows)
 
     def absolute(self, mask: Sequence[tuple[Any, Any]]) -> list[Window]:

@@ -1,7 +1,7 @@
-"""What was said of a drive, epoch by epoch, as the messages of the live service.
+"""The messages that the live service would have sent for a recorded drive, epoch by epoch.
 
-A film is made of an answer: with its hypotheses' poses where it was kept with them, else
-of a table of points, whose alternatives say which roads but not where on them.
+They are made from a result.  With `hypotheses` the alternatives have poses.  Without,
+they come from the table of points and name edges only.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ class RecordedMessages:
     Args:
         result: The answer.
         roads: The map it was matched to; without it streets have no names.
-        signals: What the sensors said, if it is known.
+        signals: The sensors' recordings, if known.
         masked: Windows (s since 1970) in which GNSS was withheld.
     """
 
@@ -98,11 +98,11 @@ class RecordedMessages:
 
     @property
     def length(self) -> float:
-        """How long it is, s."""
+        """Duration, s."""
         return float(self.time[-1] - self.time[0]) if len(self) else 0.0
 
     def at(self, seconds: float) -> int:
-        """The epoch that holds so many seconds after the beginning."""
+        """The epoch at some seconds after the beginning."""
         k = int(np.searchsorted(self.time, self.time[0] + seconds + 1e-6, side="right")) - 1
         return min(max(k, 0), len(self) - 1)
 
@@ -125,7 +125,7 @@ class RecordedMessages:
             at: (n,) the epochs, rising.
 
         Returns:
-            By place in `at`: the way to it from the one before.
+            By index in `at`: the path to it from the epoch before.
         """
         if self.route is None or self._roads is None:
             return {}
@@ -133,7 +133,7 @@ class RecordedMessages:
         return self.route.between(self.time[at], self.edge[at], abscissa[at], self._roads)
 
     def track(self) -> tuple[Array, Array]:
-        """Latitudes and longitudes of all that is known, along the roads between far epochs."""
+        """Latitudes and longitudes of the track, along the roads between distant epochs."""
         known = np.flatnonzero(np.isfinite(self.columns["lat"]))
         lat, lon = self.columns["lat"][known], self.columns["lon"][known]
         ways = self.between(known)
@@ -145,7 +145,7 @@ class RecordedMessages:
 
     @property
     def driven(self) -> float:
-        """How far it went, m: along the route if points are far apart, else point to point."""
+        """Distance driven, m: along the path if points are far apart, else point to point."""
         known = np.flatnonzero(np.isfinite(self.columns["lat"]))
         if self.route is not None and self.between(known):
             return self.route.length
@@ -161,7 +161,7 @@ class RecordedMessages:
         return self._streets[edge]
 
     def message(self, k: int, seq: int, play: PlayMessage) -> EstimateMessage:
-        """What the live service would have said at epoch k.
+        """The live service's message at epoch k.
 
         Args:
             k: The epoch.
@@ -226,7 +226,7 @@ class RecordedMessages:
         return {name: self._get(name, k) for name in ("lat", "lon", "bearing_deg", "speed_mps")}
 
     def _fix(self, k: int) -> dict[str, Any] | None:
-        """The last fix, and whether it is believed: near enough to what is said."""
+        """The last fix, and whether it is consistent with the estimate."""
         time = float(self.time[k])
         fix = self.signals.fix(time)
         if fix is None:

@@ -1,4 +1,4 @@
-"""The page on a recorded drive: the same page, the same messages, a clock that can be turned."""
+"""The web server of a replay: the live page and messages, with controls of time."""
 
 import asyncio
 import json
@@ -24,19 +24,19 @@ from .player import Player, Refused
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_LARGEST = 4096  # bytes that a looker-on may send at once
+_LARGEST = 4096  # bytes of the largest message of a viewer
 _LOCAL = ("127.0.0.1", "::1", "localhost")
-_SLOW = 5.0  # s after which who does not take a message is let go
-_CROWD = 64  # lookers-on at a time
+_SLOW = 5.0  # s after which a viewer that takes no message is disconnected
+_CROWD = 64  # viewers at a time
 
 
 def replay_app(
     player: Player, roads: "RoadMap", *, tiles_url: str | None = None, host: str = "127.0.0.1"
 ) -> Starlette:
-    """The application that plays a film.
+    """The application that serves a replay.
 
     Args:
-        player: The film and its clock.
+        player: The recorded messages and their clock.
         roads: The map that the page draws.
         tiles_url: Raster tiles below it, as `page_routes` takes them.
         host: Where it listens; on this machine, none but its own names are served.
@@ -101,12 +101,12 @@ def listen(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def serve(app: Starlette, door: socket.socket, page: str | None = None) -> None:
+def serve(app: Starlette, listener: socket.socket, page: str | None = None) -> None:
     """Serve until interrupted.
 
     Args:
         app: What answers.
-        door: The socket that listens.
+        listener: The socket that listens.
         page: An address to open in a browser, if any.
     """
     import uvicorn
@@ -114,11 +114,11 @@ def serve(app: Starlette, door: socket.socket, page: str | None = None) -> None:
     if page is not None:
         threading.Timer(0.8, webbrowser.open, (page,)).start()
     config = uvicorn.Config(app, log_level="warning", ws_max_size=_LARGEST, lifespan="on")
-    uvicorn.Server(config).run(sockets=[door])
+    uvicorn.Server(config).run(sockets=[listener])
 
 
 async def _listen(looker: WebSocket) -> None:
-    """Nothing is expected; reading tells when the other side has gone."""
+    """Read until the viewer disconnects; its messages are ignored."""
     try:
         while True:
             await looker.receive_text()

@@ -1,4 +1,4 @@
-"""What the sensors of a recorded drive said, beside what was made of it."""
+"""The sensors of a recorded drive, for display beside the estimates."""
 
 import itertools
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ _GAP = 5.0  # s without a fix after which wheels alone are shown
 _EMPTY = np.zeros(0)
 
 
-class Said(Protocol):
-    """The poses that dead reckoning begins at."""
+class Estimates(Protocol):
+    """The estimates at whose poses dead reckoning begins."""
 
     time: Array
     columns: dict[str, Array]
@@ -31,7 +31,7 @@ class Said(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reckoning:
-    """Wheels alone through every gap of GNSS, (n,) each, NaN outside of gaps."""
+    """Dead reckoning through every GNSS outage, (n,) each, NaN outside of outages."""
 
     lat: Array
     lon: Array
@@ -40,7 +40,7 @@ class Reckoning:
     travelled: Array  # m
 
     def at(self, k: int) -> "ReckoningMessage | None":
-        """What wheels alone say at epoch k."""
+        """Dead reckoning at epoch k."""
         if not len(self.lat) or not np.isfinite(self.lat[k]):
             return None
         return {
@@ -111,11 +111,11 @@ class Signals:
             )  # fmt: skip
         return told
 
-    def reckoning(self, said: Said, used: Array) -> Reckoning:
+    def reckoning(self, said: Estimates, used: Array) -> Reckoning:
         """Equation (1) of the paper through every gap, from the pose before it.
 
         Args:
-            said: What the filter said at each epoch.
+            said: The estimates.
             used: Times of the fixes that it was given.
         """
         n = len(said.time)
@@ -133,7 +133,7 @@ class Signals:
         return out
 
 
-def _reckon(motion: Motion, said: Said, rows: slice, out: Reckoning) -> None:
+def _reckon(motion: Motion, said: Estimates, rows: slice, out: Reckoning) -> None:
     """Integrate distance and turn from the pose of the first row on."""
     assert motion.turn is not None
     time = said.time[rows]

@@ -1,4 +1,4 @@
-"""Stretches of a drive that are worth a look."""
+"""Stretches of a drive worth attention: ambiguous ones, and broken traffic rules."""
 
 import math
 from typing import TYPE_CHECKING, Any

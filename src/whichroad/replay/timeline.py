@@ -1,4 +1,4 @@
-"""A whole film in a few columns: what the page's strip and the report are drawn from."""
+"""A whole drive in a few columns, for the page's timeline and the report."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ def thinned(time: Array, p: Array, rows: int = ROWS) -> NDArray[np.int64]:
 
 
 def timeline(recorded: "RecordedMessages", rows: int = ROWS) -> dict[str, Any]:
-    """Columns of a film for JSON, times in seconds from its beginning.
+    """Columns of a drive for JSON, times in seconds from its beginning.
 
     Args:
         recorded: Of one drive.

@@ -1,6 +1,7 @@
-"""What of an observation can be: one number that is none would spoil the filter for good.
+"""Validation of single observations for the on-line filter.
 
-The readers check recorded logs before; here stands the door of the on-line filter.
+One value that is not finite would corrupt the filter state for good.  Recorded logs are
+checked by the readers.
 """
 
 import math
@@ -23,11 +24,11 @@ Skipped = dict[str, int]
 
 
 def validated(said: Observation, skipped: Skipped) -> Observation | None:
-    """The observation as far as it can be true, or None.
+    """The observation without impossible parts; None: it is impossible altogether.
 
     Args:
-        said: Of a sensor.
-        skipped: Where what cannot be is counted, by reason.
+        said: The observation.
+        skipped: Counts what is impossible, by reason.
 
     Raises:
         ReadError: It is no observation, holds what is no number, or its time is not in
@@ -62,7 +63,7 @@ def _count(why: str, skipped: Skipped) -> None:
 
 
 def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
-    """A fix without what cannot be; None where its place cannot be."""
+    """A fix without impossible values; None: its position is impossible."""
     lat, lon = fix.lat_deg, fix.lon_deg
     # receivers without a fix write 0, 0
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and (lat != 0.0 or lon != 0.0)):
@@ -85,7 +86,7 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
 
 
 def _wrong(said: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | None:
-    """Why a reading of wheels cannot be; None: it can."""
+    """Why an odometry reading is impossible; None: it is valid."""
     if isinstance(said, WheelSpeed):
         if not (abs(said.left) <= FASTEST and abs(said.right) <= FASTEST):
             return f"wheel speed beyond {FASTEST:g} m/s"

@@ -1,4 +1,4 @@
-"""The line that the car follows: lanes, cut corners and the map's error, no time yet."""
+"""Lateral profile: the path of the car from lanes, rounded corners and map error, without time."""
 
 from typing import NamedTuple
 
@@ -10,20 +10,20 @@ from .map_error_field import MapErrorField
 from .route_choice import Edges
 from .simulation_settings import SimulationSettings
 
-_STEP = 1.0  # m, between points of the course
-_LANE_BLEND = 12.0  # m, sigma over which a change of lane is spread
-_FAST = 12.0  # m/s, roads with a next lane to visit
+_STEP = 1.0  # m, between points of the path
+_LANE_BLEND = 12.0  # m, sigma of the Gaussian that smooths a change of lane
+_FAST = 12.0  # m/s, limit above which a road has a second lane
 _INSIDE = 0.3  # of a bend's radius: how far inside the centre line a car can follow
 _TIGHTEST = 0.25  # 1/m, the tightest bend of the rear axle's middle
 _WIDTHS = (3.0,) * 8 + (6.0,) * 4  # m, rounds of relaxing what is tighter
-_VISIT_BEND = 0.01  # 1/m, roads straighter than this invite to the next lane
+_VISIT_BEND = 0.01  # 1/m, largest curvature at which a lane is changed
 
 
 class VehiclePath(NamedTuple):
     """The path of M on an even grid along the route's centre line, shape (n,) each.
 
-    World and map frames are both in the map's plane; the world is the map's path moved
-    by the warp.  M has no sideslip, so its heading is the direction of the path.
+    World and map frames are both in the map's plane; the world is the map's path
+    moved by the map error.  M has no sideslip, so its heading is the direction of the path.
     """
 
     along: Array  # true m along the route's centre lines
@@ -84,7 +84,7 @@ def _bend(x: Array, y: Array) -> Array:
 
 
 def _widen(x: Array, y: Array) -> tuple[Array, Array]:
-    """Relax a line where it is bent more than a car can steer, until it hardly is."""
+    """Smooth a line where its curvature exceeds what a car can steer."""
     for width in _WIDTHS:
         share = np.clip((np.abs(_bend(x, y)) - 0.7 * _TIGHTEST) / (0.3 * _TIGHTEST), 0.0, 1.0)
         if not share.any():
@@ -107,10 +107,10 @@ def _offset(
     on = np.clip(np.searchsorted(entry, along, side="right") - 1, 0, len(edges) - 1)
     own = random.normal(0.0, settings.street_sigma, len(edges))
     offset = (roads.lane[edges] + own)[on]
-    invites = (roads.speed[edges][on] > _FAST) & (smooth(np.abs(bend), 20.0) < _VISIT_BEND)
+    can_change = (roads.speed[edges][on] > _FAST) & (smooth(np.abs(bend), 20.0) < _VISIT_BEND)
     for begin in _poisson(settings.lane_change_rate, along[-1], random):
         visit = (along > begin) & (along < begin + random.uniform(100.0, 400.0))
-        offset[visit & invites] -= settings.lane_width
+        offset[visit & can_change] -= settings.lane_width
     offset = smooth(offset, _LANE_BLEND)
     coarse = np.linspace(0.0, along[-1], max(2, int(along[-1] / 10.0)))
     stray = gauss_markov(coarse, settings.lane_sigma, settings.lane_length, random)[:, 0]
@@ -143,7 +143,7 @@ def draw_path(
         random: Source of chance.
 
     Returns:
-        The course from the start of the first edge to the end of the last.
+        The path from the start of the first edge to the end of the last.
     """
     along, x, y, entry = _centre_line(roads, edges)
     x, y = smooth(x, settings.corner_smoothing), smooth(y, settings.corner_smoothing)

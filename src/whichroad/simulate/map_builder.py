@@ -1,4 +1,4 @@
-"""A map being drawn: places, streets through them, turn restrictions, as OSM XML."""
+"""Map builder: points, streets through them and turn restrictions, as OSM XML."""
 
 import math
 import tempfile
@@ -24,7 +24,7 @@ Tags = dict[str, str]
 
 
 class MapBuilder:
-    """Nodes, ways and restrictions in the making; places in metres about `ORIGIN`."""
+    """Collects nodes, ways and restrictions; positions in metres about `ORIGIN`."""
 
     def __init__(self) -> None:
         self.places: list[Point] = []
@@ -53,7 +53,7 @@ class MapBuilder:
         return len(self.ways)
 
     def bend(self, nodes: list[int]) -> list[int]:
-        """Nodes with more between them, on a smooth curve (Catmull-Rom)."""
+        """Nodes on a smooth curve (Catmull-Rom) through the given ones."""
         p = np.array([self.places[n - 1] for n in nodes])
         p = np.vstack([2 * p[0] - p[1], p, 2 * p[-1] - p[-2]])
         bent = nodes[:1]
@@ -72,7 +72,7 @@ class MapBuilder:
         self.restrictions.append((kind, origin, self.names[via], target))
 
     def xml(self) -> str:
-        """The town as OSM XML."""
+        """The map as OSM XML."""
         plane = Plane(*ORIGIN)
         lat, lon = plane.to_geodetic(*np.array(self.places).T)
         lines = [
@@ -98,7 +98,7 @@ class MapBuilder:
         return "\n".join([*lines, "</osm>", ""])
 
     def compiled(self) -> "RoadMap":
-        """The town as a map to drive on."""
+        """The compiled map."""
         from ..roadmap import RoadMap
 
         with tempfile.TemporaryDirectory() as folder:

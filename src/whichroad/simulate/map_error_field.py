@@ -1,4 +1,4 @@
-"""How the world differs from its map: smooth random displacement fields."""
+"""Map error as a smooth random displacement field between map and world."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ _MODES = 24
 
 
 class Field(NamedTuple):
-    """A sum of Fourier modes: Gaussian at every point, smooth, the same everywhere.
+    """A sum of Fourier modes: a smooth, homogeneous Gaussian field.
 
     Shapes: (modes,) wave vectors, (modes, 2) amplitudes of cosine and sine in x and y.
     """
@@ -48,7 +48,7 @@ class MapErrorField(NamedTuple):
 
 
 def draw_map_error(settings: SimulationSettings, random: np.random.Generator) -> MapErrorField:
-    """Draw what is wrong with the map in one drive."""
+    """Draw the map error of one drive."""
     return MapErrorField(
         draw_field(settings.map_sigma, settings.map_shortest, settings.map_longest, random),
         draw_field(

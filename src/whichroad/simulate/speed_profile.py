@@ -1,4 +1,4 @@
-"""When the car is where on its course: speeds, bends, stops."""
+"""Speed profile: speeds and stops along the path, from limits, curvature and driver."""
 
 from typing import NamedTuple
 
@@ -12,16 +12,16 @@ from .simulation_settings import SimulationSettings
 _SLOWEST = 1.0  # m/s while moving
 _BEFORE_JUNCTION = 4.0  # m, where one stops
 _BETWEEN_STOPS = 80.0  # m
-_RHYTHM = 300.0  # m, over which the driver's pace wanders
+_RHYTHM = 300.0  # m, correlation length of the driver's speed factor
 
 
 class SpeedProfile(NamedTuple):
-    """Motion along the course: uniform acceleration between grid points, then waiting.
+    """Motion along the path: uniform acceleration between grid points, then waiting.
 
-    Shape (n,) each, at the n grid points of the driven part of the course.
+    Shape (n,) each, at the n grid points of the driven part of the path.
     """
 
-    travelled: Array  # true m along the course
+    travelled: Array  # true m along the path
     speed: Array  # m/s
     arrive: Array  # s since the drive's start
     depart: Array  # s; later than `arrive` where the car waits
@@ -30,7 +30,7 @@ class SpeedProfile(NamedTuple):
 class Motion(NamedTuple):
     """Samples of the motion, shape (n,) each."""
 
-    travelled: Array  # true m along the course
+    travelled: Array  # true m along the path
     speed: Array  # m/s
 
 
@@ -89,7 +89,7 @@ def draw_speed_profile(
     s = path.travelled[start : stop + 1]
     wait = np.zeros(len(s))
     stops = np.searchsorted(path.along, _stops(roads, path, settings, random)) - start
-    # not next to the ends, where the car stands anyway
+    # no stop next to the ends, where the car stands already
     for k in stops[(stops > 1) & (stops < len(s) - 2)]:
         wait[k] = 1.0 + random.exponential(settings.stop_time)
     square = limit**2

@@ -1,4 +1,4 @@
-"""Drafts of small maps: streets drawn in metres, compiled, and prepared for driving."""
+"""Scene builder: small maps of streets in metres, compiled, with routes to drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,11 +24,11 @@ _FIRST, _LAST = 0.1, 0.15  # of the first and the last street, that are not driv
 
 
 class Route(NamedTuple):
-    """A line to drive, and where along it things are decided, m."""
+    """A line to drive, and where along it the decision lies, m."""
 
     line: Line
     decision: float  # the branch point
-    watch: float  # decisions are looked for up to here
+    watch: float  # end of the stretch that is evaluated
 
 
 class Scene(NamedTuple):
@@ -79,7 +79,7 @@ class SceneBuilder:
     def route(self, names: Sequence[str], decision: int, watch: float = 1e9) -> None:
         """A route by streets (`-name`: against its drawing), decided before number `decision`.
 
-        `watch` is how far beyond that the decision is looked for, m.
+        `watch` is the evaluated length behind the decision, m.
         """
         self.routes.append((list(names), decision, watch))
 

@@ -1,9 +1,9 @@
-"""Short drives by the ten thousand, simulated by compiled code straight into epochs.
+"""Vectorised simulator: tens of thousands of short drives, as epochs, by compiled code.
 
-The same world as `simulate_drive` (map error in Fourier modes, lanes, corners, wheels,
-receiver; tests compare the two), along lines that were prepared before, without files,
-records or degrees.  Kernels call none of another file here, so that the compile cache,
-which knows the file's age and the digest of `core`, is never stale.
+It simulates what `simulate_drive` does: map error, lanes, corners, wheels, receiver.
+Tests compare the two.  Lines are prepared before; no files, records or degrees are made.
+Kernels call none of another file here, so that the compile cache, which knows the file's
+age and the digest of `core`, is never stale.
 """
 
 from .buffers import (
@@ -29,7 +29,7 @@ def simulate_short(
     """Simulate one drive along a line.
 
     Args:
-        line: The route, n points, at most `state.LONGEST`.
+        line: The route, n points, at most `buffers.LONGEST`.
         buffers: Filled from row 0 on: epochs and truth.
         par: What is wrong with map, car and receiver.
         odometry: Wheels at `odometry_rate`; else fixes alone.

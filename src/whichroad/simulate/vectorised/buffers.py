@@ -1,4 +1,4 @@
-"""What the compiled simulator works on: settings, lines, one drive's truth and epochs."""
+"""Data of the vectorised simulator: settings, lines, truth and epochs of one drive."""
 
 from typing import NamedTuple
 
@@ -93,7 +93,7 @@ class Truth(NamedTuple):
 
 
 class DriveBuffers(NamedTuple):
-    """Room for one drive, used again and again."""
+    """Buffers for one drive, used for one drive after another."""
 
     epochs: Epochs
     truth: Truth
@@ -114,7 +114,7 @@ def _new_truth(n: int) -> Truth:
 
 
 def new_buffers(epochs: int = 6000) -> DriveBuffers:
-    """Make room for drives of up to so many epochs."""
+    """Allocate buffers for drives of up to so many epochs."""
     return DriveBuffers(
         new_epochs(epochs),
         _new_truth(epochs),

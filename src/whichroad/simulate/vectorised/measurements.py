@@ -1,4 +1,4 @@
-"""What wheels and receiver of a simulated car make of its motion."""
+"""Measurements of the simulated wheels and receiver."""
 # ruff: noqa: NPY002 - compiled code has no other random numbers, and each drive seeds them
 
 import math

@@ -1,4 +1,4 @@
-"""Where a simulated car is when: map error, lane, bends, pace, stops."""
+"""Trajectory of a simulated car: map error, lane, curvature, speed, stops."""
 # ruff: noqa: NPY002 - compiled code has no other random numbers, and each drive seeds them
 
 import math
@@ -37,7 +37,7 @@ _BLEND_SPEED = 14.0  # m/s, and more on roads that are faster than that
 
 @kernel
 def _draw_field(modes: Matrix, row: int, sigma: float, shortest: float, longest: float) -> None:
-    """Six rows: wave vector, cosine and sine amplitudes; as `warp.draw_field`."""
+    """Six rows: wave vector, cosine and sine amplitudes; as `map_error_field.draw_field`."""
     size = sigma / math.sqrt(MODES)
     for m in range(MODES):
         wave = 2 * math.pi / math.exp(np.random.uniform(math.log(shortest), math.log(longest)))
@@ -49,7 +49,7 @@ def _draw_field(modes: Matrix, row: int, sigma: float, shortest: float, longest:
 
 
 @kernel
-def _warp(modes: Matrix, x: float, y: float) -> tuple[float, float]:
+def _map_error(modes: Matrix, x: float, y: float) -> tuple[float, float]:
     """World minus map at a point: both fields."""
     dx = 0.0
     dy = 0.0
@@ -78,7 +78,7 @@ def _average(values: Vector, work: Vector, n: int, half: int) -> None:
 
 
 @kernel
-def _wander(out: Vector, n: int, every: int, sigma: float, length: float) -> None:
+def _gauss_markov(out: Vector, n: int, every: int, sigma: float, length: float) -> None:
     """Add a Gauss-Markov process drawn each `every` points, a smooth curve between."""
     keep = math.exp(-every / length)
     fresh = sigma * math.sqrt(1.0 - keep * keep)
@@ -162,7 +162,7 @@ def _offsets(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
     half = round(_BLEND * max(1.0, fast / _BLEND_SPEED))
     _average(offset, grid[A], n, half)
     _average(offset, grid[A], n, half)
-    _wander(offset, n, 10, par.lane_sigma, par.lane_length)
+    _gauss_markov(offset, n, 10, par.lane_sigma, par.lane_length)
     for k in range(n):  # no car follows a bend far inside
         offset[k] = max(offset[k], -0.3 / max(bend[k], 1e-3))
         offset[k] = min(offset[k], 0.3 / max(-bend[k], 1e-3))
@@ -170,7 +170,7 @@ def _offsets(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
 
 
 @kernel
-def _lay(line: Line, buffers: DriveBuffers, n: int, par: Numbers) -> None:
+def _vehicle_path(line: Line, buffers: DriveBuffers, n: int, par: Numbers) -> None:
     """The path of M in both frames, its length and heading."""
     grid = buffers.grid
     _directions(line, grid, n)
@@ -184,7 +184,7 @@ def _lay(line: Line, buffers: DriveBuffers, n: int, par: Numbers) -> None:
     _draw_field(buffers.modes, 6, par.relative_sigma, par.relative_shortest, par.relative_longest)
     k = 0
     while k < n:
-        grid[A, k], grid[B, k] = _warp(buffers.modes, mx[k], my[k])
+        grid[A, k], grid[B, k] = _map_error(buffers.modes, mx[k], my[k])
         k = n if k == n - 1 else min(k + _COARSE, n - 1)
     _curve(grid[A], n)
     _curve(grid[B], n)
@@ -209,7 +209,7 @@ def _lay(line: Line, buffers: DriveBuffers, n: int, par: Numbers) -> None:
 
 
 @kernel
-def _pace(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
+def _speed_profile(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
     """Speed and times at each point: roads, bends, stops, what a car can do."""
     s = grid[TRAVELLED]
     speed = grid[SPEED]
@@ -219,7 +219,7 @@ def _pace(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
     for k in range(n):
         pace[k] = usual
         wait[k] = 0.0
-    _wander(pace, n, 25, par.pace_sigma, 300.0)
+    _gauss_markov(pace, n, 25, par.pace_sigma, 300.0)
     last_stop = 0.0
     for k in range(n):
         bend = abs(grid[HEADING, min(k + 1, n - 1)] - grid[HEADING, max(k - 1, 0)]) / (
@@ -291,6 +291,6 @@ def drive_line(line: Line, buffers: DriveBuffers, par: Numbers, seed: int) -> in
     """Drive along a line; returns the number of epochs, whose truth is filled."""
     np.random.seed(seed)
     n = len(line.x)
-    _lay(line, buffers, n, par)
-    _pace(line, buffers.grid, n, par)
+    _vehicle_path(line, buffers, n, par)
+    _speed_profile(line, buffers.grid, n, par)
     return _follow(buffers, n, par.odometry_rate)
