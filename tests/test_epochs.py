@@ -12,7 +12,7 @@ from strategies import seeds
 from whichroad.epochs import Timeline, build_timeline, epochs_of_fixes
 from whichroad.errors import DriveError
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.records import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
 from whichroad.settings import Vehicle
 

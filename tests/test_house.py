@@ -164,6 +164,32 @@ def test_library_code_neither_prints_nor_exits(path: Path):
     assert {"print", "exit", "quit", "sys.exit", "os._exit"} & set(calls) == set()
 
 
+# Degrees
+
+CONVERSIONS = {"radians", "degrees", "deg2rad", "rad2deg"}
+TURNS = {180, 360, 3.6, 1852}  # degrees of a turn and its half, km/h and knots of m/s
+
+
+def converts(node: ast.AST) -> bool:
+    """Whether an expression converts degrees, or a unit of speed, by itself."""
+    if isinstance(node, ast.Attribute):
+        return node.attr in CONVERSIONS and ast.unparse(node.value) in {"math", "np", "numpy"}
+    if isinstance(node, ast.ImportFrom):
+        names = {alias.name for alias in node.names}
+        return node.module in {"math", "numpy"} and bool(CONVERSIONS & names)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div | ast.Mod):
+        sides = [side.value for side in (node.left, node.right) if isinstance(side, ast.Constant)]
+        return any(side in TURNS for side in sides if isinstance(side, int | float))
+    return False
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name != "geodesy"], ids=title)
+def test_degrees_are_converted_by_geodesy_alone(path: Path):
+    tree = ast.parse(path.read_text("utf-8"))
+    found = [node for node in ast.walk(tree) if converts(node)]
+    assert [f"line {node.lineno}: {ast.unparse(node)}" for node in found] == []
+
+
 # No file may name the machine that it was written on.
 PRIVATE = re.compile(
     "|".join(["/" + "root/", "/" + "work/", "/" + "tmp/w/", "/" + "home/", "C:" + r"\\"])

@@ -15,7 +15,7 @@ from whichroad.cli.match import say
 from whichroad.columns import _competing, points_table
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import NO_EDGE
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import Localizer
 from whichroad.reasons import STATUS, competing, reason
 from whichroad.recorded import localize_recorded

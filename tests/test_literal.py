@@ -22,7 +22,7 @@ from whichroad.epochs import Timeline
 from whichroad.errors import DriveError
 from whichroad.filter.estimate import LOST, OUTAGE
 from whichroad.filter.state import CLOCK, DISTANCE, NO_EDGE, WHEELS
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.recorded import localize_by_paper
 from whichroad.records import StartPose
 

@@ -15,9 +15,9 @@ from whichroad import path, recorded, workspace
 from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError, MapError, ReadError
 from whichroad.filter.state import Path, new_path
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.localizer import STATUS, Localizer
-from whichroad.readers.fixes import NOT_A_COVARIANCE
+from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
 from whichroad.recorded import localize_recorded
 from whichroad.records import (
     Distance,

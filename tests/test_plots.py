@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from whichroad import plots, tables
 from whichroad.errors import DriveError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.plots import panels
 from whichroad.plots.scene import CHI2_95, Window, ambiguous_windows, make_scene
 from whichroad.result import Result

@@ -11,7 +11,7 @@ import shapely
 import whichroad
 from whichroad import cli
 from whichroad.errors import DriveError, MapError, ReadError, SettingError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.records import Distance, GeoFix, WheelSpeed
 
 PLANE = Plane(49.4, 8.7)

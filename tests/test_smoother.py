@@ -15,7 +15,7 @@ from whichroad._compile import Records
 from whichroad.epochs import Timeline
 from whichroad.errors import SettingError
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
 from whichroad.localizer import Localizer
 from whichroad.path import Alternative, Way, alternatives, best_ways, joins, shortest

@@ -21,7 +21,7 @@ from whichroad.filter.state import CLOCK, WHEELS
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulationSettings
 from whichroad.simulate.scenes import SCENES, Route, Scene, draw_scene
-from whichroad.simulate.swarm import Numbers, Swarm, Truth, new_swarm, simulate_short
+from whichroad.simulate.vectorised import DriveBuffers, Numbers, Truth, new_buffers, simulate_short
 
 from .classes import CLASSES, NOISES, VARIANTS
 from .oracle import declares, log_ratio
@@ -69,8 +69,8 @@ def scene_of(kind: str, variant: int) -> Scene:
 
 
 @cache
-def _swarm() -> Swarm:
-    return new_swarm()
+def _buffers() -> DriveBuffers:
+    return new_buffers()
 
 
 class Drive(NamedTuple):
@@ -82,7 +82,7 @@ class Drive(NamedTuple):
     truth: Truth
     driven: int  # which of the scene's routes
     mode: int
-    swarm: Swarm
+    buffers: DriveBuffers
 
 
 def drive(name: str, noise: str, number: int) -> Drive:
@@ -93,14 +93,14 @@ def drive(name: str, noise: str, number: int) -> Drive:
     scene = scene_of(kind.scene, number % VARIANTS)
     driven = int(draw) % len(scene.routes)
     route = scene.routes[driven]
-    swarm = _swarm()
-    n = simulate_short(route.line, swarm, _numbers(noise), kind.odometry, int(seed))
-    epochs = swarm.epochs[:n]
-    truth = Truth(*(a[:n] for a in swarm.truth))
+    buffers = _buffers()
+    n = simulate_short(route.line, buffers, _numbers(noise), kind.odometry, int(seed))
+    epochs = buffers.epochs[:n]
+    truth = Truth(*(a[:n] for a in buffers.truth))
     if not kind.doppler:
         epochs.speed_sigma = epochs.course_sigma = np.inf
     mode = WHEELS if kind.odometry else CLOCK
-    return Drive(scene, route, epochs, truth, driven, mode, swarm)
+    return Drive(scene, route, epochs, truth, driven, mode, buffers)
 
 
 @cache
@@ -147,7 +147,7 @@ def exact_test(one: Drive, how: SimulationSettings) -> tuple[float, float, float
     y = epochs.fix[at, 1] - how.antenna_forward * np.sin(h) - how.antenna_left * np.cos(h)
     went = np.diff(truth.travelled[at], prepend=truth.travelled[at[0]]) > 0.01
     moving = np.cumsum(np.diff(epochs.time[at], prepend=epochs.time[at[0]]) * went)
-    ratio = log_ratio(one.scene, one.driven, x, y, moving, one.swarm.drawn, how)
+    ratio = log_ratio(one.scene, one.driven, x, y, moving, one.buffers.drawn, how)
     along = one.route.line.along[truth.place[at]]
     after = (along >= one.route.decision) & (along <= one.route.watch)
     declared, wrong, when = declares(ratio, after)

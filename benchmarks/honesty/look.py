@@ -47,7 +47,7 @@ def tell(
         f"{what} {value:+.3%}"
         for what, value in zip(
             ("scale", "differential", "track"),
-            one.swarm.drawn[:3] - np.array([1.0, 0.0, 1.5]), strict=True,
+            one.buffers.drawn[:3] - np.array([1.0, 0.0, 1.5]), strict=True,
         )
     )  # fmt: skip
     print(f"wheels: {wheels}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from whichroad._compile import Ints32, Matrix, Records, Vector, kernel
 from whichroad.filter.estimate import ALTERNATIVES
-from whichroad.simulate.swarm import Line, Truth
+from whichroad.simulate.vectorised import Line, Truth
 
 WARM_UP = 20.0  # s after the start that no figure of the pose counts
 SLACK = 10.0  # m of travel within which a road counts as the driven one

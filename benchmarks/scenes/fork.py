@@ -7,7 +7,7 @@ import numpy as np
 
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, Sketch, shortest_route, simulate_drive
+from whichroad.simulate import GOOD, MapBuilder, shortest_route, simulate_drive
 
 from .. import Figure, Options
 from .drives import SURE, Row, Table, answer, each, named, world
@@ -27,18 +27,18 @@ def draw(lean: float, angle_deg: float = ANGLE_DEG) -> RoadMap:
         lean: How much of the angle the left branch turns off; the right one takes the rest.
         angle_deg: Between the branches.
     """
-    sketch = Sketch()
+    builder = MapBuilder()
     bend = np.radians(25.0)
-    sketch.node("begin", -600.0 - 800.0 * np.cos(bend), -800.0 * np.sin(bend))
-    sketch.node("bend", -600.0, 0.0)
-    sketch.node("fork", 0.0, 0.0)
-    sketch.way(["begin", "bend", "fork"], "tertiary", name="Approach", maxspeed="50")
+    builder.node("begin", -600.0 - 800.0 * np.cos(bend), -800.0 * np.sin(bend))
+    builder.node("bend", -600.0, 0.0)
+    builder.node("fork", 0.0, 0.0)
+    builder.way(["begin", "bend", "fork"], "tertiary", name="Approach", maxspeed="50")
     turns = {"Left": lean * angle_deg, "Right": (lean - 1.0) * angle_deg}
     for name, turn_deg in turns.items():
         turn = np.radians(turn_deg)
-        sketch.node(name, _BRANCH * np.cos(turn), _BRANCH * np.sin(turn))
-        sketch.way(["fork", name], "tertiary", name=name, maxspeed="50")
-    return sketch.compiled()
+        builder.node(name, _BRANCH * np.cos(turn), _BRANCH * np.sin(turn))
+        builder.way(["fork", name], "tertiary", name=name, maxspeed="50")
+    return builder.compiled()
 
 
 def prepare(angle_deg: float) -> None:

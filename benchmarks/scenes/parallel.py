@@ -15,7 +15,7 @@ import numpy as np
 
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, Pull, SimulatedDrive, Sketch, simulate_drive
+from whichroad.simulate import GOOD, MapBuilder, Pull, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
 from .drives import SURE, Answer, Row, Table, answer, each, named, world
@@ -54,20 +54,20 @@ def draw(gap: float, right: float) -> Pair:
         gap: Between the centre lines, m.
         right: 1: the side road lies to the right, -1: to the left.
     """
-    sketch, y, reach = Sketch(), -right * gap, link_m(gap)
-    sketch.node("begin", -_APPROACH, 0.0)
-    sketch.node("node", 0.0, 0.0)
-    sketch.node("main end", reach + STRETCH_M + _AFTER, 0.0)
-    sketch.node("merge", reach, y)
-    sketch.node("side end", reach + STRETCH_M + _AFTER, y)
+    builder, y, reach = MapBuilder(), -right * gap, link_m(gap)
+    builder.node("begin", -_APPROACH, 0.0)
+    builder.node("node", 0.0, 0.0)
+    builder.node("main end", reach + STRETCH_M + _AFTER, 0.0)
+    builder.node("merge", reach, y)
+    builder.node("side end", reach + STRETCH_M + _AFTER, y)
     streets = {
         "Approach": ["begin", "node"],
         "Main": ["node", "main end"],
         "Side": ["node", "merge", "side end"],
     }
     for name, nodes in streets.items():
-        sketch.way(nodes, "tertiary", name=name, maxspeed="50")
-    roads = sketch.compiled()
+        builder.way(nodes, "tertiary", name=name, maxspeed="50")
+    roads = builder.compiled()
     return Pair(roads, right, *(_eastward(roads, name) for name in streets))
 
 

@@ -24,8 +24,7 @@ from .epochs import Timeline, epochs_of_fixes
 from .errors import SettingError, WhichroadError
 from .filter.state import CLOCK, new_epochs
 from .readers import drive_from_table, read_vehicle
-from .readers.together import fixes_together
-from .readers.trips import Parcel, parcels
+from .readers.many_trips import TripBatch, batched_fixes, trip_batches
 from .recorded import localize_recorded
 from .records import Drive
 from .roadmap import RoadMap, open_map
@@ -134,7 +133,7 @@ def match_stream(
     job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes, crs)
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        for tables in _in_order(pool, job.tables, parcels(table, drive_id), 2 * workers):
+        for tables in _in_order(pool, job.tables, trip_batches(table, drive_id), 2 * workers):
             done += tables.drives.num_rows
             if progress:
                 progress("trips", done, 0)
@@ -143,8 +142,8 @@ def match_stream(
 
 def _in_order(
     pool: ThreadPoolExecutor,
-    work: Callable[[Parcel], Tables],
-    chunks: Iterator[Parcel],
+    work: Callable[[TripBatch], Tables],
+    chunks: Iterator[TripBatch],
     ahead: int,
 ) -> Iterator[Tables]:
     """Results in the order of the chunks, of which only so many are begun ahead."""
@@ -210,7 +209,7 @@ class Job(NamedTuple):
     attributes: bool
     crs: Any = None
 
-    def tables(self, chunk: Parcel) -> Tables:
+    def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
         vehicle = self.vehicle or Vehicle()
         settings = tuned_by(self.settings, vehicle)
@@ -221,7 +220,7 @@ class Job(NamedTuple):
             return joined([self._alone(one) for answer in answers for one in answer.each()])
 
     def _answers(
-        self, chunk: Parcel, vehicle: Vehicle, settings: Settings
+        self, chunk: TripBatch, vehicle: Vehicle, settings: Settings
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as possible."""
         regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
@@ -236,10 +235,10 @@ class Job(NamedTuple):
                 yield self._answer(chunk, regular, trip, vehicle, settings)
                 trip += 1
 
-    def _regular(self, chunk: Parcel) -> _Regular:
+    def _regular(self, chunk: TripBatch) -> _Regular:
         """The epochs of the trips that need not be read alone."""
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
-        read = fixes_together(chunk.table, first[:-1], self.settings or Settings())
+        read = batched_fixes(chunk.table, first[:-1], self.settings or Settings())
         if read is None or not len(read[0]):
             return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable)
         fixes, regular = read
@@ -270,7 +269,7 @@ class Job(NamedTuple):
         return batch and _Answer(names[trip : trip + len(batch.first) - 1], batch, None)
 
     def _answer(
-        self, chunk: Parcel, regular: _Regular, trip: int, vehicle: Vehicle, settings: Settings
+        self, chunk: TripBatch, regular: _Regular, trip: int, vehicle: Vehicle, settings: Settings
     ) -> _Answer | _Failure:
         """The answer to one trip, or why there is none."""
         name, (low, high) = chunk.names[trip], chunk.first[trip : trip + 2]

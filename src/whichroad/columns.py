@@ -1,6 +1,5 @@
 """What was found of drives, as columns: points, path, summary."""
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from ._compile import Records
 from .filter.estimate import AMBIGUOUS, Output
 from .filter.state import NO_EDGE, OFF_ROAD
+from .geodesy.angles import axis_bearing_of, bearing_of, degrees
 from .graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from .reasons import COUNTS, RECENT, STATUS, far_off, reason, title
 from .records import Array
@@ -79,11 +79,6 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32
     return one, at
 
 
-def _within(degrees: Array, turn: float) -> Array:
-    """`degrees % turn`, in a fifth of the time."""
-    return np.asarray(degrees - turn * np.floor(degrees / turn))
-
-
 def points_table(
     drive_id: str | Sequence[str],
     epochs: Records,
@@ -113,7 +108,7 @@ def points_table(
     map_lat, map_lon = plane.to_geodetic(v.map_x, v.map_y)
     match_lat, match_lon = plane.to_geodetic(v.match_x, v.match_y)
     turn = plane.convergence(v.x, v.y)
-    bearing = _within(np.degrees(math.pi / 2 - (v.heading - turn)), 360.0)
+    bearing = bearing_of(v.heading - turn, 0.0)
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
     xx, xy, yy = v.cov[XX], v.cov[XY], v.cov[YY]
     ee = c * c * xx + 2 * c * s * xy + s * s * yy
@@ -133,10 +128,10 @@ def points_table(
         "cov_ee_m2": _nullable(ee, none),
         "cov_en_m2": _nullable(en, none),
         "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(np.degrees(np.sqrt(np.maximum(v.cov[HH], 0))), none),
+        "sigma_bearing_deg": _nullable(degrees(np.sqrt(np.maximum(v.cov[HH], 0))), none),
         "ellipse_major_m": _nullable(major, none),
         "ellipse_minor_m": _nullable(minor, none),
-        "ellipse_bearing_deg": _nullable(_within(90.0 - np.degrees(axis), 180.0), none),
+        "ellipse_bearing_deg": _nullable(axis_bearing_of(axis, 0.0), none),
         "edge_id": pa.array(v.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ._compile import Records
 from .errors import DriveError
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
-from .frames import Plane
+from .geodesy.plane import Plane
 from .records import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of

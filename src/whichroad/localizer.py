@@ -47,7 +47,7 @@ from .records import (
 from .roadmap import RoadMap, open_map
 from .sensors.gnss import fix_row
 from .sensors.odometry import bridged_step
-from .sensors.sound import sound
+from .sensors.validation import validated
 from .settings import Settings, Vehicle, parameters
 from .smoothing import Window
 from .snapshot import Snapshot, pose_at, row_of
@@ -166,7 +166,7 @@ class Localizer:
         Returns:
             Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
         """
-        if (possible := sound(observation, self.skipped)) is None:
+        if (possible := validated(observation, self.skipped)) is None:
             return False
         observation = possible
         late = float(self._state["time"]) - observation.time

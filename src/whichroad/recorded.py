@@ -26,6 +26,7 @@ from .filter.state import (
     new_work,
 )
 from .filter.step import run
+from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at
 from .path import Chain, best_chain, heaviest_chain, tidied
 from .records import StartPose
@@ -189,10 +190,10 @@ def _paper_start(belief: Belief, roads: RoadMap, start: StartPose, time: float, 
     turn = roads.plane.convergence(x, y)
     hyp, state = belief.hyp[0], belief.state[0]
     hyp.mu[X], hyp.mu[Y] = x[0], y[0]
-    hyp.mu[H] = math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0])
+    hyp.mu[H] = heading_of(start.bearing_deg, float(turn[0]))
     hyp.mu[K] = 6.0 if mode == CLOCK else 1.0
     hyp.cov[X, X] = hyp.cov[Y, Y] = start.sigma_m**2
-    hyp.cov[H, H] = math.radians(start.sigma_bearing_deg) ** 2
+    hyp.cov[H, H] = radians(start.sigma_bearing_deg) ** 2
     hyp.cov[K, K] = 64.0 if mode == CLOCK else 0.0
     hyp.edge, hyp.weight = NO_EDGE, 1.0
     state.count = 1

@@ -18,6 +18,7 @@ from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .filter.estimate import Output
 from .filter.state import NO_EDGE, OFF_ROAD
+from .geodesy.angles import radians
 from .global_start import MAP
 from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
 from .recorded import Recorded, localize_by_paper, localize_recorded
@@ -273,8 +274,8 @@ def _check_distance(name: str, fixes: Fixes, roads: RoadMap) -> None:
 
 def _ground_distance(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
     """Great-circle distance from the middle of the map, m."""
-    lat0, lon0 = math.radians(roads.plane.lat0_deg), math.radians(roads.plane.lon0_deg)
-    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    lat0, lon0 = radians(roads.plane.lat0_deg), radians(roads.plane.lon0_deg)
+    lat, lon = radians(lat_deg), radians(lon_deg)
     half = (
         np.sin(0.5 * (lat - lat0)) ** 2
         + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2

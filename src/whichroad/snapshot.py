@@ -8,7 +8,7 @@ import numpy as np
 from ._compile import Record
 from .filter.estimate import ESTIMATE
 from .filter.state import OFF_ROAD, Belief, D, H, X, Y
-from .frames import Plane
+from .geodesy.plane import Plane
 from .reasons import RECENT, STATUS, reason
 from .records import Array, Hypothesis, Pose
 from .roadmap import RoadMap

@@ -7,10 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import On, belief_on, call, edge_weights, network, parallel_roads, untouched, weights
-from strategies import UNITS
 from whichroad.core.along import advance_along
 from whichroad.core.belief import (
     CAPACITY,
@@ -31,6 +27,10 @@ from whichroad.core.belief import (
 from whichroad.core.network import Roads
 from whichroad.core.start import cold_start, leave_and_return, turn_round, turn_with_heading
 from whichroad.core.switching import hand_over
+
+from oracles import textbook
+from scenes import On, belief_on, call, edge_weights, network, parallel_roads, untouched, weights
+from strategies import UNITS
 from whichroad.settings import Settings
 
 SET = Settings()

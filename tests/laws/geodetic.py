@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scenes import Truth
 from whichroad import RoadMap, Settings, Vehicle, match
 from whichroad.filter.state import CLOCK, WHEELS
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.records import Drive, Fixes, Odometer, WheelCounts
 
 Array = NDArray[np.float64]

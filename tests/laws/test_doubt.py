@@ -25,7 +25,7 @@ from strategies import seeds
 from whichroad._compile import Records
 from whichroad.epochs import Timeline
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, K
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.recorded import localize_recorded
 from whichroad.records import StartPose
 from whichroad.settings import Settings

@@ -6,7 +6,7 @@ import pytest
 
 import whichroad
 from whichroad import Localizer, WriteError, match, read_drive
-from whichroad.evaluate.tables import read_table
+from whichroad.evaluate.input_tables import read_table
 from whichroad.live.recording import Appended, Recorder
 from whichroad.tables import read_arrow
 

@@ -16,11 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from scenes.filter import steps
-from scenes.kernels import call
-from whichroad.core import drive, fixes
-from whichroad.core._jit import Vector, kernel
 from whichroad.core.belief import (
     GNSS_SCALE,
     LAST_FIX,
@@ -45,6 +40,11 @@ from whichroad.core.network import Roads
 from whichroad.core.road import observe_roads
 from whichroad.core.start import leave_and_return, turn_with_heading
 from whichroad.core.switching import Work, hand_over, new_work
+
+from scenes.filter import steps
+from scenes.kernels import call
+from whichroad.core import drive, fixes
+from whichroad.core._jit import Vector, kernel
 from whichroad.settings import Settings
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
 from whichroad.readers import NmeaParser, read_drive
-from whichroad.readers.fixes import as_records, from_gst
+from whichroad.readers.reported_fixes import as_records, from_gst
 from whichroad.records import ASSUMED, FROM_HDOP, NO_CORRELATION
 from whichroad.settings import Settings
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
 from whichroad.readers import drive_from_table, read_drive
-from whichroad.readers.fixes import RADIUS_68
 from whichroad.readers.names import NAMES, normal
+from whichroad.readers.reported_fixes import RADIUS_68
 from whichroad.records import ASSUMED, FROM_HDOP, Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
 from whichroad.settings import Settings, Vehicle
 

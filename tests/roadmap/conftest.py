@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import NO_ACCESS, U_TURN
 from whichroad.roadmap import RoadMap
 

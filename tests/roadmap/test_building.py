@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import cells
 from whichroad.roadmap.chains import chains, end_headings
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import RoadMap
 
 

@@ -12,7 +12,7 @@ from whichroad.filter.estimate import Output, new_output
 from whichroad.filter.history import new_history
 from whichroad.filter.state import WHEELS, Belief, Context, new_path, new_work
 from whichroad.filter.step import run
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import Roads
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.settings import Settings, Vehicle, parameters

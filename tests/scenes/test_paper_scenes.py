@@ -26,7 +26,7 @@ from whichroad import match
 from whichroad.epochs import build_timeline
 from whichroad.evaluate import Comparison, anees_band, compare, pool
 from whichroad.filter.estimate import Output
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.simulate import (
@@ -38,7 +38,7 @@ from whichroad.simulate import (
     simulate_drive,
     truth_table,
 )
-from whichroad.simulate.warp import draw_warp
+from whichroad.simulate.map_error_field import draw_map_error
 
 SURE = 0.999
 ALIVE = 0.01  # a hypothesis that counts
@@ -147,12 +147,12 @@ def parallel_ride(taken: int, seed: int) -> Ride:
         np.array([(500.0, 0.0), (700.0, 0.0), (2200.0, 0.0)]),
         np.array([(500.0, 0.0), (700.0, -GAP), (2200.0, -GAP)]),
     ]
-    warp = draw_warp(STEADY, np.random.default_rng([seed, 9]))
-    map_error = float(warp.at(np.array([900.0]), np.array([0.0]))[0, 1])
+    error_field = draw_map_error(STEADY, np.random.default_rng([seed, 9]))
+    map_error = float(error_field.at(np.array([900.0]), np.array([0.0]))[0, 1])
     towards = PULLED if taken == LEFT else -PULLED
     back = 800.0  # m driven; the fork is at 400
     pull = Pull(back, towards + map_error, 15.0, 6.0)
-    r = ride(streets, taken, seed, outages_m=[(250.0, back)], pulls=[pull], warp=warp)
+    r = ride(streets, taken, seed, outages_m=[(250.0, back)], pulls=[pull], error_field=error_field)
     return r._replace(past=r.past - (back - 400.0))
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from whichroad.epochs import Timeline
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import WHEELS, new_epochs
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 
 PLANE = Plane(49.4, 8.7)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import EDGE, PLANE, SEGMENT, TURN, VERTEX, Roads, records
 
 

@@ -119,7 +119,7 @@ def test_lateral_offsets_have_the_covariance_that_the_exact_test_assumes(monkeyp
         y = one.epochs.fix[at, 1] - how.antenna_forward * np.sin(h)
         offset, place = lateral(one.route.line, x, y)
         moving = one.epochs.time[at] - one.epochs.time[0]
-        cov = covariance(one.route.line, place, moving, one.swarm.drawn, how)
+        cov = covariance(one.route.line, place, moving, one.buffers.drawn, how)
         white.append(np.linalg.solve(np.linalg.cholesky(cov), offset))
     values = np.concatenate(white)
     total = (values**2).sum()

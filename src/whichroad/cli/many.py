@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
-from ..terminal import progress_line, say_table
 from .arguments import at_work
+from .console import progress_line, say_table
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
-from ..terminal import progress_line, say_table
 from .arguments import Force, MapOption, Model, at_work, read_start, read_window
+from .console import progress_line, say_table
 from .many import match_trips
 
 if TYPE_CHECKING:
@@ -91,12 +91,12 @@ def match(
         if output is not None:
             writers.check(output, force=force)
     if report is not None:
-        from ..replay.report import check_report
+        from ..replay.drive_report import check_report
 
         check_report(report, force=force)
     from .. import session
     from ..readers import read_drive, read_vehicle
-    from ..readers.trips import are_many
+    from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
     plain = not (can or dbc or start or mask or report) and model is Model.default
@@ -130,12 +130,12 @@ def match(
                 network.by_source(path) if by_source else path, path_out, force=force
             )
         if report is not None:
-            from ..replay.opening import Remaking, one_of
-            from ..replay.report import write_report
+            from ..replay.drive_report import write_report
+            from ..replay.open_replay import Remaking, one_of
 
             shown = Remaking(one_of(drives, None), network, car)
-            film = shown.film(result, shown.absolute(windows))
-            write_report(film, report, network, force=force)
+            recorded = shown.recorded(result, shown.absolute(windows))
+            write_report(recorded, report, network, force=force)
     say(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         raise DriveError(

@@ -7,8 +7,8 @@ The on-line filter approximates what this room computes exactly, over windows th
 short enough.  Nothing here knows roads.
 """
 
+from .gaussian_network import Discrete, Gaussian, Network, NetworkError
 from .inference import Posterior, infer
-from .network import Discrete, Gaussian, Network, NetworkError
 from .posterior import Mixture
 from .slds import Sensor, SwitchingModel, infer_window, unroll
 

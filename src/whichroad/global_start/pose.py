@@ -7,6 +7,7 @@ import numpy as np
 from ..filter.births import Start, cold_start
 from ..filter.reduction import reduce
 from ..filter.state import CLOCK, GX, GY, WHEELS, Belief, Context, Path, normalise
+from ..geodesy.angles import heading_of, radians
 from ..graph.network import plane_scale
 from ..records import StartPose
 from ..roadmap import RoadMap
@@ -57,8 +58,8 @@ def start_at(
     known = Start(
         bias=1.0,
         white=_WHITE,
-        heading=math.pi / 2 - math.radians(start.bearing_deg) + float(turn[0]),
-        heading_sigma=math.radians(start.sigma_bearing_deg),
+        heading=heading_of(start.bearing_deg, float(turn[0])),
+        heading_sigma=radians(start.sigma_bearing_deg),
         rate=_BLIND_SPEED if mode == CLOCK else 1.0,
         rate_sigma=_BLIND_SPEED_SIGMA if mode == CLOCK else float(par.scale_sigma[0]),
         drift_sigma=float(par.drift_sigma[0]) if mode == WHEELS else 0.0,

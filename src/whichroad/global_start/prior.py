@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import DriveError
 from ..filter.population import locate_all, turn_sums
+from ..geodesy.angles import heading_of, radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..records import Array, StartPose
 from ..roadmap import RoadMap
@@ -86,7 +87,7 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
 def _in_plane(roads: RoadMap, start: StartPose) -> tuple[float, float, float]:
     """The start in the plane: x, y, heading."""
     x, y = roads.plane.from_geodetic(start.lat_deg, start.lon_deg)
-    heading = math.pi / 2 - math.radians(start.bearing_deg) + roads.plane.convergence(x, y)
+    heading = heading_of(start.bearing_deg, roads.plane.convergence(x, y))
     return x, y, heading
 
 
@@ -107,5 +108,5 @@ def _log_prior(roads: RoadMap, start: StartPose, x: Array, y: Array, heading: Ar
     log_prior: Array = -0.5 * ((x - x0) ** 2 + (y - y0) ** 2) / start.sigma_m**2
     if start.sigma_bearing_deg <= KNOWN_BEARING:
         turned = np.arctan2(np.sin(heading - heading0), np.cos(heading - heading0))
-        log_prior -= 0.5 * turned**2 / (math.radians(start.sigma_bearing_deg) ** 2 + 0.015)
+        log_prior -= 0.5 * turned**2 / (radians(start.sigma_bearing_deg) ** 2 + 0.015)
     return log_prior

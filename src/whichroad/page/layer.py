@@ -4,7 +4,6 @@ Coordinates of tiles are the usual web Mercator: x right and y down, the world f
 """
 
 import hashlib
-import math
 import threading
 from collections import OrderedDict
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ..geodesy.mercator import latitude_of, longitude_of, to_square
 from ..graph.network import AGAINST_ONE_WAY
 from ..records import Array
 from ..roadmap import RoadMap
@@ -46,7 +46,7 @@ class RoadLayer:
         edges, vertices = roads.arrays.edges, roads.arrays.vertices
         opposite = edges.opposite
         self._edge = np.flatnonzero((opposite < 0) | (opposite > np.arange(len(opposite))))
-        x, y = _mercator(*roads.plane.to_geodetic(vertices.x, vertices.y))
+        x, y = to_square(*roads.plane.to_geodetic(vertices.x, vertices.y))
         first = edges.first_vertex[self._edge]
         count = edges.last_vertex[self._edge] - first + 1
         row = np.repeat(np.arange(len(count)), count)
@@ -60,12 +60,15 @@ class RoadLayer:
         self._one_way = np.where(back, 1, np.where(one_way[self._edge] > 0, -1, 0))
         self._tunnel = _flag(roads, "tunnel")[self._edge]
         box = shapely.total_bounds(self._lines)
-        (south, north), (west, east) = _degrees(box[[1, 3]])[::-1], box[[0, 2]] * 360.0 - 180.0
+        (south, north), (west, east) = latitude_of(box[[1, 3]])[::-1], longitude_of(box[[0, 2]])
         self.bounds = [float(west), float(south), float(east), float(north)]
         inner = shapely.get_coordinates(self._lines)
         low, high = np.quantile(inner, (0.05, 0.95), axis=0)
-        (north, south), (west, east) = _degrees(np.array([low[1], high[1]])), (low[0], high[0])
-        self.view = [west * 360.0 - 180.0, south, east * 360.0 - 180.0, north]
+        (north, south), (west, east) = (
+            latitude_of(np.array([low[1], high[1]])),
+            longitude_of(np.array([low[0], high[0]])),
+        )
+        self.view = [float(west), float(south), float(east), float(north)]
         self.attribution = attribution(roads)
         self.version = _digest(roads)
         self._tiles: OrderedDict[tuple[int, int, int], bytes] = OrderedDict()
@@ -225,20 +228,6 @@ def drawn_near(
         to_lat, to_lon = plane.to_geodetic(points[:, 0].copy(), points[:, 1].copy())
         drawn.append((rank, name, np.round(np.column_stack([to_lon, to_lat]), 6).tolist()))
     return drawn
-
-
-def _mercator(lat: Array, lon: Array) -> tuple[Array, Array]:
-    """Positions as fractions of the world, x right and y down."""
-    phi = np.radians(np.asarray(lat))
-    y = 0.5 - np.log(np.tan(0.25 * math.pi + 0.5 * phi)) / (2.0 * math.pi)
-    return np.asarray(lon) / 360.0 + 0.5, y
-
-
-def _degrees(y: Array) -> list[float]:
-    """Latitudes of Mercator's y."""
-    angle = 2.0 * np.arctan(np.exp((0.5 - y) * 2.0 * math.pi)) - 0.5 * math.pi
-    degrees: list[float] = np.degrees(angle).tolist()
-    return degrees
 
 
 def _ranks(roads: RoadMap, edges: NDArray[Any]) -> NDArray[np.int8]:

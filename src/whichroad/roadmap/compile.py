@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .._compile import Records
 from ..errors import MapError
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, VERTEX, Roads, records
 from ..graph.search import edge_costs, turn_costs
 from ..records import Array

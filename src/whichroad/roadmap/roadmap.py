@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MapError
-from ..frames import Plane
+from ..geodesy.plane import Plane
 from ..graph import index
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
 from ..records import Array
@@ -97,7 +97,7 @@ class RoadMap:
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
-        from .table import read_edges
+        from .road_tables import read_edges
 
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)

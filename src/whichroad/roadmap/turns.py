@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
+from ..geodesy.angles import radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN, records
 from ..records import Array
 from .streets import Bytes, Column, Ints, Restriction, Streets, Texts
@@ -13,8 +14,8 @@ from .streets import Bytes, Column, Ints, Restriction, Streets, Texts
 Ints32 = NDArray[np.int32]
 
 # turn priors before they are normalised (docs/model.md, section 7)
-_STRAIGHT = np.radians(34.0)
-_SHARP = np.radians(120.0)
+_STRAIGHT = radians(34.0)
+_SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
 _TURN_ROUND_ON_THE_WAY = 1e-4  # where there is no junction
 _SERVED = 500.0  # m; of a shorter dead end fewer drives are bound for

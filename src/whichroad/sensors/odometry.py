@@ -22,7 +22,7 @@ from ..records import (
     WheelTicks,
 )
 from ..settings import Vehicle
-from .sound import FASTEST, Skipped
+from .validation import FASTEST, Skipped
 
 _JITTER = 0.02  # s, by which readings come too close together
 _JUMP = "odometry jumped (bridged)"
