@@ -12,9 +12,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import geodesy
 from ..errors import MapError
 from ..records import Array
+from . import kernels
 from .angles import bearing_of, degrees, heading_of, radians, wrap
 
 _POLE_DEG = 89.999  # an origin nearer to a pole has no north to speak of
@@ -36,7 +36,7 @@ class Plane:
 
     lat0_deg: float
     lon0_deg: float
-    sphere: geodesy.Sphere = field(init=False, repr=False, compare=False)
+    sphere: kernels.Sphere = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not (abs(self.lat0_deg) <= _POLE_DEG and abs(self.lon0_deg) <= 360.0):
@@ -59,11 +59,11 @@ class Plane:
     def from_geodetic(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> tuple[object, object]:
         """Plane coordinates x, y (m) of WGS84 positions in degrees."""
         if isinstance(lat_deg, float) and isinstance(lon_deg, float):
-            return geodesy.to_plane(self.sphere, radians(lat_deg), radians(lon_deg))
+            return kernels.to_plane(self.sphere, radians(lat_deg), radians(lon_deg))
         lat = radians(np.asarray(lat_deg, dtype=np.float64))
         lon = radians(np.asarray(lon_deg, dtype=np.float64))
         x, y = np.empty_like(lat), np.empty_like(lat)
-        geodesy.to_plane_all(self.sphere, lat.ravel(), lon.ravel(), x.ravel(), y.ravel())
+        kernels.to_plane_all(self.sphere, lat.ravel(), lon.ravel(), x.ravel(), y.ravel())
         return _as_given(x), _as_given(y)
 
     def lay(self, lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:
@@ -80,7 +80,7 @@ class Plane:
     def to_geodetic(self, x: ArrayLike, y: ArrayLike) -> tuple[object, object]:
         """Latitude and longitude (degrees, WGS84, longitude in [-180, 180)) of plane points."""
         if isinstance(x, float) and isinstance(y, float):
-            lat, lon = geodesy.to_geodetic(self.sphere, x, y)
+            lat, lon = kernels.to_geodetic(self.sphere, x, y)
             return degrees(lat), degrees(lon)
         lats, lons = _geodetic(
             self.sphere, np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -94,10 +94,10 @@ class Plane:
     def convergence(self, x: ArrayLike, y: ArrayLike) -> object:
         """Heading of true north less that of the plane's y axis, rad, counter-clockwise."""
         if isinstance(x, float) and isinstance(y, float):
-            return geodesy.convergence(self.sphere, x, y)
+            return kernels.convergence(self.sphere, x, y)
         east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         out = np.empty(east.shape)
-        geodesy.convergence_all(self.sphere, east.ravel(), north.ravel(), out.ravel())
+        kernels.convergence_all(self.sphere, east.ravel(), north.ravel(), out.ravel())
         return _as_given(out)
 
     @overload
@@ -140,33 +140,33 @@ class Plane:
     def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
         if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
-            lat_rad, lon_rad = geodesy.to_geodetic(self.sphere, x, y)
-            turn = geodesy.convergence(self.sphere, x, y)
+            lat_rad, lon_rad = kernels.to_geodetic(self.sphere, x, y)
+            turn = kernels.convergence(self.sphere, x, y)
             return degrees(lat_rad), degrees(lon_rad), bearing_of(heading, turn)
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
 
 
-def _sphere_at(lat0: float, lon0: float) -> geodesy.Sphere:
+def _sphere_at(lat0: float, lon0: float) -> kernels.Sphere:
     """The sphere for an origin off the poles, rad.  Once for a map: not worth a kernel.
 
     n² = 1 + e² cos⁴φ₀ / (1 - e²);  R² = ρ₀ ν₀;  n sin χ₀ = sin φ₀
     """
     sine = math.sin(lat0)
-    power = math.sqrt(1.0 + geodesy.E2 * math.cos(lat0) ** 4 / (1.0 - geodesy.E2))
-    radius = geodesy.SEMI_MAJOR * math.sqrt(1.0 - geodesy.E2) / (1.0 - geodesy.E2 * sine * sine)
+    power = math.sqrt(1.0 + kernels.E2 * math.cos(lat0) ** 4 / (1.0 - kernels.E2))
+    radius = kernels.SEMI_MAJOR * math.sqrt(1.0 - kernels.E2) / (1.0 - kernels.E2 * sine * sine)
     # cos²χ₀ = 1 - sin²φ₀/n², without the cancellation near a pole
     sin0 = sine / power
     cos0 = math.sqrt(math.cos(lat0) ** 2 + (power * power - 1.0)) / power
-    isometric = math.asinh(math.tan(lat0)) - geodesy.E * math.atanh(geodesy.E * sine)
-    return geodesy.Sphere(
+    isometric = math.asinh(math.tan(lat0)) - kernels.E * math.atanh(kernels.E * sine)
+    return kernels.Sphere(
         power, math.asinh(sin0 / cos0) - power * isometric, radius, sin0, cos0, lon0
     )
 
 
-def _plane(sphere: geodesy.Sphere, lat: Array, lon: Array) -> tuple[Array, Array]:
-    """`geodesy.to_plane` of many positions, radians."""
-    isometric = np.arcsinh(np.tan(lat)) - geodesy.E * np.arctanh(geodesy.E * np.sin(lat))
+def _plane(sphere: kernels.Sphere, lat: Array, lon: Array) -> tuple[Array, Array]:
+    """`kernels.to_plane` of many positions, radians."""
+    isometric = np.arcsinh(np.tan(lat)) - kernels.E * np.arctanh(kernels.E * np.sin(lat))
     q = sphere.power * isometric + sphere.shift
     sine, cosine = np.tanh(q), 1.0 / np.cosh(q)
     east = lon - sphere.lon0
@@ -176,7 +176,7 @@ def _plane(sphere: geodesy.Sphere, lat: Array, lon: Array) -> tuple[Array, Array
     return factor * cosine * np.sin(angle), factor * (sine * sphere.cos0 - ahead * sphere.sin0)
 
 
-_N = geodesy.FLATTENING / (2.0 - geodesy.FLATTENING)
+_N = kernels.FLATTENING / (2.0 - kernels.FLATTENING)
 # geodetic less conformal latitude χ as a sum of sines of 2χ, 4χ, ...: powers of _N from the
 # first, the second, ... on
 _SINES = (
@@ -192,8 +192,8 @@ _SERIES = tuple(
 )
 
 
-def _geodetic(sphere: geodesy.Sphere, x: Array, y: Array) -> tuple[Array, Array]:
-    """`geodesy.to_geodetic` of many points, radians, to within some nanometres.
+def _geodetic(sphere: kernels.Sphere, x: Array, y: Array) -> tuple[Array, Array]:
+    """`kernels.to_geodetic` of many points, radians, to within some nanometres.
 
     Its iteration takes ten times as long as the series (Karney 2011, equation 36; Clenshaw).
     """

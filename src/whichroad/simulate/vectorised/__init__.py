@@ -3,7 +3,7 @@
 It simulates what `simulate_drive` does: map error, lanes, corners, wheels, receiver.
 Tests compare the two.  Lines are prepared before; no files, records or degrees are made.
 Kernels call none of another file here, so that the compile cache, which knows the file's
-age and the digest of `core`, is never stale.
+age and the digest of the filter's kernels, is never stale.
 """
 
 from .buffers import (

@@ -1,13 +1,13 @@
 """Kernels of the map's plane: WGS84 ellipsoid, Gauss conformal sphere, stereographic plane.
 
 The "double stereographic" projection (EPSG guidance note 7-2, method 9809, with scale 1
-at the origin).  Angles are radians here; degrees stay in `frames`.
+at the origin).  Angles are radians here; degrees stay in `angles`.
 """
 
 import math
 from typing import NamedTuple
 
-from ._jit import Vector, kernel
+from .._compile import Vector, kernel
 
 SEMI_MAJOR = 6378137.0  # m, WGS84
 FLATTENING = 1.0 / 298.257223563
