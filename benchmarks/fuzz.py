@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from whichroad.errors import MapError, ReadError
+from whichroad.observations import Drive
 from whichroad.readers import NmeaParser, read_drive, read_vehicle
-from whichroad.records import Drive
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive

@@ -12,8 +12,8 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
+from whichroad.observations import Drive
 from whichroad.recorded import Recorded, localize_recorded
-from whichroad.records import Drive
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 from whichroad.smoothing import Lag
 

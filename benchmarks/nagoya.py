@@ -17,9 +17,9 @@ import pyarrow as pa
 
 import whichroad
 from whichroad.epochs import build_timeline
+from whichroad.observations import Array, Drive, SpeedYawRate
 from whichroad.readers import read_drive
 from whichroad.recorded import localize_recorded
-from whichroad.records import Array, Drive, SpeedYawRate
 
 from . import Figure, Options, interval, seeds_text
 

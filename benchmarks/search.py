@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from whichroad.epochs import build_timeline
+from whichroad.observations import StartPose
 from whichroad.recorded import localize_recorded
-from whichroad.records import StartPose
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive

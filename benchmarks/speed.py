@@ -18,9 +18,9 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
-from whichroad.localizer import Localizer
+from whichroad.observations import Drive, GeoFix, WheelCounts, WheelTicks
+from whichroad.online import Localizer
 from whichroad.recorded import Recorded, localize_recorded
-from whichroad.records import Drive, GeoFix, WheelCounts, WheelTicks
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from . import Figure, Options, seeds_text

@@ -17,7 +17,7 @@ from whichroad.batch import match_many, match_stream
 from whichroad.geodesy.plane import Plane
 from whichroad.readers import many_trips
 from whichroad.recorded import localize_recorded
-from whichroad.tables import ATTRIBUTES, DRIVES, PATH, POINTS
+from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 
 PLANE = Plane(49.4, 8.7)
 BLOCK = 200.0  # m

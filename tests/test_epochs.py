@@ -13,7 +13,7 @@ from whichroad.epochs import Timeline, build_timeline, epochs_of_fixes
 from whichroad.errors import DriveError
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 from whichroad.geodesy.plane import Plane
-from whichroad.records import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
+from whichroad.observations import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
 from whichroad.settings import Vehicle
 
 PLANE = Plane(49.4, 8.7)

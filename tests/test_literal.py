@@ -23,8 +23,8 @@ from whichroad.errors import DriveError
 from whichroad.filter.estimate import LOST, OUTAGE
 from whichroad.filter.state import CLOCK, DISTANCE, NO_EDGE, WHEELS
 from whichroad.geodesy.plane import Plane
+from whichroad.observations import StartPose
 from whichroad.recorded import localize_by_paper
-from whichroad.records import StartPose
 
 PLANE = Plane(49.4, 8.7)
 

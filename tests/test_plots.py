@@ -7,12 +7,13 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from whichroad import plots, tables
+from whichroad import plots
 from whichroad.errors import DriveError
 from whichroad.geodesy.plane import Plane
 from whichroad.plots import panels
 from whichroad.plots.scene import CHI2_95, Window, ambiguous_windows, make_scene
-from whichroad.result import Result
+from whichroad.tables import schema
+from whichroad.tables.result import Result
 
 N = 400  # epochs of a tenth of a second, 1 m apart
 PLANE = Plane(49.4, 8.7)
@@ -22,7 +23,7 @@ def table(x, y, **columns):
     """A points table of positions in the plane; NaN becomes null."""
     lat, lon = PLANE.to_geodetic(x, y)
     columns |= {"lat": pa.array(lat, from_pandas=True), "lon": pa.array(lon, from_pandas=True)}
-    time = tables.times(1.7e9 + 0.1 * np.arange(len(x)))
+    time = schema.times(1.7e9 + 0.1 * np.arange(len(x)))
     return pa.table({"drive_id": ["d"] * len(x), "time": time, **columns})
 
 
@@ -62,7 +63,7 @@ def result():
     columns |= {"ellipse_major_m": np.full(N, 3.1), "cov_ee_m2": np.full(N, 9.0)}
     columns |= {"cov_en_m2": np.ones(N), "cov_nn_m2": np.full(N, 4.0)}
     points = table(x, y, **columns)
-    return Result(points, tables.PATH.empty_table(), {}, poses | covs)
+    return Result(points, schema.PATH.empty_table(), {}, poses | covs)
 
 
 @pytest.fixture

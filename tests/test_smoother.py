@@ -17,10 +17,10 @@ from whichroad.errors import SettingError
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
-from whichroad.localizer import Localizer
+from whichroad.observations import GeoFix
+from whichroad.online import Localizer
 from whichroad.path import Alternative, Way, alternatives, best_ways, joins, shortest
 from whichroad.recorded import Recorded, localize_recorded
-from whichroad.records import GeoFix
 from whichroad.simulate.town import draw_town
 from whichroad.smoothing import Lag
 

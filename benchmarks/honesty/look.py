@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from whichroad import Settings
-from whichroad.reasons import STATUS
+from whichroad.tables.status import STATUS
 
 from ..__main__ import setting
 from .drives import drive, localize

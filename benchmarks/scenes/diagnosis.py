@@ -15,8 +15,8 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
+from whichroad.observations import Drive
 from whichroad.recorded import localize_recorded
-from whichroad.records import Drive
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, SimulationSettings, drivable, simulate_drive

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from whichroad._compile import Records
 from whichroad.epochs import build_timeline
+from whichroad.observations import StartPose
 from whichroad.recorded import localize_recorded
-from whichroad.records import StartPose
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive

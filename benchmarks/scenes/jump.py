@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.records import StartPose, WheelCounts
+from whichroad.observations import StartPose, WheelCounts
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, Jump, SimulatedDrive, drivable, simulate_drive

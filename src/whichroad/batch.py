@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from ._compile import Records
 from .batch_filter import Batch, filter_batch, one_batch
-from .columns import figures_of, path_table, points_table
 from .epochs import Timeline, epochs_of_fixes
 from .errors import SettingError, WhichroadError
 from .filter.state import CLOCK, new_epochs
+from .matching import are_near, timeline_of, tuned_by
+from .observations import Drive
 from .readers import drive_from_table, read_vehicle
 from .readers.many_trips import TripBatch, batched_fixes, trip_batches
 from .recorded import localize_recorded
-from .records import Drive
 from .roadmap import RoadMap, open_map
-from .session import are_near, timeline_of, tuned_by
 from .settings import Settings, Vehicle
 from .smoothing import Lag
-from .tables import ATTRIBUTES, DRIVES, PATH, POINTS
+from .tables.export import figures_of, path_table, points_table
+from .tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from .traversals import traversals
 
 Progress = Callable[[str, int, int], None]
@@ -40,9 +40,9 @@ Progress = Callable[[str, int, int], None]
 class Tables(NamedTuple):
     """Estimates of many trips."""
 
-    points: pa.Table  # one row per epoch, `tables.POINTS`
-    path: pa.Table  # one row per edge driven, `tables.PATH`
-    drives: pa.Table  # one row per trip, `tables.DRIVES`, also where there is no answer
+    points: pa.Table  # one row per epoch, `tables.schema.POINTS`
+    path: pa.Table  # one row per edge driven, `tables.schema.PATH`
+    drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
 
     def __repr__(self) -> str:
         return ", ".join(f"{name}: {len(t):,} rows" for name, t in self._asdict().items())
@@ -331,14 +331,14 @@ def _unexpected(error: Exception) -> str:
 
 
 def _failed_row(failure: _Failure) -> pa.Table:
-    """A trip without an answer as a row of `tables.DRIVES`."""
+    """A trip without an answer as a row of `tables.schema.DRIVES`."""
     row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
            "fixes": 0, "epochs_without_answer": 0, "skipped": [], "notes": []}  # fmt: skip
     return pa.Table.from_pylist([row], DRIVES)
 
 
 def _drive_rows(answer: _Answer) -> pa.Table:
-    """Trips as rows of `tables.DRIVES`."""
+    """Trips as rows of `tables.schema.DRIVES`."""
     batch, drive, d = answer.batch, answer.drive, len(answer.names)
     columns: dict[str, Any] = dict(
         figures_of(batch.epochs, batch.output, batch.first, batch.way, batch.first_edge)

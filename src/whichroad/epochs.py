@@ -15,7 +15,7 @@ from ._compile import Records
 from .errors import DriveError
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .geodesy.plane import Plane
-from .records import Array, Drive, Fixes
+from .observations import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle

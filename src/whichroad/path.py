@@ -13,7 +13,7 @@ from .filter.edge_timing import joins
 from .filter.history import History
 from .filter.state import OFF_ROAD, Belief, Path, new_path
 from .graph.network import Roads
-from .records import Array
+from .observations import Array
 
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
 _CLOSE = 2.0  # s between two steps, up to which an edge is entered at the second

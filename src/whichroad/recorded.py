@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .diagnosis import Finding, findings_of
+from .diagnosis.findings import Finding, findings_of
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -28,8 +28,8 @@ from .filter.state import (
 from .filter.step import run
 from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at
+from .observations import StartPose
 from .path import Chain, best_chain, heaviest_chain, tidied
-from .records import StartPose
 from .roadmap import RoadMap
 from .settings import Settings, Vehicle, parameters
 from .smoothing import Lag, Past, entries_in_use, smooth

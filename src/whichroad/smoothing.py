@@ -16,8 +16,8 @@ from .filter.estimate import Output, new_output
 from .filter.history import History, enlarged, is_full, new_history
 from .filter.smoother import Look, Lookback, look_at, look_back, new_lookback
 from .filter.state import Belief, Context, Path
+from .observations import Array
 from .path import Alternative, alternatives, tidied
-from .records import Array
 from .roadmap import RoadMap
 
 FULL = "full"

@@ -12,7 +12,7 @@ from scenes import Truth
 from whichroad import RoadMap, Settings, Vehicle, match
 from whichroad.filter.state import CLOCK, WHEELS
 from whichroad.geodesy.plane import Plane
-from whichroad.records import Drive, Fixes, Odometer, WheelCounts
+from whichroad.observations import Drive, Fixes, Odometer, WheelCounts
 
 Array = NDArray[np.float64]
 

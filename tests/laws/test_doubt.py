@@ -26,8 +26,8 @@ from whichroad._compile import Records
 from whichroad.epochs import Timeline
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, K
 from whichroad.geodesy.plane import Plane
+from whichroad.observations import StartPose
 from whichroad.recorded import localize_recorded
-from whichroad.records import StartPose
 from whichroad.settings import Settings
 
 MOVING = pytest.mark.parametrize("mode", [WHEELS, DISTANCE])

@@ -10,7 +10,7 @@ from scenes import Truth, drive_along, gnss, grid_town, living, network, steps, 
 from strategies import seeds
 from whichroad import Localizer
 from whichroad.filter.state import CLOCK, DISTANCE, KEPT, WHEELS
-from whichroad.records import GeoFix
+from whichroad.observations import GeoFix
 
 TOWN = grid_town()
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])

@@ -9,13 +9,13 @@ import pytest
 from whichroad import Settings
 from whichroad.errors import DriveError, ReadError
 from whichroad.live.messages import EstimateMessage, FixMessage, HypothesisMessage, RoadMessage
-from whichroad.reasons import STATUS
+from whichroad.matching import match
 from whichroad.replay.open_replay import Remaking, is_points, one_of
 from whichroad.replay.points import read_points
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.timeline import thinned, timeline
 from whichroad.roadmap import RoadMap
-from whichroad.session import match
+from whichroad.tables.status import STATUS
 
 PLAY: Any = {"mode": "replay", "paused": False, "speed": 1.0, "position_s": 0, "length_s": 1}
 

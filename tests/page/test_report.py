@@ -10,10 +10,10 @@ import pytest
 from whichroad.errors import WriteError
 from whichroad.page.standalone import MODULES, standalone
 from whichroad.page.static_files import STATIC
-from whichroad.reasons import STATUS
 from whichroad.replay.drive_report import report_data, write_report
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.roadmap import RoadMap
+from whichroad.tables.status import STATUS
 
 NAMES = re.compile(
     r"^(?:export )?(?:async )?(?:const|let|function|class) (\w+|\{[^}]*\}|\[[^\]]*\])", re.M

@@ -15,8 +15,8 @@ from whichroad.replay.open_replay import Remaking
 from whichroad.replay.points import read_points
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.timeline import timeline
-from whichroad.result import Result
 from whichroad.roadmap import RoadMap
+from whichroad.tables.result import Result
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
+from whichroad.observations import ASSUMED, FROM_HDOP, NO_CORRELATION
 from whichroad.readers import NmeaParser, read_drive
 from whichroad.readers.reported_fixes import as_records, from_gst
-from whichroad.records import ASSUMED, FROM_HDOP, NO_CORRELATION
 from whichroad.settings import Settings
 
 KNOT = 1852 / 3600

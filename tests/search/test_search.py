@@ -17,8 +17,8 @@ from whichroad.filter.estimate import AMBIGUOUS
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import DISTANCE, OFF_ROAD, WHEELS, new_epochs
 from whichroad.global_start import is_vague, pieces_of
+from whichroad.observations import Drive, Fixes, StartPose
 from whichroad.recorded import Recorded, localize_recorded
-from whichroad.records import Drive, Fixes, StartPose
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
 

@@ -15,7 +15,7 @@ from .console import progress_line
 if TYPE_CHECKING:
     from ..live.nmea_output import NmeaOutput
     from ..live.server import Plan
-    from ..records import Drive
+    from ..observations import Drive
     from ..roadmap import RoadMap
     from ..settings import Vehicle
 
@@ -127,7 +127,7 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
     """The filter on its map, warm."""
     with extra_live("live"):
         from ..live.server import Plan
-    from ..localizer import Localizer
+    from ..online import Localizer
     from ..readers import read_vehicle
     from ..roadmap import open_map
     from ..settings import Settings, Vehicle

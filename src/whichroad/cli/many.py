@@ -45,7 +45,7 @@ def match_trips(
     """
     from ..batch import match_stream
     from ..roadmap import open_map
-    from ..tables import thinned
+    from ..tables.schema import thinned
     from ..writers.stream import growing
 
     trips: list[pa.Table] = []

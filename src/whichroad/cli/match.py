@@ -12,7 +12,7 @@ from .console import progress_line, say_table
 from .many import match_trips
 
 if TYPE_CHECKING:
-    from ..result import Result
+    from ..tables.result import Result
 
 
 _EACH = 4  # drives that are told one by one; of more the sums are
@@ -94,7 +94,7 @@ def match(
         from ..replay.drive_report import check_report
 
         check_report(report, force=force)
-    from .. import session
+    from .. import matching
     from ..readers import read_drive, read_vehicle
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
@@ -118,7 +118,7 @@ def match(
         progress("reading the map", 0, 0)
         network = open_map(roads)
         progress(at_work("step.run"), 0, 0)
-        result = session.match(
+        result = matching.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
@@ -147,7 +147,7 @@ def match(
 
 
 def _write(result: "Result", out: Path | None, every: float | None, force: bool) -> None:
-    from ..tables import thinned
+    from ..tables.schema import thinned
     from ..writers import write_table
 
     if out is not None:
@@ -181,7 +181,7 @@ def say(result: "Result") -> None:
 
 def _told(finding: dict[str, Any]) -> str:
     """One setting that does not fit, as a line."""
-    from ..diagnosis import Finding
+    from ..diagnosis.findings import Finding
 
     told = Finding(**finding)
     return f"{told.level}: {told}"

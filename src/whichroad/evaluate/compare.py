@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import DriveError
 from ..geodesy.angles import radians, unwrap_degrees, wrap_degrees
-from ..records import Array
+from ..observations import Array
 from .input_tables import Bools, Table
 
 SLACK_M = 10.0

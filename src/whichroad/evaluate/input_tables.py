@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
-from ..records import Array
+from ..observations import Array
 
 Bools = NDArray[np.bool_]
 
@@ -22,7 +22,7 @@ def read_table(path: Path) -> Any:
 
                 return pq.read_table(path)
             case ".arrow" | ".feather":
-                from ..tables import read_arrow
+                from ..tables.schema import read_arrow
 
                 return read_arrow(path.read_bytes())[0]
             case ".csv":

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geodesy.angles import radians
-from ..records import Array
+from ..observations import Array
 
 _NEAR = 3.0  # m, two geometries are the same road ...
 _TURN = radians(60.0)  # ... if they also point the same way within this

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import DriveError
 from ..geodesy.angles import degrees
-from ..records import Array
+from ..observations import Array
 from .compare import Comparison, compare
 from .input_tables import Bools, read_table
 

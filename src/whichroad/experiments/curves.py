@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ..observations import Array
 from ..plots.panels import TRUTH
-from ..records import Array
 from .lanes import FAINT
 from .runs import MODELS, STEP_S, Run, lifetimes
 from .scenes import Scene

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..result import Result
 from ..simulate import SimulatedDrive
+from ..tables.result import Result
 from .lifetime_log import LifetimeLog, log_hypotheses
 from .runs import MODELS, Run, answer, lifetimes
 from .scenes import Scene, fixed_sigma

@@ -17,7 +17,7 @@ from ..filter.estimate import new_output
 from ..filter.history import new_history
 from ..filter.state import OFF_ROAD, Belief, Context, Path, new_belief, new_path, new_work
 from ..filter.step import run
-from ..records import Array
+from ..observations import Array
 from ..settings import Settings, parameters
 from ..simulate import SimulatedDrive
 from .runs import ALIVE

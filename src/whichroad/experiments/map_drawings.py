@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from ..geodesy.angles import degrees
+from ..observations import Array
 from ..plots.panels import FIX, PROBABLE, ROAD, TRUTH, UNIT
 from ..plots.scene import CHI2_95
-from ..records import Array
-from ..result import Result
+from ..tables.result import Result
 from .example_drive import ExampleDrive
 from .runs import ALIVE, STEP_S
 from .scene_maps import ORIGIN, street_of

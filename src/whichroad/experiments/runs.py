@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..evaluate import Comparison, compare
-from ..records import Array
-from ..result import Result
-from ..session import match
+from ..matching import match
+from ..observations import Array
 from ..simulate import SimulatedDrive, truth_table
+from ..tables.result import Result
 from .scene_maps import street_of
 from .scenes import Scene
 
 MODELS = {"paper": "the paper's method", "default": "whichroad"}
-"""Names of `session.match` to what they are called here."""
+"""Names of `matching.match` to what they are called here."""
 
 ALIVE = 0.01
 """Probability from which on a hypothesis counts."""

@@ -17,7 +17,7 @@ from ..simulate.map_error_field import draw_map_error
 from .scene_maps import CANYON_ROUTE, GAP, along, known
 
 if TYPE_CHECKING:
-    from ..records import Fixes
+    from ..observations import Fixes
     from ..roadmap import RoadMap
 
 STEADY = replace(GOOD, lane_change_rate=0.0, stop_probability=0.0)

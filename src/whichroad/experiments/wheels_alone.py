@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..records import Array
+from ..observations import Array
 from ..sensors.odometry import motion_of
 from ..simulate import SimulatedDrive
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..records import Array
+from ..observations import Array
 
 Angle = TypeVar("Angle", float, Array)
 

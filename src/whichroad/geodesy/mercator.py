@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..records import Array
+from ..observations import Array
 from .angles import degrees, radians
 
 

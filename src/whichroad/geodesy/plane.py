@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import MapError
-from ..records import Array
+from ..observations import Array
 from . import kernels
 from .angles import bearing_of, degrees, heading_of, radians, wrap
 

@@ -2,7 +2,7 @@
 
 from typing import TypeVar
 
-from ..records import Array
+from ..observations import Array
 from .angles import DEGREE
 
 Speed = TypeVar("Speed", float, Array)

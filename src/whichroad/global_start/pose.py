@@ -9,7 +9,7 @@ from ..filter.reduction import reduce
 from ..filter.state import CLOCK, GX, GY, WHEELS, Belief, Context, Path, normalise
 from ..geodesy.angles import heading_of, radians
 from ..graph.network import plane_scale
-from ..records import StartPose
+from ..observations import StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings
 

@@ -10,7 +10,7 @@ from ..errors import DriveError
 from ..filter.population import locate_all, turn_sums
 from ..geodesy.angles import heading_of, radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..records import Array, StartPose
+from ..observations import Array, StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings
 

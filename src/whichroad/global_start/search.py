@@ -36,7 +36,7 @@ from ..filter.state import (
     normalise,
 )
 from ..graph.network import plane_scale
-from ..records import Array, StartPose
+from ..observations import Array, StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle, parameters
 from .pose import initial_state

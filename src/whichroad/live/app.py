@@ -206,8 +206,8 @@ def _number(value: Any, low: float, high: float) -> float:
 
 def _match(filter_loop: FilterLoop, body: bytes, suffix: str) -> bytes:
     """Match a trace in the calling thread; the answer as JSON."""
+    from ..matching import match
     from ..readers import drive_from_table, read_drive
-    from ..session import match
 
     car, settings = filter_loop.localizer.vehicle, filter_loop.localizer.settings
     with tempfile.TemporaryDirectory() as folder:

@@ -3,7 +3,7 @@
 import math
 
 from ..geodesy.plane import Plane
-from ..records import Distance, Estimate, GeoFix, Observation
+from ..observations import Distance, Estimate, GeoFix, Observation
 from ..sensors.odometry import step_between
 from ..settings import Vehicle
 from .messages import ReckoningMessage

@@ -10,10 +10,10 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
+from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
 from ..readers.can import SI_UNITS, Signal, find_signals
 from ..readers.nmea import NmeaParser
 from ..readers.wheel_counters import JUMP
-from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
 

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..localizer import Localizer
-from ..records import Estimate, GeoFix, Observation
+from ..observations import Estimate, GeoFix, Observation
+from ..online import Localizer
 from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency

@@ -16,7 +16,7 @@ from typing import Any, TypedDict
 
 from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
-from ..records import Array, Estimate, GeoFix, Hypothesis
+from ..observations import Array, Estimate, GeoFix, Hypothesis
 from ..roadmap import RoadMap
 
 VERSION = 1

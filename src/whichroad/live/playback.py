@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DriveError
-from ..records import (
+from ..observations import (
     Distance,
     Drive,
     GeoFix,

@@ -17,14 +17,14 @@ import numpy as np
 import pyarrow as pa
 
 from .._compile import Records
-from ..columns import points_table
 from ..errors import WriteError
 from ..filter.estimate import ESTIMATE, Output
 from ..filter.state import EPOCH
-from ..localizer import Localizer
-from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from ..roadmap import RoadMap
-from ..tables import POINTS, RECORDING, TIME, times
+from ..tables.export import points_table
+from ..tables.schema import POINTS, RECORDING, TIME, times
 
 _FIXES = ("time", "lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "speed_mps", "bearing_deg")
 _ODOMETRY = {

@@ -10,8 +10,8 @@ from bisect import bisect_right
 from collections import Counter, deque
 from dataclasses import replace
 
-from ..localizer import Localizer
-from ..records import Observation
+from ..observations import Observation
+from ..online import Localizer
 from .state import State, restore, state_of
 
 _EVERY = 0.05  # s between stored states

@@ -17,8 +17,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from ..errors import SettingError
-from ..localizer import Localizer
-from ..records import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from .app import Service, application
 from .broadcaster import Broadcaster
 from .checkpoint import EVERY, Checkpoint

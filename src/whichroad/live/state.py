@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..filter.estimate import ESTIMATE
 from ..filter.history import MOTION
 from ..filter.state import FILTER, HYPOTHESIS, H, Path, X, Y
-from ..localizer import Localizer
-from ..records import Distance, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import Distance, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from ..roadmap import RoadMap
 
 _MAGIC = b"whichroad state 4\n"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..geodesy.mercator import latitude_of, longitude_of, to_square
 from ..graph.network import AGAINST_ONE_WAY
-from ..records import Array
+from ..observations import Array
 from ..roadmap import RoadMap
 from .vectortile import EXTENT, Line, encode_layer
 

@@ -12,9 +12,9 @@ from ..errors import DriveError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from ..records import Array, Fixes
-    from ..result import Result
+    from ..observations import Array, Fixes
     from ..roadmap import RoadMap
+    from ..tables.result import Result
 
 HYPOTHESIS = ("edge", "p", "x", "y", "cov_xx", "cov_xy", "cov_yy")
 CHI2_95 = 5.991  # 95 % of a two-dimensional Gaussian lies within this squared distance

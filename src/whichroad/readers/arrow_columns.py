@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
-from ..records import Array
+from ..observations import Array
 from .checks import Ints, Skipped, keep
 from .names import Column
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import ReadError
 from ..geodesy.angles import DEGREE
 from ..geodesy.units import KMH, MPH
-from ..records import Array, Drive, OdometryLog
+from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed

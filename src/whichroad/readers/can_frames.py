@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
-from ..records import Array
+from ..observations import Array
 from .blf import check_blf
 from .checks import Skipped, counted_warnings, read_bytes
 

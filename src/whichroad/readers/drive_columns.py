@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..records import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..observations import Array, Drive, Odometer, OdometryLog, SpeedYawRate
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order, keep

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Drive
+from ..observations import Array, Drive
 from ..settings import Settings, Vehicle
 from .arrow_columns import numbers, texts, times
 from .checks import LAST, NO_TIME, Skipped, keep, listed, read_bytes
@@ -184,7 +184,7 @@ def _parquet(data: bytes, where: str) -> Seen:
 def _arrow(data: bytes, where: str, skipped: Skipped) -> Seen:
     import pyarrow as pa
 
-    from ..tables import read_arrow
+    from ..tables.schema import read_arrow
 
     try:
         table, whole = read_arrow(data)

@@ -11,7 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts, WheelSpeeds
+from ..observations import (
+    Drive,
+    Fixes,
+    Odometer,
+    OdometryLog,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeeds,
+)
 from ..settings import Settings, Vehicle
 from .can import read_can
 from .checks import Skipped, in_order

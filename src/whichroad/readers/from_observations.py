@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..errors import ReadError
-from ..records import (
+from ..observations import (
     Array,
     Distance,
     Drive,

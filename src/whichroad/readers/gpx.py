@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Drive
+from ..observations import Drive
 from ..settings import Settings
 from .arrow_columns import iso_seconds
 from .checks import NO_TIME, Skipped, keep, read_bytes

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Fixes
+from ..observations import Array, Fixes
 from ..settings import Settings
 from .arrow_columns import LARGEST, numbers, texts, times
 from .checks import LAST, Bools, Ints, Skipped, listed

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Drive, Fixes, GeoFix
+from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan

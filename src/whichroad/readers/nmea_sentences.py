@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.units import KNOT
-from ..records import Array
+from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .parsing import Bytes, decimal, hexadecimal
 

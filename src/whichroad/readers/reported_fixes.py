@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.angles import degrees, radians, wrap_bearing
-from ..records import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, GeoFix
+from ..observations import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, GeoFix
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import ReadError
 from ..geodesy.angles import course_of
-from ..records import Array, Drive
+from ..observations import Array, Drive
 from ..settings import Settings
 from .arrow_columns import iso_seconds
 from .checks import LAST, NO_TIME, Skipped, keep, read_bytes

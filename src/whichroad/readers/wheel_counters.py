@@ -6,7 +6,7 @@ An impossible step is replaced by one at the speed before it, and counted.
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, WheelCounts, WheelSpeeds
+from ..observations import Array, WheelCounts, WheelSpeeds
 from ..sensors.validation import FASTEST
 from ..settings import Vehicle
 from .checks import Bools, Ints, Skipped, in_order, keep

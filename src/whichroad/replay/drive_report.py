@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import WriteError
 from ..page.layer import attribution, drawn_near, edge_of
 from ..page.standalone import standalone
-from ..reasons import STATUS
+from ..tables.status import STATUS
 from ..writers import replacing
 from .recorded_messages import RecordedMessages
 from .stretches import stretches_of

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ..records import Array
+from ..observations import Array
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -27,14 +27,14 @@ class Route:
     exit: Array
     enter_m: Array
     exit_m: Array
-    broken: list[str | None]  # words of `tables.PATH`
+    broken: list[str | None]  # words of `tables.schema.PATH`
 
     @classmethod
     def of(cls, path: pa.Table, drive_id: str) -> "Route | None":
         """The route of one drive.
 
         Args:
-            path: Rows with the columns of `tables.PATH`, of any number of drives.
+            path: Rows with the columns of `tables.schema.PATH`, of any number of drives.
             drive_id: Of the drive.
 
         Returns:

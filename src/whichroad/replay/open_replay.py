@@ -9,17 +9,17 @@ import numpy as np
 
 from ..epochs import mask_windows
 from ..errors import DriveError
-from ..session import match
+from ..matching import match
 from .player import Player
 from .points import read_points
 from .recorded_messages import RecordedMessages, Window
 from .signals import Signals
 
 if TYPE_CHECKING:
-    from ..records import Drive
-    from ..result import Result
+    from ..observations import Drive
     from ..roadmap import RoadMap
     from ..settings import Vehicle
+    from ..tables.result import Result
 
 _LOOK = 1 << 16  # bytes at either end of a file in which the columns of points are named
 _END = 1e8  # s; a mask that is not over, below the ten years from which on times are absolute

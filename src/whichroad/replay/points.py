@@ -9,8 +9,8 @@ import pyarrow.compute as pc
 
 from ..errors import ReadError
 from ..evaluate.input_tables import read_table
-from ..result import Result
-from ..tables import PATH, POINTS, TIME
+from ..tables.result import Result
+from ..tables.schema import PATH, POINTS, TIME
 from .driven_path import COLUMNS
 
 _NEEDED = ("time", "lat", "lon", "p_road", "status")

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from ..geodesy.angles import axis_bearing_of, bearing_of, radians
 from ..geodesy.units import METRES_PER_DEGREE
 from ..live.messages import VERSION, EstimateMessage, PlayMessage, iso
-from ..reasons import STATUS, far_off
-from ..records import Array
+from ..observations import Array
 from ..sensors.gnss import ellipse
+from ..tables.status import STATUS, far_off
 from .driven_path import Route
 from .signals import Signals
 
 if TYPE_CHECKING:
-    from ..result import Result
     from ..roadmap import RoadMap
+    from ..tables.result import Result
 
 Window = tuple[float, float]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geodesy.angles import axis_bearing_of, degrees, radians, wrap_bearing
 from ..geodesy.units import METRES_PER_DEGREE
-from ..records import Array, Drive, Fixes
+from ..observations import Array, Drive, Fixes
 from ..sensors.gnss import ellipse
 from ..sensors.odometry import Motion, motion_of
 from ..settings import Vehicle

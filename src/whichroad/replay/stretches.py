@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..reasons import STATUS
+from ..tables.status import STATUS
 from .recorded_messages import RecordedMessages
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Array
+from ..observations import Array
 
 if TYPE_CHECKING:
     from .recorded_messages import RecordedMessages

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .._compile import Records
 from ..graph.network import SEGMENT, records
-from ..records import Array
+from ..observations import Array
 from .streets import Ints
 
 Ints32 = NDArray[np.int32]

@@ -11,7 +11,7 @@ from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, VERTEX, Roads, records
 from ..graph.search import edge_costs, turn_costs
-from ..records import Array
+from ..observations import Array
 from . import cells
 from .chains import chains, end_headings
 from .link import middle_plane

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..errors import MapError
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..records import Array
+from ..observations import Array
 from .streets import Ints
 
 if TYPE_CHECKING:

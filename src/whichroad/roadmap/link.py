@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..errors import MapError
 from ..geodesy.angles import degrees, radians
 from ..geodesy.plane import Plane
-from ..records import Array
+from ..observations import Array
 from . import topology
 from .lines import Lines
 from .sheet import is_absent, plain

@@ -12,7 +12,7 @@ from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph import index
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
-from ..records import Array
+from ..observations import Array
 from . import store, topology
 from .compile import Network, Pieces, compile_streets, plane_record
 from .streets import Column, Ints, Streets, Texts

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Array
+from ..observations import Array
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .._compile import Records
 from ..geodesy.angles import radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN, records
-from ..records import Array
+from ..observations import Array
 from .streets import Bytes, Column, Ints, Restriction, Streets, Texts
 
 Ints32 = NDArray[np.int32]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..geodesy.angles import heading_of, radians
 from ..geodesy.plane import Plane
-from ..records import Array, Fixes, GeoFix
+from ..observations import Array, Fixes, GeoFix
 
 
 def ellipse(cov_xx: Array, cov_xy: Array, cov_yy: Array) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import (
+from ..observations import (
     Array,
     Distance,
     Observation,

@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 
 from ..errors import ReadError
-from ..records import (
+from ..observations import (
     Distance,
     GeoFix,
     Observation,

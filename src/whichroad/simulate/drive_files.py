@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import WriteError
 from ..geodesy.angles import degrees, wrap_axis, wrap_bearing
 from ..geodesy.units import KNOT, kmh_of_mps
-from ..records import Array, Fixes
+from ..observations import Array, Fixes
 from ..settings import Vehicle
 from .simulated_drive import START, SimulatedDrive
 
@@ -149,7 +149,7 @@ def _checked(body: str) -> str:
 
 def can_text(drive: SimulatedDrive) -> str:
     """The car's bus as candump writes it: counters and speeds at each reading, the gear at 1 Hz."""
-    from ..records import WheelCounts
+    from ..observations import WheelCounts
 
     counts = drive.drive.odometry
     assert isinstance(counts, WheelCounts)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..graph.network import Roads
-from ..records import Array
+from ..observations import Array
 from .map_error_field import MapErrorField
 from .route_choice import Edges
 from .simulation_settings import SimulationSettings

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import Array
+from ..observations import Array
 from .simulation_settings import SimulationSettings
 
 _MODES = 24

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.angles import course_of, degrees
-from ..records import Array, Fixes, WheelCounts
+from ..observations import Array, Fixes, WheelCounts
 from .lateral_profile import gauss_markov
 from .simulation_settings import SimulationSettings
 

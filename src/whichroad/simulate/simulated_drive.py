@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import SettingError
 from ..geodesy.angles import radians
 from ..graph.network import Roads
-from ..records import Array, Drive, Fixes
+from ..observations import Array, Drive, Fixes
 from ..settings import Vehicle
 from .lateral_profile import VehiclePath, draw_path
 from .map_error_field import MapErrorField, draw_map_error

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..graph.network import Roads
-from ..records import Array
+from ..observations import Array
 from .lateral_profile import VehiclePath, gauss_markov
 from .simulation_settings import SimulationSettings
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...geodesy.angles import radians
-from ...records import Array
+from ...observations import Array
 from .scene_builder import SceneBuilder
 
 Random = np.random.Generator

@@ -9,7 +9,7 @@ import numpy as np
 from ..._compile import Ints32
 from ...geodesy.plane import Plane
 from ...geodesy.units import mps_of_kmh
-from ...records import Array
+from ...observations import Array
 from ...roadmap.tags import CLASS_SPEED_KMH, lane_offset
 from ..lateral_profile import smooth
 from ..vectorised import Line

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import whichroad
-from whichroad.diagnosis import Finding, findings
-from whichroad.records import Array
+from whichroad.diagnosis.findings import Finding, findings
+from whichroad.diagnosis.statistics import Row, Watch
+from whichroad.observations import Array
 from whichroad.settings import Settings, Vehicle
-from whichroad.watch import Row, Watch
 
 FITS = Settings()
 CAR = Vehicle()

@@ -1,6 +1,6 @@
 """Do the settings fit the data, and if not, which one does not?
 
-What is read here was summed up by `watch`.  What the sums are in drives that do fit was
+What is read here was summed up by `statistics`.  What the sums are in drives that do fit was
 found by simulation; the bands leave fewer than one in a hundred of such drives outside.
 """
 
@@ -8,11 +8,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ._compile import Records
-from .filter.estimate import Output
-from .filter.state import CLOCK
-from .settings import Settings, Vehicle
-from .watch import Watch, rows_of
+from .._compile import Records
+from ..filter.estimate import Output
+from ..filter.state import CLOCK
+from ..settings import Settings, Vehicle
+from .statistics import Watch, rows_of
 
 _ENOUGH = 3000.0  # s of moving from which on the bands are as they are
 _LEAST = 600.0  # and below which there is no verdict

@@ -1,4 +1,4 @@
-"""Running sums of a drive that tell whether the settings fit it; `diagnosis` reads them.
+"""Running sums of a drive that tell whether the settings fit it; `findings` reads them.
 
 The filter's own innovations, a second apart, see hardly more than the white part of the
 GNSS error.  What is looked at here are fixes up to two minutes apart, less what the wheels
@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._compile import Record, Records
-from .filter.estimate import Output
-from .records import Array
-from .settings import Settings, Vehicle
+from .._compile import Record, Records
+from ..filter.estimate import Output
+from ..observations import Array
+from ..settings import Settings, Vehicle
 
 Chosen = NDArray[Any]
 

@@ -12,7 +12,7 @@ import whichroad
 from whichroad import cli
 from whichroad.errors import DriveError, MapError, ReadError, SettingError
 from whichroad.geodesy.plane import Plane
-from whichroad.records import Distance, GeoFix, WheelSpeed
+from whichroad.observations import Distance, GeoFix, WheelSpeed
 
 PLANE = Plane(49.4, 8.7)
 UTM = "EPSG:32632"

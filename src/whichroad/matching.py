@@ -12,21 +12,21 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from .columns import path_table, points_table, summary_of
-from .diagnosis import Finding
+from .diagnosis.findings import Finding
 from .epochs import Timeline, build_timeline
 from .errors import DriveError, MapError, SettingError
 from .filter.estimate import Output
 from .filter.state import NO_EDGE, OFF_ROAD
 from .geodesy.angles import radians
 from .global_start import MAP
+from .observations import Array, Drive, Fixes, Observation, StartPose
 from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
 from .recorded import Recorded, localize_by_paper, localize_recorded
-from .records import Array, Drive, Fixes, Observation, StartPose
-from .result import Answered, Result
 from .roadmap import RoadMap, open_map
 from .settings import Settings, Vehicle
 from .smoothing import Lag
+from .tables.export import path_table, points_table, summary_of
+from .tables.result import Answered, Result
 from .traversals import Traversals, traversals
 
 Start = StartPose | tuple[float, float, float] | str | None

@@ -9,9 +9,9 @@ from ._compile import Record
 from .filter.estimate import ESTIMATE
 from .filter.state import OFF_ROAD, Belief, D, H, X, Y
 from .geodesy.plane import Plane
-from .reasons import RECENT, STATUS, reason
-from .records import Array, Hypothesis, Pose
+from .observations import Array, Hypothesis, Pose
 from .roadmap import RoadMap
+from .tables.status import RECENT, STATUS, reason
 
 
 def row_of(estimate: Record) -> Any:
@@ -27,7 +27,7 @@ def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
 
 
 class Snapshot:
-    """The details of an estimate (`records.Detail`).
+    """The details of an estimate (`observations.Detail`).
 
     Args:
         belief: Copied as far as it is needed.

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from ._compile import Record, Records
-from .diagnosis import Finding, findings
+from .diagnosis.findings import Finding, findings
+from .diagnosis.statistics import Watch
 from .errors import SettingError
+from .estimate_detail import Snapshot, pose_at, row_of
 from .filter.estimate import ESTIMATE, Output, new_output
 from .filter.history import new_history
 from .filter.motion import arc_chord
@@ -33,8 +35,7 @@ from .filter.state import (
 )
 from .filter.step import run
 from .global_start import start_at
-from .reasons import STATUS, far_off
-from .records import (
+from .observations import (
     Distance,
     Estimate,
     GeoFix,
@@ -50,8 +51,7 @@ from .sensors.odometry import bridged_step
 from .sensors.validation import validated
 from .settings import Settings, Vehicle, parameters
 from .smoothing import Window
-from .snapshot import Snapshot, pose_at, row_of
-from .watch import Watch
+from .tables.status import STATUS, far_off
 
 _NO_HISTORY = new_history(0)
 _LATE = 1.0  # s; an observation later than this is refused

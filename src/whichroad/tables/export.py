@@ -8,17 +8,17 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ._compile import Records
-from .filter.estimate import AMBIGUOUS, Output
-from .filter.state import NO_EDGE, OFF_ROAD
-from .geodesy.angles import axis_bearing_of, bearing_of, degrees
-from .graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
-from .reasons import COUNTS, RECENT, STATUS, far_off, reason, title
-from .records import Array
-from .roadmap import RoadMap
-from .sensors.gnss import ellipse
-from .tables import ATTRIBUTES, PATH, POINTS, line_wkb, times
-from .traversals import Traversals
+from .._compile import Records
+from ..filter.estimate import AMBIGUOUS, Output
+from ..filter.state import NO_EDGE, OFF_ROAD
+from ..geodesy.angles import axis_bearing_of, bearing_of, degrees
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from ..observations import Array
+from ..roadmap import RoadMap
+from ..sensors.gnss import ellipse
+from ..traversals import Traversals
+from .schema import ATTRIBUTES, PATH, POINTS, line_wkb, times
+from .status import COUNTS, RECENT, STATUS, far_off, reason, title
 
 _RULES = (
     (AGAINST_ONE_WAY, "against_one_way"),
@@ -99,7 +99,7 @@ def points_table(
         first: (d,) the row at which each drive begins.
 
     Returns:
-        A table with the columns of `tables.POINTS`.
+        A table with the columns of `tables.schema.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
     plane, v = roads.plane, _columns(output)
@@ -224,7 +224,7 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
 
 
 def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
-    """`reasons.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
+    """`status.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
     road = pa.array(edges[row, rank]).dictionary_encode()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
@@ -236,7 +236,7 @@ def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
 
 
 def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
-    """`reasons.title` of (n,) edges."""
+    """`status.title` of (n,) edges."""
     on = pc.greater_equal(edge, 0)
     number = pc.binary_join_element_wise("edge", edge.cast(pa.string()), " ")
     street = roads.names(np.maximum(edge.to_numpy(), 0))
@@ -278,7 +278,7 @@ def path_table(
         first: (d + 1,) where each begins, and the number of edges; None: there is one.
 
     Returns:
-        A table with the columns of `tables.PATH`.
+        A table with the columns of `tables.schema.PATH`.
     """
     count = np.diff(first if first is not None else [0, len(way.edge)])
     edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
@@ -343,7 +343,7 @@ def _rule_names(bits: int) -> str | None:
 def figures_of(
     epochs: Records, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
 ) -> dict[str, NDArray[Any]]:
-    """What `tables.DRIVES` tells of drives in numbers, (d,) each.
+    """What `tables.schema.DRIVES` tells of drives in numbers, (d,) each.
 
     Args:
         epochs: (n,) of the drives, one behind the other.

@@ -16,10 +16,7 @@ from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError, MapError, ReadError
 from whichroad.filter.state import Path, new_path
 from whichroad.geodesy.plane import Plane
-from whichroad.localizer import STATUS, Localizer
-from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
-from whichroad.recorded import localize_recorded
-from whichroad.records import (
+from whichroad.observations import (
     Distance,
     Drive,
     Estimate,
@@ -32,6 +29,9 @@ from whichroad.records import (
     WheelSpeed,
     WheelTicks,
 )
+from whichroad.online import STATUS, Localizer
+from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
+from whichroad.recorded import localize_recorded
 from whichroad.settings import Vehicle
 
 FIELDS = Fixes.__slots__

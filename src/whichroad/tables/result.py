@@ -8,14 +8,14 @@ from typing import Any, NamedTuple, cast
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ._compile import Records
-from .diagnosis import Finding
-from .errors import SettingError
-from .filter.estimate import Output
-from .path import Alternative, Way, best_ways
-from .tables import geo_frame
-from .traversals import Traversals
-from .writers import write_table
+from .._compile import Records
+from ..diagnosis.findings import Finding
+from ..errors import SettingError
+from ..filter.estimate import Output
+from ..path import Alternative, Way, best_ways
+from ..traversals import Traversals
+from ..writers import write_table
+from .schema import geo_frame
 
 
 class Answered(NamedTuple):
