@@ -175,4 +175,4 @@ class _Intrinsic:
 
 def intrinsic(lower: Callable[[], Any]) -> Callable[[F], F]:
     """Give a plain function its generated code: `lower` makes what numba's intrinsic takes."""
-    return lambda function: cast(F, _Intrinsic(function, lower))
+    return lambda function: cast(Any, _Intrinsic(function, lower))
