@@ -173,6 +173,6 @@ class _Intrinsic:
         return getattr(self._generated, name)
 
 
-def intrinsic(lower: Callable[[], Any]) -> Callable[[F], F]:
+def intrinsic(lower: Callable[[], Any]) -> Callable[[Any], Any]:
     """Give a plain function its generated code: `lower` makes what numba's intrinsic takes."""
-    return lambda function: cast(Any, _Intrinsic(function, lower))
+    return lambda function: _Intrinsic(function, lower)

@@ -18,7 +18,6 @@ from .motion import (
     Increment,
     Noise,
     add_across,
-    blind_noise,
     predict_plane,
     predict_road,
     redraw_lane,
@@ -362,7 +361,7 @@ def _move_to(
 
 
 @kernel(inline=True)
-def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float) -> bool:
+def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
     For vehicles without a heading sensor: the road tells the turn.  Off the roads they move
@@ -373,11 +372,11 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float) -> 
         path: The tree of edges entered.
         ctx: The drive's constants.
         odometer: δ, odometer metres, or seconds where κ is a speed.
+        noise: Process noise.
 
     Returns:
         Whether anything branched.
     """
-    noise = blind_noise(ctx.par[0], odometer, ctx.par[0].mode)
     changed = False
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]

@@ -61,6 +61,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.since_map = 0.0
     state.moving = 0.0
     state.since_fix = 0.0
+    state.unmeasured = 0.0
     state.last_fix = epoch.time
     state.factor_time = epoch.time
     state.on_road_at = epoch.time
@@ -171,6 +172,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     learn_factor(belief, ctx, epoch, white, state.moving)
     state.moving = 0.0
     state.since_fix = 0.0
+    state.unmeasured = 0.0
     state.last_fix = epoch.time
     thin = max(1.0, 1.0 / max(interval, 0.01))
     axes = Axes(

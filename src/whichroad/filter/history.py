@@ -14,7 +14,8 @@ import numpy as np
 from .._compile import Matrix, Record, Records, Vector, kernel
 from ..graph.network import records
 from ._simd import N, copy_record
-from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, Belief
+from .motion import Increment, Noise, pack_noise, predict_plane
+from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
 
 PACKED = N * (N + 1) // 2
 
@@ -26,13 +27,14 @@ MOTION = np.dtype(
         ("arc", "f8"),  # Σ δs, odometer metres; without odometry the time, s
         ("metres", "f8"),  # distance driven, m
         ("turn", "f8"),  # Σ δθ, rad
-        ("turned", "f8"),  # Σ |δθ|, rad
         ("forward", "f8"),  # displacement in the frame of the step before, odometer metres
         ("left", "f8"),
         ("lever_forward", "f8"),  # its derivative by the heading drift
         ("lever_left", "f8"),
         ("map_aged", "f8"),  # distance by which lane and map error have decayed, m
         ("gnss_aged", "f8"),  # time by which the GNSS bias has decayed, s
+        ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
+        ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
         ("jumped", "u1"),  # 1: by a sparse transition, whose route tells the position anew
     ],
     align=True,
@@ -87,6 +89,9 @@ LINK = np.dtype(
 COUNT = np.dtype([("steps", "i8"), ("nodes", "i8"), ("links", "i8")], align=True)
 
 
+REFERENCE = np.dtype([("mu", "f8", (N,)), ("cov", "f8", (N, N))], align=True)
+
+
 class History(NamedTuple):
     """Steps, their nodes, and the nodes' links; rows from `count` on are free.
 
@@ -99,6 +104,7 @@ class History(NamedTuple):
     states: Records  # (M,) GAUSSIAN, filtered state of each node
     links: Records  # (L,) LINK
     since: Records  # (1,) MOTION since the last step
+    reference: Records  # (1,) REFERENCE, known exactly at the last step: its cov is Q since
     count: Records  # (1,) COUNT
 
 
@@ -110,7 +116,7 @@ def new_history(steps: int) -> History:
     table.edge = NO_EDGE
     return History(
         records(steps, STEP), table, records(nodes, GAUSSIAN), records(links, LINK),
-        records(1, MOTION), records(1, COUNT),
+        records(1, MOTION), records(1, REFERENCE), records(1, COUNT),
     )  # fmt: skip
 
 
@@ -135,6 +141,7 @@ def enlarged(history: History, drop: int = 0, *, grow: bool = True) -> History:
     for name in ("first_link", "end_link"):
         room.nodes[name][: nodes - node] -= link
     room.since[:] = history.since
+    room.reference[:] = history.reference
     room.count[0] = steps - drop, nodes - node, links - link
     return room
 
@@ -180,7 +187,6 @@ def accumulate_motion(
     since.arc += arc
     since.metres += abs(speed) * moving if mode == CLOCK else abs(arc)
     since.turn += epoch.turn
-    since.turned += abs(epoch.turn)
 
 
 @kernel
@@ -246,13 +252,50 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.misfits = state.misfits
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
+    pack_noise(history.reference[0].cov, history.since[0].plane_noise)
     copy_record(step.motion, history.since[0])
     _clear_motion(history.since[0])
+    _clear_reference(history.reference[0], belief)
     for i in range(state.count):
         _store_node(belief, history, i)
     step.end_node = count.nodes
     count.steps += 1
     state.parents = state.count
+
+
+@kernel(inline=True)
+def accumulate_noise(history: History, move: Increment, noise: Noise) -> None:
+    """Propagate the process noise since the last step by the filter's own motion.
+
+    A reference vehicle, known exactly at that step, is moved as every hypothesis is.  In the
+    frame of the step its covariance is Q, for all of them.  Along a road, with δ the odometer,
+
+        Q_ss⁺ = Q_ss + 2 δ Q_sκ + δ² Q_κκ + q,   Q_sκ⁺ = Q_sκ + δ Q_κκ + q_sκ
+
+    Args:
+        history: Its reference and motion are changed.
+        move: The increment.
+        noise: Its process noise.
+    """
+    reference = history.reference[0]
+    predict_plane(reference.mu, reference.cov, move, 1.0, noise)
+    road = history.since[0].road_noise
+    road[0] += move.arc * (2.0 * road[1] + move.arc * road[2]) + noise.along
+    road[1] += move.arc * road[2] + noise.cross
+    road[2] += noise.rate
+
+
+@kernel
+def _clear_reference(reference: Record, belief: Belief) -> None:
+    """A vehicle at the origin, known exactly, with the mixture's κ and heading drift."""
+    for a in range(N):
+        reference.mu[a] = 0.0
+        for b in range(N):
+            reference.cov[a, b] = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        reference.mu[K] += hyp.weight * hyp.mu[K]
+        reference.mu[B] += hyp.weight * hyp.mu[B]
 
 
 @kernel
@@ -261,7 +304,6 @@ def _clear_motion(since: Record) -> None:
     since.arc = 0.0
     since.metres = 0.0
     since.turn = 0.0
-    since.turned = 0.0
     since.forward = 0.0
     since.left = 0.0
     since.lever_forward = 0.0
@@ -269,6 +311,8 @@ def _clear_motion(since: Record) -> None:
     since.map_aged = 0.0
     since.gnss_aged = 0.0
     since.jumped = 0
+    for a in range(3):
+        since.road_noise[a] = 0.0
 
 
 @kernel(inline=True)

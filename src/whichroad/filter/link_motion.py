@@ -21,11 +21,10 @@ from ..graph.network import Roads
 from ._simd import N, add_times, set_times
 from .branching import ACROSS, CORNER, CORNER_DOUBT, CORNER_RADIUS
 from .history import History
-from .motion import Increment, Noise, blind_noise, wheel_noise
-from .sparse import ACROSS_SIGMA
+from .motion import Increment, Noise, unpack_noise
+from .sparse import ACROSS_SIGMA, HEADING_NOISE
 from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
 from .state import (
-    CLOCK,
     GX,
     GY,
     MX,
@@ -199,18 +198,16 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     mean = model.then_mean
     motion = history.steps[link.step].motion
     if par.mode == WHEELS:
-        noise = wheel_noise(par, motion.metres, motion.turned, True)
         step = Increment(motion.arc, motion.turn, motion.forward, motion.left)
-        _move_in_plane(model, motion, step, noise)
+        _move_in_plane(model, motion, step)
         return True
     odometer = motion.arc
     if motion.jumped > 0:
         return _move_on_route(model, history, path, ctx, link)
-    noise = blind_noise(par, odometer if par.mode == CLOCK else motion.metres, par.mode)
     edge = history.nodes[link.j].edge
     then = history.nodes[link.i]
     if then.edge == OFF_ROAD:
-        _move_in_plane(model, motion, Increment(odometer, 0.0, odometer, 0.0), noise)
+        _move_in_plane(model, motion, Increment(odometer, 0.0, odometer, 0.0))
         return True
     skipped = -1.0
     if edge != OFF_ROAD:
@@ -224,16 +221,16 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     _add_road_noise(
         model,
         Noise(
-            noise.along + doubt, ACROSS * abs(distance), par.edge_heading_sigma**2, noise.rate,
-            0.0, noise.cross,
+            motion.road_noise[0] + doubt, ACROSS * abs(distance), par.edge_heading_sigma**2,
+            motion.road_noise[2], 0.0, motion.road_noise[1],
         ),
     )  # fmt: skip
     return True
 
 
 @kernel(inline=True)
-def _move_in_plane(model: Record, motion: Record, step: Increment, noise: Noise) -> None:
-    """Moved in the plane, as `motion.predict_plane` does epoch by epoch."""
+def _move_in_plane(model: Record, motion: Record, step: Increment) -> None:
+    """Moved in the plane, as `motion.predict_plane` does epoch by epoch; Q is what it added."""
     mean = model.then_mean
     c = math.cos(mean[H])
     s = math.sin(mean[H])
@@ -260,13 +257,7 @@ def _move_in_plane(model: Record, motion: Record, step: Increment, noise: Noise)
     model.mu[Y] = mean[Y] + model.scale * dy
     model.mu[H] = wrap(mean[H] + step.turn + mean[B] * step.arc)
     model.mu[K] = mean[K]
-    model.cov[X, Y] = (noise.along - noise.across) * c * s
-    q = model.q
-    q[X] = noise.along * c * c + noise.across * s * s
-    q[Y] = noise.along * s * s + noise.across * c * c
-    q[H] = noise.heading
-    q[K] = noise.rate
-    q[B] = noise.drift
+    unpack_noise(motion.plane_noise, c, s, model.cov)
 
 
 @kernel(inline=True)
@@ -393,7 +384,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     heavy = heavy_tail(variance, off, 0.0) - variance
     harder = 1.0 + heavy / max(far, 1.0)
     rate = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
-    heading = par.edge_heading_sigma**2 + 0.02
+    heading = par.edge_heading_sigma**2 + HEADING_NOISE
     across = ACROSS_SIGMA * ACROSS_SIGMA
     _add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))
     model.f[K, K] = keep

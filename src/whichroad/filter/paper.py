@@ -33,7 +33,7 @@ from .branching import forward_only
 from .estimate import LOST, OUTAGE, Output, summarise
 from .gaussian import condition, merge_moments
 from .gnss import Axes, has_course, observe_position, observe_state
-from .motion import Increment, Noise, blind_noise, predict_plane, wheel_noise
+from .motion import Increment, Noise, blind_noise, extrapolated, predict_plane, wheel_noise
 from .state import (
     CLOCK,
     DISTANCE,
@@ -97,7 +97,9 @@ def _predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     state = belief.state[0]
     metres = abs(epoch.arc)
     move = Increment(epoch.arc, epoch.turn, epoch.forward, epoch.left)
-    wheels = wheel_noise(par, metres, 0.0, epoch.odometry_valid == 1 or par.mode != WHEELS)
+    wheels = wheel_noise(par, metres, 0.0)
+    if par.mode == WHEELS and epoch.odometry_valid == 0:
+        wheels = extrapolated(wheels, 0.0, metres)
     heading = wheels.heading + (par.turn_noise * epoch.turn) ** 2
     q = Noise(wheels.along, wheels.across, heading, 0.0, 0.0, 0.0)
     if par.mode == CLOCK:

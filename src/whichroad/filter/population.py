@@ -14,7 +14,7 @@ from ..graph.network import Roads
 from ._simd import N, copy_record
 from .branching import branch
 from .gaussian import merge_moments, normal_cdf
-from .motion import Increment, predict_plane, wheel_noise
+from .motion import Increment, extrapolated, predict_plane, wheel_noise
 from .reduction import enter_new_edges
 from .road import heading_regression
 from .state import (
@@ -179,8 +179,14 @@ def _mirror(cov: Matrix) -> None:
 @kernel
 def predict_all(population: Belief, ctx: Context, move: Increment, measured: bool) -> None:
     """Move every hypothesis by an increment of the wheels' odometry (equation 1)."""
-    q = wheel_noise(ctx.par[0], abs(move.arc), move.turn, measured)
     state = population.state[0]
+    metres = abs(move.arc)
+    q = wheel_noise(ctx.par[0], metres, move.turn)
+    if measured:
+        state.unmeasured = 0.0
+    else:
+        q = extrapolated(q, state.unmeasured, metres)
+        state.unmeasured += metres
     for i in range(state.count):
         hyp = population.hyp[i]
         predict_plane(hyp.mu, hyp.cov, move, state.scale, q)

@@ -56,7 +56,7 @@ from .state import (
 ACROSS_SIGMA = 30.0  # m, across the road before the road is observed
 
 _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
-_HEADING_NOISE = 0.02  # rad², of a vehicle's heading about its road's after a transition
+HEADING_NOISE = 0.02  # rad², of a vehicle's heading about its road's after a transition
 _FOOT_VARIANCE = 100.0  # m², of the fix's foot where the tangent is taken
 
 _MOST_ARRIVALS = 24  # routes that become hypotheses
@@ -182,7 +182,7 @@ def _predict_travel(
     """
     mean = hyp.mu
     cov = hyp.cov
-    variance = ctx.par[0].edge_heading_sigma ** 2 + _HEADING_NOISE
+    variance = ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE
     noise = Noise(travel.noise, 0.0, variance, 0.0, 0.0, 0.0)
     heading = math.atan2(foot.ty, foot.tx)
     bend = wrap(heading - before)
@@ -328,7 +328,7 @@ def _return_to(belief: Belief, ctx: Context, i: int, c: int, share: float) -> No
     hyp = belief.hyp[spawn(belief, i, share, edge, segment)]
     mean = hyp.mu
     redraw(hyp, D, lane_mean(ctx, edge), lane_sigma(ctx, edge) ** 2)
-    hyp.cov[H, H] = ctx.par[0].edge_heading_sigma ** 2 + _HEADING_NOISE
+    hyp.cov[H, H] = ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE
     mean[H] = math.atan2(ty, tx)
     lateral = ty * (mean[X] - cx) / scale - tx * (mean[Y] - cy) / scale
     lateral += ty * mean[MX] - tx * mean[MY]

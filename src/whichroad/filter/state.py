@@ -80,6 +80,7 @@ FILTER = np.dtype(
         ("since_map", "f8"),  # m travelled since the map was observed
         ("since_exit", "f8"),  # m travelled since the off-road exchange
         ("since_fix", "f8"),  # m travelled since the last fix
+        ("unmeasured", "f8"),  # m extrapolated since the last fix or measured odometry
         ("moving", "f8"),  # s of motion since the last fix
         ("standing", "f8"),  # s of standing until now
         ("last_fix", "f8"),  # time of the last fix, s

@@ -15,8 +15,16 @@ from .branching import PASSED, advance_along, branch, forward_only
 from .estimate import Output, summarise
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
-from .history import History, accumulate_motion, is_full, store
-from .motion import increment_of, predict_plane, wheel_noise
+from .history import History, accumulate_motion, accumulate_noise, is_full, store
+from .motion import (
+    Increment,
+    Noise,
+    blind_noise,
+    extrapolated,
+    increment_of,
+    predict_plane,
+    wheel_noise,
+)
 from .reduction import reduce
 from .road import observe_map
 from .sparse import transit, truncate_to_edges
@@ -163,7 +171,7 @@ def _predict(
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
     if state.motion == PLANE:
-        _predict_wheels(belief, path, ctx, epoch, dt)
+        _predict_wheels(belief, path, history, ctx, epoch, dt)
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
@@ -173,8 +181,12 @@ def _predict(
         _count_motion(state, moved, dt)
     else:
         moved = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
+        odometer = dt if mode == CLOCK else epoch.arc
+        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), moved, mode)
+        if len(history.steps) > 0:
+            accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0), q)
         turned = turn_round(belief, ctx, dt)
-        branched = advance_along(belief, path, ctx, dt if mode == CLOCK else epoch.arc)
+        branched = advance_along(belief, path, ctx, odometer, q)
         weighed = mode == CLOCK and forward_only(belief, ctx)
         if turned or branched or weighed:
             state.changed = 1
@@ -186,13 +198,14 @@ def _predict(
 
 
 @kernel(inline=True)
-def _predict_wheels(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) -> None:
+def _predict_wheels(
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
+) -> None:
     """Equation (1) in equal pieces of the arc, branching between them."""
     state = belief.state[0]
     pieces = max(1, math.ceil(abs(epoch.arc) / _PIECE))
     move = increment_of(epoch, pieces)
     metres = abs(epoch.arc) * (1.0 / pieces)
-    q = wheel_noise(ctx.par[0], metres, move.turn, epoch.odometry_valid == 1)
     for piece in range(pieces):
         if piece > 0:
             if state.changed:
@@ -201,11 +214,25 @@ def _predict_wheels(belief: Belief, path: Path, ctx: Context, epoch: Record, dt:
                 state.changed = 1
             if state.changed:
                 reduce(belief, path, ctx)
+        q = _noise(state, epoch, wheel_noise(ctx.par[0], metres, move.turn), metres, WHEELS)
+        if len(history.steps) > 0:
+            accumulate_noise(history, move, q)
         for i in range(state.count):
             predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
         _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
     if dt > 1e-6:
         state.turn_rate = epoch.turn / dt
+
+
+@kernel(inline=True)
+def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
+    """Process noise of an increment, more where the odometer did not measure it."""
+    if mode == CLOCK or epoch.odometry_valid == 1:
+        state.unmeasured = 0.0
+        return noise
+    before = state.unmeasured
+    state.unmeasured += metres
+    return extrapolated(noise, before, metres)
 
 
 @kernel(inline=True)
