@@ -112,7 +112,7 @@ def _moment(text: str) -> Moment | None:
 
 def at_work(kernel: str) -> str:
     """What to say while a kernel runs, which is compiled before if it never was."""
-    from ..core._jit import cache_folder
+    from ..native.cache import cache_folder
 
     folder = cache_folder()
     if folder is not None and any(folder.rglob(f"{kernel}-*.nbi")):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Ints, Ints32, Matrix, Vector, kernel
+from ._jit import Bytes, Cube, Ints, Ints32, Matrix, Vector, entry
 
 N = 10
 X, Y, H, K, B, D, MX, MY, GX, GY = range(N)
@@ -61,7 +61,7 @@ class Belief(NamedTuple):
     """
 
     mean: Matrix  # (C, N)
-    cov: Matrix  # (C, N, N)
+    cov: Cube  # (C, N, N)
     log_weight: Vector  # (C,)
     probability: Vector  # (C,) exp(log_weight), set by `observe.normalise`
     edge: Ints32  # (C,) directed edge, OFF_ROAD
@@ -122,7 +122,7 @@ def new_route(capacity: int) -> Route:
     )
 
 
-@kernel
+@entry
 def normalise(belief: Belief) -> float:
     """Make the weights sum to one; returns the log of what they summed to.
 

@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel, part
+from ._jit import Vector, entry, kernel, part
 from .along import advance_along, forward_only
 from .belief import (
     MISFITS,
@@ -50,7 +50,7 @@ SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _MOST_SECONDS = 1800.0  # a pause longer than this, without odometry, starts anew
 
 
-@part
+@entry
 def _roll(
     belief: Belief, scale: float, epochs: Epochs, k: int, pieces: int, par: Parameters
 ) -> None:
@@ -154,7 +154,7 @@ def _speed(belief: Belief, epochs: Epochs, k: int, dt: float, mode: int) -> floa
     return float(rate * epochs.arc[k] / dt if dt > 1e-6 else belief.clock[SPEED])
 
 
-@kernel
+@entry
 def run(
     belief: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs, output: Output,
     first: int, last: int, mode: int, side: float, lever: Vector, par: Parameters,

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ._jit import Bytes, Ints, Vector, kernel, part
+from ._jit import Bytes, Ints, Vector, entry, part
 from .belief import CAPACITY, CLOCKS, KEPT, NO_EDGE, OFF_ROAD, Belief, Route
 from .drive import run
 from .epoch import Epochs
@@ -99,7 +99,7 @@ def _tell_chain(belief: Belief, route: Route, chains: Chains, d: int) -> bool:
     return True
 
 
-@kernel
+@entry
 def localize_each(
     belief: Belief, fresh: Belief, roads: Roads, route: Route, work: Work, epochs: Epochs,
     output: Output, first: Ints, chains: Chains, mode: int, side: float, lever: Vector,
@@ -156,7 +156,7 @@ def _first_epochs(entered: Vector, time: Vector, found: Ints) -> None:
     found[len(entered)] = len(time)
 
 
-@kernel
+@entry
 def pass_each(
     roads: Roads, epochs: Epochs, output: Output, s: Vector, first: Ints, chains: Chains,
     epoch: Ints, told: Passages,

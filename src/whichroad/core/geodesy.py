@@ -7,7 +7,7 @@ at the origin).  Angles are radians here; degrees stay in `frames`.
 import math
 from typing import NamedTuple
 
-from ._jit import Vector, kernel
+from ._jit import Vector, entry, kernel
 
 SEMI_MAJOR = 6378137.0  # m, WGS84
 FLATTENING = 1.0 / 298.257223563
@@ -120,14 +120,14 @@ def convergence(sphere: Sphere, x: float, y: float) -> float:
     )
 
 
-@kernel
+@entry
 def to_plane_all(sphere: Sphere, lat: Vector, lon: Vector, x: Vector, y: Vector) -> None:
     """`to_plane` of (n,) positions in radians into x and y."""
     for i in range(len(lat)):
         x[i], y[i] = to_plane(sphere, lat[i], lon[i])
 
 
-@kernel
+@entry
 def convergence_all(sphere: Sphere, x: Vector, y: Vector, out: Vector) -> None:
     """`convergence` of (n,) points into out, radians."""
     for i in range(len(x)):

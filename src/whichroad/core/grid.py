@@ -7,7 +7,7 @@ passes through.
 
 import math
 
-from ._jit import Ints, Vector, kernel
+from ._jit import Ints, Vector, entry, kernel
 from .network import Roads
 
 _HALF = 2**31  # columns and rows count from -2³¹
@@ -211,7 +211,7 @@ def closest(
     return n
 
 
-@kernel
+@entry
 def near(
     roads: Roads, x: float, y: float, radius: float,
     out_edge: Ints, out_s: Vector, out_lateral: Vector, out_distance: Vector,

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Matrix, Vector, kernel, part
+from ._jit import Cube, Hyper, Matrix, Vector, entry, kernel, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -55,8 +55,8 @@ class View(NamedTuple):
     """What a look back is worked out on: two steps' hypotheses, and what is told of one."""
 
     p: Matrix  # (2, KEPT)
-    mean: Matrix  # (2, KEPT, N)
-    cov: Matrix  # (2, KEPT, N, N)
+    mean: Cube  # (2, KEPT, N)
+    cov: Hyper  # (2, KEPT, N, N)
     bench: Bench
     row: Vector  # (N,)
     then_mean: Vector  # (N,)
@@ -256,7 +256,7 @@ def tell(
         say(belief, roads, told, k, scale, outage_after, ambiguous_below, risk, unknown, chi2)
 
 
-@kernel
+@entry
 def look_back(
     memory: Memory, view: View, roads: Roads, route: Route, epochs: Epochs, filtered: Output,
     told: Output, known: int, first: int, last: int, mode: int, side: float, par: Parameters,
@@ -316,7 +316,7 @@ def surest(memory: Memory, view: View, step: int, slot: int) -> float:
     return best
 
 
-@kernel
+@entry
 def look_at(
     memory: Memory, view: View, roads: Roads, route: Route, told: Output, step: int, mode: int,
     side: float, par: Parameters, outage_after: float, ambiguous_below: float, sure: float,

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from ._jit import Bytes, Floats32, Ints, Ints32, Vector, kernel
+from ._jit import Bytes, Floats32, Ints, Ints32, Matrix32, Vector, kernel
 
 AGAINST_ONE_WAY = 1  # bit of `rule` and `succ_rule`
 TURN_BANNED = 2
@@ -48,7 +48,7 @@ class Roads(NamedTuple):
     cell_edge: Ints32  # (G,) edge of the segment
     cell_vertex: Ints32  # (G,) first vertex of the segment
     curvature: float  # 1 / (4 R²), 1/m²
-    hop: Floats32  # (E, 5) end, length, price and time of an edge, see core.hops
+    hop: Matrix32  # (E, 5) end, length, price and time of an edge, see core.hops
     succ_cost: Floats32  # (S,) nats that a turn costs, 0 for the likeliest
 
 

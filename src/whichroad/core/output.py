@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import Bytes, Floats32, Ints32, Matrix, Vector, part
+from ._jit import Bytes, Ints32, Matrix, Matrix32, Table32, Vector, entry, part
 from .angles import wrap
 from .belief import (
     GNSS_SCALE,
@@ -42,8 +42,8 @@ class Output(NamedTuple):
     edge: Ints32  # (n,)
     status: Bytes  # (n,)
     live: Ints32  # (n,) hypotheses
-    alt_edge: Ints32  # (n, ALTERNATIVES)
-    alt_p: Floats32  # (n, ALTERNATIVES)
+    alt_edge: Table32  # (n, ALTERNATIVES)
+    alt_p: Matrix32  # (n, ALTERNATIVES)
     alt_pose: Matrix  # (n or 0, ALTERNATIVES * 6) x, y, heading, cov xx, xy, yy
 
 
@@ -66,7 +66,7 @@ def new_output(n: int, poses: bool) -> Output:
     )
 
 
-@part
+@entry
 def say(
     belief: Belief, roads: Roads, output: Output, k: int, scale: float, outage_after: float,
     ambiguous_below: float, risk: float, unknown: float, chi2: float,

@@ -12,7 +12,7 @@ after fixes that fit nothing for long.
 
 import math
 
-from ._jit import Vector, kernel
+from ._jit import Vector, entry, kernel
 from .along import forward_only
 from .angles import wrap
 from .belief import (
@@ -197,7 +197,7 @@ def tell(
         output.status[k] = OUTAGE if gone > outage_after else LOST
 
 
-@kernel
+@entry
 def run_paper(
     belief: Belief, roads: Roads, bench: Bench, epochs: Epochs, output: Output, first: int,
     last: int, mode: int, lever: Vector, par: Parameters, literal: Literal, outage_after: float,

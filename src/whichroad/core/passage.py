@@ -1,6 +1,6 @@
 """When and where the edges of a route were driven, from the positions said along them."""
 
-from ._jit import Bytes, Floats32, Ints, Ints32, Vector, kernel
+from ._jit import Bytes, Ints, Ints32, Matrix32, Table32, Vector, entry, kernel
 from .network import Roads
 
 _BESIDE = 2  # edges before and after those of which no epoch speaks
@@ -16,7 +16,7 @@ def joins(roads: Roads, a: int, b: int) -> bool:
     return bool(t < end)
 
 
-@kernel
+@entry
 def turn_rules(roads: Roads, edge: Ints, bits: Ints) -> None:
     """Add the rules that the turns into edges break.
 
@@ -31,10 +31,10 @@ def turn_rules(roads: Roads, edge: Ints, bits: Ints) -> None:
                 bits[i] |= roads.succ_rule[t]
 
 
-@kernel
+@entry
 def drive_edges(
     roads: Roads, edge: Ints, entered: Vector, abscissa: Vector, first: Ints,
-    time: Vector, said: Ints32, s: Vector, alt_edge: Ints32, alt_p: Floats32, last_epoch: int,
+    time: Vector, said: Ints32, s: Vector, alt_edge: Table32, alt_p: Matrix32, last_epoch: int,
     enter_time: Vector, exit_time: Vector, enter_m: Vector, exit_m: Vector, p: Vector, gap: Bytes,
 ) -> None:  # fmt: skip
     """Fill in each edge's times, ends and probability.
@@ -91,7 +91,7 @@ def drive_edges(
 
 @kernel
 def _bridge(
-    edge: Ints, first: Ints, alt_edge: Ints32, alt_p: Floats32, last_epoch: int, p: Vector
+    edge: Ints, first: Ints, alt_edge: Table32, alt_p: Matrix32, last_epoch: int, p: Vector
 ) -> None:
     """P of the edges of which no epoch speaks, by the epochs on both sides of them."""
     rows, i = len(edge), 0
@@ -110,7 +110,7 @@ def _bridge(
 
 
 @kernel
-def _on_route(edge: Ints, low: int, high: int, alt_edge: Ints32, alt_p: Floats32) -> float:
+def _on_route(edge: Ints, low: int, high: int, alt_edge: Table32, alt_p: Matrix32) -> float:
     """P of the edges low ... high - 1 of a route at an epoch."""
     total = 0.0
     for a in range(len(alt_edge)):

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ._jit import Ints, Ints32, Matrix, Vector, kernel
+from ._jit import Ints, Ints32, Matrix, Vector, entry, kernel
 from .belief import (
     GX,
     GY,
@@ -77,14 +77,14 @@ def turning(roads: Roads, first: int, last: int) -> float:
     return total
 
 
-@kernel
+@entry
 def turnings(roads: Roads, total: Vector) -> None:
     """How much each edge turns on its way, rad, into total (E,)."""
     for e in range(len(total)):
         total[e] = turning(roads, roads.first[e], roads.first[e + 1] - 1)
 
 
-@kernel
+@entry
 def places(
     roads: Roads, edge: Ints32, s: Vector, spread: Vector, x: Vector, y: Vector, heading: Vector
 ) -> None:
@@ -105,7 +105,7 @@ def places(
         heading[k], _, _ = bend(roads, edge[k], v, s[k], spread[k])
 
 
-@kernel
+@entry
 def lay_out(
     population: Belief, roads: Roads, edge: Ints32, s: Vector, spread: Vector,
     log_weight: Vector, scale: float, side: float, par: Parameters,
@@ -211,7 +211,7 @@ def copy_row(source: Belief, i: int, target: Belief, j: int) -> None:
     target.fresh[j] = source.fresh[i]
 
 
-@kernel
+@entry
 def hand_over_all(
     population: Belief, passed: Belief, part: Belief, roads: Roads, route: Route, work: Work,
     scale: float, arc: float, side: float, lane_sigma: float, prune: float,
@@ -254,7 +254,7 @@ def hand_over_all(
     return room
 
 
-@kernel
+@entry
 def collect(
     population: Belief, kept: Belief, route: Route, order: Ints, limit: float, scale: float
 ) -> None:
@@ -313,7 +313,7 @@ def collect(
             )  # fmt: skip
 
 
-@kernel
+@entry
 def sum_up(population: Belief, part: Belief, order: Ints, apart: int, scale: float) -> None:
     """The first rows of an order, and all the others as one of no edge, by their moments.
 

@@ -7,7 +7,7 @@ stay within 1e-2 of the exact road probabilities, and the four best unmerged wit
 
 import math
 
-from ._jit import kernel, part
+from ._jit import entry, kernel, part
 from .angles import wrap
 from .belief import KEPT, NO_EDGE, NOW, OFF_ROAD, ORIGINS, Belief, H, Route, X, Y, normalise
 from .gaussian import merge_moments
@@ -178,7 +178,7 @@ def _is_clear(belief: Belief) -> bool:
     return rest < _CLEAR
 
 
-@part
+@entry
 def reduce(
     belief: Belief, route: Route, scale: float, prune: float, limit: float, most: int
 ) -> None:  # fmt: skip

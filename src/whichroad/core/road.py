@@ -6,7 +6,7 @@ their likelihoods are densities of the same quantity and may be compared.
 
 import math
 
-from ._jit import Vector, kernel, part
+from ._jit import Vector, entry, kernel, part
 from .angles import angle_of, wrap
 from .belief import (
     MX,
@@ -55,7 +55,7 @@ def track(belief: Belief, roads: Roads, i: int, scale: float) -> tuple[float, fl
     return across / scale, tx, ty
 
 
-@part
+@entry
 def observe_roads(
     belief: Belief,
     roads: Roads,

@@ -2,7 +2,7 @@
 
 import math
 
-from ._jit import Vector, kernel, part
+from ._jit import Vector, entry, kernel, part
 from .angles import wrap
 from .belief import (
     CAPACITY,
@@ -83,7 +83,7 @@ def _fresh_state(
     cov[MY, MY] = map_sigma**2
 
 
-@part
+@entry
 def cold_start(
     belief: Belief, roads: Roads, route: Route, work: Work, total: float, fix: Vector,
     slow: float, white: float, scale: float, lever: Vector, heading: float,

@@ -2,13 +2,13 @@
 
 import math
 
-from ._jit import Ints, Vector, kernel
+from ._jit import Ints, Vector, entry
 from .memory import Memory
 
 _SHARE = 1e-3  # a link of less is no way to go
 
 
-@kernel
+@entry
 def edge_probability(memory: Memory, total: Vector) -> None:
     """Smoothed P of each node's edge at its step, components of one edge added up, (M,)."""
     for step in range(memory.size[0]):
@@ -21,7 +21,7 @@ def edge_probability(memory: Memory, total: Vector) -> None:
                     total[i] += memory.smoothed[j]
 
 
-@kernel
+@entry
 def best_way(
     memory: Memory, weight: Vector, p: Vector, viterbi: bool, score: Vector, back: Ints, way: Ints
 ) -> None:

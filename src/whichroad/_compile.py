@@ -1,0 +1,231 @@
+"""The decorators of kernels, and which of three ways runs them.
+
+A kernel is a plain function over numbers, arrays, records and named tuples of these.  Called
+from Python it runs as Python, so that debuggers and coverage see it.  An *entry* is a kernel
+that Python code calls: it runs compiled.  `WHICHROAD_KERNELS` says how:
+
+    native  by the library that was built ahead of time (`whichroad.native`); the usual way
+    jit     compiled by numba when first called: for developers, and platforms without a library
+    python  as plain Python, which is a hundred times slower; so does NUMBA_DISABLE_JIT=1
+
+Without the variable: native where there is a library or one can be built, else jit.
+"""
+
+import functools
+import importlib
+import inspect
+import os
+import threading
+from collections.abc import Callable
+from typing import Annotated, Any, Generic, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .native.layout import Array, Layout
+
+Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
+Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]
+Cube = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 3)]
+Hyper = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 4)]
+Ints = Annotated[NDArray[np.int64], Array(np.dtype("i8"), 1)]
+Ints32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 1)]
+Floats32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 1)]
+Matrix32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 2)]
+Table32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 2)]
+Bytes = Annotated[NDArray[np.uint8], Array(np.dtype("u1"), 1)]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_KERNELS: list[tuple[Callable[..., Any], bool]] = []  # every kernel, and whether it is inlined
+_ENTRIES: "dict[str, Entry[..., Any]]" = {}
+_TEACHERS: list[str] = []  # modules to import when numba is used
+_LOCK = threading.RLock()
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """A function that can be compiled, and runs as Python when Python calls it.
+
+    Divisions follow NumPy (no exception), and nothing is reordered (no fastmath: log-weights
+    may be infinite).  A kernel allocates nothing, so its arrays need no reference counts.
+    """
+    return _known(function, False)
+
+
+def part(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel that becomes a part of those that call it: for what has one caller."""
+    return _known(function, True)
+
+
+def _known(function: Callable[P, R], inlined: bool) -> Callable[P, R]:
+    with _LOCK:
+        _KERNELS.append((function, inlined))
+        if _jit_is_on():
+            _teach(function, inlined)
+    return function
+
+
+class Entry(Generic[P, R]):
+    """A kernel that Python code calls: by the library, by numba, or as it is."""
+
+    def __init__(self, function: Callable[P, R]) -> None:
+        functools.update_wrapper(self, function)
+        self.function = function
+        self._run: Callable[..., R] = self._first
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        if kwargs:
+            args = self._signature.bind(*args, **kwargs).args  # type: ignore[assignment]
+        return self._run(*args)
+
+    def bind(self, *args: Any) -> Callable[..., R]:
+        """The same call over and over: pointers are taken once.
+
+        Args:
+            args: As the kernel takes them; `...` for numbers that each call will give.
+
+        Returns:
+            A function of those numbers, in the order of the arguments.  It holds the arrays,
+            and is for one thread at a time.
+        """
+        from .native import library
+
+        if way() == "native":
+            return library.call_of(self.layout).bind(args)
+        free = [k for k, arg in enumerate(args) if arg is ...]
+        values = list(args)
+
+        def call(*given: Any) -> R:
+            for k, value in zip(free, given, strict=True):
+                values[k] = value
+            return self._run(*values)
+
+        return call
+
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """What C sees of its arguments and its result."""
+        return Layout.of(self.function)
+
+    @functools.cached_property
+    def _signature(self) -> inspect.Signature:
+        return inspect.signature(self.function)
+
+    def _first(self, *args: Any) -> R:
+        """Find out how to run, when called for the first time."""
+        with _LOCK:
+            how = way()
+            if how == "native":
+                from .native import library
+
+                self._run = library.call_of(self.layout)
+            else:
+                self._run = jit(self.function) if how == "jit" else self.function
+        return self._run(*args)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for, where another kernel calls it."""
+        return _teach(self.function, False)
+
+
+def entry(function: Callable[P, R]) -> Entry[P, R]:
+    """A kernel that Python code calls, compiled.
+
+    Its annotations are the types it is compiled for: `int`, `float`, `bool`, arrays of this
+    module, NamedTuples of these.  Arrays are in C order.
+    """
+    made = Entry(_known(function, False))
+    name = function.__name__.strip("_")
+    known = _ENTRIES.get(name)
+    if known is not None and known.function.__module__ != function.__module__:
+        raise TypeError(f"two entries are called {name}: one name each was expected")
+    _ENTRIES[name] = made
+    return made
+
+
+def entries() -> "dict[str, Entry[..., Any]]":
+    """All entries by name, as far as their modules are imported."""
+    return dict(_ENTRIES)
+
+
+@functools.cache
+def way() -> str:
+    """How entries run: "native", "jit" or "python"."""
+    asked = os.environ.get("WHICHROAD_KERNELS", "")
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}:
+        asked = "python"
+    if asked in {"python", "jit"}:
+        return asked
+    from .native import library
+
+    return library.way(asked)
+
+
+# numba, where it is asked for
+
+
+def lowered_by(module: str) -> None:
+    """Say which module teaches numba what it cannot compile by itself; it is imported then."""
+    with _LOCK:
+        _TEACHERS.append(module)
+        if _jit_is_on():
+            _import_teachers()
+
+
+def _import_teachers() -> None:
+    while _TEACHERS:
+        importlib.import_module(_TEACHERS.pop())
+
+
+def _jit_is_on() -> bool:
+    return _jit_options is not None
+
+
+_jit_options: dict[str, Any] | None = None
+_JIT: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
+
+
+def teach_numba(**options: Any) -> None:
+    """Make every kernel, also those to come, one that numba can compile.
+
+    Args:
+        options: Of `numba.njit`, beside those that all kernels have.
+    """
+    global _jit_options
+    with _LOCK:
+        if _jit_options is None:
+            _jit_options = _JIT | options
+            for function, inlined in _KERNELS:
+                _teach(function, inlined)
+            _import_teachers()
+
+
+def _teach(function: Any, inlined: bool) -> Any:
+    """Give a kernel the mark by which numba finds its dispatcher."""
+    with _LOCK:
+        if not hasattr(function, "_numba_type_"):
+            import numba
+
+            made = numba.njit(forceinline=inlined, **(_jit_options or _JIT))(function)
+            function._dispatcher = made  # its type holds it weakly
+            function._numba_type_ = made._numba_type_
+        return function._numba_type_
+
+
+def jit(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel compiled by numba, for those who call one that is no entry."""
+    from numba import config
+
+    from .native.cache import cache_folder
+
+    folder = cache_folder()
+    before = config.CACHE_DIR
+    if folder is not None:
+        config.CACHE_DIR = str(folder)
+    try:
+        teach_numba(cache=folder is not None)
+        return _teach(function, False).dispatcher  # type: ignore[no-any-return]
+    finally:
+        config.CACHE_DIR = before
