@@ -38,7 +38,7 @@ NUMBERS = {int: "q", float: "d", bool: "q"}  # and their words, as `struct` name
 class Leaf(NamedTuple):
     """One number, record or array of a block."""
 
-    path: str  # "belief.mean"
+    path: str  # "belief.mean"; "result…" for the result
     kind: type | Array
     at: int  # first word
 
@@ -46,6 +46,11 @@ class Leaf(NamedTuple):
     def words(self) -> int:
         """How many words it takes."""
         return 1 + self.kind.ndim if isinstance(self.kind, Array) else 1
+
+    @property
+    def is_result(self) -> bool:
+        """Whether it is of the result."""
+        return self.path.partition(".")[0] == "result"
 
 
 @dataclass(frozen=True, slots=True)

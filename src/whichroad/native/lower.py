@@ -6,6 +6,7 @@ touches nobody else, and two of them can run beside each other.
 
 import importlib
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -16,12 +17,14 @@ import llvmlite.binding as llvm
 
 from numba import njit, types
 from numba.core import cgutils
+from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 from numba.np import arrayobj
 from numba.np.numpy_support import from_dtype
 
 from .layout import Array, Fields, Kind, Layout
 
+PLAIN = "plain"  # argument: by public functions of numba alone
 _WORDS = types.CPointer(types.int64)
 OPTIONS = {
     "error_model": "numpy", "nogil": True, "_nrt": False,
@@ -115,7 +118,7 @@ def outer(layout: Layout, kernel: Any) -> Callable[[Any], None]:
         return call
 
     result = numba_type(layout.result)
-    at = min(leaf.at for leaf in layout.leaves() if leaf.path.split(".")[0] == "result")
+    at = min(leaf.at for leaf in layout.leaves() if leaf.is_result)
 
     @intrinsic
     def store(typing_context: Any, block: Any, value: Any) -> Any:
@@ -145,100 +148,98 @@ declare i32 @"{callee}"(ptr, ptr, ptr)
 """
 
 
-class Collected:
+_SOURCE = """
+@whichroad_source = constant [{length} x i8] c"{digest}\\00"
+"""
+
+
+class _Collector:
     """Modules as numba lowers them, each once, instead of each with all that it calls.
 
-    numba links into every function all functions that it calls, optimises it and emits machine
-    code, which takes two thirds of the time and is not wanted here.  What is replaced is not
-    public: where it is missing, `Collected` says so and the slower, public way is gone.
+    numba links into every function all functions that it calls, optimises them and emits
+    machine code: two thirds of the time, and not wanted here.  What is replaced is not public;
+    where it is missing, or what comes out is not whole, an error says so, and all is lowered
+    by public functions.
     """
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        from numba.core import codegen, cpu, targetconfig
+    def __init__(self) -> None:
+        from numba.core.codegen import CPUCodeLibrary
+        from numba.core.cpu import CPUContext
+        from numba.core.targetconfig import TargetConfig
 
-        self.modules: list[Any] = []
-        library, context = codegen.CPUCodeLibrary, cpu.CPUContext
-        config = targetconfig.TargetConfig
-        for owner, name in (
-            (library, "finalize"), (library, "_optimize_functions"), (library, "_final_module"),
-            (context, "get_executable"), (config, "values"),
-        ):  # fmt: skip
-            if name != "_final_module" and not callable(getattr(owner, name, None)):
-                raise AttributeError(f"numba has no {owner.__name__}.{name}")
+        self._modules: list[Any] = []
         defaults: dict[type, dict[str, Any]] = {}
 
-        def finalize(self_: Any) -> None:
-            self_._finalized = True
-            self.modules.append(self_._final_module)
-            tell(self_.name)
+        def finalize(library: Any) -> None:
+            library._finalized = True
+            self._modules.append(library._final_module)
+            _say(f"lowered {library.name}")
 
-        def get_executable(self_: Any, library: Any, fndesc: Any, env: Any) -> Any:
+        def get_executable(context: Any, library: Any, fndesc: Any, env: Any) -> Any:
             library._ensure_finalized()
-            return [].append  # some builtin of its own: numba's key of this function
+            return [].append  # a builtin of its own: by it numba knows the function
 
-        def values(self_: Any) -> dict[str, Any]:
-            if type(self_) not in defaults:
-                defaults[type(self_)] = {k: one.default for k, one in self_.options.items()}
-            return {**defaults[type(self_)], **self_._values}
+        def values(config: Any) -> dict[str, Any]:
+            if type(config) not in defaults:
+                defaults[type(config)] = {k: one.default for k, one in config.options.items()}
+            return {**defaults[type(config)], **config._values}
 
-        library.finalize = finalize  # type: ignore[method-assign]
-        library._optimize_functions = lambda self_, module: None  # type: ignore[method-assign]
-        context.get_executable = get_executable  # type: ignore[method-assign]
-        config.values = values  # type: ignore[method-assign]
+        for owner, function in (
+            (CPUCodeLibrary, finalize), (CPUContext, get_executable), (TargetConfig, values),
+        ):  # fmt: skip
+            if function.__name__ not in vars(owner):
+                raise AttributeError(f"{owner.__name__} has no {function.__name__}")
+            setattr(owner, function.__name__, function)
+        CPUCodeLibrary._optimize_functions = lambda library, module: None
 
     def linked(self) -> Any:
         """All of them in one."""
-        first, *others = (module.clone() for module in self.modules)
+        whole, *others = (module.clone() for module in self._modules)
         for module in others:
-            first.link_in(module)
-        missing = [
-            f.name for f in first.functions if f.is_declaration and f.name.startswith("_ZN")
-        ]
-        if missing:
-            raise RuntimeError(f"functions without a body: {missing[:3]}")
-        return first
+            whole.link_in(module)
+        for function in whole.functions:
+            if function.is_declaration and function.name.startswith("_ZN"):
+                raise RuntimeError(f"{function.name} has no body")
+        return whole
 
 
-def lower(names: Iterable[str], tell: Callable[[str], None], plain: bool = False) -> Any:
-    """The module of some entries: theirs is what it shows, all else is internal.
+def lower(names: Iterable[str], collect: bool) -> Any:
+    """The module of some entries: these are what it shows, all else is internal.
 
     Args:
         names: Of entries whose modules are imported.
-        tell: Told of each function that is lowered.
-        plain: By public functions of numba alone, which takes longer.
+        collect: Each function once, by replacing parts of numba; else by public functions
+            alone, which takes three times as long.
+
+    Returns:
+        LLVM's module, for any machine.
     """
     from .. import _compile
 
-    collected = None if plain else Collected(tell)
+    collector = _Collector() if collect else None
     _compile.teach_numba(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    shims, whole = [], None
+    shims, modules = [], []
     for name in names:
-        entry = _compile.entries()[name]
-        compiled = njit((_WORDS,), **OPTIONS)(outer(entry.layout, entry))
+        layout = _compile.entries()[name].layout
+        compiled = njit((_WORDS,), **OPTIONS)(outer(layout, _compile.entries()[name]))
         signature = compiled.signatures[0]
         callee = compiled.overloads[signature].fndesc.llvm_func_name
-        shims.append(
-            _SHIM.format(name=name, callee=callee, checksum=entry.layout.checksum())
-        )
-        if collected is None:
-            tell(name)
-            module = llvm.parse_assembly(_portable(compiled.inspect_llvm(signature)))
-            for function in module.functions:
-                if not function.is_declaration:
-                    function.linkage = "linkonce_odr"
-            if whole is None:
-                whole = module
-            else:
-                whole.link_in(module)
-    if collected is not None:
-        whole = collected.linked()
-    whole = llvm.parse_assembly(_portable(str(whole)))
-    for shim in shims:
-        whole.link_in(llvm.parse_assembly(shim))
+        shims.append(_SHIM.format(name=name, callee=callee, checksum=layout.checksum()))
+        if collector is None:
+            _say(f"lowered {name}")
+            module = llvm.parse_assembly(compiled.inspect_llvm(signature))
+            for one in module.functions:
+                if not one.is_declaration:
+                    one.linkage = "linkonce_odr"
+            modules.append(module)
+    if collector is not None:
+        modules.append(collector.linked())
+    whole, *others = (llvm.parse_assembly(_portable(str(module))) for module in modules)
+    for module in (*others, *map(llvm.parse_assembly, shims)):
+        whole.link_in(module)
     for one in (*whole.functions, *whole.global_variables):
         if not one.is_declaration and not one.name.startswith("whichroad_"):
             one.linkage = "internal"
-    _without_counting(whole)
     return whole
 
 
@@ -249,18 +250,6 @@ def _portable(code: str) -> str:
         if not line.startswith(("target triple", "target datalayout"))
     ]  # fmt: skip
     return "\n".join(kept)
-
-
-def _without_counting(module: Any) -> None:
-    """Reference counts are of arrays that own something; here none does."""
-    for name in ("NRT_incref", "NRT_decref"):
-        for function in module.functions:
-            if function.name == name and function.is_declaration:
-                raise RuntimeError(f"{name} is called, and defined nowhere")
-
-
-class Target(dict[str, str]):
-    """How LLVM names a platform."""
 
 
 TRIPLES = {
@@ -295,23 +284,36 @@ def emit(module: Any, target: str, level: int) -> bytes:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Lower and emit some entries: a job as JSON, told as lines of text."""
+    """Lower and emit some entries: a job as JSON; what is done is told as lines of text."""
+    from .. import _compile
+
     job = json.loads(arguments[0])
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     for module in job["modules"]:
         importlib.import_module(module)
-
-    def tell(what: str) -> None:
-        print("lowered", what, flush=True)
-
+    first = [name for name in job["entries"] if name in _compile.entries()]
+    names = [name for name in _compile.entries() if name not in first] if job["others"] else first
     begin = time.process_time()
-    lowered = lower(job["entries"], tell, plain=job["plain"])
-    print("seconds lowering", round(time.process_time() - begin, 1), flush=True)
+    try:
+        lowered = lower(names, collect=PLAIN not in arguments)
+    except Exception as error:
+        if PLAIN in arguments or isinstance(error, NumbaError):  # a kernel that is wrong
+            raise
+        _say(f"lowering again by public functions alone, because of {error!r}")
+        again = [sys.executable, "-m", "whichroad.native.lower", *arguments, PLAIN]
+        os.execv(sys.executable, again)
+    _say(f"seconds {time.process_time() - begin:.1f} of CPU to lower")
+    if not job["others"]:
+        lowered.link_in(llvm.parse_assembly(_SOURCE.format(digest=job["source"], length=len(job["source"]) + 1)))
     for target, path in job["objects"].items():
         begin = time.process_time()
         Path(path).write_bytes(emit(lowered, target, job["level"]))
-        print("seconds", target, round(time.process_time() - begin, 1), flush=True)
+        _say(f"emitted {target} in {time.process_time() - begin:.1f} s of CPU")
+
+
+def _say(what: str) -> None:
+    print(what, flush=True)
 
 
 if __name__ == "__main__":
