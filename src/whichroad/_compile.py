@@ -76,7 +76,7 @@ class Entry(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         if kwargs:
-            args = self._signature.bind(*args, **kwargs).args  # type: ignore[assignment]
+            return self._run(*self._signature.bind(*args, **kwargs).args)
         return self._run(*args)
 
     def bind(self, *args: Any) -> Callable[..., R]:
@@ -116,13 +116,15 @@ class Entry(Generic[P, R]):
         """Find out how to run, when called for the first time."""
         with _LOCK:
             how = way()
+            run: Callable[..., R] = self.function
             if how == "native":
                 from .native import library
 
-                self._run = library.call_of(self.layout)
-            else:
-                self._run = jit(self.function) if how == "jit" else self.function
-        return self._run(*args)
+                run = library.call_of(self.layout)
+            elif how == "jit":
+                run = jit(self.function)
+            self._run = run
+        return run(*args)
 
     @property
     def _numba_type_(self) -> Any:
@@ -216,10 +218,11 @@ def _teach(function: Any, inlined: bool) -> Any:
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
     """A kernel compiled by numba, for those who call one that is no entry."""
-    from numba import config
+    import numba
 
     from .native.cache import cache_folder
 
+    config: Any = numba.config  # its attributes are made at run time
     folder = cache_folder()
     before = config.CACHE_DIR
     if folder is not None:

@@ -18,6 +18,18 @@ from .._compile import (
 )
 
 __all__ = [
-    "Bytes", "Cube", "Floats32", "Hyper", "Ints", "Ints32", "Matrix", "Matrix32", "Table32", "Vector", "entry", "kernel",
-    "lowered_by", "part",
-]  # fmt: skip
+    "Bytes",
+    "Cube",
+    "Floats32",
+    "Hyper",
+    "Ints",
+    "Ints32",
+    "Matrix",
+    "Matrix32",
+    "Table32",
+    "Vector",
+    "entry",
+    "kernel",
+    "lowered_by",
+    "part",
+]

@@ -1,7 +1,6 @@
 """Builds the library of all kernels: lowered by two processes, linked, kept in the cache."""
 
 import contextlib
-import functools
 import importlib.util
 import json
 import os
@@ -14,8 +13,8 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import WhichroadError
-from . import cache
+from . import cache, linking
+from .linking import BuildError
 
 Tell = Callable[[float], None]  # told which part is done, 0 to 1
 
@@ -27,17 +26,6 @@ _FIRST = (
 _FUNCTIONS = 400  # that are lowered, both processes together, about; for the progress
 _LOWERING = 0.7  # share of the time
 
-TARGETS = {  # as zig calls them, for the oldest system that is served
-    "linux-x86_64": "x86_64-linux-gnu.2.17",
-    "linux-aarch64": "aarch64-linux-gnu.2.17",
-    "macos-arm64": "aarch64-macos.11.0",
-    "windows-x86_64": "x86_64-windows-gnu",
-}
-
-
-class BuildError(WhichroadError):
-    """The kernels cannot be compiled here."""
-
 
 def why_not() -> str | None:
     """What is missing to build here, in one sentence; None: nothing.  Takes no second."""
@@ -47,52 +35,16 @@ def why_not() -> str | None:
             'found; it was expected to compile them; pip install "whichroad[jit]"'
         )
     target = cache.own_target()
-    if target not in TARGETS:
+    if target not in linking.TARGETS:
         return (
-            f"kernels: this machine is {target}; one of {', '.join(TARGETS)} was expected for a "
-            "library; WHICHROAD_KERNELS=jit compiles at each first call instead"
+            f"kernels: this machine is {target}; one of {', '.join(linking.TARGETS)} was "
+            "expected for a library; WHICHROAD_KERNELS=jit compiles at each first call instead"
         )
-    if linker(target, portable=False) is None:
+    if linking.linker(target, portable=False) is None:
         return (
             "kernels: no C compiler that can link, and no ziglang; one was expected to link the "
             "compiled kernels; pip install ziglang, or install gcc or clang"
         )
-    return None
-
-
-def linker(target: str, portable: bool) -> list[str] | None:
-    """The command that links a library for a machine, or None.
-
-    Args:
-        target: The machine.
-        portable: For old systems too, not just for this one.
-    """
-    if not portable and target == cache.own_target() and (own := _own_linker()) is not None:
-        return [*own]
-    if importlib.util.find_spec("ziglang") is not None:
-        return [sys.executable, "-m", "ziglang", "cc", "-target", TARGETS[target]]
-    return None
-
-
-@functools.cache
-def _own_linker() -> tuple[str, ...] | None:
-    """A C compiler of this machine that links an empty library."""
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        command = shutil.which(name) if name else None
-        if command is None:
-            continue
-        with tempfile.TemporaryDirectory() as folder:
-            empty = Path(folder) / "empty.c"
-            empty.write_text("int whichroad_nothing;\n")
-            try:
-                done = subprocess.run(
-                    [command, "-shared", "-fPIC", str(empty), "-o", f"{folder}/empty", "-lm"],
-                    capture_output=True, timeout=20, check=False,
-                )  # fmt: skip
-            except (OSError, subprocess.TimeoutExpired):
-                continue
-            if done.returncode == 0:
-                return (command,)
     return None
 
 
@@ -149,7 +101,7 @@ def build(
     with _locked(kept / f"{source}.lock"):
         wanted = [target for target in targets if not place(target).exists()]
         if wanted:
-            linkers = {target: linker(target, portable) for target in wanted}
+            linkers = {target: linking.linker(target, portable) for target in wanted}
             if any(command is None for command in linkers.values()):
                 raise BuildError(
                     f"kernels: ziglang is not installed; it was expected to link for "
@@ -159,7 +111,7 @@ def build(
                 objects = _objects(wanted, Path(folder), source, tell)
                 for target in wanted:
                     made = Path(folder) / f"made{cache.suffix(target)}"
-                    _link(linkers[target] or [], target, objects[target], made)
+                    linking.link(linkers[target] or [], target, objects[target], made)
                     _install(made, place(target))
     tell(1.0)
     return {target: _used(place(target)) for target in targets}
@@ -219,7 +171,7 @@ def _objects(
             last = next((line for line in reversed(text) if line.strip()), "nothing")
             raise BuildError(
                 f"kernels: compiling them failed: {last}; a newer or older numba may do; "
-                f'what {" and ".join(cache.TOOLS)} said: {" | ".join(text[-12:])}'
+                f"what {' and '.join(cache.TOOLS)} said: {' | '.join(text[-12:])}"
             )
     return objects
 
@@ -243,22 +195,6 @@ def _wait(
         tell(
             _LOWERING * min(lowered / _FUNCTIONS, 1.0)
             + (0.99 - _LOWERING) * emitted / (processes * targets)
-        )
-
-
-def _link(command: Sequence[str], target: str, objects: Sequence[Path], made: Path) -> None:
-    system = target.partition("-")[0]
-    flags = {"windows": [], "macos": ["-dynamiclib"], "linux": ["-shared", "-Wl,--gc-sections", "-s"]}
-    math = [] if system == "windows" else ["-lm"]
-    line = [
-        *command, *flags[system], *(["-shared"] if system == "windows" else []),
-        *map(str, objects), "-o", str(made), *math,
-    ]  # fmt: skip
-    done = subprocess.run(line, capture_output=True, text=True, check=False, cwd=made.parent)
-    if done.returncode:
-        raise BuildError(
-            f"kernels: linking for {target} failed: {(done.stderr or done.stdout).strip()[-400:]}; "
-            "a working C compiler was expected; install one, or pip install ziglang"
         )
 
 

@@ -10,10 +10,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..errors import WhichroadError
 from . import cache
 from .layout import NUMBERS, Array, Fields, Kind, Layout
 
+_byte_of, _address_of = ctypes.c_char.from_buffer, ctypes.addressof
 _LOCK = threading.RLock()
 _FAILED = "the kernel {} failed; this is a bug; please report it"
 
@@ -68,7 +71,7 @@ def way(asked: str) -> str:
         if missing is None:
             return "native" if found() else ""
         if importlib.util.find_spec("numba") is None:
-            raise build.BuildError(missing)
+            raise LibraryError(missing)
         print(f"{missing}; until then numba compiles at each first call", file=sys.stderr)
         return "jit"
 
@@ -202,16 +205,31 @@ def _flatten(name: str, kind: Kind, value: Any, words: list[Any]) -> None:
         for part, one, inner in zip(kind.names, kind.types, value, strict=True):
             _flatten(part, one, inner, words)
     elif isinstance(kind, Array):
-        about = value.__array_interface__
-        if value.dtype != kind.dtype or value.ndim != kind.ndim or about["strides"] is not None:
+        dtype, shape = value.dtype, value.shape
+        if (
+            (dtype is not kind.dtype and dtype != kind.dtype)
+            or len(shape) != kind.ndim
+            or not (value.flags.c_contiguous and value.flags.aligned)
+        ):
             raise TypeError(
-                f"{name}: an array of {value.dtype}, shape {value.shape}, strides "
-                f"{value.strides}; {kind.ndim} dimensions of {kind.dtype} in C order were expected"
+                f"{name}: an array of {dtype} and shape {shape}, strides "
+                f"{getattr(value, 'strides', None)}; {kind.ndim} dimensions of {kind.dtype} in C "
+                "order were expected"
             )
-        words.append(about["data"][0])
-        words.extend(about["shape"])
+        words.append(_address(value))
+        words.extend(shape)
     else:
         words.append(value)
+
+
+def _address(value: Any) -> int:
+    """Where the memory of an array or a record begins."""
+    try:
+        return _address_of(_byte_of(value))
+    except ValueError:  # nothing is in it, so that nobody looks
+        return 0
+    except TypeError:  # read-only: an entry writes only to what its docstring says
+        return int(np.asarray(value).ctypes.data)
 
 
 def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:

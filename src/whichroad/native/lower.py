@@ -14,15 +14,21 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
-
-from numba import njit, types
-from numba.core import cgutils
+import numba
+from numba import types as _types
+from numba.core import cgutils as _cgutils
 from numba.core.errors import NumbaError
-from numba.extending import intrinsic
-from numba.np import arrayobj
+from numba.extending import intrinsic as _intrinsic
+from numba.np import arrayobj as _arrayobj
 from numba.np.numpy_support import from_dtype
 
 from .layout import Array, Fields, Kind, Layout
+
+njit: Any = numba.njit  # these have no types, or not all of them
+types: Any = _types
+cgutils: Any = _cgutils
+intrinsic: Any = _intrinsic
+arrayobj: Any = _arrayobj
 
 PLAIN = "plain"  # argument: by public functions of numba alone
 _WORDS = types.CPointer(types.int64)
@@ -36,8 +42,10 @@ def numba_type(kind: Kind) -> Any:
     """The type by which numba knows it."""
     if isinstance(kind, Fields):
         parts = [numba_type(one) for one in kind.types]
-        return types.NamedTuple(parts, kind.make) if isinstance(kind.make, type) else (
-            types.Tuple(parts)
+        return (
+            types.NamedTuple(parts, kind.make)
+            if isinstance(kind.make, type)
+            else (types.Tuple(parts))
         )
     if isinstance(kind, Array):
         dtype = from_dtype(kind.dtype)
@@ -58,18 +66,18 @@ class _Words:
 
     def load(self, kind: Kind) -> Any:
         context, builder = self.context, self.builder
-        numba = numba_type(kind)
+        known = numba_type(kind)
         if isinstance(kind, Fields):
-            return context.make_tuple(builder, numba, [self.load(one) for one in kind.types])
+            return context.make_tuple(builder, known, [self.load(one) for one in kind.types])
         if isinstance(kind, Array):
             word = builder.load(self._next())
             if not kind.ndim:
-                return builder.inttoptr(word, context.get_value_type(numba))
+                return builder.inttoptr(word, context.get_value_type(known))
             shape = [builder.load(self._next()) for _ in range(kind.ndim)]
             strides = [context.get_constant(types.intp, kind.dtype.itemsize)]
             for length in shape[:0:-1]:
                 strides.insert(0, builder.mul(strides[0], length))
-            array = arrayobj.make_array(numba)(context, builder)
+            array = arrayobj.make_array(known)(context, builder)
             arrayobj.populate_array(
                 array, data=builder.inttoptr(word, array.data.type), shape=shape,
                 strides=strides, itemsize=context.get_constant(types.intp, kind.dtype.itemsize),
@@ -84,7 +92,7 @@ class _Words:
         return cgutils.is_not_null(builder, word) if kind is bool else word
 
     def store(self, kind: Kind, value: Any) -> None:
-        context, builder = self.context, self.builder
+        builder = self.builder
         if isinstance(kind, Fields):
             for k, one in enumerate(kind.types):
                 self.store(one, builder.extract_value(value, k))
@@ -101,7 +109,7 @@ def outer(layout: Layout, kernel: Any) -> Callable[[Any], None]:
     """The function of one block that calls a kernel."""
     arguments = types.Tuple([numba_type(kind) for kind in layout.arguments.values()])
 
-    @intrinsic
+    @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, block: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             words = _Words(context, builder, args[0])
@@ -117,15 +125,15 @@ def outer(layout: Layout, kernel: Any) -> Callable[[Any], None]:
 
         return call
 
-    result = numba_type(layout.result)
+    kind, result = layout.result, numba_type(layout.result)
     at = min(leaf.at for leaf in layout.leaves() if leaf.is_result)
 
-    @intrinsic
+    @intrinsic  # type: ignore[untyped-decorator]
     def store(typing_context: Any, block: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             words = _Words(context, builder, args[0])
             words.at = at
-            words.store(layout.result, context.cast(builder, args[1], value, result))
+            words.store(kind, context.cast(builder, args[1], value, result))
             return context.get_dummy_value()
 
         return types.void(_WORDS, value), generate
@@ -190,7 +198,7 @@ class _Collector:
             if function.__name__ not in vars(owner):
                 raise AttributeError(f"{owner.__name__} has no {function.__name__}")
             setattr(owner, function.__name__, function)
-        CPUCodeLibrary._optimize_functions = lambda library, module: None
+        setattr(CPUCodeLibrary, "_optimize_functions", lambda library, module: None)  # noqa: B010
 
     def linked(self) -> Any:
         """All of them in one."""
@@ -305,7 +313,9 @@ def main(arguments: Sequence[str]) -> None:
         os.execv(sys.executable, again)
     _say(f"seconds {time.process_time() - begin:.1f} of CPU to lower")
     if not job["others"]:
-        lowered.link_in(llvm.parse_assembly(_SOURCE.format(digest=job["source"], length=len(job["source"]) + 1)))
+        lowered.link_in(
+            llvm.parse_assembly(_SOURCE.format(digest=job["source"], length=len(job["source"]) + 1))
+        )
     for target, path in job["objects"].items():
         begin = time.process_time()
         Path(path).write_bytes(emit(lowered, target, job["level"]))
