@@ -1,178 +1,241 @@
-"""The one compile decorator, and the array types of the kernels."""
+"""The decorators of kernels, and which of three ways runs them.
 
-import contextlib
+A kernel is a plain function over numbers, arrays, records and named tuples of these.  Called
+from Python it runs as Python, so that debuggers and coverage see it.  An *entry* is a kernel
+that Python code calls: it runs compiled.  `WHICHROAD_KERNELS` says how:
+
+    native  by the library that was built ahead of time (`whichroad.native`); the usual way
+    jit     compiled by numba when first called: for developers, and platforms without a library
+    python  as plain Python, which is a hundred times slower; so does NUMBA_DISABLE_JIT=1
+
+Without the variable: native where there is a library or one can be built, else jit.
+"""
+
 import functools
-import hashlib
+import importlib
+import inspect
 import os
-import shutil
-import tempfile
 import threading
-import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar, cast, overload
+from typing import Annotated, Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Ints32 = NDArray[np.int32]
-Floats32 = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
-Records = Any  # np.recarray of one of the structured dtypes
+from .native.layout import Array, Layout
+
+Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
+Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]
+Cube = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 3)]
+Hyper = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 4)]
+Ints = Annotated[NDArray[np.int64], Array(np.dtype("i8"), 1)]
+Ints32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 1)]
+Floats32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 1)]
+Matrix32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 2)]
+Table32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 2)]
+Bytes = Annotated[NDArray[np.uint8], Array(np.dtype("u1"), 1)]
+Records = Any  # np.recarray of one of the structured dtypes; annotated with which, where it matters
 Record = Any  # one row of it
 
-F = TypeVar("F", bound=Callable[..., Any])
+P = ParamSpec("P")
+R = TypeVar("R")
 
+_KERNELS: list[tuple[Callable[..., Any], bool]] = []  # every kernel, and whether it is inlined
+_ENTRIES: "dict[str, Entry[..., Any]]" = {}
+_TEACHERS: list[str] = []  # modules to import when numba is used
 _LOCK = threading.RLock()
-_KEEP_DAYS = 30
-_PACKAGE = Path(__file__).parent
-
-
-def digest(folder: Path = _PACKAGE) -> str:
-    """Digest of every kernel file: what the compiled code depends on."""
-    files = [folder / "_compile.py", folder / "roadmap" / "topology.py"]
-    for name in ("filter", "graph", "geodesy"):
-        files += sorted((folder / name).glob("*.py"))
-    return hashlib.sha256(b"\0".join(f.name.encode() + f.read_bytes() for f in files)).hexdigest()
-
-
-def _writable(base: Path) -> bool:
-    try:
-        base.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=base):
-            return True
-    except OSError:
-        return False
-
-
-@functools.cache
-def cache_folder() -> Path | None:
-    """First writable place for compiled kernels, or None: compile anew each time."""
-    bases = [os.environ.get("WHICHROAD_CACHE_DIR"), _config().CACHE_DIR]
-    xdg = os.environ.get("XDG_CACHE_HOME")
-    bases.append(f"{xdg}/whichroad" if xdg else None)
-    with contextlib.suppress(RuntimeError):
-        bases.append(str(Path.home() / ".cache" / "whichroad"))
-    bases.append(str(Path(tempfile.gettempdir()) / f"whichroad-{getattr(os, 'getuid', int)()}"))
-    for base in bases:
-        if base and _writable(Path(base)):
-            root = Path(base) / "kernels"
-            folder = root / digest()[:24]
-            if not _writable(folder):
-                return None
-            with contextlib.suppress(OSError):
-                os.utime(folder)  # its age counts from its last use
-            _delete_stale(root)
-            return folder
-    return None
-
-
-def _delete_stale(root: Path) -> None:
-    """Delete kernels of versions that nobody has used for a month."""
-    limit = time.time() - _KEEP_DAYS * 86400.0
-    with contextlib.suppress(OSError):
-        for folder in root.iterdir():
-            if folder.is_dir() and folder.stat().st_mtime < limit:
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-def _config() -> Any:
-    """Numba's settings, attributes made at run time."""
-    from numba import config
-
-    return config
-
-
-class _Kernel:
-    """A kernel that numba hears of when it is first called, or a kernel that calls it compiled.
-
-    So importing, opening a map and building one need no compiler: numba alone is 70 MiB.
-    """
-
-    def __init__(self, function: Callable[..., Any], inlined: bool) -> None:
-        functools.update_wrapper(self, function)
-        self._made_of = function, inlined
-
-    def __call__(self, *args: Any) -> Any:
-        return self._dispatcher(*args)
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_dispatcher":
-            with _LOCK:  # two threads must not make two, which would compile apart
-                if name not in self.__dict__:
-                    self._dispatcher = _compile(*self._made_of)
-                return self.__dict__[name]
-        if name.startswith("__"):  # asked by copy and pickle before there is anything
-            raise AttributeError(name)
-        return getattr(self._dispatcher, name)  # `_numba_type_`: what numba takes this for
-
-
-def _compile(function: Callable[..., Any], inlined: bool) -> Any:
-    import numba
-
-    njit: Any = numba.njit  # `_nrt` is not in its public signature
-    config, folder = _config(), cache_folder()
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder) if folder else before
-    try:
-        return njit(
-            cache=folder is not None, nogil=True, error_model="numpy", _nrt=False,
-            forceinline=inlined,
-        )(function)  # fmt: skip
-    finally:
-        config.CACHE_DIR = before
 
 
 @overload
-def kernel(function: F) -> F: ...
+def kernel(function: Callable[P, R]) -> Callable[P, R]: ...
 @overload
-def kernel(*, inline: bool) -> Callable[[F], F]: ...
-def kernel(function: F | None = None, *, inline: bool = False) -> Any:
-    """Compile a function of numbers, arrays, records and tuples of these.
+def kernel(*, inline: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+def kernel(function: Any = None, *, inline: bool = False) -> Any:
+    """A function that can be compiled, and runs as Python when Python calls it.
 
-    Divisions follow NumPy (no exception), the interpreter lock is released, and nothing is
-    reordered (no fastmath: log-weights may be infinite).  A kernel allocates nothing.
+    Divisions follow NumPy (no exception), and nothing is reordered (no fastmath: log-weights
+    may be infinite).  A kernel allocates nothing, so its arrays need no reference counts.
 
     Args:
         function: The kernel.
         inline: Whether it becomes part of its callers: for hot code with one caller.
     """
     if function is None:
-        return lambda f: cast(Any, _Kernel(f, inlined=inline))
-    return _Kernel(function, inlined=inline)
+        return lambda one: _known(one, inline)
+    return _known(function, inline)
 
 
-class _Intrinsic:
-    """A function that is generated code when compiled, and itself in plain Python."""
+def _known(function: Callable[P, R], inlined: bool) -> Callable[P, R]:
+    with _LOCK:
+        _KERNELS.append((function, inlined))
+        if _jit_is_on():
+            _teach(function, inlined)
+    return function
 
-    def __init__(self, function: Callable[..., Any], lower: Callable[[], Any]) -> None:
+
+class Entry(Generic[P, R]):
+    """A kernel that Python code calls: by the library, by numba, or as it is."""
+
+    def __init__(self, function: Callable[P, R]) -> None:
         functools.update_wrapper(self, function)
-        self._function, self._lower = function, lower
+        self.function = function
+        self._run: Callable[..., R] = self._first
 
-    def __call__(self, *args: Any) -> Any:
-        return self._function(*args)
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        if kwargs:
+            return self._run(*self._signature.bind(*args, **kwargs).args)
+        return self._run(*args)
 
-    def __getattr__(self, name: str) -> Any:
-        if name == "_generated":
-            with _LOCK:
-                if name not in self.__dict__:
-                    from numba.extending import intrinsic as make
+    def bind(self, *args: Any) -> Callable[..., R]:
+        """The same call over and over: pointers are taken once.
 
-                    self._generated = cast(Any, make)(self._lower())
-                return self.__dict__[name]
-        if name == "_numba_type_":  # what numba takes this for
-            from numba.core.typing import templates
+        Args:
+            args: As the kernel takes them; `...` for numbers that each call will give.
 
-            known = cast(Any, templates).builtin_registry.globals
-            return next(kind for value, kind in known if value is self._generated)
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return getattr(self._generated, name)
+        Returns:
+            A function of those numbers, in the order of the arguments.  It holds the arrays,
+            and is for one thread at a time.
+        """
+        from .native import library
+
+        if way() == "native":
+            return library.call_of(self.layout).bind(args)
+        free = [k for k, arg in enumerate(args) if arg is ...]
+        values = list(args)
+
+        def call(*given: Any) -> R:
+            for k, value in zip(free, given, strict=True):
+                values[k] = value
+            return self._run(*values)
+
+        return call
+
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """What C sees of its arguments and its result."""
+        return Layout.of(self.function)
+
+    @functools.cached_property
+    def _signature(self) -> inspect.Signature:
+        return inspect.signature(self.function)
+
+    def _first(self, *args: Any) -> R:
+        """Find out how to run, when called for the first time."""
+        with _LOCK:
+            how = way()
+            run: Callable[..., R] = self.function
+            if how == "native":
+                from .native import library
+
+                run = library.call_of(self.layout)
+            elif how == "jit":
+                run = jit(self.function)
+            self._run = run
+        return run(*args)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for, where another kernel calls it."""
+        return _teach(self.function, False)
 
 
-def intrinsic(lower: Callable[[], Any]) -> Callable[[Any], Any]:
-    """Give a plain function its generated code: `lower` makes what numba's intrinsic takes."""
-    return lambda function: _Intrinsic(function, lower)
+def entry(function: Callable[P, R]) -> Entry[P, R]:
+    """A kernel that Python code calls, compiled.
+
+    Its annotations are the types it is compiled for: `int`, `float`, `bool`, arrays of this
+    module, NamedTuples of these.  Arrays are in C order.
+    """
+    made = Entry(_known(function, False))
+    name = function.__name__.strip("_")
+    known = _ENTRIES.get(name)
+    if known is not None and known.function.__module__ != function.__module__:
+        raise TypeError(f"two entries are called {name}: one name each was expected")
+    _ENTRIES[name] = made
+    return made
+
+
+def entries() -> "dict[str, Entry[..., Any]]":
+    """All entries by name, as far as their modules are imported."""
+    return dict(_ENTRIES)
+
+
+@functools.cache
+def way() -> str:
+    """How entries run: "native", "jit" or "python"."""
+    asked = os.environ.get("WHICHROAD_KERNELS", "")
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}:
+        asked = "python"
+    if asked in {"python", "jit"}:
+        return asked
+    from .native import library
+
+    return library.way(asked)
+
+
+# numba, where it is asked for
+
+
+def lowered_by(module: str) -> None:
+    """Say which module teaches numba what it cannot compile by itself; it is imported then."""
+    with _LOCK:
+        _TEACHERS.append(module)
+        if _jit_is_on():
+            _import_teachers()
+
+
+def _import_teachers() -> None:
+    while _TEACHERS:
+        importlib.import_module(_TEACHERS.pop())
+
+
+def _jit_is_on() -> bool:
+    return _jit_options is not None
+
+
+_jit_options: dict[str, Any] | None = None
+_JIT: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
+
+
+def teach_numba(**options: Any) -> None:
+    """Make every kernel, also those to come, one that numba can compile.
+
+    Args:
+        options: Of `numba.njit`, beside those that all kernels have.
+    """
+    global _jit_options
+    with _LOCK:
+        if _jit_options is None:
+            _jit_options = _JIT | options
+            for function, inlined in _KERNELS:
+                _teach(function, inlined)
+            _import_teachers()
+
+
+def _teach(function: Any, inlined: bool) -> Any:
+    """Give a kernel the mark by which numba finds its dispatcher."""
+    with _LOCK:
+        if not hasattr(function, "_numba_type_"):
+            import numba
+
+            made = numba.njit(forceinline=inlined, **(_jit_options or _JIT))(function)
+            function._dispatcher = made  # its type holds it weakly
+            function._numba_type_ = made._numba_type_
+        return function._numba_type_
+
+
+def jit(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel compiled by numba, for those who call one that is no entry."""
+    import numba
+
+    from .native.cache import cache_folder
+
+    config: Any = numba.config  # its attributes are made at run time
+    folder = cache_folder()
+    before = config.CACHE_DIR
+    if folder is not None:
+        config.CACHE_DIR = str(folder)
+    try:
+        teach_numba(cache=folder is not None)
+        return _teach(function, False).dispatcher  # type: ignore[no-any-return]
+    finally:
+        config.CACHE_DIR = before

@@ -13,7 +13,7 @@ import typer
 from ..errors import SettingError
 
 if TYPE_CHECKING:
-    from ..observations import StartPose
+    from ..records import StartPose
 
 Moment = float | datetime
 
@@ -75,7 +75,7 @@ def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | st
         )
     if not vague:
         return lat, lon, last
-    from ..observations import StartPose
+    from ..records import StartPose
 
     return StartPose(lat, lon, 0.0, last, math.inf)
 
@@ -112,7 +112,7 @@ def _moment(text: str) -> Moment | None:
 
 def at_work(kernel: str) -> str:
     """What to say while a kernel runs, which is compiled before if it never was."""
-    from .._compile import cache_folder
+    from ..native.cache import cache_folder
 
     folder = cache_folder()
     if folder is not None and any(folder.rglob(f"{kernel}-*.nbi")):

@@ -2,13 +2,13 @@
 
 import math
 
-from .._compile import Ints, Vector, kernel
+from .._compile import Ints, Vector, entry, kernel
 from .history import History
 
 _LEAST_SHARE = 1e-3  # share of a node's weight up to which a link is not part of a path
 
 
-@kernel
+@entry
 def edge_probability(history: History, total: Vector) -> None:
     """Smoothed P of each node's edge at its step, components of one edge added up, (M,)."""
     nodes = history.nodes
@@ -22,7 +22,7 @@ def edge_probability(history: History, total: Vector) -> None:
                     total[i] += nodes[j].smoothed
 
 
-@kernel
+@entry
 def best_path(
     history: History, weight: Vector, p: Vector, viterbi: bool, score: Vector, back: Ints,
     path: Ints,

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from .._compile import Record, Vector, kernel
+from .._compile import Record, Vector, entry, kernel
 from ..graph.angles import wrap
 from ..graph.geometry import chord_heading, project
 from ..graph.index import near, vertex_at
@@ -106,7 +106,7 @@ def _fill_start(
     cov[MY, MY] = par.map_sigma**2
 
 
-@kernel(inline=True)
+@entry
 def cold_start(
     belief: Belief, path: Path, ctx: Context, fix: Vector, start: Start, total: float
 ) -> int:

@@ -1,9 +1,13 @@
 """When and where the edges of a path were driven, from the estimates along them."""
 
+from typing import Annotated
+
 import numpy as np
 
-from .._compile import Ints, Record, Records, kernel
+from .._compile import Array, Ints, Record, Records, entry, kernel
 from ..graph.network import Roads
+from .estimate import Estimates
+from .state import Epochs
 
 TRAVERSAL = np.dtype(
     [
@@ -21,6 +25,8 @@ TRAVERSAL = np.dtype(
     align=True,
 )
 
+Way = Annotated[Records, Array(TRAVERSAL, 1)]  # edges of a path in driving order
+
 _BESIDE = 2  # edges before and after those that are the most probable at no epoch
 _STEP = 1e-6  # m; closer positions do not give a new time
 
@@ -34,8 +40,8 @@ def joins(roads: Roads, a: int, b: int) -> bool:
     return bool(t < end)
 
 
-@kernel
-def broken_rules(roads: Roads, way: Records) -> None:
+@entry
+def broken_rules(roads: Roads, way: Way) -> None:
     """Set the rules that driving into edges and along them breaks.
 
     Args:
@@ -53,9 +59,9 @@ def broken_rules(roads: Roads, way: Records) -> None:
         way[i].rules = rules
 
 
-@kernel
+@entry
 def time_edges(
-    roads: Roads, way: Records, first: Ints, epochs: Records, estimates: Records, last_epoch: int
+    roads: Roads, way: Way, first: Ints, epochs: Epochs, estimates: Estimates, last_epoch: int
 ) -> None:
     """Fill in each edge's times, ends and probability.
 
@@ -81,7 +87,7 @@ def time_edges(
 
 @kernel
 def _time_edge(
-    roads: Roads, way: Records, i: int, epochs: Records, estimates: Records, low: int, high: int
+    roads: Roads, way: Way, i: int, epochs: Epochs, estimates: Estimates, low: int, high: int
 ) -> None:
     """Edge i of a path by itself, whose epochs are low ... high - 1."""
     own = way[i]
@@ -112,7 +118,7 @@ def _time_edge(
 
 
 @kernel
-def _bridge(way: Records, first: Ints, estimates: Records, last_epoch: int) -> None:
+def _bridge(way: Way, first: Ints, estimates: Estimates, last_epoch: int) -> None:
     """P of the edges that are the most probable at no epoch, by the epochs on both sides."""
     rows, i = len(way), 0
     while i < rows:
@@ -130,7 +136,7 @@ def _bridge(way: Records, first: Ints, estimates: Records, last_epoch: int) -> N
 
 
 @kernel
-def _p_on_path(way: Records, low: int, high: int, estimate: Record) -> float:
+def _p_on_path(way: Way, low: int, high: int, estimate: Record) -> float:
     """P of the edges low ... high - 1 of a path at an epoch."""
     total = 0.0
     for a in range(len(estimate.alt_edge)):
@@ -142,7 +148,7 @@ def _p_on_path(way: Records, low: int, high: int, estimate: Record) -> float:
 
 
 @kernel
-def _time_nodes(way: Records, first: Ints, epochs: Records, estimates: Records) -> None:
+def _time_nodes(way: Way, first: Ints, epochs: Epochs, estimates: Estimates) -> None:
     """Times at which one edge ended and the next began, between the positions around.
 
     Hypotheses branch a little before or after the node is passed.  Positions are brought to
@@ -177,8 +183,8 @@ def _time_nodes(way: Records, first: Ints, epochs: Records, estimates: Records) 
         before = way[i].exit_time = max(way[i].exit_time, before)
 
 
-@kernel
-def first_epochs(way: Records, epochs: Records, found: Ints) -> None:
+@entry
+def first_epochs(way: Way, epochs: Epochs, found: Ints) -> None:
     """The first epoch not before each edge was entered, and behind them the number of epochs.
 
     Args:

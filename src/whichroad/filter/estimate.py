@@ -1,11 +1,11 @@
 """The estimate of an epoch: moments of the mixture, roads, status."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Matrix, Record, Records, kernel
+from .._compile import Array, Cube, Record, Records, entry, kernel
 from ..graph.angles import wrap
 from ..graph.geometry import locate, project
 from ..graph.network import records
@@ -48,11 +48,14 @@ ESTIMATE = np.dtype(
 )
 
 
+Estimates = Annotated[Records, Array(ESTIMATE, 1)]  # of a drive
+
+
 class Output(NamedTuple):
     """Estimates, one row an epoch."""
 
-    rows: Records  # (n,) ESTIMATE
-    alt_pose: Matrix  # (n or 0, ALTERNATIVES, 6) x, y, heading, cov xx, xy, yy
+    rows: Estimates  # (n,)
+    alt_pose: Cube  # (n or 0, ALTERNATIVES, 6) x, y, heading, cov xx, xy, yy
 
 
 def new_output(n: int, poses: bool) -> Output:
@@ -64,7 +67,7 @@ def new_output(n: int, poses: bool) -> Output:
     return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, 6)))
 
 
-@kernel
+@entry
 def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
     """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
 

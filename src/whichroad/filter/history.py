@@ -7,11 +7,11 @@ weight came from there.  The smoother (`filter.smoother`) and the best path
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Matrix, Record, Records, Vector, kernel
+from .._compile import Array, Matrix, Record, Records, Vector, kernel
 from ..graph.network import records
 from ._simd import N, copy_record
 from .motion import Increment, Noise, pack_noise, predict_plane
@@ -99,13 +99,13 @@ class History(NamedTuple):
     they are a table of their own, so that they can be dropped once the drive is smoothed.
     """
 
-    steps: Records  # (T,) STEP
-    nodes: Records  # (M,) NODE
-    states: Records  # (M,) GAUSSIAN, filtered state of each node
-    links: Records  # (L,) LINK
-    since: Records  # (1,) MOTION since the last step
-    reference: Records  # (1,) REFERENCE, known exactly at the last step: its cov is Q since
-    count: Records  # (1,) COUNT
+    steps: Annotated[Records, Array(STEP, 1)]  # (T,)
+    nodes: Annotated[Records, Array(NODE, 1)]  # (M,)
+    states: Annotated[Records, Array(GAUSSIAN, 1)]  # (M,), filtered state of each node
+    links: Annotated[Records, Array(LINK, 1)]  # (L,)
+    since: Annotated[Records, Array(MOTION, 1)]  # (1,) since the last step
+    reference: Annotated[Records, Array(REFERENCE, 1)]  # (1,) its cov is Q since
+    count: Annotated[Records, Array(COUNT, 1)]  # (1,)
 
 
 def new_history(steps: int) -> History:

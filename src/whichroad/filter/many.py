@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-from .._compile import Ints, Records, kernel
+from .._compile import Ints, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
-from .edge_timing import broken_rules, first_epochs, time_edges
-from .estimate import Output
+from .edge_timing import Way, broken_rules, first_epochs, time_edges
+from .estimate import Estimates, Output
 from .history import History
-from .state import CAPACITY, NO_EDGE, OFF_ROAD, Belief, Context, Path, most_probable
+from .state import CAPACITY, NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
 from .step import run
 
 
@@ -17,10 +17,10 @@ class Drives(NamedTuple):
 
     first_epoch: Ints  # (d + 1,) the epoch at which each begins, and the number of epochs
     first_edge: Ints  # (d + 1,) the edge at which each begins, and the number of edges
-    way: Records  # (r,) TRAVERSAL
+    way: Way  # (r,)
 
 
-@kernel
+@entry
 def clear(belief: Belief, empty: Belief) -> None:
     """Make a belief as new for the next drive.
 
@@ -84,9 +84,9 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
     return True
 
 
-@kernel
+@entry
 def localize_each(
-    belief: Belief, empty: Belief, path: Path, history: History, epochs: Records, output: Output,
+    belief: Belief, empty: Belief, path: Path, history: History, epochs: Epochs, output: Output,
     ctx: Context, drives: Drives,
 ) -> int:  # fmt: skip
     """Localize drives, see `step.run`.
@@ -117,9 +117,9 @@ def localize_each(
     return len(drives.first_epoch) - 1
 
 
-@kernel
+@entry
 def time_each(
-    roads: Roads, epochs: Records, estimates: Records, drives: Drives, found: Ints
+    roads: Roads, epochs: Epochs, estimates: Estimates, drives: Drives, found: Ints
 ) -> None:
     """Fill in when and where the edges of drives were driven, see `edge_timing.time_edges`.
 

@@ -7,7 +7,7 @@ roads, branch in parts, merge neighbours in sorted order, and summarise by momen
 
 import math
 
-from .._compile import Ints, Ints32, Matrix, Record, Vector, kernel
+from .._compile import Ints, Ints32, Matrix, Record, Vector, entry, kernel
 from ..graph.geometry import locate
 from ..graph.index import vertex_at
 from ..graph.network import Roads
@@ -56,14 +56,14 @@ def turn_sum(roads: Roads, first: int, last: int) -> float:
     return total
 
 
-@kernel
+@entry
 def turn_sums(roads: Roads, total: Vector) -> None:
     """How much each edge turns on its way, rad, into total (E,)."""
     for e in range(len(total)):
         total[e] = turn_sum(roads, roads.edges[e].first_vertex, roads.edges[e].last_vertex)
 
 
-@kernel
+@entry
 def locate_all(
     roads: Roads, edge: Ints32, s: Vector, sigma: Vector, x: Vector, y: Vector, heading: Vector
 ) -> None:
@@ -84,7 +84,7 @@ def locate_all(
         heading[k], _, _ = heading_regression(roads, edge[k], v, s[k], sigma[k])
 
 
-@kernel
+@entry
 def initialise(
     population: Belief, ctx: Context, edge: Ints32, s: Vector, sigma: Vector, log_weight: Vector
 ) -> None:
@@ -176,7 +176,7 @@ def _mirror(cov: Matrix) -> None:
             cov[i, j] = cov[j, i]
 
 
-@kernel
+@entry
 def predict_all(population: Belief, ctx: Context, move: Increment, measured: bool) -> None:
     """Move every hypothesis by an increment of the wheels' odometry (equation 1)."""
     state = population.state[0]
@@ -199,7 +199,7 @@ def copy_state(target: Belief, source: Belief, count: int) -> None:
     target.state[0].count = count
 
 
-@kernel
+@entry
 def branch_all(
     population: Belief, target: Belief, part: Belief, path: Path, ctx: Context, arc: float
 ) -> bool:
@@ -235,7 +235,7 @@ def branch_all(
     return room
 
 
-@kernel
+@entry
 def merge_neighbours(
     population: Belief, kept: Belief, path: Path, order: Ints, limit: float
 ) -> None:
@@ -293,7 +293,7 @@ def _merge_neighbour(kept: Record, hyp: Record, limit: float, scale: float) -> b
     return True
 
 
-@kernel
+@entry
 def match_moments(population: Belief, target: Belief, order: Ints, apart: int) -> None:
     """The first rows of an order, and one row of no edge with the moments of all others.
 

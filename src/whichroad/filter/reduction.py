@@ -7,7 +7,7 @@ stay within 1e-2 of the exact road probabilities, and the four best unmerged wit
 
 import math
 
-from .._compile import Record, kernel
+from .._compile import Record, entry, kernel
 from ..graph.angles import wrap
 from .gaussian import merge_moments
 from .state import (
@@ -200,7 +200,7 @@ def _is_clear(belief: Belief) -> bool:
     return rest < _CLEAR
 
 
-@kernel(inline=True)
+@entry
 def reduce(belief: Belief, path: Path, ctx: Context) -> None:
     """Normalise; prune the negligible; merge within edges; enter the path tree.
 

@@ -7,7 +7,7 @@ their likelihoods are densities of the same quantity and may be compared.
 import math
 from typing import NamedTuple
 
-from .._compile import Record, kernel
+from .._compile import Record, entry, kernel
 from ..graph.angles import angle_of, wrap
 from ..graph.geometry import chord, chord_heading, is_straight, locate, project
 from ..graph.network import Roads
@@ -56,7 +56,7 @@ def track(belief: Belief, roads: Roads, i: int) -> tuple[float, float, float]:
     return across / scale, tx, ty
 
 
-@kernel(inline=True)
+@entry
 def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     """Condition every hypothesis on its road (the paper's Y_carto), without an along row.
 

@@ -15,18 +15,18 @@ x⁻, P⁻ and F are those of the process model of a link (`filter.link_motion`)
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Record, Records, kernel
+from .._compile import Array, Record, Records, entry, kernel
 from ..graph.angles import wrap
 from ..graph.network import plane_scale, records
 from ._simd import N, add_times, new_row, scale_by, set_times, set_to
 from .estimate import Output, summarise
 from .history import History, load
 from .link_motion import LINK_MODEL, Link, predict_link
-from .state import CLOCK, KEPT, Belief, Context, H, K, Path, X, Y, new_belief
+from .state import CLOCK, KEPT, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 
 _NO_POSE = 1e-6  # weight of a link up to which it does not move the pose
 _LEAST = 1e-12  # probability up to which a node is left out of the estimate
@@ -46,8 +46,8 @@ SMOOTHED = np.dtype(
 class Lookback(NamedTuple):
     """Buffers of a backward pass, allocated once per thread."""
 
-    nodes: Records  # (2, KEPT) SMOOTHED, of a step and of the one before
-    model: Records  # (1,) LINK_MODEL
+    nodes: Annotated[Records, Array(SMOOTHED, 2)]  # (2, KEPT), of a step and of the one before
+    model: Annotated[Records, Array(LINK_MODEL, 1)]  # (1,)
     belief: Belief  # a smoothed step as a mixture, of which an estimate is made
 
 
@@ -291,7 +291,7 @@ def as_belief(lookback: Lookback, history: History, step: int, slot: int, mode: 
 
 @kernel
 def _estimate_until(
-    lookback: Lookback, ctx: Context, epochs: Records, filtered: Output, output: Output,
+    lookback: Lookback, ctx: Context, epochs: Epochs, filtered: Output, output: Output,
     start: int, until: int,
 ) -> None:  # fmt: skip
     """Estimate the epoch of a smoothed step, and the epochs until the next step.
@@ -325,9 +325,9 @@ def _estimate_until(
         summarise(belief, ctx, output, k, row.chi2)
 
 
-@kernel
+@entry
 def look_back(
-    lookback: Lookback, history: History, path: Path, ctx: Context, epochs: Records,
+    lookback: Lookback, history: History, path: Path, ctx: Context, epochs: Epochs,
     filtered: Output, output: Output, look: Look,
 ) -> None:  # fmt: skip
     """Estimate steps first ... last - 1 by what was known at a later one.
@@ -374,7 +374,7 @@ def _surest(lookback: Lookback, history: History, at: int, slot: int) -> float:
     return best
 
 
-@kernel
+@entry
 def look_at(
     lookback: Lookback, history: History, path: Path, ctx: Context, output: Output, step: int,
     sure: float,

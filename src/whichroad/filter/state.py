@@ -18,11 +18,11 @@ displacement of v metres moves X, Y by k v, with k the plane's local scale.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Ints, Matrix, Record, Records, Vector, kernel
+from .._compile import Array, Ints, Matrix, Record, Records, Vector, entry, kernel
 from ..graph.index import CANDIDATE
 from ..graph.network import Roads, lane_sigma_of, records
 from ..graph.search import Search, new_search
@@ -138,6 +138,8 @@ EPOCH = np.dtype(
     align=True,
 )
 
+Epochs = Annotated[Records, Array(EPOCH, 1)]  # of a drive
+
 _SETTINGS = (
     "heading_noise", "turn_noise", "along_noise", "lateral_noise", "yaw_bias_noise",
     "acceleration_noise", "scale_sigma", "drift_sigma", "lane_sigma", "lane_length", "map_sigma",
@@ -181,15 +183,15 @@ SUCCESSORS = 64  # edges that one hypothesis may pass on to in one step
 class Belief(NamedTuple):
     """The mixture of hypotheses and what all of them share; rows from `count` on are free."""
 
-    hyp: Records  # (C,) HYPOTHESIS
+    hyp: Annotated[Records, Array(HYPOTHESIS, 1)]  # (C,)
     lineage: Matrix  # (C, KEPT or 0) share of its weight from each hypothesis of the last step
-    state: Records  # (1,) FILTER
+    state: Annotated[Records, Array(FILTER, 1)]  # (1,)
 
 
 class Path(NamedTuple):
     """Tree of edges entered: follow `parent` back to get a hypothesis' path."""
 
-    entry: Records  # (n,) PATH_ENTRY
+    entry: Annotated[Records, Array(PATH_ENTRY, 1)]  # (n,)
     size: Ints  # (1,)
 
 
@@ -197,16 +199,16 @@ class Work(NamedTuple):
     """Buffers of the kernels, allocated once per thread."""
 
     row: Vector  # (N,) observation row
-    successor: Records  # (SUCCESSORS,) SUCCESSOR
-    near: Records  # (CANDIDATES,) CANDIDATE
+    successor: Annotated[Records, Array(SUCCESSOR, 1)]  # (SUCCESSORS,)
+    near: Annotated[Records, Array(CANDIDATE, 1)]  # (CANDIDATES,)
     search: Search  # routes between sparse fixes
-    merged: Records  # (CANDIDATES, or 0 without the paper preset) HYPOTHESIS
+    merged: Annotated[Records, Array(HYPOTHESIS, 1)]  # (CANDIDATES, or 0 without the paper preset)
 
 
 class Context(NamedTuple):
     """What is constant over a drive, and buffers."""
 
-    par: Records  # (1,) PARAMETERS
+    par: Annotated[Records, Array(PARAMETERS, 1)]  # (1,)
     roads: Roads
     work: Work
 
@@ -229,7 +231,7 @@ def new_path(capacity: int) -> Path:
     return Path(entry, np.zeros(1, np.int64))
 
 
-def new_epochs(n: int) -> Records:
+def new_epochs(n: int) -> Epochs:
     """Empty epochs, (n,) EPOCH."""
     return records(n, EPOCH)
 
@@ -247,7 +249,7 @@ def new_work(paper: bool = False) -> Work:
     )  # fmt: skip
 
 
-@kernel
+@entry
 def normalise(belief: Belief) -> None:
     """Make the weights sum to one: P(S_k | Y).
 

@@ -7,7 +7,7 @@ the drive).  What is pending between them is a field of the belief's state.
 
 import math
 
-from .._compile import Record, Records, kernel
+from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
 from .births import exchange_off_road, turn_round, turn_with_heading
@@ -40,6 +40,7 @@ from .state import (
     WHEELS,
     Belief,
     Context,
+    Epochs,
     K,
     Path,
     X,
@@ -92,9 +93,9 @@ def step(
     summarise(belief, ctx, output, k, chi2)
 
 
-@kernel
+@entry
 def run(
-    belief: Belief, path: Path, history: History, epochs: Records, output: Output, ctx: Context,
+    belief: Belief, path: Path, history: History, epochs: Epochs, output: Output, ctx: Context,
     first: int, last: int,
 ) -> int:  # fmt: skip
     """Filter the epochs first … last − 1 of a drive; on line it is called for one at a time.

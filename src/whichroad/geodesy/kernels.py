@@ -7,7 +7,7 @@ at the origin).  Angles are radians here; degrees stay in `angles`.
 import math
 from typing import NamedTuple
 
-from .._compile import Vector, kernel
+from .._compile import Vector, entry, kernel
 
 SEMI_MAJOR = 6378137.0  # m, WGS84
 FLATTENING = 1.0 / 298.257223563
@@ -38,7 +38,7 @@ def wrap_longitude(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
-@kernel
+@entry
 def to_plane(sphere: Sphere, lat: float, lon: float) -> tuple[float, float]:
     """Plane coordinates of a geodetic position.
 
@@ -78,7 +78,7 @@ def _on_sphere(sphere: Sphere, x: float, y: float) -> tuple[float, float, float]
     return sine, east, up * sphere.cos0 - north * sphere.sin0
 
 
-@kernel
+@entry
 def to_geodetic(sphere: Sphere, x: float, y: float) -> tuple[float, float]:
     """Geodetic position of a point of the plane: the inverse of `to_plane`.
 
@@ -99,7 +99,7 @@ def to_geodetic(sphere: Sphere, x: float, y: float) -> tuple[float, float]:
     return lat, wrap_longitude(sphere.lon0 + math.atan2(east, ahead) / sphere.power)
 
 
-@kernel
+@entry
 def convergence(sphere: Sphere, x: float, y: float) -> float:
     """Heading of true north less that of the plane's y axis, counter-clockwise.
 
@@ -120,14 +120,14 @@ def convergence(sphere: Sphere, x: float, y: float) -> float:
     )
 
 
-@kernel
+@entry
 def to_plane_all(sphere: Sphere, lat: Vector, lon: Vector, x: Vector, y: Vector) -> None:
     """`to_plane` of (n,) positions in radians into x and y."""
     for i in range(len(lat)):
         x[i], y[i] = to_plane(sphere, lat[i], lon[i])
 
 
-@kernel
+@entry
 def convergence_all(sphere: Sphere, x: Vector, y: Vector, out: Vector) -> None:
     """`convergence` of (n,) points into out, radians."""
     for i in range(len(x)):

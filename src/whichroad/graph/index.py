@@ -6,10 +6,11 @@ passes through.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
 
-from .._compile import Ints, Records, kernel
+from .._compile import Array, Ints, Records, entry, kernel
 from .network import Roads, plane_scale
 
 CANDIDATE = np.dtype(
@@ -21,6 +22,8 @@ CANDIDATE = np.dtype(
     ],
     align=True,
 )
+
+Candidates = Annotated[Records, Array(CANDIDATE, 1)]
 
 _HALF = 2**31  # columns and rows count from -2³¹
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
@@ -46,7 +49,7 @@ def find(keys: Ints, key: int) -> int:
     return low
 
 
-@kernel
+@entry
 def vertex_at(roads: Roads, edge: int, s: float) -> int:
     """First vertex of the segment of an edge that holds an abscissa (outside: an end one)."""
     low: int = roads.edges[edge].first_vertex
@@ -135,7 +138,7 @@ def right_of(roads: Roads, edge: int, s: float, x: float, y: float) -> bool:
 
 
 @kernel
-def _farthest(found: Records, n: int) -> int:
+def _farthest(found: Candidates, n: int) -> int:
     """Place of the largest (distance, edge) among the first n."""
     worst = 0
     for i in range(1, n):
@@ -147,7 +150,7 @@ def _farthest(found: Records, n: int) -> int:
 
 
 @kernel
-def _keep(n: int, edge: int, square: float, s: float, found: Records) -> int:
+def _keep(n: int, edge: int, square: float, s: float, found: Candidates) -> int:
     """Note a foot: once per edge, and the closest edges only when there is no more room."""
     for i in range(n - 1, -1, -1):
         known = found[i]
@@ -171,7 +174,7 @@ def _keep(n: int, edge: int, square: float, s: float, found: Records) -> int:
 
 @kernel
 def _search_cell(
-    roads: Roads, cell: int, x: float, y: float, limit: float, n: int, found: Records
+    roads: Roads, cell: int, x: float, y: float, limit: float, n: int, found: Candidates
 ) -> int:
     """Note the feet within the squared distance `limit` on the segments of one cell."""
     for i in range(roads.cell_first[cell], roads.cell_first[cell + 1]):
@@ -183,7 +186,7 @@ def _search_cell(
 
 
 @kernel
-def _sort(n: int, found: Records) -> None:
+def _sort(n: int, found: Candidates) -> None:
     """Order by distance, then by edge."""
     for i in range(1, n):
         e, a, d = found[i].edge, found[i].s, found[i].distance
@@ -201,7 +204,7 @@ def _sort(n: int, found: Records) -> None:
 
 
 @kernel
-def closest(roads: Roads, x: float, y: float, radius: float, found: Records) -> int:
+def closest(roads: Roads, x: float, y: float, radius: float, found: Candidates) -> int:
     """`near`, which see, without the sides."""
     if len(found) == 0 or not radius >= 0.0:
         return 0
@@ -232,8 +235,8 @@ def closest(roads: Roads, x: float, y: float, radius: float, found: Records) -> 
     return n
 
 
-@kernel
-def near(roads: Roads, x: float, y: float, radius: float, found: Records) -> int:
+@entry
+def near(roads: Roads, x: float, y: float, radius: float, found: Candidates) -> int:
     """Directed edges within a radius of a point, each once with its closest point.
 
     Args:

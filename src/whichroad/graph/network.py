@@ -7,11 +7,11 @@ points in opposite order.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from .._compile import Ints, Ints32, Records, kernel
+from .._compile import Array, Ints, Ints32, Records, kernel
 
 AGAINST_ONE_WAY = 1  # bit of `rule`
 TURN_BANNED = 2
@@ -87,14 +87,14 @@ class Roads(NamedTuple):
     Shapes: V vertices, E directed edges, S turns, C grid cells, G segments in cells.
     """
 
-    vertices: Records  # (V,) VERTEX
-    edges: Records  # (E,) EDGE
-    turns: Records  # (S,) TURN, those out of one edge side by side
+    vertices: Annotated[Records, Array(VERTEX, 1)]  # (V,)
+    edges: Annotated[Records, Array(EDGE, 1)]  # (E,)
+    turns: Annotated[Records, Array(TURN, 1)]  # (S,), those out of one edge side by side
     predecessors: Ints32  # (S,) edges, those into one edge side by side
     cell_key: Ints  # (C,) sorted keys of the cells that hold segments, see `graph.index`
     cell_first: Ints32  # (C+1,) first segment of each cell
-    segments: Records  # (G,) SEGMENT
-    plane: Records  # (1,) PLANE
+    segments: Annotated[Records, Array(SEGMENT, 1)]  # (G,)
+    plane: Annotated[Records, Array(PLANE, 1)]  # (1,)
 
 
 def records(n: int, dtype: np.dtype[Any]) -> Records:

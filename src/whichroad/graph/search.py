@@ -5,11 +5,11 @@ and for each turn -log(prior / the largest prior there).
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Ints, Ints32, Records, Vector, kernel
+from .._compile import Array, Ints, Ints32, Records, Vector, kernel
 from .network import Roads, records
 
 LABEL_BITS = 14  # of a number in the queue; the others hold its key
@@ -88,10 +88,10 @@ class Search(NamedTuple):
     prefix copies the rest of these routes, the suffixes.
     """
 
-    run: Records  # (1,) RUN
-    label: Records  # (LABELS,) LABEL
-    goal: Records  # (_GOALS,) GOAL, hash table by edge
-    pair: Records  # (_MOST,) PAIR, for `filter.sparse`
+    run: Annotated[Records, Array(RUN, 1)]  # (1,)
+    label: Annotated[Records, Array(LABEL, 1)]  # (LABELS,)
+    goal: Annotated[Records, Array(GOAL, 1)]  # (_GOALS,), hash table by edge
+    pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse`
     slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
     prefix: Ints  # (_PREFIX,) step that wrote it, times LABELS, plus the label
     suffix: Ints32  # (_MOST,) labels of the goals behind the prefix

@@ -2,7 +2,7 @@
 
 import math
 
-from .._compile import Bytes, Ints, Ints32, Vector, kernel
+from .._compile import Bytes, Ints, Ints32, Vector, entry, kernel
 from ..graph.index import cell_key, find
 
 
@@ -15,14 +15,14 @@ def _root(label: Ints, i: int) -> int:
     return i
 
 
-@kernel
+@entry
 def point_cells(x: Vector, y: Vector, size: float, key: Ints) -> None:
     """Keys of the cells that hold (n,) points, into key."""
     for i in range(len(x)):
         key[i] = cell_key(math.floor(x[i] / size), math.floor(y[i] / size))
 
 
-@kernel
+@entry
 def join_close(x: Vector, y: Vector, key: Ints, order: Ints, radius: float, label: Ints) -> None:
     """Join points closer than a radius, and all that hang together by such pairs.
 
@@ -52,7 +52,7 @@ def join_close(x: Vector, y: Vector, key: Ints, order: Ints, radius: float, labe
         label[i] = _root(label, i)
 
 
-@kernel
+@entry
 def nearest_points(
     px: Vector, py: Vector, x: Vector, y: Vector, key: Ints, order: Ints, radius: float,
     nearest: Ints,
@@ -101,7 +101,7 @@ def _same_line(
     return True
 
 
-@kernel
+@entry
 def find_twins(
     order: Ints, low: Ints, high: Ints, begin: Ints, first: Ints, x: Vector, y: Vector,
     tolerance: float, leader: Ints, back: Bytes,
@@ -140,7 +140,7 @@ def find_twins(
                     break
 
 
-@kernel
+@entry
 def find_pieces(first: Ints32, start: Vector, edge: Ints, s: Vector, found: Ints) -> None:
     """Which piece of its edge holds each abscissa; before the first it is the first.
 

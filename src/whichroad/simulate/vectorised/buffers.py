@@ -95,7 +95,7 @@ class Truth(NamedTuple):
 class DriveBuffers(NamedTuple):
     """Buffers for one drive, used for one drive after another."""
 
-    epochs: Records  # (n,) EPOCH
+    epochs: Records  # (n,)
     truth: Truth
     grid: Matrix  # (15, LONGEST) see the rows below
     modes: Matrix  # (12, MODES)

@@ -1,0 +1,211 @@
+"""Builds the library of all kernels: lowered by two processes, linked, kept in the cache."""
+
+import contextlib
+import importlib.util
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from . import cache, linking
+from .linking import BuildError
+
+Tell = Callable[[float], None]  # told which part is done, 0 to 1
+
+LEVEL = 2  # of optimisation
+# What `run` contains, in one process; all else in the other, in about the same time.
+_FIRST = (
+    "run", "localize_each", "reduce", "observe_map", "summarise", "cold_start", "normalise",
+)  # fmt: skip
+_FUNCTIONS = 400  # that are lowered, both processes together, about; for the progress
+_LOWERING = 0.7  # share of the time
+
+
+def why_not() -> str | None:
+    """What is missing to build here, in one sentence; None: nothing.  Takes no second."""
+    if importlib.util.find_spec("numba") is None:
+        return (
+            "kernels: numba is not installed, and no compiled kernels for this machine were "
+            'found; it was expected to compile them; pip install "whichroad[jit]"'
+        )
+    target = cache.own_target()
+    if target not in linking.TARGETS:
+        return (
+            f"kernels: this machine is {target}; one of {', '.join(linking.TARGETS)} was "
+            "expected for a library; WHICHROAD_KERNELS=jit compiles at each first call instead"
+        )
+    if linking.linker(target, portable=False) is None:
+        return (
+            "kernels: no C compiler that can link, and no ziglang; one was expected to link the "
+            "compiled kernels; pip install ziglang, or install gcc or clang"
+        )
+    return None
+
+
+def own_library(tell: Tell = lambda share: None) -> Path:
+    """The library for this machine: a kept one, or built and kept.
+
+    Args:
+        tell: Told which part is done.
+
+    Returns:
+        Its path.
+
+    Raises:
+        BuildError: It cannot be built here.
+    """
+    target, source = cache.own_target(), cache.source_digest()
+    if found := cache.libraries(source, target):
+        return _used(found[0])
+    if (missing := why_not()) is not None:
+        raise BuildError(missing)
+    return build([target], portable=False, tell=tell)[target]
+
+
+def _used(path: Path) -> Path:
+    """A kept file whose age counts from now."""
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return path
+
+
+def build(
+    targets: Sequence[str], *, portable: bool, tell: Tell = lambda share: None
+) -> dict[str, Path]:
+    """Libraries for some machines, kept in the cache; what is there already is not built.
+
+    Args:
+        targets: Machines.
+        portable: Linked for the oldest systems that are served, by zig.
+        tell: Told which part is done.
+
+    Returns:
+        The library of each.
+
+    Raises:
+        BuildError: A tool is missing or failed.
+    """
+    source, tools = cache.source_digest(), cache.tools_digest()
+    kept = cache.cache_folder() or Path(tempfile.mkdtemp(prefix="whichroad-kernels-"))
+    kind = "portable" if portable else "own"
+
+    def place(target: str) -> Path:
+        return kept / f"{source}-{tools}-{target}-{kind}-O{LEVEL}{cache.suffix(target)}"
+
+    with _locked(kept / f"{source}.lock"):
+        wanted = [target for target in targets if not place(target).exists()]
+        if wanted:
+            linkers = {target: linking.linker(target, portable) for target in wanted}
+            if any(command is None for command in linkers.values()):
+                raise BuildError(
+                    f"kernels: ziglang is not installed; it was expected to link for "
+                    f"{', '.join(wanted)}; pip install ziglang"
+                )
+            with tempfile.TemporaryDirectory(prefix="whichroad-kernels-") as folder:
+                objects = _objects(wanted, Path(folder), source, tell)
+                for target in wanted:
+                    made = Path(folder) / f"made{cache.suffix(target)}"
+                    linking.link(linkers[target] or [], target, objects[target], made)
+                    _install(made, place(target))
+    tell(1.0)
+    return {target: _used(place(target)) for target in targets}
+
+
+def _install(made: Path, place: Path) -> None:
+    """Put a file in its place at once, whoever else does the same."""
+    part = place.with_name(f".{place.name}.{os.getpid()}")
+    shutil.copyfile(made, part)
+    part.chmod(0o755)
+    part.replace(place)
+
+
+def _objects(
+    targets: Sequence[str], folder: Path, source: str, tell: Tell
+) -> dict[str, list[Path]]:
+    """Object files of all kernels for each machine, by two processes."""
+    objects = {t: [folder / f"{t}-{part}.o" for part in "ab"] for t in targets}
+    environment = os.environ | {
+        "NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "",
+        "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+    }  # fmt: skip
+    jobs = [
+        json.dumps({
+            "modules": cache.kernel_modules(), "entries": _FIRST, "others": part == "b",
+            "source": source, "level": LEVEL,
+            "objects": {target: str(objects[target]["ab".index(part)]) for target in targets},
+        })
+        for part in "ab"
+    ]  # fmt: skip
+    lines: queue.Queue[tuple[int, str | None]] = queue.Queue()
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-m", "whichroad.native.lower", job], env=environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=folder,
+        )
+        for job in jobs
+    ]  # fmt: skip
+    said: list[list[str]] = [[] for _ in running]
+
+    def listen(number: int) -> None:
+        for line in running[number].stdout or ():
+            lines.put((number, line.rstrip()))
+        lines.put((number, None))
+
+    for number in range(len(running)):
+        threading.Thread(target=listen, args=(number,), daemon=True).start()
+    try:
+        _wait(lines, said, len(running), len(targets), tell)
+    finally:
+        for process in running:
+            if process.poll() is None and sys.exc_info()[0] is not None:
+                process.kill()
+            process.wait()
+    for process, text in zip(running, said, strict=True):
+        if process.returncode:
+            last = next((line for line in reversed(text) if line.strip()), "nothing")
+            raise BuildError(
+                f"kernels: compiling them failed: {last}; a newer or older numba may do; "
+                f"what {' and '.join(cache.TOOLS)} said: {' | '.join(text[-12:])}"
+            )
+    return objects
+
+
+def _wait(
+    lines: "queue.Queue[tuple[int, str | None]]", said: list[list[str]], processes: int,
+    targets: int, tell: Tell,
+) -> None:  # fmt: skip
+    """Read what processes say until all have ended."""
+    ended = lowered = emitted = 0
+    while ended < processes:
+        number, line = lines.get()
+        if line is None:
+            ended += 1
+        elif line.startswith("lowered "):
+            lowered += 1
+        elif line.startswith("emitted "):
+            emitted += 1
+        else:
+            said[number].append(line)
+        tell(
+            _LOWERING * min(lowered / _FUNCTIONS, 1.0)
+            + (0.99 - _LOWERING) * emitted / (processes * targets)
+        )
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """One build at a time, where the system can lock files."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with open(path, "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,245 @@
+"""The compiled library: found, compared with the package, and called by ctypes."""
+
+import ctypes
+import functools
+import importlib.util
+import struct
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import WhichroadError
+from . import cache
+from .layout import NUMBERS, Array, Fields, Kind, Layout
+
+_byte_of, _address_of = ctypes.c_char.from_buffer, ctypes.addressof
+_LOCK = threading.RLock()
+_FAILED = "the kernel {} failed; this is a bug; please report it"
+
+
+class LibraryError(WhichroadError):
+    """The compiled kernels are not those of this package, or cannot be loaded."""
+
+
+def packed() -> Path:
+    """Where a wheel keeps its library."""
+    return Path(__file__).with_name(f"kernels{cache.suffix(cache.own_target())}")
+
+
+@functools.cache
+def found() -> Path:
+    """The library for this package's kernels: the wheel's, a kept one, or built now.
+
+    Raises:
+        WhichroadError: There is none, and what is missing to build one.
+    """
+    if packed().exists():
+        return packed()
+    kept = cache.libraries(cache.source_digest(), cache.own_target())
+    if kept:
+        return kept[0]
+    from . import progress
+
+    return progress.build_own()
+
+
+def way(asked: str) -> str:
+    """How entries run: "native" where there is a library or can be one, else "jit".
+
+    Args:
+        asked: What the user asked for: "native", or nothing.
+
+    Raises:
+        WhichroadError: It is neither, and what to install.
+    """
+    if asked not in {"", "native"}:
+        raise LibraryError(
+            f"WHICHROAD_KERNELS is {asked!r}; native, jit, python or nothing was expected"
+        )
+    with _LOCK:
+        if asked == "native" or packed().exists():
+            return "native" if found() else ""
+        if cache.libraries(cache.source_digest(), cache.own_target()):
+            return "native"
+        from . import build
+
+        missing = build.why_not()
+        if missing is None:
+            return "native" if found() else ""
+        if importlib.util.find_spec("numba") is None:
+            raise LibraryError(missing)
+        print(f"{missing}; until then numba compiles at each first call", file=sys.stderr)
+        return "jit"
+
+
+@functools.cache
+def _loaded() -> ctypes.CDLL:
+    """The library, once it is known to be of these kernels."""
+    path = found()
+    library = load(path)
+    expected = cache.source_digest()
+    source = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, "whichroad_source")))
+    if source.decode("ascii", "replace") != expected:
+        raise LibraryError(
+            f"{path}: holds the kernels {source.decode('ascii', 'replace')}; those of this "
+            f"package, {expected}, were expected; install whichroad again, or delete that file"
+        )
+    return library
+
+
+def load(path: Path) -> ctypes.CDLL:
+    """Load a library of kernels, of whichever sources.
+
+    Raises:
+        LibraryError: It is none, or is for another machine.
+    """
+    try:
+        library = ctypes.CDLL(str(path))
+        ctypes.c_char.in_dll(library, "whichroad_source")
+    except (OSError, ValueError) as error:
+        raise LibraryError(
+            f"{path}: {error}; a library of whichroad's kernels for {cache.own_target()} was "
+            "expected; install whichroad again, or delete that file"
+        ) from None
+    return library
+
+
+def call_of(layout: Layout, library: ctypes.CDLL | None = None) -> "Call":
+    """An entry of the library, once its arguments are known to be laid out alike.
+
+    Args:
+        layout: As Python lays them out.
+        library: Which; None: the one of this package.
+
+    Raises:
+        LibraryError: The library lays them out otherwise, or does not have it.
+    """
+    with _LOCK:
+        library = library or _loaded()
+    name = layout.name
+    try:
+        function = library[f"whichroad_{name}"]
+        theirs = ctypes.c_int64.in_dll(library, f"whichroad_layout_{name}").value
+    except (AttributeError, ValueError):
+        theirs = None
+    if theirs != layout.checksum():
+        raise LibraryError(
+            f"{library._name}: arguments of {name} have the layout {theirs}; "
+            f"{layout.checksum()} was expected, which are this package's records; install "
+            "whichroad again, or delete that file"
+        )
+    function.restype = ctypes.c_int32
+    return Call(layout, function)
+
+
+class Call:
+    """One entry of the library, called with Python's values."""
+
+    def __init__(self, layout: Layout, function: Any) -> None:
+        self._name, self._function = layout.name, function
+        self._kinds = list(layout.arguments.items())
+        leaves = layout.leaves()
+        codes = "".join(
+            "q" * leaf.words if isinstance(leaf.kind, Array) else NUMBERS[leaf.kind]
+            for leaf in leaves
+        )
+        taken = sum(leaf.words for leaf in leaves if not leaf.is_result)
+        self._codes, self._result_at = codes, 8 * taken
+        self._pack = struct.Struct(codes[:taken]).pack_into
+        self._block = ctypes.c_char * (8 * layout.words)
+        self._result = _result_of(layout.result, codes[taken:])
+
+    def __call__(self, *args: Any) -> Any:
+        """Call it once: each array is looked at."""
+        block = self._block()
+        self._pack(block, 0, *self._words(args))
+        if self._function(block):
+            raise LibraryError(_FAILED.format(self._name))
+        return self._result(block, self._result_at)
+
+    def _words(self, args: Sequence[Any]) -> list[Any]:
+        if len(args) != len(self._kinds):
+            raise TypeError(
+                f"{self._name}: {len(args)} arguments; {len(self._kinds)} were expected"
+            )
+        words: list[Any] = []
+        for (name, kind), arg in zip(self._kinds, args, strict=True):
+            _flatten(name, kind, arg, words)
+        return words
+
+    def bind(self, args: Sequence[Any]) -> Callable[..., Any]:
+        """The call with its pointers taken; `...` where each call will give a number."""
+        values, at, free = [], 0, []
+        for (name, kind), arg in zip(self._kinds, args, strict=True):
+            words: list[Any] = []
+            if arg is ... and not isinstance(kind, Array | Fields):
+                free.append((struct.Struct(NUMBERS[kind]).pack_into, 8 * at))
+                words = [0]
+            else:
+                _flatten(name, kind, arg, words)
+            values += words
+            at += len(words)
+        block = self._block()
+        self._pack(block, 0, *values)
+        function, result, result_at = self._function, self._result, self._result_at
+        pointer = ctypes.c_void_p(ctypes.addressof(block))
+        failed = _FAILED.format(self._name)
+
+        def call(*numbers: Any, kept: Any = tuple(args)) -> Any:  # what is pointed to must live
+            for (put, place), number in zip(free, numbers, strict=True):
+                put(block, place, number)
+            if function(pointer):
+                raise LibraryError(failed)
+            return result(block, result_at)
+
+        return call
+
+
+def _flatten(name: str, kind: Kind, value: Any, words: list[Any]) -> None:
+    """The words of a value, checked: a wrong array would be a wrong pointer."""
+    if isinstance(kind, Fields):
+        for part, one, inner in zip(kind.names, kind.types, value, strict=True):
+            _flatten(part, one, inner, words)
+    elif isinstance(kind, Array):
+        dtype, shape = value.dtype, value.shape
+        if (
+            (dtype is not kind.dtype and dtype != kind.dtype)
+            or len(shape) != kind.ndim
+            or not (value.flags.c_contiguous and value.flags.aligned)
+        ):
+            raise TypeError(
+                f"{name}: an array of {dtype} and shape {shape}, strides "
+                f"{getattr(value, 'strides', None)}; {kind.ndim} dimensions of {kind.dtype} in C "
+                "order were expected"
+            )
+        words.append(_address(value))
+        words.extend(shape)
+    else:
+        words.append(value)
+
+
+def _address(value: Any) -> int:
+    """Where the memory of an array or a record begins."""
+    try:
+        return _address_of(_byte_of(value))
+    except ValueError:  # nothing is in it, so that nobody looks
+        return 0
+    except TypeError:  # read-only: an entry writes only to what its docstring says
+        return int(np.asarray(value).ctypes.data)
+
+
+def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
+    """What reads the result from a block."""
+    if kind is None:
+        return lambda block, at: None
+    unpack = struct.Struct(codes).unpack_from
+    if isinstance(kind, Fields):
+        make = kind.make
+        return lambda block, at: make(*unpack(block, at))
+    if kind is bool:
+        return lambda block, at: bool(unpack(block, at)[0])
+    return lambda block, at: unpack(block, at)[0]

@@ -1,0 +1,41 @@
+"""The build of kernels at first use, told on stderr: a bar on a terminal, else lines."""
+
+import sys
+import time
+from pathlib import Path
+
+from . import build
+
+_ABOUT = "whichroad: compiling the kernels for this machine, once; about a minute"
+_EVERY = 0.25  # share between two lines
+
+
+def build_own() -> Path:
+    """The library for this machine, built with its progress told where it takes time.
+
+    Raises:
+        BuildError: It cannot be built here.
+    """
+    if sys.stderr.isatty():
+        return _with_bar()
+    print(_ABOUT, file=sys.stderr, flush=True)
+    begin, told = time.monotonic(), 0.0
+
+    def tell(share: float) -> None:
+        nonlocal told
+        if share >= told + _EVERY:
+            told = share
+            seconds = time.monotonic() - begin
+            print(f"whichroad: {share:.0%}, {seconds:.0f} s", file=sys.stderr, flush=True)
+
+    return build.own_library(tell)
+
+
+def _with_bar() -> Path:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(_ABOUT, total=1.0)
+        return build.own_library(lambda share: bar.update(task, completed=share))
