@@ -89,5 +89,6 @@ def without_states(history: History) -> History:
     steps, nodes, links = history.count[0].tolist()
     return History(
         history.steps[:steps].copy(), history.nodes[:nodes].copy(), history.states[:0].copy(),
-        history.links[:links].copy(), history.since.copy(), history.count.copy(),
+        history.links[:links].copy(), history.since.copy(), history.reference.copy(),
+        history.count.copy(),
     )  # fmt: skip
