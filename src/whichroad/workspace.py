@@ -65,6 +65,7 @@ class Workspace:
         clear(self._lookback.belief, self._empty)
         self._history.count.fill(0)
         self._history.since.fill(0)
+        self._history.reference.fill(0)
         return self._history, self._lookback
 
     def enlarged(self, history: History) -> History:
