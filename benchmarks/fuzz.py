@@ -139,7 +139,7 @@ _TEXT: tuple[Mutation, ...] = (*_BINARY, _lines, _cells, _cells, _column, _numbe
 
 
 def _records(drives: Sequence[Drive]) -> int:
-    """How many records; complains where they are not what records.py promises."""
+    """How many records; complains where they are not what observations.py promises."""
     count = 0
     for drive in drives:
         for log in (drive.fixes, drive.odometry):

@@ -1,4 +1,4 @@
-"""What passes between the rooms: columns of a recorded drive, and single observations.
+"""What passes between modules: columns of a recorded drive, and single observations.
 
 Times are seconds since 1970-01-01 UTC.  Whatever is in degrees says so and stays
 outside the filter.  A quantity that a sensor did not report has an infinite sigma,

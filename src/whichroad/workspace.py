@@ -65,6 +65,7 @@ class Workspace:
         clear(self._lookback.belief, self._empty)
         self._history.count.fill(0)
         self._history.since.fill(0)
+        self._history.reference.fill(0)
         return self._history, self._lookback
 
     def enlarged(self, history: History) -> History:
@@ -89,5 +90,6 @@ def without_states(history: History) -> History:
     steps, nodes, links = history.count[0].tolist()
     return History(
         history.steps[:steps].copy(), history.nodes[:nodes].copy(), history.states[:0].copy(),
-        history.links[:links].copy(), history.since.copy(), history.count.copy(),
+        history.links[:links].copy(), history.since.copy(), history.reference.copy(),
+        history.count.copy(),
     )  # fmt: skip

@@ -16,7 +16,8 @@ from whichroad import Localizer, match
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 from whichroad.observations import Distance, Drive, Estimate, GeoFix, Observation, WheelTicks
-from whichroad.online import STATUS, localize_recorded
+from whichroad.recorded import localize_recorded
+from whichroad.tables.status import STATUS
 
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 TICK = 2.0**-6  # m a count: sums of counts are exact in floating point

@@ -3,7 +3,7 @@
     posterior = infer(Network([...]), {"L": 1.1})
     posterior = slds.infer_slds(model, observations)
 
-The on-line filter approximates what this room computes exactly, over windows that are
+The on-line filter approximates what this package computes exactly, over windows that are
 short enough.  Nothing here knows roads.
 """
 
