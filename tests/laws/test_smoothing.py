@@ -1,5 +1,7 @@
 """Looking back is never worse than filtering: later observations only add information."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,7 @@ def silent(truth: Truth, kind: str) -> tuple[Truth, np.ndarray]:
     return truth._replace(s=s), spoken
 
 
+@cache
 def figures(mode: str, lag: object, silence: str | None = None) -> np.ndarray:
     """RMS of the position (m), ANEES of the position and of the bearing over all drives, (3,)."""
     roads = road_map(grid_town())
