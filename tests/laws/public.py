@@ -18,6 +18,7 @@ from scenes import Truth
 Array = NDArray[np.float64]
 
 START = 1.6e9  # s since 1970, time of a drive's first epoch
+SIGMA_SPEED = 0.3  # m/s, of a receiver's Doppler speed
 CAR = whichroad.Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)
 PLANE = pyproj.CRS.from_proj4("+proj=sterea +lat_0=49.4 +lon_0=8.7 +ellps=WGS84")
 _TO_DEGREES = pyproj.Transformer.from_crs(PLANE, "EPSG:4326", always_xy=True)
@@ -57,27 +58,28 @@ def road_map(lines: Sequence[ArrayLike], **columns: Sequence[Any]) -> whichroad.
 
 
 def geo_fixes(
-    truth: Truth, fix: Array, at: ArrayLike, *, course: float = 6.0, doppler: bool = False
+    truth: Truth, fix: Array, at: ArrayLike, *, doppler: bool = False
 ) -> list[whichroad.GeoFix]:
-    """Fixes at some epochs; the first one reports its course, as it starts the filter.
+    """Fixes at some epochs.
 
     Args:
         truth: The drive.
         fix: (n, 5) fixes; x, y and sigma of the major axis are used.
         at: Epochs with a fix.
-        course: Sigma of the first course, degrees.
-        doppler: Whether every fix reports its speed.
+        doppler: Whether the receiver reports its speed, and its course where it moves.
     """
     rows = np.asarray(at)
     lon, lat = degrees(fix[rows, 0], fix[rows, 1])
     bearing = np.degrees(0.5 * np.pi - truth.heading[rows] + convergence(lon, lat)) % 360.0
-    speed = np.gradient(truth.s, truth.time)
+    speed = np.gradient(truth.s, truth.time)[rows]
+    moves = doppler & (speed > 2.0)
+    sigma = np.where(moves, np.degrees(np.arctan2(SIGMA_SPEED, speed)), np.inf)
     return [
         whichroad.GeoFix(
             START + float(truth.time[row]), float(lat[i]), float(lon[i]),
             float(fix[row, 2]) ** 2, 0.0, float(fix[row, 2]) ** 2,
-            float(speed[row]), 0.3 if doppler else np.inf,
-            float(bearing[i]), course if i == 0 else np.inf,
+            float(speed[i]), SIGMA_SPEED if doppler else np.inf,
+            float(bearing[i]), float(sigma[i]),
         )
         for i, row in enumerate(rows)
     ]  # fmt: skip

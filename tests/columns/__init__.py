@@ -1,0 +1,1 @@
+"""Every column of every table, worked out again from independent ingredients."""
