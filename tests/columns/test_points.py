@@ -468,7 +468,7 @@ def test_the_reason_tells_the_status_and_what_is_wrong_with_the_fixes(mode: str)
 
 @MODES
 def test_the_protection_level_bounds_the_tail_of_the_mixture(mode: str):
-    """The largest d + a sqrt(2 log(n w / risk)) over all hypotheses that could exceed the risk alone."""
+    """The largest d + a sqrt(2 log(n w / risk)) of all hypotheses with n w > risk."""
 
     def level(m: Mixture, estimate: Any) -> float:
         unknown = SETTINGS.unknown
