@@ -537,3 +537,29 @@ def test_the_geometry_is_a_point_at_the_pose(mode: str):
     np.testing.assert_allclose(frame.geometry.x[ok], numbers(mode, "lon")[ok], atol=1e-12)
     np.testing.assert_allclose(frame.geometry.y[ok], numbers(mode, "lat")[ok], atol=1e-12)
     assert frame.geometry.isna().tolist() == (~ok).tolist()
+
+
+@MODES
+def test_an_estimate_on_line_says_what_the_row_of_its_epoch_does(mode: str):
+    ok, rows = answered(mode), seen(mode).estimates
+    fields = {
+        "lat": [e.pose.lat for e in rows], "lon": [e.pose.lon for e in rows],
+        "bearing_deg": [e.pose.bearing_deg for e in rows], "p_road": [e.p_road for e in rows],
+        "p_off_road": [e.p_off_road for e in rows], "speed_mps": [e.speed for e in rows],
+        "protection_level_m": [e.protection_level for e in rows],
+        "gnss_scale": [e.gnss_scale for e in rows],
+        "sigma_bearing_deg": [math.degrees(math.sqrt(e.cov[2, 2])) for e in rows],
+    }  # fmt: skip
+    for name, values in fields.items():
+        assert_column(mode, name, np.where(ok, values, np.nan), rtol=1e-9)
+    assert column(mode, "edge_id") == [e.edge for e in rows]
+    assert column(mode, "status") == [e.status for e in rows]
+    away = np.array([e.disbelieved for e in rows])
+    np.testing.assert_allclose(away[ok], away_of(mode)[ok], atol=0.01)
+    on = [k for k, edge in enumerate(column(mode, "edge_id")) if edge is not None]
+    for name, value in (("abscissa_m", "abscissa"), ("lateral_m", "lateral")):
+        said = [getattr(rows[k], value) for k in on]
+        np.testing.assert_allclose(numbers(mode, name)[on], said, atol=1e-9)
+    trace = [float(np.trace(e.cov[:2, :2])) for e in rows]
+    total = numbers(mode, "cov_ee_m2") + numbers(mode, "cov_nn_m2")
+    np.testing.assert_allclose(total, np.where(ok, trace, np.nan), rtol=1e-9)
