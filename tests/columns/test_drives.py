@@ -11,7 +11,7 @@ import whichroad
 from columns.test_path import town
 from laws.public import START, degrees, metres
 
-NAMES = ["plain", "twice", "far", "bridged", "odometer", "blank"]
+NAMES = ["plain", "another", "twice", "far", "bridged", "odometer", "blank"]
 
 
 def along(n: int, first: float = 10.0, step: float = 10.0) -> tuple[np.ndarray, np.ndarray]:
@@ -30,9 +30,10 @@ def trip(name: str, n: int, time: np.ndarray, **columns: Any) -> pd.DataFrame:
 
 @cache
 def trips() -> pd.DataFrame:
-    """Six trips, of which one has odd rows, one is far from the map and one has no position."""
+    """Seven trips, of which one has odd rows, one is far from the map and one has no position."""
     second = np.arange(30.0)
     plain = trip("plain", 30, START + second, sigma_m=2.0)
+    another = trip("another", 22, START + 50.0 + second[:22], sigma_m=2.0)
     twice = trip("twice", 25, START + 100.0 + np.array([0, 1, 1, 2, *range(3, 24)]), sigma_m=2.0)
     far = trip("far", 20, START + second[:20], sigma_m=2.0).assign(lat=12.0)
     bridged = trip("bridged", 30, START + second + 7200.0 * (second > 14), sigma_m=2.0)
@@ -44,7 +45,7 @@ def trips() -> pd.DataFrame:
                            "odometer_m": 10.0 * half})  # fmt: skip
     both = pd.concat([fixes, wheels]).sort_values("time", kind="stable")
     blank = trip("blank", 5, START + second[:5]).assign(lat=np.nan, lon=np.nan)
-    return pd.concat([plain, twice, far, bridged, both, blank], ignore_index=True)
+    return pd.concat([plain, another, twice, far, bridged, both, blank], ignore_index=True)
 
 
 @cache
@@ -61,7 +62,7 @@ def of(table: str, name: str) -> pd.DataFrame:
     return rows[rows.drive_id == name]
 
 
-ANSWERED = ["plain", "twice", "bridged", "odometer"]
+ANSWERED = ["plain", "another", "twice", "bridged", "odometer"]
 EACH = pytest.mark.parametrize("name", ANSWERED)
 
 
@@ -72,7 +73,7 @@ def drive(name: str) -> Any:
 def test_each_trip_has_its_row_and_those_that_have_no_answer_say_why():
     rows = tables()["drives"]
     assert rows.index.tolist() == NAMES
-    assert rows.answered.tolist() == [True, True, False, True, True, False]
+    assert rows.answered.tolist() == [True, True, True, False, True, True, False]
     assert rows.reason[ANSWERED].isna().all()
     assert "km from the map" in rows.reason["far"]
     assert "neither a fix nor odometry" in rows.reason["blank"]
@@ -124,9 +125,16 @@ def test_mean_probabilities_are_means_over_epochs_with_an_answer(name: str):
 def test_what_was_skipped_is_counted_and_noted_of_its_own_trip():
     skipped = tables()["drives"].skipped
     assert sum(count for _, count in skipped["twice"]) == 1
-    for name in ("plain", "bridged", "odometer"):
+    for name in ("plain", "another", "bridged", "odometer"):
         assert len(skipped[name]) == 0
         assert len(drive(name).notes) == 0
+
+
+def test_what_was_not_used_is_noted():
+    mine = trips()[trips().drive_id == "plain"].assign(bearing_deg=90.0)
+    row = whichroad.match_many(mine, town()).drives.to_pylist()[0]
+    note = "bearings not used: there is no speed to tell whether they mean anything"
+    assert row["notes"] == [note]
 
 
 @EACH
