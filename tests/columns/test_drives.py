@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.compute as pc
 import pytest
 
 import whichroad
@@ -128,6 +129,21 @@ def test_what_was_skipped_is_counted_and_noted_of_its_own_trip():
     for name in ("plain", "another", "bridged", "odometer"):
         assert len(skipped[name]) == 0
         assert len(drive(name).notes) == 0
+
+
+def test_trips_of_fixes_alone_are_told_under_their_own_names():
+    """They are answered together."""
+    rows = [trip(name, n, START + np.arange(float(n))) for name, n in (("b", 9), ("a", 14))]
+    many = whichroad.match_many(pd.concat(rows), town())
+    told = many.drives.to_pylist()
+    assert [(row["drive_id"], row["epochs"]) for row in told] == [("b", 9), ("a", 14)]
+    for row in told:
+        points = many.points.filter(pc.equal(many.points["drive_id"], row["drive_id"]))
+        path = many.path.filter(pc.equal(many.path["drive_id"], row["drive_id"]))
+        assert points.num_rows == row["fixes"] == row["epochs"]
+        assert path.num_rows == row["edges"]
+        assert path["seq"].to_pylist() == list(range(path.num_rows))
+        assert row["mean_p_road"] == pytest.approx(np.mean(points["p_road"].to_pylist()))
 
 
 def test_what_was_not_used_is_noted():
