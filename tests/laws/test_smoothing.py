@@ -10,10 +10,10 @@ from laws.drives import way_through
 from laws.public import CAR, DISTANCE, GNSS, MODES, WHEELS, errors_of, geo_fixes, readings, road_map
 from scenes import Truth, drive_along, gnss, grid_town
 
-SEEDS = range(64)
+SEEDS = range(32)
 SILENCE = 200  # epochs of 0.1 s
 SETTLED = 50  # epochs after the start that are not judged
-HONEST = 1.1  # ANEES that chance alone explains over 64 drives whose errors last a minute
+HONEST = 1.1  # ANEES that chance alone explains over 32 drives whose errors last a minute
 
 # what the odometer says of the silence
 EXACT, STRETCHED, TAIL = "right afterwards", "20 % too long afterwards", "silent to the end"
