@@ -1,1 +1,1 @@
-"""Every column of every table, worked out again from independent ingredients."""
+"""Value oracles: every column of every table computed again from independent ingredients."""

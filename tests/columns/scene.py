@@ -1,4 +1,4 @@
-"""A drive with a fork in an outage, a stop, a field and fixes that cannot be, and its answers."""
+"""A drive with a fork during an outage, a stop, an off-road part and outliers."""
 
 from functools import cache
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ STREETS: dict[str, dict[str, Any]] = {
              "layer": 1, "bridge": 1},
     "right": {"line": [(400, 150), (590, 213), (800, 240)], "from": 2, "to": 5,
               "name": "Right Street", "lanes": 1, "highway": "residential", "tunnel": 1},
-    # far away, so that the plane's axes are turned and its scale is not one where one drives
+    # far away: the convergence and the scale of the plane matter on the other streets
     "far": {"line": [(70_000, 0), (70_300, 0)], "from": 8, "to": 9, "name": "Far Street"},
 }  # fmt: skip
 IDS = {"stem": 101, "left": 102, "last": 103, "right": 104, "far": 105}
@@ -39,7 +39,7 @@ EDGES = {"stem": ["stem"], "branch": ["-left", "last"], "right": ["right"]}  # d
 
 @cache
 def roads() -> whichroad.RoadMap:
-    """The map, shifted against the world."""
+    """The map, with a constant position error."""
     streets = STREETS.values()
     columns = {
         "id": list(IDS.values()),
@@ -63,7 +63,7 @@ def edge_line(name: str) -> Array:
 
 
 class Foot(NamedTuple):
-    """A position by a line."""
+    """A position relative to a line."""
 
     along: float  # geodesic m from the line's start
     right: float  # m right of the line
@@ -71,7 +71,7 @@ class Foot(NamedTuple):
 
 
 def foot(lon: float, lat: float, line: Array) -> Foot:
-    """Where a position lies by a line of geodesics."""
+    """Project a position on a line of geodesics."""
     x, y = metres(*line.T)
     px, py = metres(lon, lat)
     path = shapely.LineString(np.column_stack([x, y]))
@@ -90,12 +90,12 @@ def foot(lon: float, lat: float, line: Array) -> Foot:
 BEFORE = 20  # epochs of wheels before the first fix
 OUTAGE = (330.0, 470.0)  # m driven
 STOP = 700.0  # m driven, for 5 s
-FALSE = 6  # fixes at the end that cannot be, one a second
+FALSE = 6  # outliers at the end, one a second
 
 
 @cache
 def truth() -> Truth:
-    """In the right lane, with a stop, and through a field at the end."""
+    """In the right lane, with a stop, and off the roads at the end."""
     names = ["stem", "left", "last"]
     lines = [np.array(STREETS[n]["line"], float) for n in names]
     field = [(950.0, 120.0), (1000.0, -200.0)]
@@ -109,7 +109,7 @@ def truth() -> Truth:
 
 @cache
 def observed(mode: str) -> tuple[Any, ...]:
-    """What the sensors said, in time order.
+    """All observations in time order.
 
     Wheels at 10 Hz, and fixes half-way between two readings where neither speed nor turn
     changes, so that a recorded drive has the epochs that one has on line; or fixes alone.
@@ -132,7 +132,7 @@ def observed(mode: str) -> tuple[Any, ...]:
 
 
 class Seen(NamedTuple):
-    """What is known of every epoch."""
+    """Estimates, observations and truth of every epoch."""
 
     result: whichroad.Result
     points: pa.Table
@@ -144,7 +144,7 @@ class Seen(NamedTuple):
 
 @cache
 def seen(mode: str) -> Seen:
-    """The answers to the drive, recorded and on line."""
+    """The estimates of the drive, recorded and on line."""
     all_of_it = observed(mode)
     result = whichroad.match(
         list(all_of_it), roads(), vehicle=CAR, settings=SETTINGS, attributes=True

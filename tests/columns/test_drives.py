@@ -1,4 +1,4 @@
-"""Every column of the tables of many trips, worked out again from what went in and the others."""
+"""Value oracles for the tables of many trips, from the input and the other tables."""
 
 from functools import cache
 from typing import Any
@@ -16,7 +16,7 @@ NAMES = ["plain", "another", "twice", "far", "bridged", "odometer", "blank"]
 
 
 def along(n: int, first: float = 10.0, step: float = 10.0) -> tuple[np.ndarray, np.ndarray]:
-    """Latitudes and longitudes along the first two streets, a metre and more beside them."""
+    """Latitudes and longitudes along the first two streets, right lane, noise of 1 m."""
     rng = np.random.default_rng(n)
     x = first + step * np.arange(n)
     y = np.interp(x, [0.0, 110.0, 200.0, 300.0, 400.0], [0.0, 20.0, 0.0, -15.0, 0.0])
@@ -71,7 +71,7 @@ def drive(name: str) -> Any:
     return tables()["drives"].loc[name]
 
 
-def test_each_trip_has_its_row_and_those_that_have_no_answer_say_why():
+def test_each_trip_has_a_row_and_unanswered_trips_have_a_reason():
     rows = tables()["drives"]
     assert rows.index.tolist() == NAMES
     assert rows.answered.tolist() == [True, True, True, False, True, True, False]
@@ -86,7 +86,7 @@ def test_each_trip_has_its_row_and_those_that_have_no_answer_say_why():
 
 
 @EACH
-def test_epochs_and_fixes_are_those_that_went_in(name: str):
+def test_epochs_and_fixes_are_those_of_the_input(name: str):
     given = trips()[trips().drive_id == name]
     times = given.time.drop_duplicates()
     fixes = given[given.lat.notna()].time.drop_duplicates()
@@ -116,14 +116,14 @@ def test_the_path_s_figures_are_sums_over_its_rows(name: str):
 
 
 @EACH
-def test_mean_probabilities_are_means_over_epochs_with_an_answer(name: str):
+def test_mean_probabilities_are_means_over_answered_epochs(name: str):
     row, points = drive(name), of("points", name).dropna(subset=["lat"])
     assert row.mean_p_road == pytest.approx(points.p_road.mean(), abs=1e-12)
     assert row.mean_p_off_road == pytest.approx(points.p_off_road.mean(), abs=1e-12)
     assert 0.0 < row.mean_p_off_road < 0.2 < row.mean_p_road
 
 
-def test_what_was_skipped_is_counted_and_noted_of_its_own_trip():
+def test_skipped_rows_are_counted_for_their_own_trip():
     skipped = tables()["drives"].skipped
     assert sum(count for _, count in skipped["twice"]) == 1
     for name in ("plain", "another", "bridged", "odometer"):
@@ -131,8 +131,8 @@ def test_what_was_skipped_is_counted_and_noted_of_its_own_trip():
         assert len(drive(name).notes) == 0
 
 
-def test_trips_of_fixes_alone_are_told_under_their_own_names():
-    """They are answered together."""
+def test_trips_in_one_batch_keep_their_names():
+    """Trips of fixes only are filtered in one call."""
     rows = [trip(name, n, START + np.arange(float(n))) for name, n in (("b", 9), ("a", 14))]
     many = whichroad.match_many(pd.concat(rows), town())
     told = many.drives.to_pylist()
@@ -146,7 +146,7 @@ def test_trips_of_fixes_alone_are_told_under_their_own_names():
         assert row["mean_p_road"] == pytest.approx(np.mean(points["p_road"].to_pylist()))
 
 
-def test_what_was_not_used_is_noted():
+def test_unused_columns_are_noted():
     mine = trips()[trips().drive_id == "plain"].assign(bearing_deg=90.0)
     row = whichroad.match_many(mine, town()).drives.to_pylist()[0]
     note = "bearings not used: there is no speed to tell whether they mean anything"
@@ -154,7 +154,7 @@ def test_what_was_not_used_is_noted():
 
 
 @EACH
-def test_a_trip_of_many_is_told_as_if_it_were_alone(name: str):
+def test_a_trip_of_many_has_the_tables_of_the_trip_alone(name: str):
     alone = whichroad.match(trips()[trips().drive_id == name], town())
     many = whichroad.match_many(trips(), town())
     for table, one in ((many.points, alone.to_arrow()), (many.path, alone.path_arrow())):

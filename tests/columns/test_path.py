@@ -1,4 +1,4 @@
-"""Every column of the path, worked out again from the drawn streets, the truth and the points."""
+"""Value oracles for the columns of the path, from drawn streets, truth and points."""
 
 from functools import cache
 from pathlib import Path
@@ -115,7 +115,7 @@ def test_edges_are_entered_and_left_when_the_junction_is_passed():
     t = truth().time
     assert [enter[0], leave[-1]] == pytest.approx([t[0], t[-1]], abs=1e-3)
     np.testing.assert_allclose(enter[1:], leave[:-1], atol=1e-6)
-    np.testing.assert_allclose(leave[:-1], crossed(), atol=0.6)  # s, a corner is cut
+    np.testing.assert_allclose(leave[:-1], crossed(), atol=0.6)  # s; corners are cut
 
 
 def test_duration_and_mean_speed_are_those_between_entry_and_exit():
@@ -143,7 +143,7 @@ def test_the_geometry_is_the_part_of_the_street_that_was_driven():
 
 
 def test_p_is_the_mean_probability_while_the_edge_is_the_most_probable():
-    """Beside a parallel street, where it is in doubt."""
+    """Beside a parallel street."""
     t = drive_along([[100.0, 1.0], [700.0, 1.0]])
     roads = road_map([[[0.0, y], [800.0, y]] for y in (0.0, 9.0)])
     rng = np.random.default_rng(3)
@@ -161,7 +161,7 @@ def test_p_is_the_mean_probability_while_the_edge_is_the_most_probable():
     assert np.ptp(p) > 0.02
 
 
-def test_where_no_time_passes_there_is_no_mean_speed():
+def test_without_duration_the_mean_speed_is_null():
     lon, lat = degrees(60.0, 10.0)
     one = whichroad.GeoFix(START, float(lat), float(lon), 1.0, 0.0, 1.0)
     result = whichroad.match([one], town())
@@ -211,7 +211,7 @@ def fixes_along(corners: list[tuple[float, float]], start: float = 0.0) -> list[
     return found
 
 
-def test_the_rules_that_were_broken_are_told(ruled: whichroad.RoadMap):
+def test_broken_rules_are_named(ruled: whichroad.RoadMap):
     corners = [PLACES[n] for n in (1, 2, 3, 4, 5, 4, 8)]
     seen = fixes_along(corners)
     seen += fixes_along([PLACES[9], PLACES[10]], start=seen[-1].time - START + 3600.0)

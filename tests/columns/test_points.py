@@ -1,7 +1,7 @@
-"""Every column of the points, worked out again.
+"""Value oracles for the columns of the points.
 
-The ingredients are the hypotheses of the on-line filter, which sees the same epochs, the streets
-as they were drawn, what the sensors said and the truth; degrees and metres are pyproj's.
+Ingredients: hypotheses of the on-line filter at the same epochs, drawn streets, observations and
+truth. Degrees and metres are converted by pyproj.
 """
 
 import math
@@ -114,7 +114,7 @@ def numbers(mode: str, name: str) -> Array:
 
 
 def by_epoch(mode: str, value: Callable[[Mixture, Any], float]) -> Array:
-    """A number of each epoch, NaN where there is no answer."""
+    """A number of each epoch, NaN without an answer."""
     rows = zip(mixtures(mode), seen(mode).estimates, strict=True)
     return np.array([np.nan if m is None else value(m, e) for m, e in rows])
 
@@ -124,7 +124,7 @@ def assert_column(mode: str, name: str, expected: Array, **tolerance: float) -> 
 
 
 @MODES
-def test_the_scene_has_all_there_is_to_say(mode: str):
+def test_the_scene_has_every_status(mode: str):
     status = set(column(mode, "status"))
     assert {"on_road", "ambiguous", "off_road", "lost"} <= status
     if mode == WHEELS:
@@ -157,13 +157,13 @@ def test_the_covariance_is_that_of_the_mixture(mode: str):
 
 
 @MODES
-def test_the_bearing_s_sigma_is_that_of_the_mixture(mode: str):
+def test_the_bearing_sigma_is_that_of_the_mixture(mode: str):
     expected = by_epoch(mode, lambda m, _: math.degrees(math.sqrt(m.cov[2, 2])))
     assert_column(mode, "sigma_bearing_deg", expected, rtol=1e-6)
 
 
 @MODES
-def test_the_ellipse_is_the_covariance_s(mode: str):
+def test_the_ellipse_is_that_of_the_covariance(mode: str):
     def axes(m: Mixture, _: Any) -> tuple[float, float, float]:
         value, vector = np.linalg.eigh(m.cov[:2, :2])
         return math.sqrt(value[1]), math.sqrt(value[0]), math.atan2(vector[0, 1], vector[1, 1])
@@ -182,7 +182,7 @@ def test_the_ellipse_is_the_covariance_s(mode: str):
 
 
 @MODES
-def test_the_speed_is_the_vehicle_s(mode: str):
+def test_the_speed_is_that_of_the_vehicle(mode: str):
     t = seen(mode).truth
     said = numbers(mode, "speed_mps")
     assert_column(mode, "speed_mps", by_epoch(mode, lambda _, e: e.speed), atol=1e-9)
@@ -219,7 +219,7 @@ def test_the_edge_is_the_most_probable_one(mode: str):
 
 
 @MODES
-def test_source_and_direction_are_those_of_the_street_where_one_is_matched(mode: str):
+def test_source_and_direction_are_those_of_the_matched_street(mode: str):
     c = {name: column(mode, name) for name in (
         "edge_id", "source_id", "forward", "matched_lat", "matched_lon", "bearing_deg",
     )}  # fmt: skip
@@ -250,7 +250,7 @@ def test_source_and_direction_are_those_of_the_street_where_one_is_matched(mode:
 
 
 def matched_feet(mode: str, prefix: str) -> list[tuple[int, Any]]:
-    """Epochs on a road, and where a position of theirs lies by the edge in driving direction."""
+    """Epochs on a road, and a position of theirs relative to the edge in driving direction."""
     c = {name: column(mode, name) for name in ("source_id", "forward", f"{prefix}_lat",
                                                f"{prefix}_lon")}  # fmt: skip
     feet = []
@@ -263,7 +263,7 @@ def matched_feet(mode: str, prefix: str) -> list[tuple[int, Any]]:
 
 
 @MODES
-def test_the_abscissa_is_that_of_the_matched_place(mode: str):
+def test_the_abscissa_is_that_of_the_matched_position(mode: str):
     said = column(mode, "abscissa_m")
     feet = matched_feet(mode, "matched")
     for k, place in feet:
@@ -272,8 +272,8 @@ def test_the_abscissa_is_that_of_the_matched_place(mode: str):
 
 
 @MODES
-def test_the_matched_place_is_the_foot_of_the_place_in_the_map(mode: str):
-    """And the lateral offset is how far right of the edge that place lies."""
+def test_the_matched_position_is_the_projection_of_the_position_in_the_map(mode: str):
+    """And the lateral offset is its distance right of the edge."""
     lateral, p = column(mode, "lateral_m"), numbers(mode, "p_road")
     feet = dict(matched_feet(mode, "matched"))
     checked = 0
@@ -290,7 +290,7 @@ def test_the_matched_place_is_the_foot_of_the_place_in_the_map(mode: str):
 
 
 @MODES
-def test_the_matched_place_is_what_the_filter_says_on_line(mode: str):
+def test_the_matched_position_equals_that_of_the_on_line_estimate(mode: str):
     on = [value is not None for value in column(mode, "edge_id")]
     expected = np.array([e.matched for e in seen(mode).estimates])
     expected[~np.array(on)] = np.nan
@@ -299,23 +299,23 @@ def test_the_matched_place_is_what_the_filter_says_on_line(mode: str):
 
 
 def error_of(mode: str, prefix: str, east: float = 0.0, north: float = 0.0) -> Array:
-    """East and north errors of the places said, m, (n, 2), given what they are off the truth."""
+    """Errors of positions against the truth plus an offset, m, (n, 2)."""
     t = seen(mode).truth
     x, y = metres(numbers(mode, f"{prefix}lon"), numbers(mode, f"{prefix}lat"))
     return np.column_stack([x - t.x - east, y - t.y - north])
 
 
 def believed(mode: str) -> NDArray[np.bool_]:
-    """Epochs with an answer, without those of fixes that cannot be, and the start."""
+    """Answered epochs without the start and the outliers."""
     t = seen(mode).truth
     return answered(mode) & (t.s > 60.0) & (t.time < t.time[-1] - FALSE - 1.0)
 
 
 @MODES
-def test_the_place_is_the_vehicle_s_in_the_world_and_in_the_map(mode: str):
-    """As nearly as is said: 25 is exceeded once in 270,000 times.
+def test_positions_are_those_of_the_vehicle_in_the_world_and_in_the_map(mode: str):
+    """Within their covariance; chi-square 25 is exceeded once in 270,000 times.
 
-    Without wheels as long as the road is followed.
+    Without wheels only on the roads.
     """
     ok = believed(mode)
     if mode == GNSS:
@@ -335,7 +335,7 @@ def test_the_place_is_the_vehicle_s_in_the_world_and_in_the_map(mode: str):
 
 
 @MODES
-def test_the_map_s_place_is_what_the_filter_says_on_line(mode: str):
+def test_the_position_in_the_map_equals_that_of_the_on_line_estimate(mode: str):
     poses = [e.map_pose for e in seen(mode).estimates]
     lon, lat = TO_DEGREES.transform([p.x for p in poses], [p.y for p in poses])
     none = ~answered(mode)
@@ -344,21 +344,21 @@ def test_the_map_s_place_is_what_the_filter_says_on_line(mode: str):
 
 
 @MODES
-def test_probabilities_are_sums_of_those_of_the_hypotheses(mode: str):
+def test_probabilities_are_sums_over_the_hypotheses(mode: str):
     assert_column(
         mode, "p_road", by_epoch(mode, lambda m, _: m.shares().get(edge_of(m), 0.0)
                                  if edge_of(m) is not None else 0.0), atol=1e-9,
     )  # fmt: skip
     off = by_epoch(mode, lambda m, _: m.shares().get(None, 0.0))
     assert_column(mode, "p_off_road", off, atol=1e-9)
-    # what is neither is on other roads
+    # the rest is on other roads
     ambiguous = np.array(column(mode, "status")) == "ambiguous"
     rest = 1.0 - numbers(mode, "p_road") - off
     assert (rest[ambiguous] > 0.04).any()
 
 
 @MODES
-def test_alternatives_are_the_edges_by_their_probability(mode: str):
+def test_alternatives_are_the_edges_in_the_order_of_their_probability(mode: str):
     for k, row in enumerate(column(mode, "alternatives")):
         m = mixtures(mode)[k]
         if m is None:
@@ -386,7 +386,7 @@ def since_moved(mode: str) -> Array:
 
 @MODES
 def test_the_status_is_the_first_that_applies(mode: str):
-    """lost, off the roads, ambiguous, outage, stopped, on the road; within 0.2 s of a limit."""
+    """In the order lost, off_road, ambiguous, outage, stopped, on_road; limits to 0.2 s."""
     status, p, off = column(mode, "status"), numbers(mode, "p_road"), numbers(mode, "p_off_road")
     fix, stood, t = since_fix(mode), since_moved(mode), seen(mode).truth.time
     elsewhere = 0
@@ -416,7 +416,7 @@ def test_the_status_is_the_first_that_applies(mode: str):
 
 
 def away_of(mode: str) -> Array:
-    """How far away (m) the last fix lies if nothing explains it, else 0, for each epoch."""
+    """Distance (m) of the last fix if it is an outlier, else 0, for each epoch."""
     s: Seen = seen(mode)
     away, last = np.zeros(len(s.fixes)), 0.0
     for k, fix in enumerate(s.fixes):
@@ -434,12 +434,12 @@ NUMBER = re.compile(r"\((\d\.\d\d)\)")
 
 
 def hundredths(words: str) -> list[float]:
-    """The probabilities that are told."""
+    """Probabilities in a reason."""
     return [float(p) for p in NUMBER.findall(words)]
 
 
 @MODES
-def test_the_reason_tells_the_status_and_what_is_wrong_with_the_fixes(mode: str):
+def test_the_reason_names_the_status_and_outliers_and_the_gnss_scale(mode: str):
     words = {
         "on_road": "", "off_road": "no mapped road fits", "lost": "fixes fit no hypothesis",
         "outage": "no GNSS fix for a while: dead reckoning and map",
@@ -470,7 +470,7 @@ def test_the_reason_tells_the_status_and_what_is_wrong_with_the_fixes(mode: str)
             main = ""
         expected = "; ".join(part for part in (main, gnss) if part)
         assert NUMBER.sub("", said) == NUMBER.sub("", expected)
-        # P is rounded as a float of 32 bits
+        # P is a float of 32 bits, rounded
         assert hundredths(said) == pytest.approx(hundredths(expected), abs=0.0101)
         assert said == expected or status == "ambiguous"
 
@@ -482,7 +482,7 @@ def test_the_protection_level_bounds_the_tail_of_the_mixture(mode: str):
     def level(m: Mixture, estimate: Any) -> float:
         unknown = SETTINGS.unknown
         known = np.ones(len(m.p), bool)
-        # the entry for what no hypothesis knows lies at the mean, with its probability
+        # the entry for unknown causes, at the mean of the mixture, is no component
         extra = [i for i, e in enumerate(m.edge) if e is None and abs(m.p[i] - unknown) < 1e-15]
         known[extra[:1]] = False
         w, n = m.p[known] / (1.0 - unknown), int(known.sum())
@@ -501,7 +501,7 @@ def test_the_protection_level_bounds_the_tail_of_the_mixture(mode: str):
 
 
 @MODES
-def test_the_gnss_scale_is_how_much_farther_off_fixes_are_than_they_say(mode: str):
+def test_the_gnss_scale_is_the_ratio_of_true_to_reported_errors(mode: str):
     expected = by_epoch(mode, lambda _, e: e.gnss_scale)
     assert_column(mode, "gnss_scale", expected, rtol=1e-12)
     if mode == WHEELS:
@@ -540,7 +540,7 @@ def test_the_geometry_is_a_point_at_the_pose(mode: str):
 
 
 @MODES
-def test_an_estimate_on_line_says_what_the_row_of_its_epoch_does(mode: str):
+def test_an_on_line_estimate_equals_the_row_of_its_epoch(mode: str):
     ok, rows = answered(mode), seen(mode).estimates
     fields = {
         "lat": [e.pose.lat for e in rows], "lon": [e.pose.lon for e in rows],

@@ -1,4 +1,4 @@
-"""The smoother retraces a link by the filter's motion: the same F and the same Q.
+"""F and Q of a link of the smoother are those of the filter.
 
 F of the filter is the derivative of its mean over all epochs of the link, by central differences;
 its Q is the covariance that a state without a variance has afterwards.
@@ -35,12 +35,12 @@ class Case(NamedTuple):
 
 
 def both(case: Case) -> tuple[Moved, Moved, np.ndarray]:
-    """The link as the filter drove it, as the smoother retraces it, and sigmas of the state."""
+    """The link by the filter, by the smoother, and sigmas of the state."""
     mean = np.array(START)
     if case.mode == CLOCK:
         mean[RATE] = 9.0  # m/s
     if case.mode != WHEELS:
-        mean[DRIFT] = 0.0  # nothing turns by itself
+        mean[DRIFT] = 0.0  # no heading drift without a heading sensor
     if case.line is BENT:
         mean[:3] = 300.0, 2.5 - 1.75, 0.1
     scale = 1.0 + case.curvature * float(mean[0] ** 2 + mean[1] ** 2)
@@ -90,14 +90,14 @@ def test_the_mean_of_a_link_is_the_filter_s(name: str):
 
 @EACH
 def test_f_of_a_link_is_the_product_of_the_filter_s(name: str):
-    """To a hundredth of what the states' sigmas do to each other."""
+    """To 1 % in units of the states' sigmas."""
     filtered, retraced, sigmas = both(CASES[name])
     off = (retraced.f - filtered.f) * sigmas[None, :] / SIGMAS[:, None]
     assert np.abs(off).max() <= 0.01
 
 
-SILENT = "the smoother does not know the noise of unmeasured motion"
-TURNED = "noise of the heading does not reach the position, nor turn with the vehicle"
+SILENT = "the smoother lacks the process noise of unmeasured motion"
+TURNED = "heading noise within the link is not propagated to the position, nor rotated"
 RED = {
     **{name: TURNED for name in CASES if name.startswith("wheels")},
     **{name: SILENT for name in CASES if "silent" in name and CASES[name].mode == WHEELS},
@@ -113,7 +113,7 @@ RED = {
     ],
 )
 def test_q_of_a_link_is_what_the_filter_adds_over_it(name: str):
-    """To a twentieth of the sigmas that it adds."""
+    """To 5 % of the standard deviations added."""
     filtered, retraced, _ = both(CASES[name])
     sigma = np.sqrt(np.diag(filtered.q)) + 1e-6 * SIGMAS
     off = (retraced.q - filtered.q) / np.outer(sigma, sigma)

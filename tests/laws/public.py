@@ -1,6 +1,6 @@
-"""Drives through public names alone, so that no renaming of inner modules reaches the laws.
+"""Drives by public functions only, so that the laws do not depend on inner modules.
 
-Positions are metres east and north in a stereographic plane that pyproj computes.
+Positions are metres east and north in a stereographic plane computed by pyproj.
 """
 
 from collections.abc import Sequence
@@ -86,7 +86,7 @@ def geo_fixes(
 
 
 def readings(truth: Truth, mode: str, spoken: NDArray[np.bool_] | None = None) -> list[Any]:
-    """Odometry readings at the epochs at which it speaks.
+    """Odometry readings.
 
     Args:
         truth: The drive.
@@ -105,7 +105,7 @@ def readings(truth: Truth, mode: str, spoken: NDArray[np.bool_] | None = None) -
 
 
 class Errors(NamedTuple):
-    """How far answers are from the truth, and how far they say they may be."""
+    """Errors of estimates, and normalised by their covariance."""
 
     squared: Array  # (n,) m²
     nees: Array  # (n,) squared position error over its covariance, 2 degrees of freedom
@@ -113,7 +113,7 @@ class Errors(NamedTuple):
 
 
 def errors_of(result: whichroad.Result, truth: Truth, at: NDArray[np.bool_]) -> Errors:
-    """Errors of the epochs `at` of the truth, whose times the points must have."""
+    """Errors at the epochs `at` of the truth; the points must have rows at these times."""
     points = result.to_arrow()
     seconds = points["time"].cast("int64").to_numpy() * 1e-6 - START
     row = np.searchsorted(seconds, truth.time[at] - 1e-3)

@@ -1,4 +1,4 @@
-"""What the map tells does not depend on how often it is asked."""
+"""Map evidence does not depend on the rate of map observations."""
 
 from functools import cache
 
@@ -17,12 +17,12 @@ LEARNT, AS_REPORTED = 40.0, 1e10  # s in which the scale of the receiver's sigma
 
 @cache
 def answers(mode: str, adapt: float, spacing: float) -> dict[str, np.ndarray]:
-    """Figures of the drives where both spacings have just looked, each of shape (drives, n).
+    """Figures of all drives at epochs right after a map observation, each (drives, n).
 
     Args:
         mode: The odometry.
         adapt: See `Settings.gnss_adapt_time`.
-        spacing: Between two looks at the map, m.
+        spacing: Distance between map observations, m.
     """
     settings = whichroad.Settings(map_spacing=spacing, gnss_adapt_time=adapt)
     found: dict[str, list[np.ndarray]] = {"p": [], "ellipse": [], "protection": []}
@@ -48,8 +48,8 @@ def answers(mode: str, adapt: float, spacing: float) -> dict[str, np.ndarray]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-STEPS = "the scale of the slow error moves in steps of 3 %, which drives cross at different fixes"
-COUNT = "the number of hypotheses, and into how many Gaussians a road is split, enter the bound"
+STEPS = "the learnt GNSS scale moves in steps of 3 %, which drives cross at different fixes"
+COUNT = "the bound depends on the number of Gaussian components of a road"
 
 
 def red(reason: str) -> object:
@@ -68,9 +68,9 @@ def red(reason: str) -> object:
         pytest.param("protection", 0.02, LEARNT, marks=red(COUNT)),
     ],
 )
-def test_a_map_asked_every_4_m_or_every_8_tells_the_same_beside_a_parallel_road(
+def test_map_observations_every_4_m_or_8_m_give_the_same_estimate_beside_a_parallel_road(
     mode: str, figure: str, limit: float, adapt: float
 ):
-    """P of a road; the logarithms of the ellipse's axes and of the protection level."""
+    """P of a road, and logarithms of the ellipse's axes and of the protection level."""
     often, seldom = (answers(mode, adapt, spacing)[figure] for spacing in (4.0, 8.0))
     assert np.abs(often - seldom).max() <= limit

@@ -1,4 +1,4 @@
-"""A fix that is late counts where the vehicle would be by now, by the most probable hypothesis."""
+"""A late fix is moved to the present by the motion of the most probable hypothesis."""
 
 import copy
 import math
@@ -14,7 +14,7 @@ STEM = [[0.0, 0.0], [300.0, 0.0]]
 LEFT = [[300.0, 0.0], [500.0, 120.0]]
 RIGHT = [[300.0, 0.0], [500.0, -120.0]]
 LATE = 0.5  # s
-# without them every hypothesis is on a branch of the fork
+# no U-turns and no off-road hypotheses
 NO_OTHERS = whichroad.Settings(u_turn_rate=0.0, off_road_start=0.0, off_road_leave=0.0)
 
 
@@ -25,11 +25,11 @@ def fix_at(x: float, y: float, time: float, *, bearing: float | None = None) -> 
 
 
 def past_the_fork(truth: Truth, share: float) -> list[whichroad.Localizer]:
-    """The on-line filter at epochs behind the fork, where one fix hints at the branch.
+    """The on-line filter at epochs behind the fork, after one fix that favours a branch.
 
     Args:
         truth: The drive.
-        share: Of the way from the middle between the branches to the right one.
+        share: Lateral position of that fix: 0 midway between the branches, 1 on the true one.
     """
     online = whichroad.Localizer(road_map([STEM, LEFT, RIGHT]), vehicle=CAR, settings=NO_OTHERS)
     found = []
@@ -44,7 +44,7 @@ def past_the_fork(truth: Truth, share: float) -> list[whichroad.Localizer]:
 
 
 def moved_along(online: whichroad.Localizer, x: float, y: float) -> tuple[float, float]:
-    """Where one is so much later who drives as the most probable hypothesis does."""
+    """A position moved on by the delay along the most probable hypothesis."""
     now = online.estimate()
     best = max(now.hypotheses, key=lambda h: h.p)
     lon, lat = degrees(x, y)
@@ -59,18 +59,18 @@ def moved_along(online: whichroad.Localizer, x: float, y: float) -> tuple[float,
         (LEFT, 1 / 12),  # the most probable hypothesis is neither the first nor the last row
         (RIGHT, 1 / 12),
         pytest.param(RIGHT, 1 / 20, marks=pytest.mark.xfail(
-            strict=True, reason="the first hypothesis is taken, which drives along the other branch"
+            strict=True, reason="the first row is taken, which is on the other branch"
         )),
     ],
 )  # fmt: skip
 def test_a_late_fix_is_moved_by_the_most_probable_hypothesis(branch, share: float):
-    """It says what a fix does that is in time and lies where the vehicle is by then."""
+    """Its estimate equals that of a punctual fix at the position moved by the delay."""
     truth = drive_along([STEM[0], *branch], margin=20.0)
     seen = past_the_fork(truth, share)
     for online in seen:
         before = online.estimate()
         bearings = [h.pose.bearing_deg for h in before.hypotheses if h.p > 0.02]
-        assert max(bearings) - min(bearings) > 40.0  # else whose heading counts does not matter
+        assert max(bearings) - min(bearings) > 40.0  # else all hypotheses would move it alike
         now = before.time - START
         place = float(np.interp(now, truth.time, truth.x)), 0.0
         late, prompt = copy.deepcopy(online), copy.deepcopy(online)

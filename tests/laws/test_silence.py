@@ -1,4 +1,4 @@
-"""What is not measured while odometry is silent: it costs certainty, by time and way alone."""
+"""Process noise of unmeasured motion depends on distance and time, not on the epoch rate."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from scenes import drive_along
 TRUTH = drive_along([[0.0, 0.0], [700.0, 0.0]], margin=20.0)
 SILENT = (20.0, 45.0)  # s after the start
 IN_STREET = [[[-100.0, 1.75], [900.0, 1.75]]]
-IN_A_FIELD = [[[0.0, 5000.0], [100.0, 5000.0]]]  # nothing but dead reckoning
+IN_A_FIELD = [[[0.0, 5000.0], [100.0, 5000.0]]]  # dead reckoning only
 FIVE_PERCENT = 0.05
 
 
@@ -20,8 +20,8 @@ def sigmas(lines: list, mode: str, every: int, *, silent: bool = True) -> dict[s
     Args:
         lines: Streets.
         mode: The odometry.
-        every: Epochs of 0.1 s from one epoch of the filter to the next, in the silence.
-        silent: Whether the odometry is silent; else it is read at every such epoch.
+        every: Interval between epochs of the filter during the outage, units of 0.1 s.
+        silent: Whether odometry is missing during the outage; else it is read at every epoch.
     """
     n = len(TRUTH.time)
     quiet = (TRUTH.time > SILENT[0]) & (TRUTH.time < SILENT[1])
@@ -30,7 +30,7 @@ def sigmas(lines: list, mode: str, every: int, *, silent: bool = True) -> dict[s
     at = np.flatnonzero(np.where(quiet, beat, np.arange(n) % 10 == 0))
     observed = geo_fixes(TRUTH, fix, at)
     observed += readings(TRUTH, mode, ~quiet if silent else ~quiet | beat)
-    # fixes that are withheld are epochs of the filter, at which nothing is observed
+    # masked fixes are epochs of the filter without an observation
     result = whichroad.match(
         observed, road_map(lines), vehicle=CAR, mask=[(SILENT[0] + 0.05, SILENT[1] - 0.05)]
     )
@@ -44,24 +44,24 @@ def sigmas(lines: list, mode: str, every: int, *, silent: bool = True) -> dict[s
 
 
 @pytest.mark.xfail(
-    strict=True, reason="its variance is a square of the metres of every epoch, added up"
+    strict=True, reason="the variance is a sum of squared distances of single epochs"
 )
 @pytest.mark.parametrize("every", [1, 2])
 @pytest.mark.parametrize("lines", [IN_STREET, IN_A_FIELD])
-def test_unmeasured_distance_costs_the_same_however_often_it_is_asked_for(lines, every: int):
+def test_noise_of_unmeasured_distance_does_not_depend_on_the_epoch_rate(lines, every: int):
     often, seldom = (sigmas(lines, WHEELS, n)["east"] for n in (every, 10))
     np.testing.assert_allclose(often, seldom, rtol=FIVE_PERCENT)
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 @pytest.mark.parametrize("every", [1, 2])
-def test_unmeasured_turns_cost_the_same_however_often_they_are_asked_for(mode, every: int):
+def test_noise_of_unmeasured_turns_does_not_depend_on_the_epoch_rate(mode, every: int):
     often, seldom = (sigmas(IN_A_FIELD, mode, n)["bearing"] for n in (every, 10))
     np.testing.assert_allclose(often, seldom, rtol=FIVE_PERCENT)
 
 
 @pytest.mark.parametrize("every", [1, 2])
-def test_measured_motion_costs_the_same_however_often_it_is_read(every: int):
+def test_noise_of_measured_motion_does_not_depend_on_the_odometry_rate(every: int):
     often, seldom = (sigmas(IN_A_FIELD, WHEELS, n, silent=False) for n in (every, 10))
     for name, value in often.items():
         np.testing.assert_allclose(value, seldom[name], rtol=FIVE_PERCENT)
@@ -72,10 +72,10 @@ def test_measured_motion_costs_the_same_however_often_it_is_read(every: int):
     [
         WHEELS,
         pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="an odometer's distance counts as measured where it was bridged"
+            strict=True, reason="interpolated distance counts as measured without a heading sensor"
         )),
     ],
 )  # fmt: skip
-def test_unmeasured_distance_costs_more_than_measured(mode: str):
+def test_unmeasured_distance_adds_more_noise_than_measured_distance(mode: str):
     silent, heard = (sigmas(IN_A_FIELD, mode, 10, silent=quiet)["east"] for quiet in (True, False))
     assert (silent[5:] > 1.2 * heard[5:]).all()

@@ -1,4 +1,4 @@
-"""Looking back is never worse than filtering: later observations only add information."""
+"""Smoothing is never worse than filtering: later observations only add information."""
 
 from functools import cache
 
@@ -12,15 +12,15 @@ from scenes import Truth, drive_along, gnss, grid_town
 
 SEEDS = range(32)
 SILENCE = 200  # epochs of 0.1 s
-SETTLED = 50  # epochs after the start that are not judged
-HONEST = 1.1  # ANEES that chance alone explains over 32 drives whose errors last a minute
+SETTLED = 50  # epochs after the start that are left out
+HONEST = 1.1  # upper bound of the ANEES of 32 drives by chance; errors last a minute
 
-# what the odometer says of the silence
+# odometer after the outage
 EXACT, STRETCHED, TAIL = "right afterwards", "20 % too long afterwards", "silent to the end"
 
 
 def silent(truth: Truth, kind: str) -> tuple[Truth, np.ndarray]:
-    """The drive as the odometer tells it, and at which epochs it speaks."""
+    """The drive as the odometer measures it, and the epochs with a reading."""
     n = len(truth.time)
     first = n - SILENCE if kind == TAIL else (n - SILENCE) // 2
     spoken = np.ones(n, bool)
@@ -57,7 +57,7 @@ def figures(mode: str, lag: object, silence: str | None = None) -> np.ndarray:
 
 
 def assert_not_worse(smoothed: np.ndarray, filtered: np.ndarray) -> None:
-    """RMS, and how many times farther off than it says."""
+    """Compare the RMS error and both ANEES."""
     assert smoothed[0] <= filtered[0]
     assert (smoothed[1:] <= HONEST * np.maximum(filtered[1:], 1.0)).all()
 
@@ -70,7 +70,7 @@ def test_smoothing_is_not_worse_than_filtering(mode: str, lag: object):
 
 DRIFTED = pytest.mark.xfail(
     strict=True,
-    reason="the smoother does not know the noise that the filter adds for unmeasured motion",
+    reason="the smoother lacks the process noise that the filter adds for unmeasured motion",
 )
 
 
@@ -78,12 +78,12 @@ DRIFTED = pytest.mark.xfail(
 @pytest.mark.parametrize("lag", [10, "full"])
 @pytest.mark.parametrize("silence", [EXACT, STRETCHED, TAIL])
 def test_smoothing_is_not_worse_than_filtering_while_the_wheels_are_silent(silence, lag):
-    """For 20 s, with a fix a second; judged in the silence."""
+    """No odometry for 20 s, fixes at 1 Hz; errors of these 20 s."""
     assert_not_worse(figures(WHEELS, lag, silence), figures(WHEELS, None, silence))
 
 
 @pytest.mark.parametrize("silence", [EXACT, STRETCHED, TAIL])
 def test_smoothing_is_not_worse_than_filtering_while_the_odometer_is_silent(silence):
-    """The bearing is the road's here, whichever way the distance errs."""
+    """Position only: the bearing is that of the road."""
     smoothed, filtered = (figures(DISTANCE, lag, silence)[:2] for lag in ("full", None))
     assert_not_worse(smoothed, filtered)

@@ -1,4 +1,4 @@
-"""The first fix: probability goes by the length of roads about it, not by how they are drawn."""
+"""Initial probabilities depend on the roads about the first fix, not on how they are digitised."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from laws.public import CAR, DISTANCE, START, degrees, geo_fixes, readings, road
 from scenes import drive_along
 
 LENGTH = 2000.0  # m
-# nothing is dropped, merged or kept for what the model does not know
+# no pruning, no merging, no probability for unknown causes
 PLAIN = whichroad.Settings(unknown=0.0, prune=0.0, merge=0.0, components=8)
 ALONG = [[0.0, 0.0], [LENGTH, 0.0]]
 
@@ -63,33 +63,33 @@ def test_cutting_a_road_into_pieces_does_not_change_its_probability(sigma: float
     assert of_street(pieces, range(count)) == pytest.approx(of_street(whole, [0]), abs=1e-6)
 
 
-def test_a_road_that_ends_beside_the_fix_has_half_the_chance_of_one_that_goes_on():
+def test_a_road_that_ends_beside_the_fix_has_half_the_probability_of_one_that_goes_on():
     roads = road_map([[[0.0, 0.0], [500.0, 0.0]], [[0.0, 9.0], [1000.0, 9.0]]])
     online = first(roads, 500.0, 4.5)
     assert of_street(online, [0]) / of_street(online, [1]) == pytest.approx(0.5, rel=1e-6)
 
 
-def test_both_directions_are_equal_and_none_has_its_own_share():
+def test_both_directions_are_equal_and_off_road_has_its_prior():
     settings = whichroad.Settings(unknown=0.0, off_road_start=0.2)
     found = shares(first(road_map([ALONG, beside(12.0)]), 1000.0, 0.0, settings=settings))
     assert found[0, True] == pytest.approx(found[0, False], rel=1e-6)
-    assert found[None] == pytest.approx(0.2, abs=0.02)  # and what the road says
+    assert found[None] == pytest.approx(0.2, abs=0.02)  # changed by the map observation
     assert sum(found.values()) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_one_way_street_is_hardly_driven_backwards():
+def test_driving_against_a_one_way_street_has_its_prior():
     roads = road_map([ALONG, beside(12.0)], oneway=["yes", "no"])
     found = shares(first(roads, 1000.0, 0.0))
     assert found[0, False] / found[0, True] == pytest.approx(PLAIN.wrong_way, rel=1e-6)
 
 
-def test_a_known_course_leaves_out_roads_that_run_against_it():
+def test_a_known_course_excludes_opposite_directions():
     online = first(road_map([ALONG, beside(12.0)]), 1000.0, 5.0, bearing=85.0)
     assert set(shares(online)) == {(0, True), (1, True), None}
     assert online.estimate().pose.bearing_deg == pytest.approx(85.0, abs=5.0)
 
 
-def test_far_from_every_road_a_vehicle_is_on_none_and_stays_there():
+def test_far_from_every_road_a_vehicle_is_and_stays_off_road():
     roads = road_map([ALONG, beside(12.0)])
     assert shares(first(roads, 1000.0, 900.0)) == pytest.approx({None: 1.0})
     truth = drive_along([[500.0, 900.0], [1500.0, 900.0]])
@@ -100,9 +100,9 @@ def test_far_from_every_road_a_vehicle_is_on_none_and_stays_there():
 
 
 @pytest.mark.parametrize("x", [280.0, 295.0, 300.0, 306.0])
-def test_the_first_centimetre_after_a_start_beside_a_node_passes_no_more_than_itself(x: float):
-    """A start knows how much of it lies before the node; that has not passed it since."""
-    stub = [[300.0, 0.0], [300.0, -200.0]]  # so that the node is a junction
+def test_the_first_centimetre_after_a_start_beside_a_node_moves_no_probability_past_it(x: float):
+    """The initial P(not past the end) already holds what lies beyond the node."""
+    stub = [[300.0, 0.0], [300.0, -200.0]]  # makes the node a junction
     online = first(road_map([*cut([[0.0, 0.0], [600.0, 0.0]], 2), stub]), x, -1.75, bearing=90.0)
     before = shares(online)
     for k in range(2):

@@ -1,6 +1,6 @@
-"""One hypothesis moved by the filter over some epochs, and the same as the smoother retraces it.
+"""One hypothesis predicted over some epochs by the filter, and by the smoother's process model.
 
-The only module of the tests that knows how the smoother stores a link.
+The only test module that knows how the smoother stores a link.
 """
 
 from typing import NamedTuple
@@ -36,11 +36,11 @@ from .beliefs import On, belief_on
 
 Array = NDArray[np.float64]
 
-SETTINGS = Settings(map_spacing=50.0, u_turn_rate=0.0)  # nothing is observed in a link
+SETTINGS = Settings(map_spacing=50.0, u_turn_rate=0.0)  # no map observation within a link
 
 
 class Motion(NamedTuple):
-    """What the odometry says of n epochs."""
+    """Odometry of n epochs."""
 
     time: Array  # s after the link's beginning
     arc: Array  # m
@@ -68,7 +68,7 @@ def motion(
 
 
 def _epochs(motion: Motion) -> Epochs:
-    """A moment at which nothing happens, then the motion; no fixes."""
+    """An epoch without motion, then the motion; no fixes."""
     n = len(motion.time)
     epochs = new_epochs(n + 1)
     epochs.time[1:], epochs.arc[1:], epochs.turn[1:] = motion.time, motion.arc, motion.turn
@@ -80,11 +80,11 @@ def _epochs(motion: Motion) -> Epochs:
 
 
 class Link:
-    """A hypothesis on edge 0 of a map, or off its roads, and how it moves.
+    """A hypothesis on edge 0 of a map, or off its roads, and its motion.
 
     Args:
         roads: The map.
-        motion: What the odometry says.
+        motion: Odometry.
         mode: WHEELS, DISTANCE or CLOCK.
         mean: State at the beginning, (N,).
         off_road: Whether it is on no road.
@@ -121,7 +121,7 @@ class Link:
         return belief, memory, route
 
     def filtered(self, step: Array) -> Moved:
-        """What the filter does: F by central differences of the mean, Q where P is nothing.
+        """The filter's prediction: F by central differences of the mean, Q from P = 0.
 
         Args:
             step: Of the differences, (N,).
@@ -142,7 +142,7 @@ class Link:
         return Moved(belief.mean[0].copy(), f, belief.cov[0].copy())
 
     def retraced(self, step: Array) -> Moved:
-        """What the smoother makes of the link between the first step of its memory and the last."""
+        """The smoother's process model of the link."""
         cov = np.diag((1e-3 * step) ** 2)
         _, memory, route = self._run(self.mean, cov)
         steps = int(memory.size[0])
