@@ -11,15 +11,15 @@ import pytest
 
 from scenes import network
 from scenes.links import Link, Motion, Moved, motion
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 
 STRAIGHT = [[0.0, 0.0], [1000.0, 0.0]]
 BENT = [[x, 1e-3 * (x - 250.0) ** 2] for x in np.linspace(0.0, 600.0, 61)]  # radius 500 m
 CURVATURE = 1e-7  # 1/m²; the plane's scale is 1.009 where the link begins
 #               X     Y     H     K      B     D    MX   MY   GX   GY
-START = [300.0, -1.75, 0.02, 1.0, 1e-4, 1.75, 0.5, -0.3, 0.1, -0.2]
-SIGMAS = np.array([1.0, 1.0, 0.02, 0.01, 3e-4, 1.0, 1.0, 1.0, 1.0, 1.0])
-RATE, DRIFT = 3, 4
+START = [300.0, -1.75, 0.02, 1.0, 1e-4, 1.75, 0.5, -0.3, 0.1, -0.2, 0.0, 0.0]
+SIGMAS = np.array([1.0, 1.0, 0.02, 0.01, 3e-4, *[1.0] * 7])
+RATE, DRIFT, SPARE = 3, 4, 10
 
 HALF = np.arange(10) < 5
 
@@ -54,6 +54,7 @@ def both(case: Case) -> tuple[Moved, Moved, np.ndarray]:
     step = 0.05 * sigmas
     if case.mode != WHEELS:
         sigmas[DRIFT] = 0.0
+    sigmas[SPARE:] = 0.0
     return link.filtered(step), link.retraced(step), sigmas
 
 
@@ -96,22 +97,7 @@ def test_f_of_a_link_is_the_product_of_the_filter_s(name: str):
     assert np.abs(off).max() <= 0.01
 
 
-SILENT = "the smoother lacks the process noise of unmeasured motion"
-TURNED = "heading noise within the link is not propagated to the position, nor rotated"
-RED = {
-    **{name: TURNED for name in CASES if name.startswith("wheels")},
-    **{name: SILENT for name in CASES if "silent" in name and CASES[name].mode == WHEELS},
-    **{name: TURNED for name in CASES if name.endswith("off the roads")},
-}
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=[pytest.mark.xfail(strict=True, reason=RED[n])] if n in RED else [])
-        for n in CASES
-    ],
-)
+@EACH
 def test_q_of_a_link_is_what_the_filter_adds_over_it(name: str):
     """To 5 % of the standard deviations added."""
     filtered, retraced, _ = both(CASES[name])

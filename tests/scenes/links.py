@@ -8,29 +8,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whichroad.core.belief import (
-    LAST_FIX,
-    NOW,
+from whichroad._compile import Records
+from whichroad.filter.estimate import new_output
+from whichroad.filter.history import History, new_history
+from whichroad.filter.link_motion import LINK_MODEL, predict_link
+from whichroad.filter.link_motion import Link as Between
+from whichroad.filter.motion import arc_chord
+from whichroad.filter.state import (
     OFF_ROAD,
-    SPEED,
-    STARTED,
     Belief,
+    Context,
     H,
     N,
-    Route,
+    Path,
     new_belief,
-    new_route,
+    new_epochs,
+    new_path,
+    new_work,
 )
-from whichroad.core.drive import run
-from whichroad.core.epoch import Epochs, new_epochs
-from whichroad.core.gain import new_bench
-from whichroad.core.memory import Memory, new_memory
-from whichroad.core.motion import arc_chord
-from whichroad.core.network import Roads
-from whichroad.core.output import new_output
-from whichroad.core.switching import new_work
-from whichroad.core.transition import predict_link
-from whichroad.settings import Settings
+from whichroad.filter.step import run
+from whichroad.graph.network import Roads, records
+from whichroad.settings import Settings, Vehicle, parameters
 
 from .beliefs import On, belief_on
 
@@ -67,14 +65,14 @@ def motion(
     )  # fmt: skip
 
 
-def _epochs(motion: Motion) -> Epochs:
+def _epochs(motion: Motion) -> Records:
     """An epoch without motion, then the motion; no fixes."""
     n = len(motion.time)
     epochs = new_epochs(n + 1)
     epochs.time[1:], epochs.arc[1:], epochs.turn[1:] = motion.time, motion.arc, motion.turn
     for k in range(1, n + 1):
         epochs.forward[k], epochs.left[k] = arc_chord(epochs.arc[k], epochs.turn[k])
-    epochs.moved[1:] = motion.valid
+    epochs.odometry_valid[1:] = motion.valid
     epochs.speed_sigma[:] = epochs.course_sigma[:] = np.inf
     return epochs
 
@@ -97,28 +95,23 @@ class Link:
     ) -> None:  # fmt: skip
         self.roads, self.mode, self.mean, self.scale = roads, mode, mean, scale
         self.epochs = _epochs(motion)
+        self.ctx = Context(parameters(SETTINGS, Vehicle(), mode), roads, new_work())
         self.edge = OFF_ROAD if off_road else 0
         self.unit = np.ones(N)
         self.unit[:2] = scale
 
-    def _run(self, mean: Array, cov: Array) -> tuple[Belief, Memory, Route]:
-        """The belief, memory and route after the filter's run over the link."""
-        belief, source = new_belief(True), belief_on(self.roads, [On(self.edge)])
-        for mine, other in zip(belief, source, strict=True):
-            if mine.shape[1:] == other.shape[1:] and len(mine) > 1 and len(mine) < len(other):
-                mine[:1] = other[:1]
-        belief.mean[0], belief.cov[0] = mean, cov
-        belief.edge[0], belief.probability[0], belief.log_weight[0] = self.edge, 1.0, 0.0
-        belief.size[0] = 1
-        belief.clock[[NOW, STARTED, LAST_FIX, SPEED]] = 0.0, 1.0, 0.0, 10.0
-        memory, route = new_memory(64), new_route(1 << 12)
-        n = len(self.epochs.time)
-        run(
-            belief, self.roads, route, new_work(), self.epochs, new_output(n, False), 0, n,
-            self.mode, 1.0, np.zeros(2), SETTINGS.parameters(), 3.0, 0.95, False, memory,
-        )  # fmt: skip
-        assert belief.size[0] == 1
-        return belief, memory, route
+    def _run(self, mean: Array, cov: Array) -> tuple[Belief, History, Path]:
+        """The belief, history and path tree after the filter's run over the link."""
+        belief = new_belief(True)
+        belief.hyp[0] = belief_on(self.roads, [On(self.edge)]).hyp[0]
+        belief.hyp["mu"][0], belief.hyp["cov"][0] = mean, cov
+        state = belief.state[0]
+        state.count, state.started, state.scale, state.speed = 1, 1, self.scale, 10.0
+        history, path = new_history(64), new_path(1 << 12)
+        n = len(self.epochs)
+        run(belief, path, history, self.epochs, new_output(n, False), self.ctx, 0, n)
+        assert state.count == 1
+        return belief, history, path
 
     def filtered(self, step: Array) -> Moved:
         """The filter's prediction: F by central differences of the mean, Q from P = 0.
@@ -134,23 +127,21 @@ class Link:
             for sign in (1.0, -1.0):
                 mean = self.mean.copy()
                 mean[a] += sign * step[a]
-                ends.append(self._run(mean, none)[0].mean[0].copy())
+                ends.append(self._run(mean, none)[0].hyp["mu"][0].copy())
             off = ends[0] - ends[1]
             off[H] = np.angle(np.exp(1j * off[H]))
             f[:, a] = off / (2.0 * step[a])
         f = f * self.unit[None, :] / self.unit[:, None]
-        return Moved(belief.mean[0].copy(), f, belief.cov[0].copy())
+        return Moved(belief.hyp["mu"][0].copy(), f, belief.hyp["cov"][0].copy())
 
     def retraced(self, step: Array) -> Moved:
         """The smoother's process model of the link."""
         cov = np.diag((1e-3 * step) ** 2)
-        _, memory, route = self._run(self.mean, cov)
-        steps = int(memory.size[0])
-        assert steps == 2
-        bench, q = new_bench(), np.zeros(N)
-        predict_link(
-            bench, q, memory, self.roads, route, 1, 0, 1, memory.mean[0].copy(), cov,
-            self.mode, self.scale, 1.0, SETTINGS.parameters(),
-        )  # fmt: skip
-        f = bench.f.copy()
-        return Moved(bench.mean.copy(), f, bench.cov - f @ cov @ f.T)
+        _, history, path = self._run(self.mean, cov)
+        assert history.count[0].steps == 2
+        model = records(1, LINK_MODEL)[0]
+        model.then_mean[:], model.then_cov[:] = history.states["mu"][0], cov
+        model.scale = self.scale
+        predict_link(model, history, path, self.ctx, Between(1, 0, 1))
+        f = model.f.copy()
+        return Moved(model.mu.copy(), f, model.cov - f @ cov @ f.T)
