@@ -43,9 +43,6 @@ def sigmas(lines: list, mode: str, every: int, *, silent: bool = True) -> dict[s
     }
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the variance is a sum of squared distances of single epochs"
-)
 @pytest.mark.parametrize("every", [1, 2])
 @pytest.mark.parametrize("lines", [IN_STREET, IN_A_FIELD])
 def test_noise_of_unmeasured_distance_does_not_depend_on_the_epoch_rate(lines, every: int):
@@ -67,15 +64,7 @@ def test_noise_of_measured_motion_does_not_depend_on_the_odometry_rate(every: in
         np.testing.assert_allclose(value, seldom[name], rtol=FIVE_PERCENT)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        WHEELS,
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="interpolated distance counts as measured without a heading sensor"
-        )),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 def test_unmeasured_distance_adds_more_noise_than_measured_distance(mode: str):
     silent, heard = (sigmas(IN_A_FIELD, mode, 10, silent=quiet)["east"] for quiet in (True, False))
     assert (silent[5:] > 1.2 * heard[5:]).all()

@@ -68,13 +68,6 @@ def test_smoothing_is_not_worse_than_filtering(mode: str, lag: object):
     assert_not_worse(figures(mode, lag), figures(mode, None))
 
 
-DRIFTED = pytest.mark.xfail(
-    strict=True,
-    reason="the smoother lacks the process noise that the filter adds for unmeasured motion",
-)
-
-
-@DRIFTED
 @pytest.mark.parametrize("lag", [10, "full"])
 @pytest.mark.parametrize("silence", [EXACT, STRETCHED, TAIL])
 def test_smoothing_is_not_worse_than_filtering_while_the_wheels_are_silent(silence, lag):
