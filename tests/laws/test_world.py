@@ -5,43 +5,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 
 from laws.drives import law, sensed, way_through
 from laws.geodetic import answer, degrees, drive, fixes, road_map
 from scenes import (
-    On,
     Truth,
-    belief_on,
     column,
     columns,
-    context,
     drive_along,
-    edge_weights,
     gnss,
     grid_town,
     localize,
     network,
-    weights,
 )
 from strategies import seeds
-from whichroad.filter.births import exchange_off_road
 from whichroad.filter.estimate import Output
-from whichroad.filter.reduction import reduce
 from whichroad.filter.state import (
     CLOCK,
     DISTANCE,
-    GX,
-    MX,
-    OFF_ROAD,
     WHEELS,
-    Belief,
-    H,
-    N,
-    X,
-    new_path,
 )
-from whichroad.graph.network import Roads
+from whichroad.settings import Settings
 
 TOWN = grid_town()
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -185,62 +170,45 @@ def test_the_earth_has_no_special_meridian(seed: int):
             np.testing.assert_allclose(b, a, rtol=0.0, atol=1e-6)
 
 
-def turned_belief(belief: Belief, turn: np.ndarray) -> None:
-    """Turn the hypotheses of a belief about the origin, in place."""
-    whole = np.eye(N)
-    for state in (X, MX, GX):
-        whole[state : state + 2, state : state + 2] = turn
-    mean, cov = belief.hyp["mu"], belief.hyp["cov"]
-    mean[:] = mean @ whole.T
-    mean[:, H] += math.atan2(turn[1, 0], turn[0, 0])
-    cov[:] = whole @ cov @ whole.T
-
-
-def wandering(seed: int, roads: Roads, turn: np.ndarray) -> Belief:
-    """Four hypotheses off the roads of the town, in a world turned about the origin."""
+def out_of_town(seed: int) -> tuple[Truth, np.ndarray, np.ndarray]:
+    """Out of the town along one street, through the fields, and back along another."""
     rng = np.random.default_rng(seed)
-    at = rng.uniform(100.0, 400.0, 2)
-    spread = rng.normal(0.0, 8.0, (4, 2))
-    shares = rng.dirichlet(np.ones(4))
-    belief = belief_on(
-        roads, [On(OFF_ROAD, at[0] + dx, float(p), -at[1] - dy)
-                for (dx, dy), p in zip(spread, shares, strict=True)],
+    out, back = ([[i * 120.0 + 10.0 * math.sin(j), j * 120.0 + 8.0 * math.cos(i)]
+                  for j in rows] for i, rows in ((1, (2, 3, 4)), (3, (4, 3, 2))))  # fmt: skip
+    fields = np.array([[110.0, 600.0], [240.0, 720.0], [350.0, 600.0]])
+    fields += rng.uniform(-30.0, 30.0, (3, 2))
+    truth = drive_along(np.vstack([out, fields, back]))
+    fix = gnss(truth, sigma=rng.uniform(1.0, 3.0), seed=seed)
+    return truth, fix, np.arange(0, len(truth.time), 10)
+
+
+@pytest.mark.parametrize(
+    "mode",
+    [
+        WHEELS,
+        pytest.param(DISTANCE, marks=pytest.mark.xfail(
+            strict=True, reason="a start far from every road tries eight headings, the first along "
+            "the plane's x axis: 17 drives of 60 start anew in the fields, and differ by 0.5 m")),
+        CLOCK,
+    ],
+)  # fmt: skip
+@example(seed=3)  # one of those
+@given(seed=seeds)
+@law
+def test_turning_the_world_turns_who_leaves_the_roads_and_comes_back(mode: int, seed: int):
+    """In the fields hypotheses off the roads are born, merge, and return to roads."""
+    truth, fix, at = out_of_town(seed)
+    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
+    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
+    here, there = (
+        localize(
+            network([line @ how.T for line in TOWN]),
+            sensed(*moved(truth, fix, how, np.zeros(2)), at, mode), mode=mode,
+            settings=Settings(off_road_leave=1e-3),
+        ).output
+        for how in (np.eye(2), turn)
     )  # fmt: skip
-    belief.hyp["mu"][:4, H] = rng.uniform(-3.0, 3.0, 4)
-    cov = belief.hyp["cov"]
-    for i in range(4):
-        root = rng.normal(size=(2, 2)) * [[8.0], [2.0]]
-        cov[i, :2, :2] = root @ root.T + np.eye(2)
-        cov[i, H, H] = 0.2
-    turned_belief(belief, turn)
-    return belief
-
-
-@given(seeds)
-@law
-def test_turning_the_world_changes_nothing_in_who_comes_back_to_which_road(seed: int):
-    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
-    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
-    shares = []
-    for how in (np.eye(2), turn):
-        roads = network([line @ how.T for line in TOWN])
-        belief = wandering(seed, roads, how)
-        belief.state.since_exit = 10.0
-        exchange_off_road(belief, context(roads))
-        shares.append(edge_weights(belief))
-    assert shares[1] == pytest.approx(shares[0], abs=EXACT)
-
-
-@given(seeds)
-@law
-def test_turning_the_world_changes_nothing_in_what_merges_off_the_roads(seed: int):
-    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
-    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
-    left = []
-    for how in (np.eye(2), turn):
-        roads = network([line @ how.T for line in TOWN])
-        belief = wandering(seed, roads, how)
-        reduce(belief, new_path(1 << 12), context(roads))
-        left.append(np.sort(weights(belief)))
-    assert len(left[0]) == len(left[1])
-    np.testing.assert_allclose(left[1], left[0], atol=EXACT)
+    off = column(here, "p_off_road")
+    assert off.max() > 0.9
+    assert off[-1] < 0.5
+    assert_moved(there, here, turn, np.zeros(2), EXACT)
