@@ -19,7 +19,7 @@ from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 
-_BLOCK = 1 << 20  # bytes of a log scanned at once
+_BLOCK = 1 << 19  # bytes of a log scanned at once
 _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back
 _LONGEST_BURST = 1000  # sentences with one time that a stream may hold back
 _DAY = 86_400_000  # ms
