@@ -22,7 +22,8 @@ from typing import Annotated, Any, Generic, ParamSpec, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from .native.layout import Array, Layout
+from .native.layout import Array as Array
+from .native.layout import Layout
 
 Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
 Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]

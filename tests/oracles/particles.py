@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from whichroad.core import drive, fixes
+from whichroad.core._jit import Vector, kernel
 from whichroad.core.belief import (
     GNSS_SCALE,
     LAST_FIX,
@@ -43,8 +45,6 @@ from whichroad.core.switching import Work, hand_over, new_work
 
 from scenes.filter import steps
 from scenes.kernels import call
-from whichroad.core import drive, fixes
-from whichroad.core._jit import Vector, kernel
 from whichroad.settings import Settings
 
 Array = NDArray[np.float64]

@@ -4,8 +4,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, Vector, entry, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import chord_heading, project
+from ..graph.geometry import chord_heading, project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .gaussian import normal_cdf

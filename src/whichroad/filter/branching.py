@@ -10,8 +10,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, kernel
-from ..graph.angles import angle_of, wrap
-from ..graph.geometry import is_straight, locate
+from ..graph.geometry import angle_of, is_straight, locate, wrap
 from ..graph.network import Roads
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
 from .motion import (

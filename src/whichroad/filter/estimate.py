@@ -6,8 +6,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from .._compile import Array, Cube, Record, Records, entry, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import locate, project
+from ..graph.geometry import locate, project, wrap
 from ..graph.network import records
 from .road import track
 from .state import MX, MY, NO_EDGE, OFF_ROAD, Belief, Context, H, X, Y, heaviest

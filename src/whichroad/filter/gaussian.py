@@ -3,7 +3,7 @@
 import math
 
 from .._compile import Matrix, Vector, kernel
-from ..graph.angles import wrap
+from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
 from .state import MX, MY, D, H, N, X, Y
 

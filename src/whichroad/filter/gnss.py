@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Matrix, Record, Vector, kernel
-from ..graph.angles import wrap
+from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
 from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
 from .state import (

@@ -6,8 +6,7 @@ The error of a fix is a correlated bias, scaled by the reported covariance, and 
 import math
 
 from .._compile import Record, Vector, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import project
+from ..graph.geometry import project, wrap
 from .gaussian import innovation_variance
 from .gnss import fix_row
 from .motion import age_bias

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._compile import Record, Vector, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import locate, project
+from ..graph.geometry import locate, project, wrap
 from ..graph.network import Roads
 from ._simd import N, add_times, set_times
 from .branching import ACROSS, CORNER, CORNER_DOUBT, CORNER_RADIUS

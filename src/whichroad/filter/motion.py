@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Matrix, Record, Vector, kernel
-from ..graph.angles import wrap
+from ..graph.geometry import wrap
 from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
 

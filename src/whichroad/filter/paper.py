@@ -24,8 +24,7 @@ after fixes that fit nothing for long.
 import math
 
 from .._compile import Record, Vector, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import project
+from ..graph.geometry import project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import plane_scale
 from ._simd import copy_record

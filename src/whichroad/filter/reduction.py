@@ -8,7 +8,7 @@ stay within 1e-2 of the exact road probabilities, and the four best unmerged wit
 import math
 
 from .._compile import Record, entry, kernel
-from ..graph.angles import wrap
+from ..graph.geometry import wrap
 from .gaussian import merge_moments
 from .state import (
     KEPT,

@@ -8,8 +8,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, entry, kernel
-from ..graph.angles import angle_of, wrap
-from ..graph.geometry import chord, chord_heading, is_straight, locate, project
+from ..graph.geometry import angle_of, chord, chord_heading, is_straight, locate, project, wrap
 from ..graph.network import Roads
 from .gaussian import LOG_2PI, update, update_across
 from .motion import decay_map, kept_over

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from .._compile import Array, Record, Records, entry, kernel
-from ..graph.angles import wrap
+from ..graph.geometry import wrap
 from ..graph.network import plane_scale, records
 from ._simd import N, add_times, new_row, scale_by, set_times, set_to
 from .estimate import Output, summarise

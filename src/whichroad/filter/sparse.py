@@ -9,8 +9,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, Vector, kernel
-from ..graph.angles import wrap
-from ..graph.geometry import locate, project
+from ..graph.geometry import locate, project, wrap
 from ..graph.index import vertex_at
 from ..graph.network import Roads
 from ..graph.search import Search, set_goals

@@ -188,7 +188,7 @@ class _Search:
             self.population, self.ctx, p.edge[:1], p.s[:1], p.sigma[:1],
             np.array([math.log(share)]),
         )  # fmt: skip
-        mean, cov = self.column("mean")[0], self.column("cov")[0]
+        mean, cov = self.column("mu")[0], self.column("cov")[0]
         mean[X], mean[Y], mean[H] = x, y, 0.0
         cov[:3, :], cov[:, :3] = 0.0, 0.0
         cov[:2, :2] = np.cov(np.stack([p.x, p.y]), aweights=w, ddof=0) + 50.0**2 * np.eye(2)
@@ -325,7 +325,7 @@ class _Search:
         turn = np.array([[c, -s], [s, c]])
         noise = turn @ np.diag(4.0 * fix[2:4] ** 2) @ turn.T + moved**2 * np.eye(2)
         cov = self.column("cov")[:, :2, :2] + noise
-        apart = (fix[:2] - self.column("mean")[:, :2]) / self.state["scale"]
+        apart = (fix[:2] - self.column("mu")[:, :2]) / self.state["scale"]
         chi2 = np.einsum("ni,ni->n", apart, np.linalg.solve(cov, apart[..., None])[..., 0])
         weight = self.column("log_weight") - 0.5 * (chi2 + np.log(np.linalg.det(cov)))
         best = np.argsort(-weight)[:KEPT]

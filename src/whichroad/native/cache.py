@@ -23,7 +23,6 @@ _COMPILER = (
     "_compile.py",
     "native/layout.py",
     "native/lower.py",
-    "native/rows.py",
 )  # also change what comes out
 TOOLS = ("numba", "llvmlite")
 
@@ -39,8 +38,9 @@ def kernel_modules() -> list[str]:
     """Names of the modules that hold kernels."""
     names = []
     for path in kernel_files():
-        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
-        names.append(".".join(parts).removesuffix(".__init__"))
+        if not path.stem.endswith("_llvm"):
+            parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+            names.append(".".join(parts).removesuffix(".__init__"))
     return names
 
 

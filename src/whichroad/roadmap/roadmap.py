@@ -233,7 +233,7 @@ class RoadMap:
 
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
-        edges = np.atleast_1d(np.asarray(edge, dtype=np.int64))
+        edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
         abscissae = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
         found = np.empty(len(edges), np.int64)
         topology.find_pieces(

@@ -15,8 +15,8 @@ from numba.extending import lower_builtin as _lower_builtin
 from numba.extending import type_callable as _type_callable
 from numba.np import arrayobj as _arrayobj
 
-from ..filter import _simd as rows
-from ..filter._simd import N
+from . import _simd as rows
+from ._simd import N
 
 cgutils: Any = _cgutils  # these have no types
 arrayobj: Any = _arrayobj
