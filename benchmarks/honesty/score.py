@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whichroad.core._jit import Ints32, Matrix, Vector, kernel
+from whichroad._compile import Ints32, Matrix, Vector, by_numba, kernel
 from whichroad.core.output import ALTERNATIVES, Output
 from whichroad.simulate.swarm import Line, Truth
 
@@ -168,7 +168,7 @@ def _pose(row: Vector, at: int, ex: float, ey: float, xx: float, xy: float, yy: 
     row[at + 6] += ex * ex + ey * ey
 
 
-@kernel
+@by_numba
 def score_drive(
     row: Vector, output: Output, truth: Truth, time: Vector, line: Line, road_of: Ints32,
     decision: float, watch: float, columns: Columns, roads: Ints32, chances: Vector,

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from .core._jit import Matrix
+from ._compile import Matrix
 from .core.belief import NO_EDGE, OFF_ROAD
 from .core.epoch import Epochs
 from .core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN

@@ -38,6 +38,7 @@ USUAL: dict[str, Any] = {
 def call(kernel: Any, **given: Any) -> Any:
     """Call a kernel by the names of its arguments, those not given being the usual ones."""
     known = {**USUAL, "route": new_route(1 << 12), "work": new_work(), **given}
-    names = inspect.signature(kernel.py_func).parameters
+    names = inspect.signature(kernel).parameters
     assert given.keys() <= names.keys(), given.keys() - names.keys()
-    return kernel(*(known[name] for name in names))
+    with np.errstate(all="ignore"):  # divisions as in compiled code
+        return kernel(*(known[name] for name in names))

@@ -9,7 +9,6 @@ import typer
 
 from ..errors import DriveError
 from ..terminal import progress_line, say_table
-from .arguments import at_work
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -54,7 +53,7 @@ def match_trips(
         path = path_out and files.enter_context(growing(path_out, force=force))
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("fleet.localize_each"), 0, 0)
+        progress("localizing", 0, 0)
         for part in match_stream(table, network, progress=progress, **options):
             if points:
                 points(thinned(part.points, every) if every else part.points)

@@ -8,7 +8,7 @@ import typer
 
 from ..errors import DriveError
 from ..terminal import progress_line, say_table
-from .arguments import Force, MapOption, Model, at_work, read_start, read_window
+from .arguments import Force, MapOption, Model, read_start, read_window
 from .many import match_trips
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def match(
             )
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("drive.run"), 0, 0)
+        progress("localizing", 0, 0)
         result = session.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,

@@ -15,6 +15,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parent.parent
 KERNELS = ("core/*.py",)  # files that hold kernels, from the package's folder
 _COMPILER = ("_compile.py", "native/layout.py", "native/lower.py")  # also change what comes out
+_ALSO_BY_NUMBA = "simulate/swarm/*.py"  # never ahead of time
 TOOLS = ("numba", "llvmlite")
 
 _KEEP_DAYS = 30
@@ -90,6 +91,20 @@ def cache_folder() -> Path | None:
             _delete_stale(folder)
             return folder
     return None
+
+
+def jit_folder() -> Path | None:
+    """Where numba keeps what it compiles of these very sources, or None.
+
+    It stamps a kept function with its own file alone, so a callee that changed in another
+    file would go on running as it was: the folder is named by all of them.
+    """
+    base = cache_folder()
+    if base is None:
+        return None
+    text = source_digest() + "".join(p.read_text("utf-8") for p in PACKAGE.glob(_ALSO_BY_NUMBA))
+    folder = base / f"jit-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+    return folder if _writable(folder) else None
 
 
 def _writable(base: Path) -> bool:

@@ -6,7 +6,7 @@ import importlib.util
 import struct
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,14 @@ def packed() -> Path:
     return Path(__file__).with_name(f"kernels{cache.suffix(cache.own_target())}")
 
 
+def ready() -> Path | None:
+    """The library for this package's kernels, where there is one already."""
+    if packed().exists():
+        return packed()
+    kept = cache.libraries(cache.source_digest(), cache.own_target())
+    return kept[0] if kept else None
+
+
 @functools.cache
 def found() -> Path:
     """The library for this package's kernels: the wheel's, a kept one, or built now.
@@ -37,14 +45,9 @@ def found() -> Path:
     Raises:
         WhichroadError: There is none, and what is missing to build one.
     """
-    if packed().exists():
-        return packed()
-    kept = cache.libraries(cache.source_digest(), cache.own_target())
-    if kept:
-        return kept[0]
     from . import progress
 
-    return progress.build_own()
+    return ready() or progress.build_own()
 
 
 def way(asked: str) -> str:
@@ -61,15 +64,14 @@ def way(asked: str) -> str:
             f"WHICHROAD_KERNELS is {asked!r}; native, jit, python or nothing was expected"
         )
     with _LOCK:
-        if asked == "native" or packed().exists():
-            return "native" if found() else ""
-        if cache.libraries(cache.source_digest(), cache.own_target()):
+        if ready() is not None:
             return "native"
         from . import build
 
         missing = build.why_not()
-        if missing is None:
-            return "native" if found() else ""
+        if missing is None or asked == "native":
+            found()  # builds it, or says why not
+            return "native"
         if importlib.util.find_spec("numba") is None:
             raise LibraryError(missing)
         print(f"{missing}; until then numba compiles at each first call", file=sys.stderr)
@@ -237,9 +239,13 @@ def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
     if kind is None:
         return lambda block, at: None
     unpack = struct.Struct(codes).unpack_from
+    if kind in {int, float}:
+        return lambda block, at: unpack(block, at)[0]
+    return lambda block, at: _made(kind, iter(unpack(block, at)))
+
+
+def _made(kind: Kind, words: Iterator[Any]) -> Any:
+    """A number or a tuple of them, from words."""
     if isinstance(kind, Fields):
-        make = kind.make
-        return lambda block, at: make(*unpack(block, at))
-    if kind is bool:
-        return lambda block, at: bool(unpack(block, at)[0])
-    return lambda block, at: unpack(block, at)[0]
+        return kind.make(*(_made(one, words) for one in kind.types))
+    return bool(next(words)) if kind is bool else next(words)

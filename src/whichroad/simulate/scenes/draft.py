@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...core._jit import Ints32
+from ..._compile import Ints32
 from ...frames import Plane
 from ...records import Array
 from ...roadmap.tags import CLASS_SPEED_KMH, lane_offset

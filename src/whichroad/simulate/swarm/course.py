@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ...core._jit import Matrix, Vector, kernel
+from ..._compile import Matrix, Vector, by_numba, kernel
 from .state import (
     ARRIVE,
     BEND,
@@ -284,7 +284,7 @@ def _follow(swarm: Swarm, n: int, rate: float) -> int:
     return count
 
 
-@kernel
+@by_numba
 def drive_line(line: Line, swarm: Swarm, par: Numbers, seed: int) -> int:
     """Drive along a line; returns the number of epochs, whose truth is filled."""
     np.random.seed(seed)

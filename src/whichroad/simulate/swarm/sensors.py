@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ...core._jit import kernel
+from ..._compile import by_numba, kernel
 from .state import ANGLE, BIAS, DIFFERENTIAL, RATIO, SCALE, TRACK, Line, Numbers, Swarm
 
 
@@ -145,7 +145,7 @@ def _thin(swarm: Swarm, count: int, every: int) -> int:
     return n
 
 
-@kernel
+@by_numba
 def sense(line: Line, swarm: Swarm, par: Numbers, count: int, odometry: bool) -> int:
     """Fill the epochs of a drive of `count` epochs; without odometry only those with fixes.
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core._jit import Bytes, Ints32, Matrix, Vector
+from ..._compile import Bytes, Ints32, Matrix, Vector
 from ...core.epoch import Epochs, new_epochs
 from ..settings import SimulationSettings
 
