@@ -78,7 +78,9 @@ def test_a_c_program_runs_an_epoch_and_finds_a_place_as_python_does(tmp_path):
     own = tmp_path / f"libwhichroad{found.suffix}"
     shutil.copy(found, own)
     compiled(tmp_path, program, "run", f"./{own.name}", "-Wl,-rpath,$ORIGIN")
-    said = subprocess.run([tmp_path / "run"], check=True, capture_output=True, text=True).stdout
+    said = subprocess.run(
+        ["./run"], cwd=tmp_path, check=True, capture_output=True, text=True
+    ).stdout
     x, y, last = said.split()
     assert (float.fromhex(x), float.fromhex(y)) == to_plane(sphere, LAT, LON)
     assert last == "1"

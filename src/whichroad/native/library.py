@@ -74,7 +74,7 @@ def way(asked: str) -> str:
             return "native"
         if importlib.util.find_spec("numba") is None:
             raise LibraryError(missing)
-        print(f"{missing}; until then numba compiles at each first call", file=sys.stderr)
+        sys.stderr.write(f"{missing}; until then numba compiles at each first call\n")
         return "jit"
 
 

@@ -323,7 +323,9 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _say(what: str) -> None:
-    print(what, flush=True)
+    """Tell the process that waits."""
+    sys.stdout.write(f"{what}\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

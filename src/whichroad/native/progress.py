@@ -18,7 +18,7 @@ def build_own() -> Path:
     """
     if sys.stderr.isatty():
         return _with_bar()
-    print(_ABOUT, file=sys.stderr, flush=True)
+    _say(_ABOUT)
     begin, told = time.monotonic(), 0.0
 
     def tell(share: float) -> None:
@@ -26,9 +26,14 @@ def build_own() -> Path:
         if share >= told + _EVERY:
             told = share
             seconds = time.monotonic() - begin
-            print(f"whichroad: {share:.0%}, {seconds:.0f} s", file=sys.stderr, flush=True)
+            _say(f"whichroad: {share:.0%}, {seconds:.0f} s")
 
     return build.own_library(tell)
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
 
 
 def _with_bar() -> Path:
