@@ -48,6 +48,12 @@ def why_not() -> str | None:
     return None
 
 
+def kept() -> Path | None:
+    """A library for this machine and these sources that an earlier build left."""
+    found = cache.libraries(cache.source_digest(), cache.own_target())
+    return found[0] if found else None
+
+
 def own_library(tell: Tell = lambda share: None) -> Path:
     """The library for this machine: a kept one, or built and kept.
 
@@ -60,9 +66,9 @@ def own_library(tell: Tell = lambda share: None) -> Path:
     Raises:
         BuildError: It cannot be built here.
     """
-    target, source = cache.own_target(), cache.source_digest()
-    if found := cache.libraries(source, target):
-        return _used(found[0])
+    target = cache.own_target()
+    if (found := kept()) is not None:
+        return _used(found)
     if (missing := why_not()) is not None:
         raise BuildError(missing)
     return build([target], portable=False, tell=tell)[target]

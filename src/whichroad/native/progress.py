@@ -16,6 +16,8 @@ def build_own() -> Path:
     Raises:
         BuildError: It cannot be built here.
     """
+    if build.kept() is not None or build.why_not() is not None:
+        return build.own_library()  # at once, or an error at once
     if sys.stderr.isatty():
         return _with_bar()
     _say(_ABOUT)
