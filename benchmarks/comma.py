@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import whichroad
-from whichroad.records import ASSUMED, Drive, Fixes, WheelSpeeds
+from whichroad.observations import ASSUMED, Drive, Fixes, WheelSpeeds
 
 from . import Figure, Options
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from whichroad.errors import MapError, ReadError
+from whichroad.observations import Drive
 from whichroad.readers import NmeaParser, read_drive, read_vehicle
-from whichroad.records import Drive
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
@@ -139,7 +139,7 @@ _TEXT: tuple[Mutation, ...] = (*_BINARY, _lines, _cells, _cells, _column, _numbe
 
 
 def _records(drives: Sequence[Drive]) -> int:
-    """How many records; complains where they are not what records.py promises."""
+    """How many records; complains where they are not what observations.py promises."""
     count = 0
     for drive in drives:
         for log in (drive.fixes, drive.odometry):

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 import whichroad
-from whichroad.records import ASSUMED, Array, Drive, Fixes, Odometer
+from whichroad.observations import ASSUMED, Array, Drive, Fixes, Odometer
 
 from . import Figure, Options, interval
 

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 import whichroad
-from whichroad.core.output import V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.epochs import build_timeline
-from whichroad.localizer import Recorded, localize_recorded
-from whichroad.records import Drive
+from whichroad.observations import Drive
+from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
-from whichroad.smoother import Lag
+from whichroad.smoothing import Lag
 
 from . import Figure, Options, interval, seeds_text, share
 from .town import CHI2_95, WARM_UP_S, right_edges
@@ -46,21 +45,21 @@ def thinned(drive: Drive, preset: str) -> Drive:
 
 def score(drive: SimulatedDrive, time: np.ndarray, recorded: Recorded, plane: Any) -> np.ndarray:
     """Sums over one drive, in the order of the names above."""
-    truth, output = drive.truth, recorded.output
+    truth, rows = drive.truth, recorded.output.rows
     at = np.minimum(np.searchsorted(time, truth.time - 1e-3), len(time) - 1)
-    keep = ~truth.stopped & (truth.time > truth.time[0] + WARM_UP_S) & (output.live[at] > 0)
+    keep = ~truth.stopped & (truth.time > truth.time[0] + WARM_UP_S) & (rows.live[at] > 0)
     keep &= np.abs(time[at] - truth.time) < 0.02
-    k, right = at[keep], right_edges(drive, output.edge[at])[keep]
-    edge, v = truth.edge[keep], output.value[k]
-    p = (output.alt_p[k] * (output.alt_edge[k] == edge[:, None])).sum(axis=1)
+    k, right = at[keep], right_edges(drive, rows.edge[at])[keep]
+    edge, v = truth.edge[keep], rows[k]
+    p = (v.alt_p * (v.alt_edge == edge[:, None])).sum(axis=1)
     scale = plane.scale(truth.x, truth.y)[keep]
-    error = np.column_stack([v[:, V_X] - truth.x[keep], v[:, V_Y] - truth.y[keep]])
+    error = np.column_stack([v.x - truth.x[keep], v.y - truth.y[keep]])
     error /= scale[:, None]
-    cov = v[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2)
+    cov = v.cov[:, [0, 1, 1, 3]].reshape(-1, 2, 2)
     nees = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
     return np.array(
         [
-            len(k), (output.edge[k] == edge).sum(), right.sum(),
+            len(k), (v.edge == edge).sum(), right.sum(),
             -np.log(np.maximum(p, LEAST_P)).sum(), (error**2).sum(), nees.sum(),
             (nees < CHI2_95).sum(),
         ]

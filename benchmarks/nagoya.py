@@ -16,11 +16,10 @@ import numpy as np
 import pyarrow as pa
 
 import whichroad
-from whichroad.core.output import V_GNSS_SCALE, V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.epochs import build_timeline
-from whichroad.localizer import localize_recorded
+from whichroad.observations import Array, Drive, SpeedYawRate
 from whichroad.readers import read_drive
-from whichroad.records import Array, Drive, SpeedYawRate
+from whichroad.recorded import localize_recorded
 
 from . import Figure, Options, interval, seeds_text
 
@@ -79,7 +78,7 @@ def adapted(
     timeline = build_timeline(drive, roads.plane, whichroad.Vehicle())
     output = localize_recorded(
         roads, timeline, vehicle=whichroad.Vehicle(), settings=settings
-    ).output.value
+    ).output.rows
     at = np.flatnonzero(timeline.epochs.has_fix)
     fix, time = timeline.epochs.fix[at], timeline.epochs.time[at]
     x, y = roads.plane.from_geodetic(truth["lat"], truth["lon"])
@@ -88,10 +87,10 @@ def adapted(
     c, s = np.cos(fix[:, 4]), np.sin(fix[:, 4])
     major = (error[:, 0] * c + error[:, 1] * s) / fix[:, 2]
     minor = (error[:, 1] * c - error[:, 0] * s) / fix[:, 3]
-    before = output[np.maximum(at - 1, 0), V_GNSS_SCALE] ** 2
+    before = output.gnss_scale[np.maximum(at - 1, 0)] ** 2
     white = 1.0 + settings.gnss_white_ratio**2
-    pose = output[at][:, [V_X, V_Y]] - true
-    xx, xy, yy = (output[at, v] for v in (V_XX, V_XY, V_YY))
+    pose = np.column_stack([output.x[at], output.y[at]]) - true
+    xx, xy, yy = output.cov[at][:, [0, 1, 3]].T
     nees = (yy * pose[:, 0] ** 2 - 2 * xy * pose[:, 0] * pose[:, 1] + xx * pose[:, 1] ** 2) / (
         xx * yy - xy**2
     )

@@ -117,8 +117,8 @@ def _replayed(roads: RoadMap) -> Iterator[str]:
     """A simulated drive, replayed on a free port."""
     import uvicorn
 
-    from whichroad.replay.opening import Remaking, play_drive
-    from whichroad.replay.server import listen, replay_app
+    from whichroad.replay.open_replay import Remaking, play_drive
+    from whichroad.replay.replay_server import listen, replay_app
 
     drive = simulate_drive(roads, seed=3, length_m=12_000.0, scenario="outage").drive
     door = listen("127.0.0.1", 0)

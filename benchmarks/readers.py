@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from whichroad.observations import Drive
 from whichroad.readers import NmeaParser, read_drive
-from whichroad.records import Drive
 from whichroad.settings import Vehicle
 
 from . import Figure, Options

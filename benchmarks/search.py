@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from whichroad.core.output import V_OFF, V_P
 from whichroad.epochs import build_timeline
-from whichroad.localizer import localize_recorded
-from whichroad.records import StartPose
+from whichroad.observations import StartPose
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
@@ -70,11 +69,11 @@ def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Set
     spent = time.process_time() - begun
     at = np.searchsorted(timeline.epochs.time, truth.time - 1e-3)
     at = np.minimum(at, len(timeline.epochs.time) - 1)
-    p, off = output.value[at, V_P], output.value[at, V_OFF]
-    right, travelled = right_edges(drive, output.edge[at]), truth.travelled
+    p, off = output.rows.p_edge[at], output.rows.p_off_road[at]
+    right, travelled = right_edges(drive, output.rows.edge[at]), truth.travelled
     row: Row = {"seconds": spent, "off": float(off[travelled > 100.0].mean())}
     sure = p > SURE
-    first = _first_held(sure, output.edge[at], travelled)
+    first = _first_held(sure, output.rows.edge[at], travelled)
     row["declared"] = float(first is not None)
     if first is not None:
         row |= {"right": float(right[first]), "metres": float(travelled[first])}

@@ -18,8 +18,9 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
-from whichroad.localizer import Localizer, Recorded, localize_recorded
-from whichroad.records import Drive, GeoFix, WheelCounts, WheelTicks
+from whichroad.observations import Drive, GeoFix, WheelCounts, WheelTicks
+from whichroad.online import Localizer
+from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from . import Figure, Options, seeds_text
@@ -54,8 +55,8 @@ def _rate(
 ) -> tuple[float, float, int]:
     """Epochs a second over all drives (best run), mean live hypotheses, epochs."""
     first = [_localize(roads, d, v) for d, v in drives]  # warm
-    epochs = sum(len(r.output.live) for r in first)
-    live = sum(int(r.output.live.sum()) for r in first) / epochs
+    epochs = sum(len(r.output.rows) for r in first)
+    live = sum(int(r.output.rows.live.sum()) for r in first) / epochs
     runs = [timed(lambda: [_localize(roads, d, v) for d, v in drives]) for _ in range(REPEATS)]
     return epochs / min(runs), live, epochs
 
@@ -143,7 +144,7 @@ def map_files(options: Options) -> list[Figure]:
         whichroad.RoadMap.open(file)
         opening = [timed(lambda: whichroad.RoadMap.open(file)) for _ in range(4 * REPEATS)]
         size = file.stat().st_size / 1e6
-    edges = len(roads.arrays.length)
+    edges = len(roads.arrays.edges.length)
     return [
         Figure("compile heidelberg.osm.pbf", median(compiling), "<= 3", "s", REPEATS),
         Figure("open it, compiled", 1e3 * median(opening), "<= 50", "ms", 4 * REPEATS),

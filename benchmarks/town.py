@@ -15,21 +15,8 @@ from typing import Any
 import numpy as np
 
 import whichroad
-from whichroad.core.output import (
-    V_H,
-    V_HH,
-    V_P,
-    V_X,
-    V_XH,
-    V_XX,
-    V_XY,
-    V_Y,
-    V_YH,
-    V_YY,
-)
 from whichroad.epochs import build_timeline
-from whichroad.literal import localize_literal
-from whichroad.localizer import Recorded, localize_recorded
+from whichroad.recorded import Recorded, localize_by_paper, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from . import Figure, Options, interval, seeds_text, share
@@ -81,19 +68,18 @@ def right_edges(drive: SimulatedDrive, edge: np.ndarray) -> np.ndarray:
     return right
 
 
-def nees(drive: SimulatedDrive, value: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, ...]:
+def nees(drive: SimulatedDrive, rows: Any, scale: np.ndarray) -> tuple[np.ndarray, ...]:
     """Squared error weighed by the inverse covariance: position, pose; and m² unweighed."""
     truth = drive.truth
-    turned = value[:, V_H] - truth.heading
+    turned = rows.heading - truth.heading
     error = np.column_stack(
         [
-            (value[:, V_X] - truth.x) / scale,
-            (value[:, V_Y] - truth.y) / scale,
+            (rows.x - truth.x) / scale,
+            (rows.y - truth.y) / scale,
             np.arctan2(np.sin(turned), np.cos(turned)),
         ]
     )
-    order = [V_XX, V_XY, V_XH, V_XY, V_YY, V_YH, V_XH, V_YH, V_HH]
-    cov = value[:, order].reshape(-1, 3, 3)
+    cov = rows.cov[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
 
     def weigh(k: int) -> np.ndarray:
         e = error[:, :k, None]
@@ -106,17 +92,19 @@ def score(drive: SimulatedDrive, recorded: Recorded, epochs: Any, in_outage: boo
     """Compare one answer with its truth."""
     truth = drive.truth
     at = np.searchsorted(epochs.time, truth.time - 1e-3)
-    value, edge = recorded.output.value[at], recorded.output.edge[at]
+    rows = recorded.output.rows[at]
+    edge = rows.edge
     keep = ~truth.stopped & (truth.time > truth.time[0] + WARM_UP_S)
-    keep &= recorded.output.live[at] > 0
+    keep &= rows.live > 0
     if in_outage:
         keep &= np.any([(truth.time > a) & (truth.time < b) for a, b in drive.outages], axis=0)
     right = right_edges(drive, edge)
     scale = _world["roads"].plane.scale(truth.x, truth.y)
-    value_kept = np.where(keep[:, None], value, 0.0)
-    value_kept[~keep, V_XX] = value_kept[~keep, V_YY] = value_kept[~keep, V_HH] = 1.0
-    position, pose, squared = nees(drive, value_kept, scale)
-    sure = keep & (value[:, V_P] >= 0.999)
+    kept = rows.copy()
+    kept[~keep] = 0
+    kept.cov[np.ix_(~keep, [0, 3, 5])] = 1.0
+    position, pose, squared = nees(drive, kept, scale)
+    sure = keep & (rows.p_edge >= 0.999)
     return Score(
         epochs=int(keep.sum()),
         right=int((keep & right).sum()),
@@ -127,11 +115,11 @@ def score(drive: SimulatedDrive, recorded: Recorded, epochs: Any, in_outage: boo
         squared=float(squared[keep].sum()),
         sure=int(sure.sum()),
         sure_wrong=int((sure & ~right).sum()),
-        live=int(recorded.output.live[at][keep].sum()),
+        live=int(rows.live[keep].sum()),
     )
 
 
-LOCALIZE = {"default": localize_recorded, "paper": localize_literal}
+LOCALIZE = {"default": localize_recorded, "paper": localize_by_paper}
 
 
 def one(

@@ -7,12 +7,12 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whichroad.core.belief import N
+from whichroad.filter.state import N
 
 Array = NDArray[np.float64]
 
 # what one unit of each state is worth: metres, radians, scale, rad/m, metres, sigmas
-UNITS = np.array([5.0, 5.0, 0.2, 0.02, 1e-3, 2.0, 4.0, 4.0, 1.0, 1.0])
+UNITS = np.array([5.0, 5.0, 0.2, 0.02, 1e-3, 2.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0])
 
 angles = st.floats(-50.0, 50.0)
 seeds = st.integers(0, 2**32 - 1)

@@ -7,17 +7,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from whichroad.fleet import localize_fleet
+from whichroad.parcel import Tables
 
 import whichroad
 from whichroad import columns, parcel
 from whichroad import fleet as fleets
 from whichroad.batch import match_many, match_stream
-from whichroad.fleet import localize_fleet
-from whichroad.frames import Plane
-from whichroad.localizer import localize_recorded
-from whichroad.parcel import Tables
-from whichroad.readers import trips
-from whichroad.tables import ATTRIBUTES, DRIVES, PATH, POINTS
+from whichroad.geodesy.plane import Plane
+from whichroad.readers import many_trips
+from whichroad.recorded import localize_recorded
+from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 
 PLANE = Plane(49.4, 8.7)
 BLOCK = 200.0  # m
@@ -153,7 +153,7 @@ def test_there_is_one_row_for_every_trip_in_the_order_in_which_they_begin(roads,
 
 
 def test_the_number_of_threads_changes_nothing(roads, fleet, monkeypatch):
-    monkeypatch.setattr(trips, "PARCEL", 40)  # a trip a parcel
+    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)  # a trip a parcel
     assert same(match_many(fleet, roads, threads=1), match_many(fleet, roads, threads=3))
 
 
@@ -279,7 +279,7 @@ def test_the_trips_column_is_found_by_its_aliases_or_named(roads, fleet):
 
 
 def test_attributes_have_their_columns_also_where_nothing_is_answered(roads, fleet, monkeypatch):
-    monkeypatch.setattr(trips, "PARCEL", 40)
+    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)
     lat = fleet["lat"].to_numpy().copy()
     lat[:32] = -33.0
     many = match_many(fleet.set_column(2, "lat", pa.array(lat)), roads, attributes=True)
@@ -312,8 +312,8 @@ def test_no_trips_are_tables_without_rows(roads, fleet):
 
 
 def test_only_what_is_worked_on_is_taken_from_a_stream(roads, monkeypatch):
-    monkeypatch.setattr(trips, "APART", 50)
-    monkeypatch.setattr(trips, "PARCEL", 40)
+    monkeypatch.setattr(many_trips, "APART", 50)
+    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)
     taken = itertools.count()
     last = 0
 

@@ -139,7 +139,7 @@ def test_what_is_public_has_a_docstring(path: Path):
 
 
 LINES = 400
-DISCUSSED = {"src/whichroad/localizer.py": 455}  # one story: cutting it would hide the length
+DISCUSSED: dict[str, int] = {}  # files whose length was discussed
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=title)
@@ -162,6 +162,32 @@ def test_library_code_neither_prints_nor_exits(path: Path):
         if isinstance(node, ast.Call)
     ]
     assert {"print", "exit", "quit", "sys.exit", "os._exit"} & set(calls) == set()
+
+
+# Degrees
+
+CONVERSIONS = {"radians", "degrees", "deg2rad", "rad2deg"}
+TURNS = {180, 360, 3.6, 1852}  # degrees of a turn and its half, km/h and knots of m/s
+
+
+def converts(node: ast.AST) -> bool:
+    """Whether an expression converts degrees, or a unit of speed, by itself."""
+    if isinstance(node, ast.Attribute):
+        return node.attr in CONVERSIONS and ast.unparse(node.value) in {"math", "np", "numpy"}
+    if isinstance(node, ast.ImportFrom):
+        names = {alias.name for alias in node.names}
+        return node.module in {"math", "numpy"} and bool(CONVERSIONS & names)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div | ast.Mod):
+        sides = [side.value for side in (node.left, node.right) if isinstance(side, ast.Constant)]
+        return any(side in TURNS for side in sides if isinstance(side, int | float))
+    return False
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name != "geodesy"], ids=title)
+def test_degrees_are_converted_by_geodesy_alone(path: Path):
+    tree = ast.parse(path.read_text("utf-8"))
+    found = [node for node in ast.walk(tree) if converts(node)]
+    assert [f"line {node.lineno}: {ast.unparse(node)}" for node in found] == []
 
 
 # No file may name the machine that it was written on.
@@ -220,7 +246,7 @@ def names(path: Path) -> list[str]:
     return sorted({n for n in found if n.rpartition(".")[2] not in SUFFIXES})
 
 
-@pytest.mark.parametrize("document", ["docs/model.md", "docs/map.md", "docs/glossary.md"])
+@pytest.mark.parametrize("document", ["docs/model.md", "docs/architecture.md", "docs/glossary.md"])
 def test_what_the_documents_name_exists(document: str):
     missing = []
     for name in names(ROOT / document):
@@ -229,10 +255,6 @@ def test_what_the_documents_name_exists(document: str):
         except (ImportError, AttributeError):
             missing.append(name)
     assert missing == []
-
-
-def test_the_model_page_names_functions():
-    assert len(names(ROOT / "docs" / "model.md")) > 20
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=title)

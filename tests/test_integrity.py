@@ -12,16 +12,17 @@ from hypothesis import strategies as st
 import whichroad
 from strategies import seeds
 from whichroad.cli.match import say
-from whichroad.columns import _competing, points_table
-from whichroad.core.belief import NO_EDGE
 from whichroad.epochs import build_timeline
-from whichroad.frames import Plane
-from whichroad.localizer import Localizer, localize_recorded
-from whichroad.reasons import STATUS, competing, reason
-from whichroad.records import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
+from whichroad.filter.state import NO_EDGE
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
+from whichroad.online import Localizer
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive
+from whichroad.tables.export import _competing, points_table
+from whichroad.tables.status import STATUS, competing, reason
 
 PLANE = Plane(49.4, 8.7)
 CAR = Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)

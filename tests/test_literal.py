@@ -9,6 +9,7 @@ import shapely
 import whichroad
 from scenes import (
     Town,
+    column,
     drive_along,
     epochs_of,
     gnss,
@@ -17,20 +18,19 @@ from scenes import (
     parallel_roads,
     straight_road,
 )  # fmt: skip
-from whichroad.core.belief import NO_EDGE
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.core.output import LOST, OUTAGE, V_H, V_OFF, V_P, V_X, V_XX, V_Y
 from whichroad.epochs import Timeline
 from whichroad.errors import DriveError
-from whichroad.frames import Plane
-from whichroad.literal import localize_literal
-from whichroad.records import StartPose
+from whichroad.filter.estimate import LOST, OUTAGE
+from whichroad.filter.state import CLOCK, DISTANCE, NO_EDGE, WHEELS
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import StartPose
+from whichroad.recorded import localize_by_paper
 
 PLANE = Plane(49.4, 8.7)
 
 
 def literal(roads, epochs, *, mode=WHEELS, start=None, poses=False):
-    return localize_literal(
+    return localize_by_paper(
         Town(roads, PLANE), Timeline(epochs, mode, 0), start=start, poses=poses
     )  # fmt: skip
 
@@ -47,7 +47,7 @@ def straight_drive(length=2000.0, *, y=0.0, fixes=slice(None, None, 10), noise=T
 def p_of(recorded, edge):
     """P(edge) at the last epoch."""
     out = recorded.output
-    return float(out.alt_p[-1][out.alt_edge[-1] == edge].sum())
+    return float(out.rows.alt_p[-1][out.rows.alt_edge[-1] == edge].sum())
 
 
 # What it promises
@@ -56,23 +56,23 @@ def p_of(recorded, edge):
 def test_a_straight_road_is_followed():
     truth, epochs = straight_drive()
     out = literal(network(straight_road(2000.0, 20)), epochs).output
-    assert (out.edge == 0).all()
-    assert np.hypot(out.value[:, V_X] - truth.x, out.value[:, V_Y] - truth.y).max() < 3 * 3.0
-    assert np.abs(out.value[:, V_H]).max() < 0.1
+    assert (out.rows.edge == 0).all()
+    assert np.hypot(out.rows.x - truth.x, out.rows.y - truth.y).max() < 3 * 3.0
+    assert np.abs(out.rows.heading).max() < 0.1
 
 
 def test_the_probabilities_of_the_roads_sum_to_one_and_none_is_off_them():
     _, epochs = straight_drive()
     out = literal(network(parallel_roads(12.0)), epochs).output
-    np.testing.assert_allclose(out.alt_p.sum(axis=1), 1.0, atol=1e-6)
-    np.testing.assert_allclose(out.value[:, V_P], out.alt_p[:, 0], atol=1e-6)
-    assert (out.value[:, V_OFF] == 0.0).all()
+    np.testing.assert_allclose(out.rows.alt_p.sum(axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(out.rows.p_edge, out.rows.alt_p[:, 0], atol=1e-6)
+    assert (out.rows.p_off_road == 0.0).all()
 
 
 def test_both_parallel_roads_stay_in_play_and_the_right_one_ends_ahead():
     _, epochs = straight_drive()
     recorded = literal(network(parallel_roads(12.0)), epochs)
-    assert {0, 2} <= set(recorded.output.alt_edge[-1].tolist())
+    assert {0, 2} <= set(recorded.output.rows.alt_edge[-1].tolist())
     assert p_of(recorded, 0) > p_of(recorded, 2) > 0.0
 
 
@@ -83,11 +83,11 @@ def test_at_a_fork_in_an_outage_two_roads_are_managed_until_one_is_eliminated():
     truth = drive_along([(0.0, 0.0), (200.0, 0.0), (600.0, 60.0)], radius=40.0)
     epochs = epochs_of(truth, gnss(truth, sigma=1.0), np.arange(0, 100, 10), course=0.05)
     out = literal(fork, epochs).output
-    doubted = out.value[:, V_P] < 0.9
+    doubted = out.rows.p_edge < 0.9
     assert doubted[(truth.x > 200.0) & (truth.x < 300.0)].any()
     assert not doubted[truth.x > 450.0].any()
-    assert out.edge[-1] == 2
-    assert out.status[-1] == OUTAGE
+    assert out.rows.edge[-1] == 2
+    assert out.rows.status[-1] == OUTAGE
 
 
 @pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
@@ -95,20 +95,20 @@ def test_without_wheels_a_drive_is_followed_as_well(mode):
     truth, epochs = straight_drive()
     if mode == CLOCK:
         keep = epochs.has_fix == 1
-        epochs = type(epochs)._make(column[keep] for column in epochs)
+        epochs = epochs[keep]
         truth = type(truth)._make(column[keep] for column in truth)
         epochs.arc[:] = epochs.turn[:] = 0.0
     out = literal(network(straight_road(2000.0)), epochs, mode=mode).output
-    error = np.hypot(out.value[:, V_X] - truth.x, out.value[:, V_Y] - truth.y)
+    error = np.hypot(out.rows.x - truth.x, out.rows.y - truth.y)
     assert error[10:].max() < 3 * 3.0
-    assert (out.edge[10:] == 0).all()
+    assert (out.rows.edge[10:] == 0).all()
 
 
 def test_without_a_course_both_directions_start_equal_and_wheels_and_fixes_tell_them_apart():
     _, epochs = straight_drive(course=math.inf)
     recorded = literal(network(straight_road(2000.0)), epochs)
     out = recorded.output
-    np.testing.assert_allclose(out.alt_p[0, :2], 0.5)
+    np.testing.assert_allclose(out.rows.alt_p[0, :2], 0.5)
     assert p_of(recorded, 0) > 0.999
 
 
@@ -118,8 +118,8 @@ def test_a_start_pose_needs_no_fix():
     lat, lon, bearing = PLANE.pose(truth.x[0], truth.y[0], truth.heading[0])
     start = StartPose(lat, lon, bearing)
     out = literal(network(straight_road(300.0)), epochs, start=start).output
-    assert (out.edge == 0).all()
-    assert abs(out.value[-1, V_X] - truth.x[-1]) < 1.0
+    assert (out.rows.edge == 0).all()
+    assert abs(out.rows.x[-1] - truth.x[-1]) < 1.0
 
 
 def test_with_neither_fix_nor_start_it_refuses():
@@ -133,19 +133,19 @@ def test_beyond_the_map_dead_reckoning_goes_on_without_a_road():
     truth, epochs = straight_drive(600.0, fixes=slice(0, 450, 10))
     out = literal(network(straight_road(300.0)), epochs).output
     gone = truth.x > 340.0
-    assert (out.edge[gone] == NO_EDGE).all()
-    assert (out.value[gone, V_P] == 0.0).all()
-    assert (out.alt_p[gone] == 0.0).all()
-    assert set(out.status[gone].tolist()) == {LOST, OUTAGE}
-    assert abs(out.value[-1, V_X] - truth.x[-1]) < 10.0
+    assert (out.rows.edge[gone] == NO_EDGE).all()
+    assert (out.rows.p_edge[gone] == 0.0).all()
+    assert (out.rows.alt_p[gone] == 0.0).all()
+    assert set(out.rows.status[gone].tolist()) == {LOST, OUTAGE}
+    assert abs(out.rows.x[-1] - truth.x[-1]) < 10.0
 
 
 def test_a_first_fix_far_from_every_road_and_without_a_course_waits_for_a_better_one():
     _, epochs = straight_drive(300.0, course=math.inf)
     epochs.fix[:50, 1] += 500.0
     out = literal(network(straight_road(300.0)), epochs).output
-    assert (out.live[:50] == 0).all()
-    assert (out.live[50:] > 0).all()
+    assert (out.rows.live[:50] == 0).all()
+    assert (out.rows.live[50:] > 0).all()
 
 
 def test_fixes_that_fit_nothing_for_long_start_it_anew():
@@ -153,23 +153,23 @@ def test_fixes_that_fit_nothing_for_long_start_it_anew():
     epochs.fix[500:, 1] += 200.0
     roads = network(parallel_roads(200.0))
     out = literal(roads, epochs).output
-    assert out.edge[400] == 0
-    assert out.edge[-1] in (2, 3)
+    assert out.rows.edge[400] == 0
+    assert out.rows.edge[-1] in (2, 3)
 
 
 def test_the_route_is_the_most_probable_edges_in_turn():
     pieces = [[(x, 0.0), (x + 200.0, 0.0)] for x in np.arange(0.0, 1000.0, 200.0)]
     _, epochs = straight_drive(1000.0)
     recorded = literal(network(pieces), epochs)
-    assert recorded.route_edge.tolist() == [0, 2, 4, 6, 8]
-    assert (np.diff(recorded.route_time) > 0.0).all()
-    assert (recorded.route_abscissa[1:] < 60.0).all()  # late: the end behind still draws
+    assert recorded.chain.edge.tolist() == [0, 2, 4, 6, 8]
+    assert (np.diff(recorded.chain.time) > 0.0).all()
+    assert (recorded.chain.along[1:] < 60.0).all()  # late: the end behind still draws
 
 
 def test_the_poses_of_alternatives_are_kept_when_asked_for():
     _, epochs = straight_drive(300.0)
     recorded = literal(network(parallel_roads(12.0)), epochs, poses=True)
-    assert recorded.output.alt_pose[-1, 1] < recorded.output.alt_pose[-1, 7]
+    assert recorded.output.alt_pose[-1, 0, 1] < recorded.output.alt_pose[-1, 1, 1]
 
 
 def test_a_table_of_fixes_is_matched_by_name_of_the_model():
@@ -193,8 +193,8 @@ def test_a_table_of_fixes_is_matched_by_name_of_the_model():
 def test_its_sigma_along_the_road_shrinks_without_information_and_ours_does_not():
     roads = network(straight_road(2000.0, 100))
     _, epochs = straight_drive(fixes=slice(0, 100, 10))
-    theirs = literal(roads, epochs).output.value[:, V_XX]
-    ours = localize(roads, epochs).output.value[:, V_XX]
+    theirs = literal(roads, epochs).output.rows.cov[:, 0]
+    ours = localize(roads, epochs).output.rows.cov[:, 0]
     assert theirs[-1] < 0.9 * theirs[100]
     assert ours[-1] > 1.1 * ours[100]
 
@@ -215,11 +215,10 @@ def test_standing_still_makes_it_surer_and_not_ours():
     roads = network(parallel_roads(12.0))
     truth, epochs = straight_drive(400.0)
     stand = np.arange(len(truth.time)) > 200
-    for column in (epochs.arc, epochs.turn, epochs.forward, epochs.left):
-        column[stand] = 0.0
+    for name in ("arc", "turn", "forward", "left"):
+        epochs[name][stand] = 0.0
     epochs.fix[stand, :2] = epochs.fix[200, :2]
-    theirs = literal(roads, epochs).output.value
-    ours = localize(roads, epochs).output.value
-    trace = [v[:, V_XX] + v[:, V_XX + 3] for v in (theirs, ours)]
+    theirs, ours = literal(roads, epochs).output, localize(roads, epochs).output
+    trace = [column(output, "xx") + column(output, "yy") for output in (theirs, ours)]
     assert trace[0][-1] < 0.7 * trace[0][210]
     assert trace[1][-1] == pytest.approx(trace[1][210], rel=0.1)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from whichroad.cli import app
 from whichroad.errors import DriveError, ReadError, WriteError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.writers.stream import growing
 
 PLANE = Plane(49.4, 8.7)

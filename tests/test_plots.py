@@ -7,12 +7,13 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from whichroad import plots, tables
+from whichroad import plots
 from whichroad.errors import DriveError
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.plots import panels
 from whichroad.plots.scene import CHI2_95, Window, ambiguous_windows, make_scene
-from whichroad.result import Result
+from whichroad.tables import schema
+from whichroad.tables.result import Result
 
 N = 400  # epochs of a tenth of a second, 1 m apart
 PLANE = Plane(49.4, 8.7)
@@ -22,7 +23,7 @@ def table(x, y, **columns):
     """A points table of positions in the plane; NaN becomes null."""
     lat, lon = PLANE.to_geodetic(x, y)
     columns |= {"lat": pa.array(lat, from_pandas=True), "lon": pa.array(lon, from_pandas=True)}
-    time = tables.times(1.7e9 + 0.1 * np.arange(len(x)))
+    time = schema.times(1.7e9 + 0.1 * np.arange(len(x)))
     return pa.table({"drive_id": ["d"] * len(x), "time": time, **columns})
 
 
@@ -31,14 +32,15 @@ def roads():
     """Two parallel roads, 12 m apart, and one across."""
     lines = np.array([[(0, 0), (400, 0)], [(0, 12), (400, 12)], [(200, -50), (200, 80)]], float)
     arrays = SimpleNamespace(
-        x=lines[:, :, 0].ravel(),
-        y=lines[:, :, 1].ravel(),
-        first=np.array([0, 2, 4, 6]),
-        opposite=np.array([-1, -1, -1]),
+        vertices=SimpleNamespace(x=lines[:, :, 0].ravel(), y=lines[:, :, 1].ravel()),
+        edges=SimpleNamespace(first_vertex=np.array([0, 2, 4]), opposite=np.array([-1, -1, -1])),
     )
     names = {0: "Main Street", 1: "Side Lane", 2: None}
     return SimpleNamespace(
-        plane=PLANE, arrays=arrays, attributes=lambda edge: {"name": names[edge]}
+        plane=PLANE,
+        arrays=arrays,
+        attributes=lambda edge: {"name": names[edge]},
+        edge_line=lambda edge: lines[edge],
     )
 
 
@@ -61,7 +63,7 @@ def result():
     columns |= {"ellipse_major_m": np.full(N, 3.1), "cov_ee_m2": np.full(N, 9.0)}
     columns |= {"cov_en_m2": np.ones(N), "cov_nn_m2": np.full(N, 4.0)}
     points = table(x, y, **columns)
-    return Result(points, tables.PATH.empty_table(), {}, poses | covs)
+    return Result(points, schema.PATH.empty_table(), {}, poses | covs)
 
 
 @pytest.fixture
@@ -149,5 +151,5 @@ def test_an_ellipse_has_the_axes_of_its_covariance():
 
 
 def test_roads_far_from_the_drive_are_not_drawn(result, roads):
-    roads.arrays.x[4:] += 5000
+    roads.arrays.vertices.x[4:] += 5000
     assert len(scene_of(result, roads).roads) == 2

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from scenes import drive_along, epochs_of, gnss, grid_town, localize, network
-from whichroad.core.belief import OFF_ROAD
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.route import Traversal, traversals
+from whichroad._compile import Records
+from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
+from whichroad.graph.network import Roads
+from whichroad.recorded import Recorded
+from whichroad.traversals import Traversal, traversal_rows, traversals
 
 ROADS = network(grid_town())
 NODES = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]
@@ -20,18 +22,20 @@ def true_edges() -> list[int]:
     """The edge between each two corners."""
     found = []
     for a, b in pairwise(CORNERS):
-        ends = np.column_stack(
-            [ROADS.x[ROADS.first[:-1]], ROADS.y[ROADS.first[:-1]],
-             ROADS.x[ROADS.first[1:] - 1], ROADS.y[ROADS.first[1:] - 1]]
-        )  # fmt: skip
+        places = (ROADS.vertices[v] for v in (ROADS.edges.first_vertex, ROADS.edges.last_vertex))
+        ends = np.column_stack([column for v in places for column in (v.x, v.y)])
         found.append(int(np.abs(ends - [*a, *b]).sum(axis=1).argmin()))
     return found
+
+
+def rows_of(epochs: Records, recorded: Recorded, roads: Roads) -> list[Traversal]:
+    return traversal_rows(traversals(epochs, recorded.output, recorded.chain, roads))
 
 
 def driven(mode: int = WHEELS, seed: int = 0) -> list[Traversal]:
     fix = gnss(TRUTH, seed=seed)
     epochs = epochs_of(TRUTH, fix, np.arange(0, len(TRUTH.time), 10), course=0.1)
-    return traversals(epochs, localize(ROADS, epochs, mode=mode), ROADS).rows()
+    return rows_of(epochs, localize(ROADS, epochs, mode=mode), ROADS)
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
@@ -46,10 +50,11 @@ def test_each_edge_follows_from_the_one_before_without_a_gap_in_space_or_time(mo
     rows = driven(mode, seed)
     assert not any(r.gap for r in rows)
     for a, b in pairwise(rows):
-        assert ROADS.to_node[a.edge] == ROADS.from_node[b.edge]
-        assert b.edge in ROADS.succ[ROADS.succ_first[a.edge] : ROADS.succ_first[a.edge + 1]]
+        edge = ROADS.edges[a.edge]
+        assert edge.to_node == ROADS.edges.from_node[b.edge]
+        assert b.edge in ROADS.turns.edge[edge.first_turn : edge.end_turn]
         assert a.exit_time == b.enter_time
-        assert a.exit_m == ROADS.length[a.edge]
+        assert a.exit_m == edge.length
         assert b.enter_m == 0.0
     assert all(r.enter_time <= r.exit_time and r.enter_m <= r.exit_m for r in rows)
 
@@ -78,10 +83,10 @@ def test_probabilities_of_edges_are_those_said_while_they_were_driven():
 
 def test_edges_between_fixes_far_apart_are_as_probable_as_the_route_around_them():
     time = np.arange(0, len(TRUTH.time), 200)
-    epochs = Epochs(*(a[time] for a in epochs_of(TRUTH, gnss(TRUTH, seed=1), time)))
+    epochs = epochs_of(TRUTH, gnss(TRUTH, seed=1), time)[time]
     found = localize(ROADS, epochs, mode=CLOCK)
-    rows = traversals(epochs, found, ROADS).rows()
-    said = set(found.output.edge.tolist())
+    rows = rows_of(epochs, found, ROADS)
+    said = set(found.output.rows.edge.tolist())
     between = [r for r in rows if r.edge not in said]
     assert len(between) > 1
     first, *others = between  # of which the first fix did not know the direction
@@ -95,8 +100,8 @@ def test_a_route_across_unmapped_ground_says_that_it_has_a_gap():
     truth = drive_along([[50.0, -1.75], [370.0, -1.75], [560.0, 248.25], [850.0, 248.25]])
     epochs = epochs_of(truth, gnss(truth), np.arange(0, len(truth.time), 10), course=0.1)
     recorded = localize(roads, epochs)
-    assert OFF_ROAD in recorded.route_edge
-    rows = traversals(epochs, recorded, roads).rows()
+    assert OFF_ROAD in recorded.chain.edge
+    rows = rows_of(epochs, recorded, roads)
     assert [r.edge for r in rows] == [0, 2]
     assert [r.gap for r in rows] == [False, True]
     assert rows[0].exit_m < 400.0
@@ -106,6 +111,5 @@ def test_a_route_across_unmapped_ground_says_that_it_has_a_gap():
 
 def test_nothing_localized_is_no_route():
     epochs = epochs_of(TRUTH, gnss(TRUTH), np.arange(0, 10, 10))
-    far = epochs._replace(fix=epochs.fix + np.array([9e3, 0.0, 0.0, 0.0, 0.0]))
-    recorded = localize(ROADS, far)
-    assert traversals(far, recorded, ROADS).rows() == []
+    epochs.fix[:, 0] += 9e3
+    assert rows_of(epochs, localize(ROADS, epochs), ROADS) == []

@@ -8,38 +8,39 @@ import pytest
 from hypothesis import given
 
 import whichroad
-from oracles.chains import all_chains, random_memory
-from scenes import Town, drive_along, epochs_of, gnss, grid_town, network
+from oracles.chains import all_chains, random_history
+from scenes import Town, columns, drive_along, epochs_of, gnss, grid_town, network
 from strategies import seeds
-from whichroad.core.belief import OFF_ROAD, new_route
-from whichroad.core.epoch import CLOCK, WHEELS, Epochs
-from whichroad.core.output import V_H, V_HH, V_P, V_X, V_XX, V_XY, V_Y, V_YY
+from whichroad._compile import Records
 from whichroad.epochs import Timeline
 from whichroad.errors import SettingError
-from whichroad.frames import Plane
-from whichroad.localizer import Localizer, Recorded, localize_recorded
-from whichroad.records import GeoFix
+from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
+from whichroad.geodesy.plane import Plane
+from whichroad.graph.network import TURN, records
+from whichroad.observations import GeoFix
+from whichroad.online import Localizer
+from whichroad.path import Alternative, Way, alternatives, best_ways, joins, shortest
+from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate.town import draw_town
-from whichroad.smoother import Lag
-from whichroad.ways import Alternative, Way, alternatives, best_ways, joins, shortest
+from whichroad.smoothing import Lag
 
 PLANE = Plane(49.4, 8.7)
 TOWN = Town(network(grid_town(5, 4, 120.0), curvature=PLANE.curvature), PLANE)
 CROSSINGS = [(0, 0), (1, 0), (2, 0), (2, 1), (3, 1), (3, 2), (3, 3)]  # of the town
 CORNERS = [[i * 120.0 + 10.0 * math.sin(j), j * 120.0 + 8.0 * math.cos(i)] for i, j in CROSSINGS]
 TRUTH = drive_along(CORNERS)
-POSE = [V_X, V_Y, V_H, V_XX, V_XY, V_YY, V_HH, V_P]
+POSE = "x y heading xx xy yy hh p_edge"
 
 
-def epochs(mode: int = WHEELS, seed: int = 1) -> Epochs:
+def epochs(mode: int = WHEELS, seed: int = 1) -> Records:
     rows = gnss(TRUTH, sigma=3.0, seed=seed)
     at = np.arange(0, len(TRUTH.time), 10)
     found = epochs_of(TRUTH, rows, at, course=0.1)
-    return found if mode == WHEELS else Epochs(*(a[at] for a in found))
+    return found if mode == WHEELS else found[at]
 
 
 def look(lag: object, mode: int = WHEELS, seed: int = 1, until: int | None = None) -> Recorded:
-    rows = Epochs(*(a[:until] for a in epochs(mode, seed)))
+    rows = epochs(mode, seed)[:until]
     return localize_recorded(TOWN, Timeline(rows, mode, 0), lag=Lag.of(lag))
 
 
@@ -60,7 +61,7 @@ def test_a_lag_beyond_the_drive_is_full_smoothing(lag: object, mode: int):
     full, late = look("full", mode), look(lag, mode)
     for a, b in zip(full.output, late.output, strict=True):
         np.testing.assert_array_equal(a, b)
-    np.testing.assert_array_equal(full.route_edge, late.route_edge)
+    np.testing.assert_array_equal(full.chain.edge, late.chain.edge)
 
 
 @pytest.mark.parametrize("mode", [WHEELS, CLOCK])
@@ -68,24 +69,24 @@ def test_at_the_end_smoothing_is_filtering(mode: int):
     full = look("full", mode)
     plain = look(None, mode)
     assert full.past is not None
-    last = int(full.past.memory.epoch[full.past.memory.size[0] - 1])
-    np.testing.assert_allclose(
-        full.output.value[last, POSE], plain.output.value[last, POSE], rtol=1e-9, atol=1e-9
-    )
-    assert full.output.edge[last] == plain.output.edge[last]
+    history = full.past.history
+    last = int(history.steps.epoch[history.count[0].steps - 1])
+    a, b = (columns(one.output, POSE)[last] for one in (full, plain))
+    np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+    assert full.output.rows.edge[last] == plain.output.rows.edge[last]
 
 
 @pytest.mark.parametrize("mode", [WHEELS, CLOCK])
 def test_probabilities_sum_to_one_and_shares_too(mode: int):
     full = look("full", mode)
     assert full.past is not None
-    memory = full.past.memory
-    steps, nodes, links = memory.size.tolist()
-    first = memory.first_node[:steps]
-    for p in (memory.p, memory.smoothed):
+    history = full.past.history
+    steps, nodes, links = history.count[0].tolist()
+    first = history.steps.first_node[:steps]
+    for p in (history.nodes.p, history.nodes.smoothed):
         np.testing.assert_allclose(np.add.reduceat(p[:nodes], first), 1.0, atol=1e-6)
-    after = int(memory.first_node[1])
-    share = np.add.reduceat(memory.share[:links], memory.first_link[after:nodes])
+    after = int(history.steps.first_node[1])
+    share = np.add.reduceat(history.links.share[:links], history.nodes.first_link[after:nodes])
     np.testing.assert_allclose(share, 1.0, atol=1e-3)
 
 
@@ -94,29 +95,30 @@ def test_a_fixed_lag_looks_back_from_so_much_later(mode: int):
     """Each epoch is what full smoothing of a drive that ends then makes of it."""
     lagged, full = look(8, mode), look("full", mode)
     assert lagged.past is not None
-    memory, time = lagged.past.memory, lagged.past.epochs.time
-    steps = int(memory.size[0])
+    time = lagged.past.epochs.time
+    steps = lagged.past.history.steps[: lagged.past.history.count[0].steps]
+    pose = columns(lagged.output, POSE)
     checked = 0
-    for step in range(0, steps, max(steps // 6, 1)):
-        k = int(memory.epoch[step])
-        for later in memory.epoch[:steps][memory.time[:steps] >= memory.time[step] + 8.0][:8]:
+    for step in steps[:: max(len(steps) // 6, 1)]:
+        k = int(step.epoch)
+        for later in steps.epoch[steps.time >= step.time + 8.0][:8]:
             short = look("full", mode, until=int(later) + 1).output
-            if np.allclose(short.value[k, POSE], lagged.output.value[k, POSE], atol=1e-9):
+            if np.allclose(columns(short, POSE)[k], pose[k], atol=1e-9):
                 assert time[later] - time[k] <= 8.0 * 1.125 + 1.0 + 1e-6
                 checked += 1
                 break
     assert checked >= 4
-    assert not np.allclose(lagged.output.value[:, POSE], full.output.value[:, POSE])
+    assert not np.allclose(pose, columns(full.output, POSE))
 
 
 @pytest.mark.parametrize("mode", [WHEELS, CLOCK])
 @pytest.mark.parametrize("lag", [5, "full"])
 def test_the_route_is_connected_and_ends_where_the_drive_does(lag: object, mode: int):
     answer = look(lag, mode)
-    edges = [e for e in answer.route_edge.tolist() if e != OFF_ROAD]
+    edges = [e for e in answer.chain.edge.tolist() if e != OFF_ROAD]
     for a, b in itertools.pairwise(edges):
         assert joins(TOWN.arrays, a, b)
-    assert (np.diff(answer.route_time) >= 0.0).all()
+    assert (np.diff(answer.chain.time) >= 0.0).all()
     assert len(edges) >= 5
 
 
@@ -128,9 +130,9 @@ def test_looking_back_finds_the_truth_more_surely():
         full = look("full", WHEELS, seed)
         assert full.past is not None
         for i, output in enumerate((full.past.filtered, full.output)):
-            v = output.value[50:]
-            error = np.column_stack([v[:, V_X] - TRUTH.x[50:], v[:, V_Y] - TRUTH.y[50:]])
-            cov = v[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2)
+            v = columns(output, "x y xx xy xy yy")[50:]
+            error = v[:, :2] - np.column_stack([TRUTH.x, TRUTH.y])[50:]
+            cov = v[:, 2:].reshape(-1, 2, 2)
             squared[i] += (error**2).sum()
             nees[i] += np.einsum("ni,ni->", error, np.linalg.solve(cov, error[..., None])[..., 0])
         n += len(v)
@@ -161,16 +163,16 @@ def test_on_line_a_lag_ago_is_the_drive_so_far_looked_back_over():
             continue
         rows = [online.roads.plane.from_geodetic(np.array([f.lat_deg]), np.array([f.lon_deg]))
                 for f in seen[: k + 1]]  # fmt: skip
-        drive = Epochs(*(a[: k + 1] for a in epochs(CLOCK)))
+        drive = epochs(CLOCK)[: k + 1]
         drive.fix[:, 0], drive.fix[:, 1] = np.array(rows)[:, 0, 0], np.array(rows)[:, 1, 0]
         drive.fix[:, 2:4], drive.course_sigma[:] = 3.0, np.inf
         batch = localize_recorded(TOWN, Timeline(drive, CLOCK, 0), lag=Lag.of("full"))
         assert lagged is not None
         at = int(np.argmin(np.abs(drive.time - lagged.time)))
-        value = batch.output.value[at]
+        row = batch.output.rows[at]
         assert lagged.time == pytest.approx(now.time - 10.0, abs=1.0)
-        assert [lagged.pose.x, lagged.pose.y] == pytest.approx(value[[V_X, V_Y]], abs=0.05)
-        assert lagged.p_road == pytest.approx(value[V_P], abs=0.02)
+        assert [lagged.pose.x, lagged.pose.y] == pytest.approx([row.x, row.y], abs=0.05)
+        assert lagged.p_road == pytest.approx(row.p_edge, abs=0.02)
     decided = online.decided_until
     assert decided is not None
     assert seen[-1].time - 30.0 < decided <= seen[-1].time
@@ -184,9 +186,9 @@ def test_a_long_drive_on_line_stays_small():
         fix = start[min(k, 40)]
         online.update(GeoFix(float(k), fix.lat_deg, fix.lon_deg, 9.0, 0.0, 9.0))
         if k == 400:
-            size = len(online._past.memory.time)  # type: ignore[union-attr]
+            size = len(online._past.history.steps)  # type: ignore[union-attr]
     assert online._past is not None
-    assert len(online._past.memory.time) == size
+    assert len(online._past.history.steps) == size
     assert online.lagged() is not None
 
 
@@ -206,23 +208,23 @@ def test_lags_that_make_no_sense_are_refused():
 
 @given(seeds)
 def test_ways_have_the_probability_of_all_their_chains(seed: int):
-    memory = random_memory(seed, edges=3)
-    chains = all_chains(memory)
+    history = random_history(seed, edges=3)
+    chains = all_chains(history)
     # every edge is followed by every other: two streets and a way round
     roads = network([[[0, 0], [100, 0]], [[100, 0], [0, 0.1]], [[0, 0.1], [100, 0.1]]])
-    memory.smoothed[:] = memory.p
-    memory.tree[:] = -1
+    table = history.nodes
+    table.smoothed = table.p
+    table.path_entry = -1
     exact: dict[tuple[int, ...], float] = {}
     for nodes, p in zip(chains.nodes, chains.p, strict=True):
-        edges = tuple(int(e) for e, _ in itertools.groupby(memory.edge[nodes]))
+        edges = tuple(int(e) for e, _ in itertools.groupby(table.edge[nodes]))
         exact[edges] = exact.get(edges, 0.0) + p
-    everywhere = roads._replace(
-        succ=np.tile(np.arange(6, dtype=np.int32), 6),
-        succ_first=np.arange(0, 37, 6, dtype=np.int32),
-    )
-    first = memory.first_node[: memory.size[0]]
-    memory.smoothed[: first[-1]] *= 0.5  # nothing is sure before the end
-    parts = alternatives(memory, new_route(1), everywhere)
+    turns = records(36, TURN)
+    turns.edge = np.tile(np.arange(6), 6)
+    roads.edges.first_turn, roads.edges.end_turn = 6 * np.arange(6), 6 * np.arange(1, 7)
+    last = int(history.steps[history.count[0].steps - 1].first_node)
+    table.smoothed[:last] *= 0.5  # nothing is sure before the end
+    parts = alternatives(history, new_path(1), roads._replace(turns=turns))
     if len(parts) != 1:
         return
     for way in parts[0].ways:
@@ -242,12 +244,14 @@ def test_routes_come_in_the_order_of_their_probability():
 def test_a_way_that_no_hypothesis_took_is_the_shortest():
     arrays = TOWN.arrays
     a = 0
-    after = arrays.succ[arrays.succ_first[a] : arrays.succ_first[a + 1]]
-    b = int(after[after != arrays.opposite[a]][0])
-    c = next(
-        int(e) for e in arrays.succ[arrays.succ_first[b] : arrays.succ_first[b + 1]]
-        if e != arrays.opposite[b] and not joins(arrays, a, int(e))
-    )  # fmt: skip
+    edges = arrays.edges
+
+    def after(edge: int) -> list[int]:
+        follow = arrays.turns.edge[edges.first_turn[edge] : edges.end_turn[edge]]
+        return follow[follow != edges.opposite[edge]].tolist()
+
+    b = after(a)[0]
+    c = next(e for e in after(b) if not joins(arrays, a, e))
     between = shortest(arrays, a, c)
     assert between is not None
     assert len(between) == 1

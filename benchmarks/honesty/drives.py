@@ -15,17 +15,17 @@ import numpy as np
 
 import whichroad
 from whichroad import Settings, Vehicle
-from whichroad.core import output as said
-from whichroad.core.epoch import CLOCK, WHEELS, Epochs
+from whichroad._compile import Records
 from whichroad.epochs import Timeline
-from whichroad.localizer import Recorded, localize_recorded
+from whichroad.filter.state import CLOCK, WHEELS
+from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulationSettings
 from whichroad.simulate.scenes import SCENES, Route, Scene, draw_scene
-from whichroad.simulate.swarm import Numbers, Swarm, Truth, new_swarm, simulate_short
+from whichroad.simulate.vectorised import DriveBuffers, Numbers, Truth, new_buffers, simulate_short
 
 from .classes import CLASSES, NOISES, VARIANTS
 from .oracle import declares, log_ratio
-from .score import Columns, Row, new_scratch, score_drive
+from .score import Row, new_scratch, score_drive
 
 CHUNK = 250  # drives of one piece of work
 _TELLING = {"figures.py", "report.py", "plots.py", "look.py", "__init__.py"}  # change no result
@@ -51,8 +51,13 @@ class Task(NamedTuple):
 def version() -> str:
     """Digest of all code that results depend on: what another version did is not remembered."""
     home = Path(whichroad.__file__).parent
-    files = [*home.glob("core/*.py"), *home.glob("simulate/**/*.py"), *home.glob("roadmap/*.py")]
-    files += [home / "localizer.py", home / "settings.py", *Path(__file__).parent.glob("*.py")]
+    files = [
+        *home.glob("filter/*.py"),
+        *home.glob("graph/*.py"),
+        *home.glob("simulate/**/*.py"),
+        *home.glob("roadmap/*.py"),
+    ]
+    files += [home / "recorded.py", home / "settings.py", *Path(__file__).parent.glob("*.py")]
     parts = [f.name.encode() + f.read_bytes() for f in sorted(files) if f.name not in _TELLING]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
 
@@ -64,15 +69,8 @@ def scene_of(kind: str, variant: int) -> Scene:
 
 
 @cache
-def _swarm() -> Swarm:
-    return new_swarm()
-
-
-def columns() -> Columns:
-    """Columns of this version of the filter."""
-    names = ("X", "Y", "XX", "XY", "YY", "OFF", "MAP_X", "MAP_Y", "MAP_XX", "MAP_XY", "MAP_YY",
-             "PROTECTION")  # fmt: skip
-    return Columns(*(getattr(said, f"V_{name}", -1) for name in names))
+def _buffers() -> DriveBuffers:
+    return new_buffers()
 
 
 class Drive(NamedTuple):
@@ -80,11 +78,11 @@ class Drive(NamedTuple):
 
     scene: Scene
     route: Route
-    epochs: Epochs
+    epochs: Records
     truth: Truth
     driven: int  # which of the scene's routes
     mode: int
-    swarm: Swarm
+    buffers: DriveBuffers
 
 
 def drive(name: str, noise: str, number: int) -> Drive:
@@ -95,14 +93,14 @@ def drive(name: str, noise: str, number: int) -> Drive:
     scene = scene_of(kind.scene, number % VARIANTS)
     driven = int(draw) % len(scene.routes)
     route = scene.routes[driven]
-    swarm = _swarm()
-    n = simulate_short(route.line, swarm, _numbers(noise), kind.odometry, int(seed))
-    epochs = Epochs(*(a[:n] for a in swarm.epochs))
-    truth = Truth(*(a[:n] for a in swarm.truth))
+    buffers = _buffers()
+    n = simulate_short(route.line, buffers, _numbers(noise), kind.odometry, int(seed))
+    epochs = buffers.epochs[:n]
+    truth = Truth(*(a[:n] for a in buffers.truth))
     if not kind.doppler:
-        epochs.speed_sigma[:] = epochs.course_sigma[:] = np.inf
+        epochs.speed_sigma = epochs.course_sigma = np.inf
     mode = WHEELS if kind.odometry else CLOCK
-    return Drive(scene, route, epochs, truth, driven, mode, swarm)
+    return Drive(scene, route, epochs, truth, driven, mode, buffers)
 
 
 @cache
@@ -126,14 +124,13 @@ def work(task: Task) -> np.ndarray:
     """Rows of a task's drives, (drives, columns of `Row`)."""
     settings = Settings(**dict(task.settings))
     row, roads, chances = new_scratch()
-    where = columns()
     rows = np.empty((task.last - task.first, len(Row._fields)), np.float32)
     for k, number in enumerate(range(task.first, task.last)):
         one = drive(task.name, task.noise, number)
         answer = localize(one, settings, task.noise)
         score_drive(
-            row, answer.output, one.truth, one.epochs.time, one.route.line, one.scene.road_of,
-            one.route.decision, one.route.watch, where, roads, chances,
+            row, answer.output.rows, one.truth, np.ascontiguousarray(one.epochs.time),
+            one.route.line, one.scene.road_of, one.route.decision, one.route.watch, roads, chances,
         )  # fmt: skip
         rows[k] = row
         if CLASSES[task.name].tested:
@@ -150,7 +147,7 @@ def exact_test(one: Drive, how: SimulationSettings) -> tuple[float, float, float
     y = epochs.fix[at, 1] - how.antenna_forward * np.sin(h) - how.antenna_left * np.cos(h)
     went = np.diff(truth.travelled[at], prepend=truth.travelled[at[0]]) > 0.01
     moving = np.cumsum(np.diff(epochs.time[at], prepend=epochs.time[at[0]]) * went)
-    ratio = log_ratio(one.scene, one.driven, x, y, moving, one.swarm.drawn, how)
+    ratio = log_ratio(one.scene, one.driven, x, y, moving, one.buffers.drawn, how)
     along = one.route.line.along[truth.place[at]]
     after = (along >= one.route.decision) & (along <= one.route.watch)
     declared, wrong, when = declares(ratio, after)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from whichroad import Settings
-from whichroad.core.output import V_H, V_OFF, V_X, V_XX, V_Y, V_YY
-from whichroad.localizer import STATUS
+from whichroad.tables.status import STATUS
 
 from ..__main__ import setting
 from .drives import drive, localize
@@ -48,7 +47,7 @@ def tell(
         f"{what} {value:+.3%}"
         for what, value in zip(
             ("scale", "differential", "track"),
-            one.swarm.drawn[:3] - np.array([1.0, 0.0, 1.5]), strict=True,
+            one.buffers.drawn[:3] - np.array([1.0, 0.0, 1.5]), strict=True,
         )
     )  # fmt: skip
     print(f"wheels: {wheels}")
@@ -61,26 +60,26 @@ def tell(
         h = truth.heading[k]
         right = np.array([np.sin(h), -np.cos(h)])
         ahead = np.array([np.cos(h), np.sin(h)])
-        value = out.value[k]
-        e = value[[V_X, V_Y]] - [truth.x[k], truth.y[k]]
+        row = out.rows[k]
+        e = np.array([row.x - truth.x[k], row.y - truth.y[k]])
         fix = ""
         if one.epochs.has_fix[k]:
             f = one.epochs.fix[k, :2] - [truth.x[k], truth.y[k]] - 1.0 * ahead
             fix = f"{f @ right:+6.1f} {f @ ahead:+6.1f}"
-        turn = np.degrees(np.angle(np.exp(1j * (value[V_H] - h))))
+        turn = np.degrees(np.angle(np.exp(1j * (row.heading - h))))
         m = np.array([truth.map_x[k] - truth.x[k], truth.map_y[k] - truth.y[k]])
         chances: dict[str, float] = {}
-        for edge, p in zip(out.alt_edge[k], out.alt_p[k], strict=True):
+        for edge, p in zip(row.alt_edge, row.alt_p, strict=True):
             if edge >= -1:
                 what = road(int(scene.road_of[edge]) if edge >= 0 else -1)
                 chances[what] = chances.get(what, 0.0) + float(p)
         listing = "  ".join(f"{w} {p:.4f}" for w, p in sorted(chances.items(), key=lambda c: -c[1]))
-        sigma = np.sqrt(value[V_XX] + value[V_YY])
+        sigma = np.sqrt(row.cov[0] + row.cov[3])
         print(
             f"{past:7.1f} {truth.speed[k]:6.1f}  {road(int(line.road[truth.place[k]])):12} "
             f"{e @ right:+5.1f} right {e @ ahead:+5.1f} ahead {turn:+5.1f} deg of {sigma:4.1f}  "
-            f"{fix:13}  map {m @ right:+5.1f}  {STATUS[out.status[k]]:9} {listing}"
-            + (f"  off {value[V_OFF]:.3f}" if value[V_OFF] > 1e-3 else "")
+            f"{fix:13}  map {m @ right:+5.1f}  {STATUS[row.status]:9} {listing}"
+            + (f"  off {row.p_off_road:.3f}" if row.p_off_road > 1e-3 else "")
         )
 
 

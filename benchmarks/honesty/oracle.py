@@ -14,7 +14,7 @@ from scipy.special import j0
 
 from whichroad.simulate import SimulationSettings
 from whichroad.simulate.scenes import Scene
-from whichroad.simulate.swarm import ANGLE, BIAS, RATIO, Line
+from whichroad.simulate.vectorised import ANGLE, BIAS, RATIO, Line
 
 from .score import DECLARED
 
@@ -23,7 +23,7 @@ _FARTHEST = 2000  # m, of the tables of covariance
 
 @cache
 def _field(sigma: float, shortest: float, longest: float) -> np.ndarray:
-    """Covariance of a field of `warp` at 0, 1, 2 ... m, m².
+    """Covariance of a field of `map_error_field` at 0, 1, 2 ... m, m².
 
     Waves in all directions, wavelengths log-uniform: the mean of J0(2 pi r / wavelength).
     """

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whichroad._compile import Ints32, Matrix, Vector, by_numba, kernel
-from whichroad.core.output import ALTERNATIVES, Output
-from whichroad.simulate.swarm import Line, Truth
+from whichroad._compile import Ints32, Matrix, Records, Vector, by_numba, kernel
+from whichroad.filter.estimate import ALTERNATIVES
+from whichroad.simulate.vectorised import Line, Truth
 
 WARM_UP = 20.0  # s after the start that no figure of the pose counts
 SLACK = 10.0  # m of travel within which a road counts as the driven one
@@ -70,29 +70,12 @@ class Row(NamedTuple):
     test_seconds: float
 
 
-class Columns(NamedTuple):
-    """Which columns of `Output.value` hold what; -1: this version has none."""
-
-    x: int
-    y: int
-    xx: int
-    xy: int
-    yy: int
-    off: int
-    map_x: int
-    map_y: int
-    map_xx: int
-    map_xy: int
-    map_yy: int
-    level: int
-
-
 @kernel
-def _chances(output: Output, k: int, road_of: Ints32, roads: Ints32, chances: Vector) -> int:
+def _chances(rows: Records, k: int, road_of: Ints32, roads: Ints32, chances: Vector) -> int:
     """Probability of each road among the alternatives; returns how many roads."""
     n = 0
     for a in range(ALTERNATIVES):
-        edge = output.alt_edge[k, a]
+        edge = rows[k].alt_edge[a]
         if edge < -1:
             break
         road = road_of[edge] if edge >= 0 else -1
@@ -105,7 +88,7 @@ def _chances(output: Output, k: int, road_of: Ints32, roads: Ints32, chances: Ve
             roads[n] = road
             chances[n] = 0.0
             n += 1
-        chances[found] += output.alt_p[k, a]
+        chances[found] += rows[k].alt_p[a]
     return n
 
 
@@ -170,21 +153,20 @@ def _pose(row: Vector, at: int, ex: float, ey: float, xx: float, xy: float, yy: 
 
 @by_numba
 def score_drive(
-    row: Vector, output: Output, truth: Truth, time: Vector, line: Line, road_of: Ints32,
-    decision: float, watch: float, columns: Columns, roads: Ints32, chances: Vector,
+    row: Vector, rows: Records, truth: Truth, time: Vector, line: Line, road_of: Ints32,
+    decision: float, watch: float, roads: Ints32, chances: Vector,
 ) -> None:  # fmt: skip
     """Fill a `Row` from what the filter said.
 
     Args:
         row: (len(Row._fields),) filled.
-        output: What the filter said, n epochs.
+        rows: What the filter said, (n,) ESTIMATE.
         truth: At least n rows.
         time: (n,) s.
         line: What was driven.
         road_of: (E,) road of each edge.
         decision: Branch point, m along the line.
         watch: End of the stretch where declarations count, m along the line.
-        columns: Of `output.value`.
         roads: (ALTERNATIVES,) scratch.
         chances: (ALTERNATIVES,) scratch.
     """
@@ -200,17 +182,17 @@ def score_drive(
     at = -1
     before_it = _road_before(line, decision)
     for k in range(n):
-        if output.live[k] == 0:
+        if rows[k].live == 0:
             continue
         if begun < 0.0:
             begun = time[k]
         place = truth.place[k]
         along = line.along[place]
-        value = output.value[k]
+        said = rows[k]
         if along >= decision and along <= watch:
             if passed < 0.0:
                 passed = time[k]
-            count = _chances(output, k, road_of, roads, chances)
+            count = _chances(rows, k, road_of, roads, chances)
             rest = 1.0
             for i in range(count):
                 rest -= chances[i]
@@ -236,39 +218,37 @@ def score_drive(
         if truth.speed[k] == 0.0 or time[k] < begun + WARM_UP:
             continue
         _pose(
-            row, 18, value[columns.x] - truth.x[k], value[columns.y] - truth.y[k],
-            value[columns.xx], value[columns.xy], value[columns.yy],
+            row, 18, said.x - truth.x[k], said.y - truth.y[k],
+            said.cov[0], said.cov[1], said.cov[3],
         )  # fmt: skip
-        if columns.map_xx >= 0 and line.hidden[place] == 0:
+        if line.hidden[place] == 0:
             _pose(
-                row, 25, value[columns.map_x] - truth.map_x[k],
-                value[columns.map_y] - truth.map_y[k],
-                value[columns.map_xx], value[columns.map_xy], value[columns.map_yy],
+                row, 25, said.map_x - truth.map_x[k], said.map_y - truth.map_y[k],
+                said.map_cov[0], said.map_cov[1], said.map_cov[2],
             )  # fmt: skip
-        if columns.level >= 0:
-            error = math.hypot(value[columns.x] - truth.x[k], value[columns.y] - truth.y[k])
-            level = value[columns.level]
-            row[32] += 1
-            row[33] += error > level
-            row[34] += error > ALARM and level <= ALARM
-            row[35] += level > ALARM
-            row[36] += level
+        error = math.hypot(said.x - truth.x[k], said.y - truth.y[k])
+        level = said.protection_level
+        row[32] += 1
+        row[33] += error > level
+        row[34] += error > ALARM and level <= ALARM
+        row[35] += level > ALARM
+        row[36] += level
         if line.hidden[place]:
             if hidden_from < 0.0:
                 hidden_from = along
             if along > hidden_from + _AWAY and decision - along > 20.0:
                 row[37] += 1
-                row[38] += value[columns.off]
+                row[38] += said.p_off_road
         elif hidden_from < 0.0 or along > decision + _AWAY:
             row[39] += 1
-            row[40] += value[columns.off]
+            row[40] += said.p_off_road
     if last >= 0:
-        count = _chances(output, last, road_of, roads, chances)
+        count = _chances(rows, last, road_of, roads, chances)
         _decide(row, 14, line, truth.place[last], count, roads, chances)
         k = at if at >= 0 else last
-        value = output.value[k]
-        row[42] = math.hypot(value[columns.x] - truth.x[k], value[columns.y] - truth.y[k])
-        row[43] = value[columns.level] if columns.level >= 0 else 0.0
+        said = rows[k]
+        row[42] = math.hypot(said.x - truth.x[k], said.y - truth.y[k])
+        row[43] = said.protection_level
 
 
 def new_scratch() -> tuple[Matrix, Ints32, Vector]:

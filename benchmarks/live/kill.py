@@ -4,7 +4,7 @@ import random
 import time
 
 from whichroad import read_drive
-from whichroad.evaluate.tables import read_table
+from whichroad.evaluate.input_tables import read_table
 from whichroad.live.state import from_bytes
 
 from .. import Figure, Options

@@ -57,7 +57,7 @@ def tables(here):
     """The drive as two tables."""
     import pyarrow as pa
 
-    from whichroad.tables import times
+    from whichroad.tables.schema import times
 
     f, o = here.drive.fixes, here.drive.odometry
     fixes = {"time": times(f.time), "lat": f.lat_deg, "lon": f.lon_deg, "cov_ee_m2": f.cov_ee}

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from whichroad import RoadMap, simulate_drive
+from whichroad.observations import Drive, Fixes, WheelCounts
 from whichroad.readers.vehicle import read_vehicle
-from whichroad.records import Drive, Fixes, WheelCounts
 from whichroad.settings import Vehicle, to_toml
 from whichroad.simulate import draw_town
-from whichroad.simulate.files import DBC, SIGNALS
+from whichroad.simulate.drive_files import DBC, SIGNALS
 
 FRAME = 928  # of both wheel counters in the simulator's .dbc
 KNOT = 1852.0 / 3600.0

@@ -11,19 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.output import (
-    V_MAP_X,
-    V_MAP_XX,
-    V_MAP_XY,
-    V_MAP_Y,
-    V_MAP_YY,
-    V_PROTECTION,
-    V_X,
-    V_XX,
-    V_XY,
-    V_Y,
-    V_YY,
-)
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, URBAN, SimulatedDrive, drivable, simulate_drive
@@ -42,11 +29,8 @@ CLASSES = {
 GOALS = {"good": "0.9..1.1", "urban": "0.9..1.3", "outage": "0.9..1.2"}
 MAP_GOAL = "0.7..1.3"
 LEVELS = (50, 90, 95, 99)  # %
-# x, y and covariance in the output
-FRAMES = {
-    "world": (V_X, V_Y, V_XX, V_XY, V_YY),
-    "map": (V_MAP_X, V_MAP_Y, V_MAP_XX, V_MAP_XY, V_MAP_YY),
-}
+# x, y and covariance in the estimates, and elements xx, xy, yy of that
+FRAMES = {"world": ("x", "y", "cov", [0, 1, 3]), "map": ("map_x", "map_y", "map_cov", [0, 1, 2])}
 
 
 def prepare(map_file: Path) -> None:
@@ -59,11 +43,11 @@ def errors(
     roads: RoadMap, drive: SimulatedDrive, said: Answer, frame: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Error (m) and squared error in units of the covariance, (n,) each."""
-    truth, (vx, vy, xx, xy, yy) = drive.truth, FRAMES[frame]
+    truth, (vx, vy, cov, elements) = drive.truth, FRAMES[frame]
     x, y = (truth.x, truth.y) if frame == "world" else (truth.map_x, truth.map_y)
     scale = roads.plane.scale(truth.x, truth.y)
-    dx, dy = (said.value[:, vx] - x) / scale, (said.value[:, vy] - y) / scale
-    a, b, c = (said.value[:, k] for k in (xx, xy, yy))
+    dx, dy = (said.rows[vx] - x) / scale, (said.rows[vy] - y) / scale
+    a, b, c = said.rows[cov][:, elements].T
     det = np.maximum(a * c - b * b, 1e-12)
     return np.hypot(dx, dy), (c * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / det
 
@@ -96,7 +80,7 @@ def _score(drive: SimulatedDrive, said: Answer, in_outage: bool) -> Row:
             within = weighed[keep] <= -2.0 * np.log1p(-level / 100.0)
             row[f"{frame} {level}"] = float(within.sum())
         if frame == "world":
-            level_m = said.value[keep, V_PROTECTION]
+            level_m = said.rows.protection_level[keep]
             row["beyond"] = float((error[keep] > level_m).sum())
             row["ever beyond"] = float((error[keep] > level_m).any())
             row["level"] = float(level_m.sum())

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.output import V_P
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
@@ -84,11 +83,11 @@ def straight(seed: int, *, length_m: float, settings: Settings) -> Row | None:
 def _score(drive: SimulatedDrive, said: Answer) -> Row:
     """All epochs of the outage, and its last one."""
     truth, (begin, end) = drive.truth, drive.outages[0]
-    error, right = map_error(world["roads"], drive, said), right_edges(drive, said.edge)
+    error, right = map_error(world["roads"], drive, said), right_edges(drive, said.rows.edge)
     on = (truth.time > begin) & (truth.time < end)
     last = int(np.flatnonzero(on)[-1])
     moving = on & ~truth.stopped
-    sure_wrong = moving & ~right & (said.value[:, V_P] > SURE)
+    sure_wrong = moving & ~right & (said.rows.p_edge > SURE)
     return {
         "right_end": float(right[last]),
         "error_end": float(error[last]),
@@ -100,7 +99,7 @@ def _score(drive: SimulatedDrive, said: Answer) -> Row:
         "within_5": float((moving & (error <= 5.0)).sum()),
         "within_10": float((moving & (error <= 10.0)).sum()),
         "lost_m": _lost(truth.travelled[moving], right[moving]),
-        "p_end": float(said.value[last, V_P]),
+        "p_end": float(said.rows.p_edge[last]),
     }
 
 

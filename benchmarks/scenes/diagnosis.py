@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import whichroad
-from whichroad.core.output import V_GNSS_SCALE
 from whichroad.epochs import build_timeline
-from whichroad.localizer import localize_recorded
-from whichroad.records import Drive
+from whichroad.observations import Drive
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, SimulationSettings, drivable, simulate_drive
@@ -113,7 +112,7 @@ def one(seed: int, *, hours: float, settings: Settings, names: tuple[str, ...]) 
         found = whichroad.diagnose(recorded)
         warnings = {f.what for f in found if f.level == "warning"}
         row[f"{name} hours"] = float(np.ptp(timeline.epochs.time) / 3600.0)
-        row[f"{name} scale"] = float(recorded.output.value[:, V_GNSS_SCALE].mean())
+        row[f"{name} scale"] = float(recorded.output.rows.gnss_scale.mean())
         row[f"{name} fired"] = float(bool(warnings))
         row[f"{name} told"] = float(len(found) > len(warnings))
         row[f"{name} named"] = float(case.named in warnings or not (case.named or warnings))

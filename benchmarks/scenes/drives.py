@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.output import V_MAP_X, V_MAP_Y
+from whichroad._compile import Records
 from whichroad.epochs import build_timeline
-from whichroad.localizer import localize_recorded
-from whichroad.records import StartPose
+from whichroad.observations import StartPose
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive
@@ -32,17 +32,14 @@ world: dict[str, Any] = {}  # maps and the like, of this process
 class Answer(NamedTuple):
     """The filter's output at the times of the truth, n rows."""
 
-    value: NDArray[np.float64]  # see the V_ names of core.output
-    edge: NDArray[np.int32]
-    status: NDArray[np.uint8]
+    rows: Records  # (n,) filter.estimate.ESTIMATE
     started: Mask  # False before the first fix
-    alt_edge: NDArray[np.int32]  # (n, alternatives)
-    alt_p: NDArray[np.float32]
 
     def p_of(self, road: Mask) -> NDArray[np.float64]:
         """P of a road, a mask over the map's edges."""
-        on = (self.alt_edge >= 0) & road[np.maximum(self.alt_edge, 0)]
-        return np.where(on, self.alt_p, 0.0).sum(axis=1, dtype=float)
+        edge = self.rows.alt_edge
+        on = (edge >= 0) & road[np.maximum(edge, 0)]
+        return np.where(on, self.rows.alt_p, 0.0).sum(axis=1, dtype=float)
 
 
 def answer(
@@ -50,25 +47,18 @@ def answer(
 ) -> Answer:
     """Localize a drive; between epochs the last answer holds."""
     timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
-    output = localize_recorded(
+    rows = localize_recorded(
         roads, timeline, vehicle=drive.vehicle, settings=settings, start=start
-    ).output
+    ).output.rows
     at = np.searchsorted(timeline.epochs.time, drive.truth.time + 1e-3) - 1
     known = np.maximum(at, 0)
-    return Answer(
-        output.value[known],
-        output.edge[known],
-        output.status[known],
-        (output.live[known] > 0) & (at >= 0),
-        output.alt_edge[known],
-        output.alt_p[known],
-    )
+    return Answer(rows[known], (rows.live[known] > 0) & (at >= 0))
 
 
 def map_error(roads: RoadMap, drive: SimulatedDrive, said: Answer) -> NDArray[np.float64]:
     """Distance in the map's frame between answer and truth, true m, (n,)."""
     x, y = drive.truth.map_x, drive.truth.map_y
-    apart = np.hypot(said.value[:, V_MAP_X] - x, said.value[:, V_MAP_Y] - y)
+    apart = np.hypot(said.rows.map_x - x, said.rows.map_y - y)
     return apart / roads.plane.scale(x, y)
 
 

@@ -5,10 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from whichroad.core.output import V_OFF
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, Sketch, shortest_route, simulate_drive
+from whichroad.simulate import GOOD, MapBuilder, shortest_route, simulate_drive
 
 from .. import Figure, Options
 from .drives import SURE, Row, Table, answer, each, named, world
@@ -28,18 +27,18 @@ def draw(lean: float, angle_deg: float = ANGLE_DEG) -> RoadMap:
         lean: How much of the angle the left branch turns off; the right one takes the rest.
         angle_deg: Between the branches.
     """
-    sketch = Sketch()
+    builder = MapBuilder()
     bend = np.radians(25.0)
-    sketch.node("begin", -600.0 - 800.0 * np.cos(bend), -800.0 * np.sin(bend))
-    sketch.node("bend", -600.0, 0.0)
-    sketch.node("fork", 0.0, 0.0)
-    sketch.way(["begin", "bend", "fork"], "tertiary", name="Approach", maxspeed="50")
+    builder.node("begin", -600.0 - 800.0 * np.cos(bend), -800.0 * np.sin(bend))
+    builder.node("bend", -600.0, 0.0)
+    builder.node("fork", 0.0, 0.0)
+    builder.way(["begin", "bend", "fork"], "tertiary", name="Approach", maxspeed="50")
     turns = {"Left": lean * angle_deg, "Right": (lean - 1.0) * angle_deg}
     for name, turn_deg in turns.items():
         turn = np.radians(turn_deg)
-        sketch.node(name, _BRANCH * np.cos(turn), _BRANCH * np.sin(turn))
-        sketch.way(["fork", name], "tertiary", name=name, maxspeed="50")
-    return sketch.compiled()
+        builder.node(name, _BRANCH * np.cos(turn), _BRANCH * np.sin(turn))
+        builder.way(["fork", name], "tertiary", name=name, maxspeed="50")
+    return builder.compiled()
 
 
 def prepare(angle_deg: float) -> None:
@@ -55,9 +54,10 @@ def one(seed: int, *, settings: Settings) -> Row:
     approach = _leaving(roads, "Approach", towards=True)
     branch = _leaving(roads, taken, towards=False)
     assert shortest_route(
-        roads.arrays, [int(roads.arrays.from_node[approach]), int(roads.arrays.to_node[branch])]
+        roads.arrays,
+        [int(roads.arrays.edges.from_node[approach]), int(roads.arrays.edges.to_node[branch])],
     ).tolist() == [approach, branch]
-    node_m = 0.8 * float(roads.arrays.length[approach])
+    node_m = 0.8 * float(roads.arrays.edges.length[approach])
     dark = node_m - random.uniform(100.0, 400.0)
     drive = simulate_drive(
         roads, seed=seed, scenario=SETTINGS, route=[approach, branch],
@@ -68,7 +68,7 @@ def one(seed: int, *, settings: Settings) -> Row:
     right, wrong = said.p_of(named(roads, taken)), said.p_of(named(roads, other))
     seen = (past >= LOOKED_AT[0]) & (past <= LOOKED_AT[1])
     until = (past >= 0.0) & (past <= LOOKED_AT[1])
-    best = (right > wrong) & (right > said.value[:, V_OFF])
+    best = (right > wrong) & (right > said.rows.p_off_road)
     open_ = np.maximum(right, wrong)[until] <= SURE
     final_right = bool(right[until][-1] > SURE)
     undecided = open_ | ((right[until] > SURE) != final_right)
@@ -83,15 +83,15 @@ def one(seed: int, *, settings: Settings) -> Row:
         "decided": float(not open_[-1]),
         "decided_wrong": float(wrong[until][-1] > SURE),
         "ever_sure_wrong": float((wrong[until] > SURE).any()),
-        "off": float(said.value[seen, V_OFF].mean()),
+        "off": float(said.rows.p_off_road[seen].mean()),
         "lean": float(world["forks"].index(roads)),
     }
 
 
 def _leaving(roads: RoadMap, name: str, towards: bool) -> int:
     """The edge of a street that leads to, or away from, the fork."""
-    at_fork = np.bincount(roads.arrays.to_node) == 3
-    node = roads.arrays.to_node if towards else roads.arrays.from_node
+    at_fork = np.bincount(roads.arrays.edges.to_node) == 3
+    node = roads.arrays.edges.to_node if towards else roads.arrays.edges.from_node
     (edge,) = np.flatnonzero(named(roads, name) & at_fork[node])
     return int(edge)
 

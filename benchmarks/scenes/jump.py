@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.output import V_P, V_X, V_XX, V_Y, V_YY
-from whichroad.records import StartPose, WheelCounts
+from whichroad.observations import StartPose, WheelCounts
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, Jump, SimulatedDrive, drivable, simulate_drive
@@ -42,7 +41,7 @@ def prepare(map_file: Path) -> None:
 
 def _world_error(drive: SimulatedDrive, said: Answer) -> NDArray[np.float64]:
     truth = drive.truth
-    apart = np.hypot(said.value[:, V_X] - truth.x, said.value[:, V_Y] - truth.y)
+    apart = np.hypot(said.rows.x - truth.x, said.rows.y - truth.y)
     error: NDArray[np.float64] = apart / world["roads"].plane.scale(truth.x, truth.y)
     return error
 
@@ -65,11 +64,11 @@ def jumping(seed: int, random: np.random.Generator, settings: Settings) -> Row:
         return {}
     since = truth.time - truth.time[0]
     during = (since >= false[0]) & (since <= false[-1] + 1.0)
-    error, right = _world_error(drive, said), right_edges(drive, said.edge)
+    error, right = _world_error(drive, said), right_edges(drive, said.rows.edge)
     moving = during & ~truth.stopped
     after = np.flatnonzero(since > false[-1] + 1.0)
-    sure_wrong = moving & ~right & (said.value[:, V_P] > SURE)
-    sigma = np.sqrt(said.value[:, V_XX] + said.value[:, V_YY])
+    sure_wrong = moving & ~right & (said.rows.p_edge > SURE)
+    sigma = np.sqrt(said.rows.cov[:, 0] + said.rows.cov[:, 3])
     return {
         "stays_s": float(false[-1] - false[0]),
         "epochs": float(moving.sum()),
@@ -103,9 +102,9 @@ def carried(seed: int, random: np.random.Generator, settings: Settings, *, dark:
     drive = _simulate(seed, outages_m=((EVENT_M, end),) if dark else ())
     drive = replace(drive, drive=replace(drive.drive, odometry=_stand(drive, EVENT_M, end)))
     said, truth = answer(world["roads"], drive, settings), drive.truth
-    error, right = _world_error(drive, said), right_edges(drive, said.edge)
+    error, right = _world_error(drive, said), right_edges(drive, said.rows.edge)
     after = truth.travelled > end
-    sure_wrong = after & ~truth.stopped & ~right & (said.value[:, V_P] > SURE)
+    sure_wrong = after & ~truth.stopped & ~right & (said.rows.p_edge > SURE)
     return {
         "epochs": float((after & ~truth.stopped).sum()),
         "sure_wrong": float(sure_wrong.sum()),
@@ -133,8 +132,8 @@ def started(seed: int, random: np.random.Generator, settings: Settings) -> Row:
     y = float(truth.y[0] + APART_M * np.sin(direction))
     lat, lon, bearing = world["roads"].plane.pose(x, y, float(truth.heading[0]))
     said = answer(world["roads"], drive, settings, StartPose(lat, lon, bearing))
-    error, right = _world_error(drive, said), right_edges(drive, said.edge)
-    sure_wrong = ~truth.stopped & ~right & (said.value[:, V_P] > SURE)
+    error, right = _world_error(drive, said), right_edges(drive, said.rows.edge)
+    sure_wrong = ~truth.stopped & ~right & (said.rows.p_edge > SURE)
     return {
         "epochs": float((~truth.stopped).sum()),
         "sure_wrong": float(sure_wrong.sum()),

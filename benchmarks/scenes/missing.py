@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.output import V_OFF, V_P
 from whichroad.roadmap import RoadMap
 from whichroad.roadmap.compile import compile_streets
 from whichroad.roadmap.osm import read_osm
@@ -70,7 +69,7 @@ def _removed(
 ) -> Mask:
     """Streets (W,) to take away: by whole names, a share of the route's length."""
     street = names[roads.way[route]]
-    length = roads.arrays.length[route]
+    length = roads.arrays.edges.length[route]
     size = np.bincount(street, length, minlength=int(names.max()) + 1)
     wanted = random.uniform(*SHARE) * length.sum()
     inner = np.unique(street[3:-3])
@@ -123,7 +122,7 @@ def _score(
     truth = drive.truth
     missing = removed[roads.pieces.way[roads.piece(truth.edge, truth.abscissa)]]
     counted = ~truth.stopped & (truth.time > truth.time[0] + WARM_UP_S)
-    off = said.value[:, V_OFF]
+    off = said.rows.p_off_road
     on = np.flatnonzero(counted & missing & (since(missing, truth.travelled) > FIRST_M))
     on = on[~near_alike(reduced, drive, on)]
     back = since(~missing, truth.travelled)
@@ -139,7 +138,7 @@ def _score(
         "mapped": float(mapped.sum()),
         "off_mapped": float(off[mapped].sum()),
         "mapped_half": float((off[mapped] > 0.5).sum()),
-        "wrong_p": float((said.value[on, V_P] > SURE).sum()),
+        "wrong_p": float((said.rows.p_edge[on] > SURE).sum()),
         "returns": float(len(returned)),
         "return_m": float(np.sum(returned)),
         "stretches": float(len(found)),

@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whichroad.core.output import V_OFF
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, Pull, SimulatedDrive, Sketch, simulate_drive
+from whichroad.simulate import GOOD, MapBuilder, Pull, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
 from .drives import SURE, Answer, Row, Table, answer, each, named, world
@@ -55,20 +54,20 @@ def draw(gap: float, right: float) -> Pair:
         gap: Between the centre lines, m.
         right: 1: the side road lies to the right, -1: to the left.
     """
-    sketch, y, reach = Sketch(), -right * gap, link_m(gap)
-    sketch.node("begin", -_APPROACH, 0.0)
-    sketch.node("node", 0.0, 0.0)
-    sketch.node("main end", reach + STRETCH_M + _AFTER, 0.0)
-    sketch.node("merge", reach, y)
-    sketch.node("side end", reach + STRETCH_M + _AFTER, y)
+    builder, y, reach = MapBuilder(), -right * gap, link_m(gap)
+    builder.node("begin", -_APPROACH, 0.0)
+    builder.node("node", 0.0, 0.0)
+    builder.node("main end", reach + STRETCH_M + _AFTER, 0.0)
+    builder.node("merge", reach, y)
+    builder.node("side end", reach + STRETCH_M + _AFTER, y)
     streets = {
         "Approach": ["begin", "node"],
         "Main": ["node", "main end"],
         "Side": ["node", "merge", "side end"],
     }
     for name, nodes in streets.items():
-        sketch.way(nodes, "tertiary", name=name, maxspeed="50")
-    roads = sketch.compiled()
+        builder.way(nodes, "tertiary", name=name, maxspeed="50")
+    roads = builder.compiled()
     return Pair(roads, right, *(_eastward(roads, name) for name in streets))
 
 
@@ -101,7 +100,7 @@ def _pulled(
 ) -> Iterator[tuple[str, float]]:
     """Epochs of the parallel stretch, of which right and confidently wrong."""
     roads, reach = pair.roads, link_m(gap)
-    node_m = 0.8 * float(roads.arrays.length[pair.approach])
+    node_m = 0.8 * float(roads.arrays.edges.length[pair.approach])
     begin, rise = (node_m, reach) if creeping else (node_m + reach, 0.0)
     pull = Pull(begin, (-pair.right if changed else pair.right) * gap, 1.0, 0.0, np.inf, rise)
     drive = simulate_drive(
@@ -113,7 +112,7 @@ def _pulled(
     seen = (gone > 0.0) & (gone < STRETCH_M)
     main, side = (said.p_of(named(roads, name))[seen] for name in ("Main", "Side"))
     p_true, p_wrong = (side, main) if changed else (main, side)
-    off = said.value[seen, V_OFF]
+    off = said.rows.p_off_road[seen]
     yield "epochs", float(seen.sum())
     yield "right", float(((p_true > p_wrong) & (p_true > off)).sum())
     yield "sure_wrong", float((p_wrong > SURE).sum())

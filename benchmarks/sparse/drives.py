@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.simulate import GOOD, drivable, simulate_drive
 
 from .. import Options

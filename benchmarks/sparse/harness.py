@@ -171,8 +171,9 @@ def map_digest() -> str:
     import whichroad
 
     room = Path(whichroad.__file__).parent
-    core = [room / "core" / f"{n}.py" for n in ("network", "topology", "grid", "geodesy")]
-    files: Iterable[Path] = [*sorted((room / "roadmap").glob("*.py")), *core]
+    files: Iterable[Path] = [
+        *sorted((room / "roadmap").glob("*.py")), *sorted((room / "graph").glob("*.py"))
+    ]  # fmt: skip
     return hashlib.sha256(b"\0".join(f.read_bytes() for f in files)).hexdigest()[:12]
 
 

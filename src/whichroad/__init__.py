@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .batch import match_many
-    from .diagnosis import diagnose
+    from .diagnosis.findings import diagnose
     from .errors import (
         DriveError,
         MapError,
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
         WhichroadError,
         WriteError,
     )
-    from .localizer import Localizer
-    from .readers import read_drive, read_vehicle
-    from .records import (
+    from .matching import match
+    from .observations import (
         Distance,
         Estimate,
         GeoFix,
@@ -33,34 +32,35 @@ if TYPE_CHECKING:
         WheelSpeed,
         WheelTicks,
     )
-    from .result import Result
+    from .online import Localizer
+    from .readers import read_drive, read_vehicle
     from .roadmap import RoadMap
-    from .session import match
     from .settings import Settings, Vehicle
     from .simulate import simulate_drive
+    from .tables.result import Result
 
-_ROOMS = {
+_MODULES = {
     "batch": ("match_many",),
-    "diagnosis": ("diagnose",),
+    "diagnosis.findings": ("diagnose",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
-    "localizer": ("Localizer",),
+    "online": ("Localizer",),
     "readers": ("read_drive", "read_vehicle"),
-    "records": (
+    "observations": (
         "Distance", "Estimate", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
         "WheelSpeed", "WheelTicks",
     ),
-    "result": ("Result",),
+    "tables.result": ("Result",),
     "roadmap": ("RoadMap",),
-    "session": ("match",),
+    "matching": ("match",),
     "settings": ("Settings", "Vehicle"),
     "simulate": ("simulate_drive",),
 }  # fmt: skip
-_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __version__ = "0.1.0"
-__all__ = [  # noqa: RUF022 - by room, as a reader looks for them
+__all__ = [  # noqa: RUF022 - by module, as a reader looks for them
     "match", "match_many", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
     "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
@@ -69,8 +69,8 @@ __all__ = [  # noqa: RUF022 - by room, as a reader looks for them
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOM_OF:
-        return getattr(importlib.import_module(f".{_ROOM_OF[name]}", __name__), name)
+    if name in _MODULE_OF:
+        return getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

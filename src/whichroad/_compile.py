@@ -17,12 +17,13 @@ import inspect
 import os
 import threading
 from collections.abc import Callable
-from typing import Annotated, Any, Generic, ParamSpec, TypeVar
+from typing import Annotated, Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .native.layout import Array, Layout
+from .native.layout import Array as Array
+from .native.layout import Layout
 
 Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
 Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]
@@ -34,6 +35,8 @@ Floats32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 1)]
 Matrix32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 2)]
 Table32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 2)]
 Bytes = Annotated[NDArray[np.uint8], Array(np.dtype("u1"), 1)]
+Records = Any  # np.recarray of one of the structured dtypes; annotated with which, where it matters
+Record = Any  # one row of it
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -44,18 +47,23 @@ _TEACHERS: list[str] = []  # modules to import when numba is used
 _LOCK = threading.RLock()
 
 
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
+@overload
+def kernel(function: Callable[P, R]) -> Callable[P, R]: ...
+@overload
+def kernel(*, inline: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+def kernel(function: Any = None, *, inline: bool = False) -> Any:
     """A function that can be compiled, and runs as Python when Python calls it.
 
     Divisions follow NumPy (no exception), and nothing is reordered (no fastmath: log-weights
     may be infinite).  A kernel allocates nothing, so its arrays need no reference counts.
+
+    Args:
+        function: The kernel.
+        inline: Whether it becomes part of its callers: for hot code with one caller.
     """
-    return _known(function, False)
-
-
-def part(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that becomes a part of those that call it: for what has one caller."""
-    return _known(function, True)
+    if function is None:
+        return lambda one: _known(one, inline)
+    return _known(function, inline)
 
 
 def _known(function: Callable[P, R], inlined: bool) -> Callable[P, R]:

@@ -1,25 +1,58 @@
 """Many trips in one process: Arrow in, Arrow out, threads over trips.
 
-A trip that cannot be matched gets a row that says why, and the others go on.  Trips are
-worked on in parcels of some thousand rows, and only a few parcels are held at a time.
+Trips are filtered in chunks of some thousand rows, and only a few chunks are held at a time.
+The fixed cost of a call is paid once for all trips of a chunk that are fixes alone, without
+anything to report of their reading.  Others are read one by one, with the same result as alone.
+A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from .errors import SettingError
-from .parcel import Job, Tables, joined
-from .readers import read_vehicle
-from .readers.trips import Parcel, parcels
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ._compile import Records
+from .batch_filter import Batch, filter_batch, one_batch
+from .epochs import Timeline, epochs_of_fixes
+from .errors import SettingError, WhichroadError
+from .filter.state import CLOCK, new_epochs
+from .matching import are_near, timeline_of, tuned_by
+from .observations import Drive
+from .readers import drive_from_table, read_vehicle
+from .readers.many_trips import TripBatch, batched_fixes, trip_batches
+from .recorded import localize_recorded
 from .roadmap import RoadMap, open_map
 from .settings import Settings, Vehicle
-from .smoother import Lag
+from .smoothing import Lag
+from .tables.export import figures_of, path_table, points_table
+from .tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
+from .traversals import traversals
 
 Progress = Callable[[str, int, int], None]
+
+
+class Tables(NamedTuple):
+    """Estimates of many trips."""
+
+    points: pa.Table  # one row per epoch, `tables.schema.POINTS`
+    path: pa.Table  # one row per edge driven, `tables.schema.PATH`
+    drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
+
+    def __repr__(self) -> str:
+        return ", ".join(f"{name}: {len(t):,} rows" for name, t in self._asdict().items())
+
+
+def joined(parts: Sequence[Tables]) -> Tables:
+    """Tables one after the other."""
+    if not parts:
+        return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
+    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
 
 
 def match_many(
@@ -35,7 +68,7 @@ def match_many(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Tables:
-    """Match every trip of a table; the answers of all trips are held in memory.
+    """Match every trip of a table; the results of all trips are held in memory.
 
     `match_stream` gives the same a few trips at a time.
 
@@ -52,7 +85,7 @@ def match_many(
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
         threads: How many trips side by side; None: one for each core this process may use.
-        progress: Told ("trips", trips done, 0).
+        progress: Called with ("trips", trips done, 0).
 
     Returns:
         Points, path, and one row for every trip in the order in which trips begin.
@@ -87,7 +120,7 @@ def match_stream(
     """Match every trip of a table or stream, some trips at a time, in order.
 
     Takes and raises what `match_many` does.  However long the stream is, the rows of about
-    two parcels per thread are in memory, and of trips that are not whole yet.
+    two chunks per thread are in memory, and of trips that are not whole yet.
 
     Yields:
         Tables of some whole trips.
@@ -100,7 +133,7 @@ def match_stream(
     job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes, crs)
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        for tables in _in_order(pool, job.tables, parcels(table, drive_id), 2 * workers):
+        for tables in _in_order(pool, job.tables, trip_batches(table, drive_id), 2 * workers):
             done += tables.drives.num_rows
             if progress:
                 progress("trips", done, 0)
@@ -109,20 +142,20 @@ def match_stream(
 
 def _in_order(
     pool: ThreadPoolExecutor,
-    work: Callable[[Parcel], Tables],
-    todo: Iterator[Parcel],
+    work: Callable[[TripBatch], Tables],
+    chunks: Iterator[TripBatch],
     ahead: int,
 ) -> Iterator[Tables]:
-    """Results in the order of the work, of which only so much is begun ahead."""
+    """Results in the order of the chunks, of which only so many are begun ahead."""
     running: deque[Future[Tables]] = deque()
     try:
-        for parcel in todo:
-            running.append(pool.submit(work, parcel))
+        for chunk in chunks:
+            running.append(pool.submit(work, chunk))
             if len(running) > ahead:
                 yield running.popleft().result()
         while running:
             yield running.popleft().result()
-    finally:  # nobody asks for the rest
+    finally:  # the caller may have stopped asking
         for future in running:
             future.cancel()
 
@@ -132,3 +165,192 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+class _Answer(NamedTuple):
+    """Trips with estimates."""
+
+    names: list[str]
+    batch: Batch
+    drive: Drive | None  # of one trip; None: there is nothing to report of their reading
+
+    def each(self) -> "list[_Answer]":
+        """One by one."""
+        batches = self.batch.each() if len(self.names) > 1 else [self.batch]
+        return [_Answer([n], b, self.drive) for n, b in zip(self.names, batches, strict=True)]
+
+
+class _Failure(NamedTuple):
+    """A trip without an answer."""
+
+    name: str
+    reason: str
+
+    def each(self) -> "list[_Failure]":
+        """Itself."""
+        return [self]
+
+
+class _Regular(NamedTuple):
+    """The regular trips of a chunk: those with nothing to report of their reading."""
+
+    epochs: Records  # (n,) EPOCH of all, one after the other
+    first: NDArray[np.int64]  # (trips + 1,) where those of each trip of the chunk begin
+    usable: NDArray[np.bool_]  # (trips,) whether they are its epochs
+
+
+class Job(NamedTuple):
+    """What all trips share."""
+
+    roads: RoadMap
+    vehicle: Vehicle | None
+    settings: Settings | None
+    lag: Lag | None
+    attributes: bool
+    crs: Any = None
+
+    def tables(self, chunk: TripBatch) -> Tables:
+        """The tables of the trips of a chunk."""
+        vehicle = self.vehicle or Vehicle()
+        settings = tuned_by(self.settings, vehicle)
+        answers = list(self._answers(chunk, vehicle, settings))
+        try:
+            return self._together(answers)
+        except Exception:  # find out which trip's tables cannot be made
+            return joined([self._alone(one) for answer in answers for one in answer.each()])
+
+    def _answers(
+        self, chunk: TripBatch, vehicle: Vehicle, settings: Settings
+    ) -> Iterator[_Answer | _Failure]:
+        """The answers to all trips, in order; as many at once as possible."""
+        regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
+        single = np.flatnonzero(~regular.usable if self.lag is None else np.ones(trips))
+        while trip < trips:
+            end = int(next(iter(single[single >= trip]), trips))
+            found = self._batch(chunk.names, regular, trip, end, vehicle, settings)
+            if found is not None:
+                yield found
+                trip += len(found.names)
+            if trip < trips and (found is None or trip < end):
+                yield self._answer(chunk, regular, trip, vehicle, settings)
+                trip += 1
+
+    def _regular(self, chunk: TripBatch) -> _Regular:
+        """The epochs of the trips that need not be read alone."""
+        first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
+        read = batched_fixes(chunk.table, first[:-1], self.settings or Settings())
+        if read is None or not len(read[0]):
+            return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable)
+        fixes, regular = read
+        begin = np.cumsum([0, *np.where(regular, np.diff(first), 0)])
+        own = begin[:-1][regular]
+        epochs, apart = epochs_of_fixes(fixes, own.tolist(), self.roads.plane)
+        near = are_near(fixes.lat_deg[own], fixes.lon_deg[own], self.roads)
+        if not near.all():  # one fix of each is enough
+            near = np.logical_or.reduceat(are_near(fixes.lat_deg, fixes.lon_deg, self.roads), own)
+        usable[regular] = apart & near
+        return _Regular(epochs, begin, usable & [name != "" for name in chunk.names])
+
+    def _batch(
+        self, names: list[str], regular: _Regular, trip: int, end: int, vehicle: Vehicle,
+        settings: Settings,
+    ) -> _Answer | None:  # fmt: skip
+        """The answers to usable trips from one on; None where that one has to be alone."""
+        if trip == end:
+            return None
+        bounds = regular.first[trip : end + 1]
+        epochs = regular.epochs[bounds[0] : bounds[-1]]
+        try:
+            batch = filter_batch(
+                self.roads, epochs, (bounds - bounds[0]).tolist(), vehicle, settings
+            )
+        except Exception:  # find out which trip is the cause
+            return None
+        return batch and _Answer(names[trip : trip + len(batch.first) - 1], batch, None)
+
+    def _answer(
+        self, chunk: TripBatch, regular: _Regular, trip: int, vehicle: Vehicle, settings: Settings
+    ) -> _Answer | _Failure:
+        """The answer to one trip, or why there is none."""
+        name, (low, high) = chunk.names[trip], chunk.first[trip : trip + 2]
+        if not name:
+            rows = f"{high - low:,} rows name no trip"
+            return _Failure(name, f"{rows}; a drive_id in each was expected")
+        try:
+            drive = None
+            if regular.usable[trip]:
+                begin, end = regular.first[trip : trip + 2]
+                timeline = Timeline(regular.epochs[begin:end], CLOCK, 0)
+            else:
+                rows_ = chunk.table.slice(low, high - low)
+                drive = drive_from_table(
+                    rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs
+                )[0]
+                timeline = timeline_of(drive, self.roads, vehicle)
+            recorded = localize_recorded(
+                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
+            )
+            epochs, output = timeline.epochs, recorded.output
+            way = traversals(epochs, output, recorded.chain, self.roads.arrays)
+            batch = Batch(epochs, output, [0, len(epochs)], way, [0, len(way)])
+            return _Answer([name], batch, drive)
+        except SettingError:
+            raise  # it is the caller's, not the trip's
+        except WhichroadError as error:
+            return _Failure(name, str(error))
+        except Exception as error:  # one trip's trouble is not the others'
+            return _Failure(name, _unexpected(error))
+
+    def _alone(self, answer: _Answer | _Failure) -> Tables:
+        try:
+            return self._together([answer])
+        except Exception as error:
+            name = answer.name if isinstance(answer, _Failure) else answer.names[0]
+            return self._together([_Failure(name, _unexpected(error))])
+
+    def _together(self, answers: Sequence[_Answer | _Failure]) -> Tables:
+        """The tables of some trips, each made at once."""
+        drives = pa.concat_tables(
+            [_failed_row(a) if isinstance(a, _Failure) else _drive_rows(a) for a in answers]
+        )
+        found = [a for a in answers if isinstance(a, _Answer)]
+        if not found:
+            columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
+            return Tables(columns.empty_table(), PATH.empty_table(), drives)
+        names = [name for a in found for name in a.names]
+        batch = one_batch([a.batch for a in found])
+        points = points_table(
+            names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
+            first=batch.first[:-1],
+        )  # fmt: skip
+        return Tables(points, path_table(names, batch.way, self.roads, batch.first_edge), drives)
+
+
+def _unexpected(error: Exception) -> str:
+    return f"this should not happen ({type(error).__name__}: {error}); please report it"
+
+
+def _failed_row(failure: _Failure) -> pa.Table:
+    """A trip without an answer as a row of `tables.schema.DRIVES`."""
+    row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
+           "fixes": 0, "epochs_without_answer": 0, "skipped": [], "notes": []}  # fmt: skip
+    return pa.Table.from_pylist([row], DRIVES)
+
+
+def _drive_rows(answer: _Answer) -> pa.Table:
+    """Trips as rows of `tables.schema.DRIVES`."""
+    batch, drive, d = answer.batch, answer.drive, len(answer.names)
+    columns: dict[str, Any] = dict(
+        figures_of(batch.epochs, batch.output, batch.first, batch.way, batch.first_edge)
+    )
+    answered = columns["epochs_without_answer"] < columns["epochs"]
+    columns |= {
+        "drive_id": answer.names,
+        "answered": answered,
+        "reason": pa.array(["no epoch could be answered"] * d, mask=answered),
+        "skipped": [list(drive.skipped.items()) if drive else []] * d,
+        "notes": [list(drive.notes) if drive else []] * d,
+    }
+    return pa.Table.from_arrays(
+        [pa.array(columns[field.name], field.type) for field in DRIVES], schema=DRIVES
+    )

@@ -15,19 +15,19 @@ import numpy as np
 
 from .errors import WriteError
 from .evaluate import evaluate
+from .matching import match
 from .plots import Window, plot_drive
 from .readers import read_drive, read_vehicle
 from .roadmap import RoadMap
 from .sensors.odometry import motion_of
-from .session import match
 from .settings import Vehicle
 from .simulate import demo_scenes, write_demo
-from .tables import times
+from .tables.schema import times
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from .records import Array, Drive
+    from .observations import Array, Drive
 
 Tell = Callable[[str, int, int], None]
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
+from ._compile import Records
 from .errors import DriveError
-from .frames import Plane
-from .records import Array, Drive, Fixes
+from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
+from .geodesy.plane import Plane
+from .observations import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
@@ -27,7 +28,7 @@ _GAP = 2.0  # s without odometry after which it no longer counts as known
 class Timeline:
     """A drive in epochs, and how it is moved."""
 
-    epochs: Epochs
+    epochs: Records  # (n,) filter.state.EPOCH
     mode: int
     masked: int  # fixes withheld
 
@@ -85,14 +86,13 @@ def build_timeline(
             return Timeline(epochs, CLOCK, 0)
     streams = [m.time for m in (motion, fixes) if m is not None]
     time = _union(streams)
-    n = len(time)
-    arc, turn, moved = _odometry(motion, time)
+    arc, turn, valid = _odometry(motion, time)
     half = 0.5 * turn
     chord = arc * np.sinc(half / math.pi)
-    has_fix = np.zeros(n, np.uint8)
-    rows = np.zeros((n, 5))
-    speed, course = np.zeros(n), np.zeros(n)
-    speed_sigma, course_sigma = np.full(n, np.inf), np.full(n, np.inf)
+    epochs = new_epochs(len(time))
+    epochs.time, epochs.arc, epochs.turn, epochs.odometry_valid = time, arc, turn, valid
+    epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
+    epochs.speed_sigma = epochs.course_sigma = np.inf
     masked = 0
     if fixes is not None:
         at = _nearest(time, fixes.time)
@@ -101,25 +101,18 @@ def build_timeline(
             keep &= ~((fixes.time >= low) & (fixes.time <= high))
         masked = int((~keep).sum())
         fix, heading, sigma = fix_rows(fixes, plane)
-        at, fix = at[keep], fix[keep]
-        has_fix[at] = 1
-        rows[at] = fix
-        speed[at], speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
-        course[at], course_sigma[at] = heading[keep], sigma[keep]
+        at = at[keep]
+        epochs.has_fix[at] = 1
+        epochs.fix[at] = fix[keep]
+        epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
+        epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
-    return Timeline(
-        Epochs(
-            time, arc, turn, chord * np.cos(half), chord * np.sin(half), moved, has_fix, rows,
-            speed, speed_sigma, course, course_sigma,
-        ),
-        mode,
-        masked,
-    )  # fmt: skip
+    return Timeline(epochs, mode, masked)
 
 
 def epochs_of_fixes(
     fixes: Fixes, first: Sequence[int], plane: Plane
-) -> tuple[Epochs, NDArray[np.bool_]]:
+) -> tuple[Records, NDArray[np.bool_]]:
     """Epochs of drives that are fixes alone, made at once.
 
     Args:
@@ -131,15 +124,12 @@ def epochs_of_fixes(
         One epoch for each fix, and (d,) of which drives they are: False where fixes are too
         close to be epochs of their own.
     """
-    n = len(fixes)
     apart = np.diff(fixes.time, prepend=-np.inf) > _SAME
     apart[first] = True
-    still, ones = np.zeros(n), np.ones(n, np.uint8)
-    fix, course, course_sigma = fix_rows(fixes, plane)
-    epochs = Epochs(
-        fixes.time, still, still, still, still, np.zeros(n, np.uint8), ones, fix,
-        fixes.speed, fixes.sigma_speed, course, course_sigma,
-    )  # fmt: skip
+    epochs = new_epochs(len(fixes))
+    epochs.time, epochs.has_fix = fixes.time, 1
+    epochs.speed, epochs.speed_sigma = fixes.speed, fixes.sigma_speed
+    epochs.fix, epochs.course, epochs.course_sigma = fix_rows(fixes, plane)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

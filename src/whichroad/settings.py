@@ -10,10 +10,14 @@ from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import Any
 
-from .core.parameters import Parameters
+from ._compile import Records
 from .errors import SettingError
+from .filter.state import PARAMETERS, new_parameters
 
-_read = attrgetter(*Parameters._fields)
+_OF_THE_DRIVE = ("lever", "side", "mode", "truncate", "paper")
+_NAMES = tuple(name for name in PARAMETERS.names or () if name not in _OF_THE_DRIVE)
+_SUFFIXED = {"outage_after": "outage_after_s"}
+_read = attrgetter(*(_SUFFIXED.get(name, name) for name in _NAMES))
 
 
 def _number(default: float, low: float, high: float, unit: str, why: str) -> Any:
@@ -109,10 +113,6 @@ class Settings:
                     f"{meta['high']:g} was expected ({meta['why']})"
                 )
 
-    def parameters(self) -> Parameters:
-        """The numbers the kernels need, in their order."""
-        return Parameters(*map(float, _read(self)))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
@@ -136,6 +136,29 @@ class Vehicle:
             raise SettingError(
                 f"driving_side is {self.driving_side!r}; 'right' or 'left' was expected"
             )
+
+
+def parameters(settings: Settings, vehicle: Vehicle, mode: int, *, paper: bool = False) -> Records:
+    """The numbers as the kernels take them.
+
+    Args:
+        settings: The model's.
+        vehicle: For its antenna and the side on which it is driven.
+        mode: WHEELS, DISTANCE or CLOCK, see `filter.state`.
+        paper: Whether the filter is the paper's literal one.
+
+    Returns:
+        (1,) `filter.state.PARAMETERS`.
+    """
+    par = new_parameters()
+    lever = (vehicle.antenna_forward, vehicle.antenna_left)
+    side = 1.0 if vehicle.driving_side == "right" else -1.0
+    values = dict(zip(_NAMES, _read(settings), strict=True))
+    values |= {"lever": lever, "side": side, "mode": mode, "truncate": 0, "paper": paper}
+    if paper:  # it knows no "none of these"
+        values["unknown"] = 0.0
+    par[0] = tuple(values[name] for name in PARAMETERS.names or ())
+    return par
 
 
 def to_toml(vehicle: Vehicle) -> str:

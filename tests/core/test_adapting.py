@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.output import V_GNSS_SCALE, V_HH, V_PROTECTION, V_X, V_Y, Output
 
 from scenes import (
     Truth,
@@ -16,8 +18,6 @@ from scenes import (
     parallel_roads,
     straight_road,
 )
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_GNSS_SCALE, V_HH, V_PROTECTION, V_X, V_Y, Output
 from whichroad.settings import Settings
 
 PARALLEL = network(parallel_roads(12.0, 5000.0))

@@ -4,9 +4,9 @@ import math
 
 from hypothesis import example, given
 from hypothesis import strategies as st
+from whichroad.core.angles import angle_of, wrap
 
 from strategies import angles
-from whichroad.core.angles import angle_of, wrap
 
 just_beyond = math.nextafter(math.pi, 4.0)
 just_below = math.nextafter(math.pi, 0.0)  # half a turn more rounds to a whole one

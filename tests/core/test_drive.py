@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from whichroad.core.belief import EVIDENCE, OFF_ROAD, K, X
+from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
+from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 
 from oracles.one_road import OneRoad
 from scenes import (
@@ -20,9 +23,6 @@ from scenes import (
     untouched,
 )
 from strategies import UNITS
-from whichroad.core.belief import EVIDENCE, OFF_ROAD, K, X
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 from whichroad.settings import Settings
 
 TOWN = grid_town()

@@ -7,9 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-
-from oracles import textbook
-from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 from whichroad.core.belief import MX, MY, D, H, N, X, Y
 from whichroad.core.gaussian import (
     condition,
@@ -22,6 +19,9 @@ from whichroad.core.gaussian import (
     update_across,
     update_pair,
 )
+
+from oracles import textbook
+from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 
 
 def random_rows(rng: np.random.Generator, k: int) -> np.ndarray:

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import On, belief_on, call, doubt_map, network, parallel_roads, straight_road, weights
-from strategies import UNITS, random_gaussian, seeds
 from whichroad.core.belief import (
     GX,
     GY,
@@ -29,6 +25,10 @@ from whichroad.core.gnss import observe_fix
 from whichroad.core.motion import age_map
 from whichroad.core.network import Roads
 from whichroad.core.road import observe_roads
+
+from oracles import textbook
+from scenes import On, belief_on, call, doubt_map, network, parallel_roads, straight_road, weights
+from strategies import UNITS, random_gaussian, seeds
 from whichroad.settings import Settings
 
 SET = Settings()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from whichroad.core import grid
 from whichroad.core.network import Roads
+
 from whichroad.roadmap.cells import build
 
 NONE = np.empty(0, np.int32)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from scenes import grid_town, network
 from whichroad.core.hops import (
     CHEAPEST,
     DEAREST,
@@ -17,6 +15,8 @@ from whichroad.core.hops import (
     hops,
     turn_costs,
 )
+
+from scenes import grid_town, network
 
 TOWN = network(grid_town(4, 4, 90.0), one_way=(2, 7))
 

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles.chains import all_chains, random_memory, share_of
-from scenes import network
-from strategies import seeds
 from whichroad.core.angles import wrap
 from whichroad.core.belief import KEPT, NOW, ORIGINS, B, D, H, K, N, X, Y, new_belief, new_route
 from whichroad.core.epoch import WHEELS, new_epochs
@@ -27,6 +23,10 @@ from whichroad.core.motion import arc_chord, predict_free
 from whichroad.core.reduction import reduce
 from whichroad.core.transition import predict_link
 from whichroad.core.ways import best_way, edge_probability
+
+from oracles.chains import all_chains, random_memory, share_of
+from scenes import network
+from strategies import seeds
 from whichroad.settings import Settings
 
 ROAD = network([[[0.0, 0.0], [5000.0, 0.0]]])

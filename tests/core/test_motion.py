@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles.textbook import jacobian
-from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 from whichroad.core.angles import wrap
 from whichroad.core.belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
 from whichroad.core.motion import (
@@ -20,6 +17,9 @@ from whichroad.core.motion import (
     predict_free,
     redraw_lane,
 )
+
+from oracles.textbook import jacobian
+from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
 
 QUIET = (0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import call, network, straight_road
-from strategies import random_gaussian, seeds
 from whichroad.core.angles import wrap
 from whichroad.core.belief import GNSS_SCALE, MX, MY, OFF_ROAD, Belief, H, X, Y, new_belief
 from whichroad.core.output import (
@@ -30,6 +26,10 @@ from whichroad.core.output import (
     new_output,
     say,
 )
+
+from oracles import textbook
+from scenes import call, network, straight_road
+from strategies import random_gaussian, seeds
 
 ROAD = network(straight_road())
 

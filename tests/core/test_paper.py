@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from whichroad.core.belief import NO_EDGE, Belief, H, K, N, X, Y, new_belief, normalise
+from whichroad.core.network import Roads
+from whichroad.core.paper import Literal, new_bench, observe_segment, switch, transition
 
 from oracles import textbook
 from scenes import grid_town, network, parallel_roads, straight_road
 from strategies import seeds
-from whichroad.core.belief import NO_EDGE, Belief, H, K, N, X, Y, new_belief, normalise
-from whichroad.core.network import Roads
-from whichroad.core.paper import Literal, new_bench, observe_segment, switch, transition
 
 STAY, WIDTH, HEADING = 0.9, 3.5, 0.1
 LITERAL = Literal(STAY, 30.0, WIDTH, HEADING, 1.0)

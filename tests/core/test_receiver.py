@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import On, belief_on, call, network, straight_road
-from strategies import UNITS, random_gaussian, seeds
 from whichroad.core.belief import (
     GNSS_SCALE,
     GX,
@@ -30,6 +26,10 @@ from whichroad.core.belief import (
 from whichroad.core.gaussian import condition
 from whichroad.core.gnss import adapt_scale, age_receiver, gnss_root, observe_fix, observe_rate
 from whichroad.core.motion import age_gnss
+
+from oracles import textbook
+from scenes import On, belief_on, call, network, straight_road
+from strategies import UNITS, random_gaussian, seeds
 from whichroad.settings import Settings
 
 SET = Settings()

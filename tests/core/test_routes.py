@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from hypothesis import given
+from whichroad.core.hops import HOP_LENGTH, HOP_PRICE, hops
+from whichroad.core.network import Roads
+from whichroad.core.routes import LABELS, find_routes, goal_of, new_search, set_goals
 
 from oracles.cheapest import cheapest
 from scenes import grid_town, network
 from strategies import seeds
-from whichroad.core.hops import HOP_LENGTH, HOP_PRICE, hops
-from whichroad.core.network import Roads
-from whichroad.core.routes import LABELS, find_routes, goal_of, new_search, set_goals
 
 TOWN = network(grid_town(6, 6, 90.0), one_way=(3, 11, 40))
 TOWN.speed[:] = np.random.default_rng(1).uniform(3.0, 30.0, len(TOWN.speed))

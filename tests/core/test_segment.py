@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from scenes import network
-from strategies import bent_lines, seeds
 from whichroad.core.grid import near, vertex_at
 from whichroad.core.network import Roads
 from whichroad.core.segment import chord_heading, heading_difference, locate, project
+
+from scenes import network
+from strategies import bent_lines, seeds
 
 
 def closest(line: np.ndarray, p: np.ndarray) -> float:

@@ -1,16 +1,11 @@
 """Cold starts, leaving the roads and coming back: probability goes by length, not by pieces."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import On, belief_on, call, edge_weights, network, parallel_roads, untouched, weights
-from strategies import UNITS
 from whichroad.core.along import advance_along
 from whichroad.core.belief import (
     CAPACITY,
@@ -31,6 +26,10 @@ from whichroad.core.belief import (
 from whichroad.core.network import Roads
 from whichroad.core.start import cold_start, leave_and_return, turn_round, turn_with_heading
 from whichroad.core.switching import hand_over
+
+from oracles import textbook
+from scenes import On, belief_on, call, edge_weights, network, parallel_roads, untouched, weights
+from strategies import UNITS
 from whichroad.settings import Settings
 
 SET = Settings()
@@ -53,58 +52,6 @@ def begin(
 
 def stray(belief: Belief, roads: Roads, travelled: float) -> None:
     call(leave_and_return, belief=belief, roads=roads, travelled=travelled, follows_road=False)
-
-
-def pieces(line: np.ndarray, count: int) -> list[np.ndarray]:
-    """A street cut into streets of equal length."""
-    cuts = np.linspace(line[0], line[1], count + 1)
-    return [cuts[k : k + 2] for k in range(count)]
-
-
-def road_shares(belief: Belief, of_first: int) -> tuple[float, float, float]:
-    """P of the streets before number `of_first`, of the others, and of none."""
-    shares = edge_weights(belief)
-    first = sum(p for e, p in shares.items() if 0 <= e < 2 * of_first)
-    return first, sum(p for e, p in shares.items() if e >= 2 * of_first), shares[OFF_ROAD]
-
-
-@pytest.mark.parametrize("sigma", [3.0, 10.0, 25.0])
-@pytest.mark.parametrize("count", [2, 10, 67])
-def test_cutting_a_road_into_pieces_does_not_change_its_probability(sigma: float, count: int):
-    """The radius looks five sigma far; what lies beyond is less than 1e-6."""
-    first, second = parallel_roads(12.0)
-    whole = begin(network([first, second]), 1003.0, 5.0, ellipse=(sigma, sigma, 0.0))
-    cut = begin(network([*pieces(first, count), second]), 1003.0, 5.0, ellipse=(sigma, sigma, 0.0))
-    assert road_shares(cut, count) == pytest.approx(road_shares(whole, 1), abs=1e-6)
-
-
-def test_a_road_that_ends_beside_the_fix_has_half_the_chance_of_one_that_goes_on():
-    streets = [np.array([[0.0, 0.0], [500.0, 0.0]]), np.array([[0.0, 9.0], [1000.0, 9.0]])]
-    first, second, _ = road_shares(begin(network(streets), 500.0, 4.5), 1)
-    assert first / second == pytest.approx(0.5, rel=1e-9)
-
-
-def test_both_directions_are_equal_and_none_has_its_own_share():
-    shares = edge_weights(begin(network(parallel_roads(12.0)), 1000.0, 5.0, off_road=0.2))
-    assert shares[0] == pytest.approx(shares[1])
-    assert shares[OFF_ROAD] == pytest.approx(0.2)
-    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_one_way_street_is_hardly_driven_backwards():
-    shares = edge_weights(begin(network(parallel_roads(12.0), one_way=[0]), 1000.0, 5.0))
-    assert shares[1] / shares[0] == pytest.approx(2e-4)
-
-
-def test_a_known_course_leaves_out_roads_that_run_against_it():
-    belief = begin(network(parallel_roads(12.0)), 1000.0, 5.0, heading=0.1, sigma=0.1)
-    assert set(edge_weights(belief)) == {0, 2, OFF_ROAD}
-    assert belief.mean[: belief.size[0], H] == pytest.approx(0.1)
-
-
-def test_far_from_every_road_a_vehicle_is_on_none():
-    belief = begin(network(parallel_roads(12.0)), 1000.0, 900.0)
-    assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0})
 
 
 @given(
@@ -136,17 +83,6 @@ def test_the_first_state_is_what_a_flat_prior_becomes_by_the_fix(
     assert np.linalg.eigvalsh(belief.cov[0] / np.outer(UNITS, UNITS)).min() > -1e-12
     assert belief.mean[0, [H, K]] == pytest.approx([heading, 1.0])
     assert len(belief.mean[0]) == N
-
-
-@pytest.mark.parametrize("x", [280.0, 295.0, 300.0, 306.0])
-def test_the_first_centimetre_after_a_start_beside_a_node_passes_no_more_than_itself(x: float):
-    """A start knows how much of it lies before the node; that has not passed it since."""
-    ends = [0.0, 300.0, 600.0]
-    roads = network([[[a, 0.0], [b, 0.0]] for a, b in pairwise(ends)])
-    belief = begin(roads, x, -1.75, sigma=0.1)
-    before = edge_weights(belief)
-    call(hand_over, belief=belief, roads=roads, arc=0.01, prune=1e-9)
-    assert edge_weights(belief)[0] == pytest.approx(before[0], abs=0.01)
 
 
 @given(st.floats(1e-3, 0.5), st.floats(0.0, 40.0), st.floats(0.1, 3.0))
@@ -236,13 +172,6 @@ def test_a_vehicle_off_the_roads_comes_back_to_those_that_run_its_way():
     assert shares[0] == pytest.approx(shares[2])
     back = np.flatnonzero(belief.edge[: belief.size[0]] >= 0)
     assert belief.mean[back, D] == pytest.approx(1.75)
-
-
-def test_far_from_every_road_a_vehicle_stays_off_the_roads():
-    roads = network(parallel_roads(12.0))
-    belief = belief_on(roads, [On(OFF_ROAD, 1000.0, 1.0, right=-900.0)])
-    stray(belief, roads, 10.0)
-    assert edge_weights(belief) == pytest.approx({OFF_ROAD: 1.0}, abs=1e-12)
 
 
 # 24 streets of 100 m that meet at the origin

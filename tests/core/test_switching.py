@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from oracles import textbook
-from scenes import On, belief_on, call, doubt_map, edge_weights, grid_town, network, weights
-from strategies import seeds
 from whichroad.core import reduction
 from whichroad.core.along import advance_along
 from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y
 from whichroad.core.network import Roads
 from whichroad.core.switching import hand_over, new_work, reachable
+
+from oracles import textbook
+from scenes import On, belief_on, call, doubt_map, edge_weights, grid_town, network, weights
+from strategies import seeds
 from whichroad.settings import Settings
 
 # eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back

@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-
-from scenes import grid_town, localize, network, parallel_roads, steps, straight_road
-from strategies import seeds
 from whichroad.core.belief import OFF_ROAD, WHITE
 from whichroad.core.epoch import CLOCK, Epochs, new_epochs
 from whichroad.core.network import Roads
@@ -25,8 +22,11 @@ from whichroad.core.output import (
     V_YY,
 )
 from whichroad.core.place import place_on_edge, settle
-from whichroad.settings import Settings
 from whichroad.smoother import Lag
+
+from scenes import grid_town, localize, network, parallel_roads, steps, straight_road
+from strategies import seeds
+from whichroad.settings import Settings
 
 TOWN = network(grid_town(8, 8, 150.0))
 

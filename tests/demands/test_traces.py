@@ -129,16 +129,16 @@ def test_a_receiver_asked_thirty_times_a_second_is_no_less_sure():
 
 
 def test_courses_tell_the_carriageway():
-    from whichroad.simulate import Sketch
+    from whichroad.simulate import MapBuilder
 
-    sketch = Sketch()
+    builder = MapBuilder()
     for name, x, y in (("a", 0, 0), ("b", 800, 0), ("c", 0, 9), ("d", 800, 9)):
-        sketch.node(name, x, y)
-    sketch.way(["a", "b"], "primary", oneway="yes")
-    sketch.way(["d", "c"], "primary", oneway="yes")
-    sketch.way(["a", "c"], "primary")
-    sketch.way(["b", "d"], "primary")
-    both = sketch.compiled()
+        builder.node(name, x, y)
+    builder.way(["a", "b"], "primary", oneway="yes")
+    builder.way(["d", "c"], "primary", oneway="yes")
+    builder.way(["a", "c"], "primary")
+    builder.way(["b", "d"], "primary")
+    both = builder.compiled()
     table = fixes([[700.0, 4.5], [100.0, 4.5]], sigma=4.0)  # between them, westwards
     n = len(table["time"])
     table |= {"speed_mps": np.full(n, 10.0), "bearing_deg": np.full(n, 270.0)}

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import whichroad
-from whichroad.frames import Plane
-from whichroad.simulate import Sketch
-from whichroad.simulate.sketch import ORIGIN
+from whichroad.geodesy.plane import Plane
+from whichroad.simulate import MapBuilder
+from whichroad.simulate.map_builder import ORIGIN
 
 Array = NDArray[np.float64]
 PLANE = Plane(*ORIGIN)
@@ -19,16 +19,16 @@ BLOCK = 150.0  # m
 @cache
 def roads() -> whichroad.RoadMap:
     """Five by five crossings `rc`, a dead end north of `42`, a field in the south."""
-    sketch = Sketch()
+    builder = MapBuilder()
     for r in range(5):
         for c in range(5):
-            sketch.node(f"{r}{c}", c * BLOCK, r * BLOCK)
-    sketch.node("end", 2 * BLOCK, 4 * BLOCK + 250.0)
+            builder.node(f"{r}{c}", c * BLOCK, r * BLOCK)
+    builder.node("end", 2 * BLOCK, 4 * BLOCK + 250.0)
     for k in range(5):
-        sketch.way([f"{k}{c}" for c in range(5)], "residential", name=f"Row {k}")
-        sketch.way([f"{r}{k}" for r in range(5)], "residential", name=f"Column {k}")
-    sketch.way(["42", "end"], "residential", name="Dead end")
-    return sketch.compiled()
+        builder.way([f"{k}{c}" for c in range(5)], "residential", name=f"Row {k}")
+        builder.way([f"{r}{k}" for r in range(5)], "residential", name=f"Column {k}")
+    builder.way(["42", "end"], "residential", name="Dead end")
+    return builder.compiled()
 
 
 def corners(*names: str) -> Array:

@@ -10,42 +10,42 @@ import pytest
 from whichroad import cli
 from whichroad.cli.arguments import Scene
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
-from whichroad.experiments.rides import ALIVE, MODELS, answer, lives, ride
+from whichroad.experiments.runs import ALIVE, MODELS, answer, lifetimes, run_of
 
 SEEDS = range(3)
 ROADS = [name for name in SCENES if name != "gst"]
 
 
 @pytest.fixture(scope="module")
-def rides():
+def runs():
     """Each road scene's rides by whichroad, one per seed."""
     found = {}
     for name in ROADS:
         scene = SCENES[name]
         drives = [scene.drive(scene.roads, seed) for seed in SEEDS]
-        found[name] = [ride(scene, d, answer(scene, d, "default")) for d in drives]
+        found[name] = [run_of(scene, d, answer(scene, d, "default")) for d in drives]
     return found
 
 
 @pytest.mark.parametrize("scene", ["fork", "parallel", "junction"])
-def test_at_the_decision_more_than_one_road_counts(rides, scene):
-    for r in rides[scene]:
+def test_at_the_decision_more_than_one_road_counts(runs, scene):
+    for r in runs[scene]:
         both = (r.right >= ALIVE) & (r.wrongest >= ALIVE)
         assert both.any()
 
 
 @pytest.mark.parametrize("scene", ROADS)
-def test_the_true_road_ends_as_the_most_probable_and_no_wrong_one_is_declared(rides, scene):
-    for r in rides[scene]:
+def test_the_true_road_ends_as_the_most_probable_and_no_wrong_one_is_declared(runs, scene):
+    for r in runs[scene]:
         assert r.right[-1] > r.wrongest[-1]
         assert r.wrongest[r.past > 0.0].max() < 0.999
 
 
-def test_a_wrong_road_at_a_junction_lives_for_a_while_and_dies(rides):
-    for r in rides["junction"]:
-        (life,) = lives(SCENES["junction"], r)
-        assert life.ended
-        assert life.seconds > 1.0
+def test_a_wrong_road_at_a_junction_lives_for_a_while_and_dies(runs):
+    for r in runs["junction"]:
+        (lifetime,) = lifetimes(SCENES["junction"], r)
+        assert lifetime.ended
+        assert lifetime.seconds > 1.0
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import numpy as np
 from hypothesis import Phase, settings
 from numpy.typing import ArrayLike, NDArray
 
-from scenes import Truth, drive_along, epochs_of, gnss, steps
-from whichroad.core.belief import OFF_ROAD
-from whichroad.core.epoch import CLOCK, WHEELS, Epochs
-from whichroad.core.network import Roads
-from whichroad.core.output import V_X, V_XX, V_XY, V_Y, V_YY
+from scenes import Truth, columns, drive_along, epochs_of, gnss, living, steps
+from whichroad._compile import Records
+from whichroad.filter.estimate import Output
+from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS
+from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 
 Array = NDArray[np.float64]
@@ -33,22 +33,21 @@ class Said(NamedTuple):
 
     p: Array  # (n, groups) probability of each group of edges
     off: Array  # (n,) of being off the roads
-    value: Array  # (n, ...) the output, see `core.output`
-    live: NDArray[np.int32]  # (n,) hypotheses
+    output: Output  # (n,) estimates
 
     @property
     def place(self) -> Array:
         """Position and its covariance: x, y, xx, xy, yy, (n, 5)."""
-        return self.value[:, [V_X, V_Y, V_XX, V_XY, V_YY]]
+        return columns(self.output, "x y xx xy yy")
 
     @property
     def sigma(self) -> Array:
         """Root of the sum of both position variances, m, (n,)."""
-        return np.sqrt(self.value[:, V_XX] + self.value[:, V_YY])
+        return np.sqrt(columns(self.output, "xx yy").sum(axis=1))
 
 
 def said(
-    roads: Roads, epochs: Epochs, groups: Sequence[Collection[int]] = (), *,
+    roads: Roads, epochs: Records, groups: Sequence[Collection[int]] = (), *,
     mode: int = WHEELS, settings: Settings | None = None,
 ) -> Said:  # fmt: skip
     """Drive, and add up what each group of edges has at every epoch.
@@ -60,18 +59,18 @@ def said(
         mode: What moves the vehicle.
         settings: The model's numbers.
     """
-    member = np.zeros((len(groups) + 1, len(roads.length) + 1))  # the last column: off the roads
+    member = np.zeros((len(groups) + 1, len(roads.edges) + 1))  # the last column: off the roads
     for g, edges in enumerate(groups):
         member[g, list(edges)] = 1.0
     member[-1, OFF_ROAD] = 1.0
-    p = np.zeros((len(epochs.time), len(groups) + 1))
+    p = np.zeros((len(epochs), len(groups) + 1))
     for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):  # noqa: B007
-        n = belief.size[0]
-        p[k] = member[:, belief.edge[:n]] @ belief.probability[:n]
-    return Said(p[:, :-1], p[:, -1], output.value, output.live)
+        alive = living(belief)
+        p[k] = member[:, alive.edge] @ alive.weight
+    return Said(p[:, :-1], p[:, -1], output)
 
 
-def sensed(truth: Truth, fix: Array, at: ArrayLike, mode: int, *, course: float = 0.1) -> Epochs:
+def sensed(truth: Truth, fix: Array, at: ArrayLike, mode: int, *, course: float = 0.1) -> Records:
     """Epochs as a car of that mode has them: without odometry only those with a fix.
 
     Args:
@@ -85,9 +84,8 @@ def sensed(truth: Truth, fix: Array, at: ArrayLike, mode: int, *, course: float 
     epochs = epochs_of(truth, fix, rows, course=course)
     if mode != CLOCK:
         return epochs
-    speed = np.gradient(truth.s, truth.time)
-    epochs = epochs._replace(speed=speed, speed_sigma=np.full(len(speed), 0.3))
-    return Epochs(*(column[rows] for column in epochs))
+    epochs.speed, epochs.speed_sigma = np.gradient(truth.s, truth.time), 0.3
+    return epochs[rows]
 
 
 def between_parallels(seed: int, gap: float, *, length: float = 700.0, offset: float | None = None):

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenes import Truth
 from whichroad import RoadMap, Settings, Vehicle, match
-from whichroad.core.epoch import CLOCK, WHEELS
-from whichroad.frames import Plane
-from whichroad.records import Drive, Fixes, Odometer, WheelCounts
+from whichroad.filter.state import CLOCK, WHEELS
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import Drive, Fixes, Odometer, WheelCounts
 
 Array = NDArray[np.float64]
 

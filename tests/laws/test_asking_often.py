@@ -19,7 +19,7 @@ from laws.drives import (
 )
 from scenes import Truth, drive_along, grid_town, network, parallel_roads, straight_road
 from strategies import seeds
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 from whichroad.settings import Settings
 
 EACH = [[0], [1], [2], [3]]  # both roads, both ways

@@ -11,7 +11,7 @@ from laws.geodetic import answer, degrees, drive, fixes, road_map
 from scenes import (
     On,
     belief_on,
-    call,
+    context,
     drive_along,
     edge_weights,
     gnss,
@@ -20,10 +20,9 @@ from scenes import (
     parallel_roads,
 )
 from strategies import bent_lines, seeds
-from whichroad.core.belief import OFF_ROAD
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.core.network import U_TURN, Roads
-from whichroad.core.start import leave_and_return
+from whichroad.filter.births import exchange_off_road
+from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
+from whichroad.graph.network import U_TURN, Roads
 from whichroad.settings import Settings
 
 TOWN = grid_town()
@@ -102,10 +101,11 @@ def with_nodes(cuts: np.ndarray, gap: float) -> tuple[Roads, list]:
     pieces = [[[a, 0.0], [b, 0.0]] for a, b in pairwise(ends)]
     n = 2 * len(pieces)
     roads = network([*pieces, [[0.0, gap], [LENGTH, gap]]])
-    on_the_way = np.diff(roads.succ_first)[np.repeat(np.arange(n + 2), np.diff(roads.succ_first))]
-    back = (roads.succ_rule & U_TURN > 0) & (on_the_way == 2)
+    count = roads.edges.end_turn - roads.edges.first_turn
+    on_the_way = np.repeat(count, count)
+    back = (roads.turns.rule & U_TURN > 0) & (on_the_way == 2)
     prior = np.where(back, TURN_ROUND, np.where(on_the_way == 2, 1.0 - TURN_ROUND, 1.0))
-    roads = roads._replace(succ_prior=prior.astype(np.float32))  # as maps are compiled
+    roads.turns.prior = prior  # as maps are compiled
     return roads, [range(0, n, 2), range(1, n, 2), [n], [n + 1]]
 
 
@@ -186,7 +186,8 @@ def test_a_node_beside_a_vehicle_off_the_roads_does_not_draw_it_back_to_its_road
     """Midway between two roads it comes back to either; a hundredth of a road is elsewhere."""
     roads, (first, _, other, _) = with_nodes(np.array([1000.0 + node]), 20.0)
     belief = belief_on(roads, [On(OFF_ROAD, 1000.0, 1.0, -10.0)])
-    call(leave_and_return, belief=belief, roads=roads, travelled=10.0, follows_road=False)
+    belief.state.since_exit = 10.0
+    exchange_off_road(belief, context(roads))
     shares = edge_weights(belief)
     back = [sum(shares.get(e, 0.0) for e in edges) for edges in (first, other)]
     assert back[0] == pytest.approx(back[1], rel=0.02)

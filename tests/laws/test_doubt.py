@@ -9,23 +9,25 @@ from hypothesis import given
 from laws.drives import law, said, sensed, way_through
 from scenes import (
     Town,
+    column,
+    columns,
     drive_along,
     epochs_of,
     gnss,
     grid_town,
+    living,
     network,
     parallel_roads,
     steps,
     straight_road,
 )
 from strategies import seeds
-from whichroad.core.belief import K
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_XX, V_YY
+from whichroad._compile import Records
 from whichroad.epochs import Timeline
-from whichroad.frames import Plane
-from whichroad.localizer import localize_recorded
-from whichroad.records import StartPose
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, K
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import StartPose
+from whichroad.recorded import localize_recorded
 from whichroad.settings import Settings
 
 MOVING = pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
@@ -60,14 +62,14 @@ def test_along_a_straight_road_the_map_makes_no_hypothesis_surer(mode: int, seed
     before: dict[int, tuple[float, float]] = {}
     first: dict[int, float] = {}
     for k, belief, _ in steps(roads, epochs, mode=mode, settings=ALONE):
-        n = belief.size[0]
+        alive = living(belief)
         if k < last:
             continue
         now = {}
-        for edge, cov in zip(belief.edge[:n].tolist(), belief.cov[:n], strict=True):
+        for edge, cov in zip(alive.edge.tolist(), alive["cov"], strict=True):
             driven = float(along @ cov[:2, K] * epochs.arc[k]), float(cov[K, K])
             now[edge] = float(along @ cov[:2, :2] @ along), 2.0 * driven[0] + driven[1]
-        assert len(now) == n
+        assert len(now) == len(alive)
         for edge in now.keys() & before.keys():
             moved = sum(before[edge])  # by the odometer's scale, arcs being 1 m
             assert now[edge][0] >= moved * (1.0 - SECOND_ORDER), (k, edge)
@@ -104,21 +106,21 @@ def test_across_a_straight_road_the_map_makes_nobody_surer_than_lane_and_map_all
     plane = Plane(49.4, 8.7)
     lat, lon = plane.to_geodetic(float(truth.x[0]), float(truth.y[0]))
     epochs = epochs_of(truth, np.zeros((len(truth.time), 5)), [0])
-    epochs = epochs._replace(has_fix=np.zeros_like(epochs.has_fix))
+    epochs.has_fix = 0
     output = localize_recorded(
         Town(network(straight_road()), plane), Timeline(epochs, mode, 0), settings=ALONE,
         start=StartPose(lat, lon, 90.0, sigma, 5.0),
     ).output  # fmt: skip
     at = np.arange(5, len(truth.time), 5)  # where a look has just been taken
     allowed = [floor(1 + k // 5, sigma, ALONE) for k in at]
-    assert (output.value[at, V_YY] >= np.array(allowed) * (1.0 - ROUNDING)).all()
+    assert (column(output, "yy")[at] >= np.array(allowed) * (1.0 - ROUNDING)).all()
 
 
-def without(epochs: Epochs, gone: np.ndarray) -> Epochs:
+def without(epochs: Records, gone: np.ndarray) -> Records:
     """The same drive, some fixes of which never came."""
-    kept = epochs.has_fix.copy()
-    kept[gone] = 0
-    return epochs._replace(has_fix=kept)
+    kept = epochs.copy()
+    kept.has_fix[gone] = 0
+    return kept
 
 
 @MOVING
@@ -135,7 +137,7 @@ def test_on_one_road_a_fix_less_never_makes_the_position_surer(mode: int, seed: 
     before = np.zeros((len(truth.time), 2))
     for _ in range(4):
         told = said(network(straight_road()), without(epochs, gone), mode=mode, settings=ALONE)
-        now = told.value[:, [V_XX, V_YY]]
+        now = columns(told.output, "xx yy")
         assert (now >= before * (1.0 - SECOND_ORDER)).all()
         before = now
         gone |= rng.random(len(gone)) < 0.5
@@ -154,9 +156,9 @@ def test_on_one_road_a_car_without_wheels_is_never_surer_than_one_with_them(ever
     along = []
     for mode, rows in ((WHEELS, at), (DISTANCE, at), (CLOCK, slice(None))):
         epochs = sensed(truth, fix, at, mode)
-        epochs = epochs._replace(speed_sigma=np.full(len(epochs.time), np.inf))
+        epochs.speed_sigma = np.inf
         told = said(network(straight_road()), epochs, mode=mode, settings=ALONE)
-        along.append(told.value[rows, V_XX])
+        along.append(column(told.output, "xx")[rows])
     assert (along[1] >= along[0] * (1.0 - ROUNDING)).all()
     assert (along[2] >= along[1] * (1.0 - ROUNDING)).all()
 

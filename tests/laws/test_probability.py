@@ -6,12 +6,11 @@ from hypothesis import given
 
 from laws.drives import law, said, sensed, way_through
 from laws.geodetic import CAR, degrees, drive, fixes, road_map
-from scenes import Truth, drive_along, gnss, grid_town, network, steps
+from scenes import Truth, drive_along, gnss, grid_town, living, network, steps, weights
 from strategies import seeds
 from whichroad import Localizer
-from whichroad.core.belief import KEPT
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.records import GeoFix
+from whichroad.filter.state import CLOCK, DISTANCE, KEPT, WHEELS
+from whichroad.observations import GeoFix
 
 TOWN = grid_town()
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -52,7 +51,7 @@ def messy(seed: int) -> tuple[Truth, np.ndarray, np.ndarray]:
 def test_roads_and_no_road_have_one_between_them_at_every_epoch_of_a_messy_drive(mode, seed):
     truth, fix, at = messy(seed)
     roads = network(TOWN, one_way=np.random.default_rng(seed).choice(len(TOWN), 6).tolist())
-    told = said(roads, sensed(truth, fix, at, mode), [range(len(roads.length))], mode=mode)
+    told = said(roads, sensed(truth, fix, at, mode), [range(len(roads.edges))], mode=mode)
     np.testing.assert_allclose(told.p[:, 0] + told.off, 1.0, rtol=0.0, atol=EXACT)
     assert told.off.min() >= 0.0
     assert told.p.min() >= 0.0
@@ -74,14 +73,12 @@ def test_with_more_candidates_than_there_is_room_for_they_still_have_one_between
     epochs = sensed(truth, fix, at, mode, course=np.inf)
     most = 0
     for k, belief, _ in steps(DENSE, epochs, mode=mode):
-        n = belief.size[0]
-        most = max(most, n)
-        assert n <= KEPT, k
-        assert belief.probability[:n].min() >= 0.0, k
-        assert abs(belief.probability[:n].sum() - 1.0) <= EXACT, k
-        np.testing.assert_allclose(
-            np.exp(belief.log_weight[:n]), belief.probability[:n], atol=EXACT
-        )
+        alive = living(belief)
+        most = max(most, len(alive))
+        assert len(alive) <= KEPT, k
+        assert alive.weight.min() >= 0.0, k
+        assert abs(alive.weight.sum() - 1.0) <= EXACT, k
+        np.testing.assert_allclose(weights(belief), alive.weight, atol=EXACT)
     assert most == KEPT
 
 

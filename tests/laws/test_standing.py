@@ -7,7 +7,7 @@ from hypothesis import given
 from laws.drives import law, said, sensed, way_through
 from scenes import Truth, drive_along, gnss, grid_town, network
 from strategies import seeds
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 
 STANDING = 6000  # epochs: ten minutes
 SETTLED = 50  # epochs after which a receiver alone knows that it stands
@@ -23,7 +23,7 @@ def standing_at(truth: Truth, fix: np.ndarray, where: int, seed: int, mode: int)
     seen = fix[rows]
     seen[where:, :2] += np.random.default_rng(seed).normal(0.0, 2.0, (STANDING, 2))
     epochs = sensed(stood, seen, np.arange(0, len(rows), 10), mode)
-    return epochs, (where + SETTLED) // (10 if mode == CLOCK else 1), len(epochs.time) - 1
+    return epochs, (where + SETTLED) // (10 if mode == CLOCK else 1), len(epochs) - 1
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -51,5 +51,5 @@ def test_ten_minutes_before_a_crossing_do_not_push_the_vehicle_back_from_it(mode
     epochs, before, after = standing_at(truth, fix, len(truth.time) - 1, 0, mode)
     told = said(network(CROSS), epochs, [[e] for e in range(6)], mode=mode)
     np.testing.assert_allclose(told.p[after], told.p[before], rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(told.value[after, :2], told.value[before, :2], atol=1e-3)
+    np.testing.assert_allclose(told.place[after, :2], told.place[before, :2], atol=1e-3)
     assert told.sigma[after] == pytest.approx(told.sigma[before], rel=1e-3)

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from laws.drives import law, way_through
 from laws.geodetic import CAR, degrees, drive, fixes, road_map
-from scenes import drive_along, gnss, grid_town
+from scenes import columns, drive_along, gnss, grid_town
 from strategies import seeds
 from whichroad import Localizer, match
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_X, V_XX, V_XY, V_Y, V_YY
 from whichroad.epochs import build_timeline
-from whichroad.localizer import STATUS, localize_recorded
-from whichroad.records import Distance, Drive, Estimate, GeoFix, Observation, WheelTicks
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+from whichroad.observations import Distance, Drive, Estimate, GeoFix, Observation, WheelTicks
+from whichroad.recorded import localize_recorded
+from whichroad.tables.status import STATUS
 
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 TICK = 2.0**-6  # m a count: sums of counts are exact in floating point
@@ -122,7 +122,7 @@ def readings(log: Drive) -> list[Observation]:
     return sorted(out, key=lambda r: (r.time, isinstance(r, GeoFix)))
 
 
-SAID = [V_X, V_Y, V_H, V_XX, V_XY, V_YY, V_P, V_OFF, V_S]
+SAID = "x y heading xx xy yy p_edge p_off_road s"
 
 
 def told(estimate: Estimate) -> tuple[float, ...]:
@@ -138,11 +138,11 @@ def both(log: Drive) -> tuple[np.ndarray, np.ndarray]:
     timeline = build_timeline(log, TOWN.plane, COUNTED)
     output = localize_recorded(TOWN, timeline, vehicle=COUNTED).output
     np.testing.assert_array_equal(list(estimates), timeline.epochs.time)
-    assert [e.status for e in estimates.values()] == [STATUS[s] for s in output.status]
+    assert [e.status for e in estimates.values()] == [STATUS[s] for s in output.rows.status]
     assert [-1 if e.edge is None else e.edge for e in estimates.values()] == np.maximum(
-        output.edge, -1
+        output.rows.edge, -1
     ).tolist()
-    return np.array([told(e) for e in estimates.values()]), output.value[:, SAID]
+    return np.array([told(e) for e in estimates.values()]), columns(output, SAID)
 
 
 @given(seeds)

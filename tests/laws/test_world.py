@@ -5,30 +5,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 
 from laws.drives import law, sensed, way_through
 from laws.geodetic import answer, degrees, drive, fixes, road_map
 from scenes import (
-    On,
     Truth,
-    belief_on,
-    call,
+    column,
+    columns,
     drive_along,
-    edge_weights,
     gnss,
     grid_town,
     localize,
     network,
-    weights,
 )
 from strategies import seeds
-from whichroad.core.belief import GX, MX, OFF_ROAD, Belief, H, N, X
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS
-from whichroad.core.network import Roads
-from whichroad.core.output import V_H, V_OFF, V_P, V_S, V_XX, V_XY, V_YY, Output
-from whichroad.core.reduction import reduce
-from whichroad.core.start import leave_and_return
+from whichroad.filter.estimate import Output
+from whichroad.filter.state import (
+    CLOCK,
+    DISTANCE,
+    WHEELS,
+)
+from whichroad.settings import Settings
 
 TOWN = grid_town()
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -63,21 +61,21 @@ def moved(truth: Truth, fix: np.ndarray, turn: np.ndarray, shift: np.ndarray):
 def assert_moved(there: Output, here: Output, turn: np.ndarray, shift: np.ndarray, within: float):
     """What is said there is what is said here, moved."""
     close = {"rtol": within, "atol": within}
-    np.testing.assert_allclose(there.value[:, :2], here.value[:, :2] @ turn.T + shift, **close)
-    heading = np.exp(1j * here.value[:, V_H])
+    np.testing.assert_allclose(
+        columns(there, "x y"), columns(here, "x y") @ turn.T + shift, **close
+    )
+    heading = np.exp(1j * column(here, "heading"))
     if np.linalg.det(turn) < 0.0:
         heading = heading.conj()
     turned = heading * complex(turn[0, 0], turn[1, 0])
-    np.testing.assert_allclose(np.exp(1j * there.value[:, V_H]), turned, **close)
-    here_cov, there_cov = (
-        o.value[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2) for o in (here, there)
-    )
+    np.testing.assert_allclose(np.exp(1j * column(there, "heading")), turned, **close)
+    here_cov, there_cov = (columns(o, "xx xy xy yy").reshape(-1, 2, 2) for o in (here, there))
     np.testing.assert_allclose(there_cov, turn @ here_cov @ turn.T, **close)
-    said = [V_P, V_OFF]
-    np.testing.assert_allclose(there.value[:, said], here.value[:, said], **close)
-    sure = here.value[:, V_P] > 0.5  # else two edges may be equally probable
-    np.testing.assert_array_equal(there.edge[sure], here.edge[sure])
-    np.testing.assert_allclose(there.value[sure, V_S], here.value[sure, V_S], **close)
+    for name in ("p_edge", "p_off_road"):
+        np.testing.assert_allclose(there.rows[name], here.rows[name], **close)
+    sure = here.rows.p_edge > 0.5  # else two edges may be equally probable
+    np.testing.assert_array_equal(there.rows.edge[sure], here.rows.edge[sure])
+    np.testing.assert_allclose(there.rows.s[sure], here.rows.s[sure], **close)
 
 
 @MODES
@@ -127,9 +125,10 @@ def test_streets_in_any_order_and_drawn_either_way_give_the_same_answer(mode: in
     here = localize(network(TOWN), epochs, mode=mode).output
     there = localize(network(streets), epochs, mode=mode).output
     place = np.argsort(order)
-    edge = np.where(here.edge >= 0, 2 * place[here.edge // 2] + here.edge % 2, here.edge)
-    edge = np.where((here.edge >= 0) & back[here.edge // 2], edge ^ 1, edge)
-    assert_moved(there, here._replace(edge=edge), np.eye(2), np.zeros(2), EXACT)
+    old = here.rows.edge.copy()
+    edge = np.where(old >= 0, 2 * place[old // 2] + old % 2, old)
+    here.rows.edge = np.where((old >= 0) & back[old // 2], edge ^ 1, edge)
+    assert_moved(there, here, np.eye(2), np.zeros(2), EXACT)
 
 
 @MODES
@@ -171,59 +170,45 @@ def test_the_earth_has_no_special_meridian(seed: int):
             np.testing.assert_allclose(b, a, rtol=0.0, atol=1e-6)
 
 
-def turned_belief(belief: Belief, turn: np.ndarray) -> None:
-    """Turn the hypotheses of a belief about the origin, in place."""
-    whole = np.eye(N)
-    for state in (X, MX, GX):
-        whole[state : state + 2, state : state + 2] = turn
-    belief.mean[:] = belief.mean @ whole.T
-    belief.mean[:, H] += math.atan2(turn[1, 0], turn[0, 0])
-    belief.cov[:] = whole @ belief.cov @ whole.T
-
-
-def wandering(seed: int, roads: Roads, turn: np.ndarray) -> Belief:
-    """Four hypotheses off the roads of the town, in a world turned about the origin."""
+def out_of_town(seed: int) -> tuple[Truth, np.ndarray, np.ndarray]:
+    """Out of the town along one street, through the fields, and back along another."""
     rng = np.random.default_rng(seed)
-    at = rng.uniform(100.0, 400.0, 2)
-    spread = rng.normal(0.0, 8.0, (4, 2))
-    shares = rng.dirichlet(np.ones(4))
-    belief = belief_on(
-        roads, [On(OFF_ROAD, at[0] + dx, float(p), -at[1] - dy)
-                for (dx, dy), p in zip(spread, shares, strict=True)],
+    out, back = ([[i * 120.0 + 10.0 * math.sin(j), j * 120.0 + 8.0 * math.cos(i)]
+                  for j in rows] for i, rows in ((1, (2, 3, 4)), (3, (4, 3, 2))))  # fmt: skip
+    fields = np.array([[110.0, 600.0], [240.0, 720.0], [350.0, 600.0]])
+    fields += rng.uniform(-30.0, 30.0, (3, 2))
+    truth = drive_along(np.vstack([out, fields, back]))
+    fix = gnss(truth, sigma=rng.uniform(1.0, 3.0), seed=seed)
+    return truth, fix, np.arange(0, len(truth.time), 10)
+
+
+@pytest.mark.parametrize(
+    "mode",
+    [
+        WHEELS,
+        pytest.param(DISTANCE, marks=pytest.mark.xfail(
+            strict=True, reason="a start far from every road tries eight headings, the first along "
+            "the plane's x axis: 17 drives of 60 start anew in the fields, and differ by 0.5 m")),
+        CLOCK,
+    ],
+)  # fmt: skip
+@example(seed=3)  # one of those
+@given(seed=seeds)
+@law
+def test_turning_the_world_turns_who_leaves_the_roads_and_comes_back(mode: int, seed: int):
+    """In the fields hypotheses off the roads are born, merge, and return to roads."""
+    truth, fix, at = out_of_town(seed)
+    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
+    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
+    here, there = (
+        localize(
+            network([line @ how.T for line in TOWN]),
+            sensed(*moved(truth, fix, how, np.zeros(2)), at, mode), mode=mode,
+            settings=Settings(off_road_leave=1e-3),
+        ).output
+        for how in (np.eye(2), turn)
     )  # fmt: skip
-    belief.mean[:4, H] = rng.uniform(-3.0, 3.0, 4)
-    for i in range(4):
-        root = rng.normal(size=(2, 2)) * [[8.0], [2.0]]
-        belief.cov[i, :2, :2] = root @ root.T + np.eye(2)
-        belief.cov[i, H, H] = 0.2
-    turned_belief(belief, turn)
-    return belief
-
-
-@given(seeds)
-@law
-def test_turning_the_world_changes_nothing_in_who_comes_back_to_which_road(seed: int):
-    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
-    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
-    shares = []
-    for how in (np.eye(2), turn):
-        roads = network([line @ how.T for line in TOWN])
-        belief = wandering(seed, roads, how)
-        call(leave_and_return, belief=belief, roads=roads, travelled=10.0, follows_road=False)
-        shares.append(edge_weights(belief))
-    assert shares[1] == pytest.approx(shares[0], abs=EXACT)
-
-
-@given(seeds)
-@law
-def test_turning_the_world_changes_nothing_in_what_merges_off_the_roads(seed: int):
-    a = np.random.default_rng(seed).uniform(-math.pi, math.pi)
-    turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
-    left = []
-    for how in (np.eye(2), turn):
-        roads = network([line @ how.T for line in TOWN])
-        belief = wandering(seed, roads, how)
-        call(reduce, belief=belief)
-        left.append(np.sort(weights(belief)))
-    assert len(left[0]) == len(left[1])
-    np.testing.assert_allclose(left[1], left[0], atol=EXACT)
+    off = column(here, "p_off_road")
+    assert off.max() > 0.9
+    assert off[-1] < 0.5
+    assert_moved(there, here, turn, np.zeros(2), EXACT)

@@ -4,7 +4,7 @@ import pytest
 
 from whichroad import GeoFix, RoadMap, WheelTicks, simulate_drive
 from whichroad.simulate import draw_town
-from whichroad.simulate.files import write_drive
+from whichroad.simulate.drive_files import write_drive
 
 
 @pytest.fixture(scope="session")

@@ -16,8 +16,8 @@ from whichroad import GeoFix, Localizer, read_vehicle
 from whichroad.live.decode import CanStream
 from whichroad.live.server import Plan, Run
 from whichroad.live.sources import can_address, nmea_address
-from whichroad.readers.frames import read_frames
-from whichroad.simulate.files import nmea_text
+from whichroad.readers.can_frames import read_frames
+from whichroad.simulate.drive_files import nmea_text
 
 
 @pytest.fixture
@@ -91,25 +91,25 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
             time.sleep(0.06)
         sender.close()
         time.sleep(0.2)
-    said = json.loads(run.engine.published)
+    said = json.loads(run.filter_loop.published)
     kinds = {sensor["kind"]: sensor for sensor in said["sensors"]}
     assert kinds["gnss"]["count"] == 12
     assert kinds["wheels"]["count"] > 100
     assert said["answered"]
-    assert run.engine.events.rewinds >= 8
-    assert run.engine.events.skipped["late"] == 0
-    assert run.engine.localizer.skipped == {}
+    assert run.filter_loop.buffer.rewinds >= 8
+    assert run.filter_loop.buffer.skipped["late"] == 0
+    assert run.filter_loop.localizer.skipped == {}
 
 
 def test_who_asks_nothing_is_let_go_and_a_websocket_stays(town, observations, running, monkeypatch):
     monkeypatch.setattr("whichroad.live.server._REQUEST_TIME", 0.3)
     run, port = running(Plan(Localizer(town), nmea=[nmea_address(f"udp://:{free_port()}")]))
-    health = run.engine.sensor("test", "gnss")
+    health = run.filter_loop.sensor("test", "gnss")
     idle = socket.create_connection(("127.0.0.1", port), timeout=10)
     with connect(f"ws://127.0.0.1:{port}/ws") as listener:
         assert idle.recv(10) == b""
         time.sleep(0.5)
         fix = next(one for one in observations if isinstance(one, GeoFix))
-        run.loop.call_soon_threadsafe(run.engine.take, health, [fix], time.perf_counter())
+        run.loop.call_soon_threadsafe(run.filter_loop.take, health, [fix], time.perf_counter())
         assert json.loads(listener.recv(timeout=10))["answered"]
     idle.close()

@@ -7,7 +7,7 @@ import pytest
 
 from live.service import Served, drive_files
 from whichroad import match, read_drive, read_vehicle
-from whichroad.evaluate.tables import read_table
+from whichroad.evaluate.input_tables import read_table
 
 pytestmark = pytest.mark.slow
 

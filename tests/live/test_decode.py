@@ -10,11 +10,10 @@ import pytest
 
 from whichroad import GeoFix, WheelTicks, read_drive, read_vehicle
 from whichroad.live.decode import CanStream, NmeaStream
-from whichroad.readers.burst import BurstParser
-from whichroad.readers.frames import key, read_frames
+from whichroad.readers.can_frames import key, read_frames
 from whichroad.readers.nmea import NmeaParser
-from whichroad.simulate.drive import START
-from whichroad.simulate.files import nmea_text, write_drive
+from whichroad.simulate.drive_files import nmea_text, write_drive
+from whichroad.simulate.simulated_drive import START
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def of_blocks(data):
 
 
 def of_pieces(data, rng):
-    parser, fixes, at = BurstParser(today=START), [], 0
+    parser, fixes, at = NmeaParser(today=START), [], 0
     while at < len(data):
         size = int(rng.integers(1, 400))
         fixes += parser.feed(data[at : at + size])

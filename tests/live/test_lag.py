@@ -9,13 +9,13 @@ import pytest
 from whichroad import GeoFix, Localizer, Vehicle
 from whichroad.live.checkpoint import Checkpoint
 from whichroad.live.decode import CanStream, _Unwrapped
-from whichroad.live.engine import Engine
-from whichroad.live.events import Events
+from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.messages import EstimateMessage
+from whichroad.live.reorder_buffer import ReorderBuffer
 from whichroad.readers.can import key
 
-from .test_events import shifted
 from .test_messages import follows
+from .test_reorder_buffer import shifted
 
 LAG = 5.0
 
@@ -25,30 +25,30 @@ def behind(town, ride, lag=LAG):
 
 
 def test_a_message_tells_what_is_known_by_now_of_the_moment_the_lag_ago(town, ride, observations):
-    engine = Engine(behind(town, ride))
+    filter_loop = FilterLoop(behind(town, ride))
     first = observations[0].time
     for one in observations[:1500]:
-        engine.observe([one])
+        filter_loop.observe([one])
         if one.time - first > 0.8 * LAG:
             break
-        engine.publish()
-        assert engine.message["lagged"] is None
-    engine.observe(observations[:1500])
-    engine.publish()
-    said, lagged = engine.message, engine.localizer.lagged()
-    assert follows(json.loads(engine.published), EstimateMessage)
+        filter_loop.publish()
+        assert filter_loop.message["lagged"] is None
+    filter_loop.observe(observations[:1500])
+    filter_loop.publish()
+    said, lagged = filter_loop.message, filter_loop.localizer.lagged()
+    assert follows(json.loads(filter_loop.published), EstimateMessage)
     assert said["epoch_s"] - LAG - 0.5 < said["lagged"]["epoch_s"] <= said["epoch_s"] - LAG
     assert said["lagged"]["p_road"] == pytest.approx(lagged.p_road, abs=1e-6)
     assert said["lagged"]["pose"]["lat"] == pytest.approx(lagged.pose.lat, abs=1e-8)
     assert said["lagged"]["road"]["edge_id"] == lagged.edge
-    assert said["decided_until"] == pytest.approx(engine.localizer.decided_until, abs=1e-6)
+    assert said["decided_until"] == pytest.approx(filter_loop.localizer.decided_until, abs=1e-6)
 
 
 def test_without_a_lag_nothing_is_told_of_the_past(town, ride, observations):
-    engine = Engine(Localizer(town, vehicle=ride.vehicle))
-    engine.observe(observations[:500])
-    engine.publish()
-    assert (engine.message["lagged"], engine.message["decided_until"]) == (None, None)
+    filter_loop = FilterLoop(Localizer(town, vehicle=ride.vehicle))
+    filter_loop.observe(observations[:500])
+    filter_loop.publish()
+    assert (filter_loop.message["lagged"], filter_loop.message["decided_until"]) == (None, None)
 
 
 @pytest.mark.parametrize("room", [2048, (1 << 14) - 64])
@@ -63,7 +63,7 @@ def test_late_observations_are_looked_back_over_as_in_order(
     arrival = {
         id(one): one.time + isinstance(one, GeoFix) * rng.uniform(0.1, 0.8) for one in chosen
     }
-    sorted_, late = Events(behind(town, ride)), Events(behind(town, ride))
+    sorted_, late = ReorderBuffer(behind(town, ride)), ReorderBuffer(behind(town, ride))
     for one in chosen:
         sorted_.take(one)
     late.take(chosen[0])

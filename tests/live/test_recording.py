@@ -6,9 +6,9 @@ import pytest
 
 import whichroad
 from whichroad import Localizer, WriteError, match, read_drive
-from whichroad.evaluate.tables import read_table
+from whichroad.evaluate.input_tables import read_table
 from whichroad.live.recording import Appended, Recorder
-from whichroad.tables import read_arrow
+from whichroad.tables.schema import read_arrow
 
 
 def record(folder, town, ride, observations, every=50):

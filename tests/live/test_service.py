@@ -12,7 +12,7 @@ import pytest
 
 from live.service import Served, drive_files, free_port, on_air
 from whichroad.readers.nmea import NmeaParser
-from whichroad.simulate.files import nmea_text
+from whichroad.simulate.drive_files import nmea_text
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from whichroad.core.drive import run
-from whichroad.core.geodesy import to_plane
-from whichroad.frames import Plane
+from whichroad.filter.step import run
+from whichroad.geodesy.kernels import to_plane
+from whichroad.geodesy.plane import Plane
 from whichroad.native import library
 from whichroad.native.header import header
 from whichroad.native.layout import Array, Layout

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
+from whichroad.filter.state import GX, GY, MX, MY, B, D, H, K, N, X, Y
 from whichroad.settings import Settings
 
 from .joint import Joint
@@ -14,7 +14,7 @@ from .textbook import jacobian
 Array = NDArray[np.float64]
 
 LANE = 1.75  # m right of the centre line
-STEP = np.array([1e-2, 1e-2, 1e-4, 1e-4, 1e-6, 1.0, 1.0, 1.0, 1.0, 1.0])
+STEP = np.array([1e-2, 1e-2, 1e-4, 1e-4, 1e-6, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
 
 
 def wheel_motion(mean: Array, arc: float) -> Array:

@@ -9,7 +9,6 @@ from there on they are sampled without bias, the heavy ones being kept as they a
 some, systematically drawn, with weight c.
 """
 
-import inspect
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,11 +16,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from scenes.filter import steps
-from scenes.kernels import call
-from whichroad._compile import Entry, Vector, by_numba, jit, kernel
 from whichroad.core import drive, fixes
+from whichroad.core._jit import Vector, kernel
 from whichroad.core.belief import (
     GNSS_SCALE,
     LAST_FIX,
@@ -46,6 +42,9 @@ from whichroad.core.network import Roads
 from whichroad.core.road import observe_roads
 from whichroad.core.start import leave_and_return, turn_with_heading
 from whichroad.core.switching import Work, hand_over, new_work
+
+from scenes.filter import steps
+from scenes.kernels import call
 from whichroad.settings import Settings
 
 Array = NDArray[np.float64]
@@ -69,13 +68,13 @@ def _copy(source: Belief, i: int, target: Belief, j: int) -> None:
     target.stay[j] = source.stay[i]
 
 
-@by_numba
+@kernel
 def _take(source: Belief, rows: Vector, target: Belief) -> None:
     for j in range(len(rows)):
         _copy(source, int(rows[j]), target, j)
 
 
-@by_numba
+@kernel
 def _branch(
     crowd: Belief, one: Belief, roads: Roads, route: Route, work: Work, scale: float, arc: float,
     side: float, lane_sigma: float, least: float,
@@ -92,7 +91,7 @@ def _branch(
     return True
 
 
-@by_numba
+@kernel
 def _leave(
     crowd: Belief, one: Belief, roads: Roads, work: Work, scale: float, travelled: float,
     leave: float, back: float, side: float, lane_sigma: float, map_sigma: float,
@@ -125,11 +124,6 @@ def _return_children(crowd: Belief, one: Belief, i: int) -> bool:
         _copy(one, c, crowd, at)
         crowd.size[0] = at + 1
     return True
-
-
-def _compiled(function: Any) -> Any:
-    """A kernel of the filter, compiled: thousands of particles are many for Python."""
-    return function if isinstance(function, Entry) else jit(function)
 
 
 def _rows(capacity: int, small: Belief) -> Belief:
@@ -203,10 +197,8 @@ class Particles:
             "work": self.work, "epochs": self.epochs, "par": self.par, "row": self.work.row,
             "heading_sigma": self.par.edge_heading_sigma,
         }  # fmt: skip
-        names = inspect.signature(function).parameters
-        return call(
-            _compiled(function), **{k: v for k, v in {**shared, **given}.items() if k in names}
-        )
+        names = function.py_func.__code__.co_varnames[: function.py_func.__code__.co_argcount]
+        return call(function, **{k: v for k, v in {**shared, **given}.items() if k in names})
 
     def probabilities(self) -> dict[int, float]:
         """P of each edge, `OFF_ROAD` included."""
@@ -248,9 +240,9 @@ class Particles:
     def _see_fix(self, k: int, scale: float) -> None:
         clock, par, fix = self.crowd.clock, self.par, self.epochs.fix[k]
         interval = self.epochs.time[k] - clock[LAST_FIX]
-        _compiled(age_receiver)(self.crowd, clock[MOVING], par.gnss_time, par.gnss_fault_time)
+        age_receiver(self.crowd, clock[MOVING], par.gnss_time, par.gnss_fault_time)
         factor = clock[GNSS_SCALE]
-        _compiled(gnss_root)(self.crowd, fix, factor, interval, fixes._SMOOTHING, self.work.root)
+        gnss_root(self.crowd, fix, factor, interval, fixes._SMOOTHING, self.work.root)
         clock[MOVING] = clock[SINCE_FIX] = 0.0
         clock[LAST_FIX] = self.epochs.time[k]
         normalise(self.crowd)

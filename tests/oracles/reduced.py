@@ -12,12 +12,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.belief import GX, GY, Belief, H, N, X, Y, new_belief, new_route, normalise
-from whichroad.core.gaussian import condition
-from whichroad.core.reduction import reduce
-from whichroad.core.switching import copy_hypothesis, rescale
+from scenes import living, network, straight_road
+from whichroad._compile import Record
 from whichroad.exact import Sensor, SwitchingModel, infer_window
-from whichroad.settings import Settings
+from whichroad.filter.gaussian import condition
+from whichroad.filter.reduction import reduce
+from whichroad.filter.state import (
+    GX,
+    GY,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    N,
+    X,
+    Y,
+    new_belief,
+    new_path,
+    new_work,
+    normalise,
+    rescale,
+    spawn,
+)
+from whichroad.settings import Settings, Vehicle, parameters
 
 Array = NDArray[np.float64]
 
@@ -148,27 +165,32 @@ def reduced_modes(
 ) -> tuple[Array, NDArray[np.int64]]:
     """The same by the filter's kernels, and how many hypotheses it kept, (T,)."""
     k = len(suite.heading)
-    belief, route, row = new_belief(), new_route(1 << 12), np.zeros(N)
+    belief, path, row = new_belief(), new_path(1 << 12), np.zeros(N)
+    roads = network(straight_road())  # which the reduction does not look at
+    ctx = Context(parameters(settings, Vehicle(), WHEELS), roads, new_work())
+    state = belief.state[0]
+    state.scale, state.count = 1.0, k
     for i in range(k):
-        belief.mean[i, STATE] = models[0].mean
-        belief.cov[i][np.ix_(STATE, STATE)] = models[0].cov
-        belief.edge[i], belief.log_weight[i] = i, math.log(1.0 / k)
-    belief.size[0] = k
+        hyp = belief.hyp[i]
+        hyp["mu"][STATE] = models[0].mean
+        hyp["cov"][np.ix_(STATE, STATE)] = models[0].cov
+        hyp.edge, hyp.log_weight = i, math.log(1.0 / k)
     normalise(belief)
     p, kept = np.zeros((len(window), k)), np.zeros(len(window), np.int64)
     for t, (model, seen) in enumerate(zip(models, window, strict=True)):
         if t:
             _branch(belief, suite.transition)
-        for i in range(belief.size[0]):
+        for hyp in living(belief):
             if t:
-                _move(belief, i, model)
+                _move(hyp, model)
             for name, value in seen.items():
                 if value is not None:
-                    belief.log_weight[i] += _see(belief, i, model.sensors[name], value, row)
-            _track(belief, i, suite)
-        reduce(belief, route, 1.0, settings.prune, settings.merge, int(settings.components))
-        n = kept[t] = int(belief.size[0])
-        p[t] = np.bincount(belief.edge[:n], belief.probability[:n], k)
+                    hyp.log_weight += _see(hyp, model.sensors[name], value, row)
+            _track(hyp, suite)
+        reduce(belief, path, ctx)
+        alive = living(belief)
+        kept[t] = len(alive)
+        p[t] = np.bincount(alive.edge, alive.weight, k)
     return p, kept
 
 
@@ -183,27 +205,24 @@ SUITES = {
 
 def _branch(belief: Belief, transition: Array) -> None:
     """Every hypothesis goes to every road that may follow."""
-    for i in range(int(belief.size[0])):
-        come = int(belief.edge[i])
-        targets = [int(j) for j in np.flatnonzero(transition[come]) if j != come]
-        for j in targets:
-            child = int(belief.size[0])
-            copy_hypothesis(belief, i, child)
-            rescale(belief, child, transition[come, j])
-            belief.edge[child] = j
-            belief.size[0] = child + 1
-        rescale(belief, i, transition[come, come])
+    for i, hyp in enumerate(living(belief)):
+        come = int(hyp.edge)
+        for j in np.flatnonzero(transition[come]).tolist():
+            if j != come:
+                spawn(belief, i, float(transition[come, j]), j, 0)
+        rescale(hyp, float(transition[come, come]))
 
 
-def _move(belief: Belief, i: int, model: SwitchingModel) -> None:
+def _move(hyp: Record, model: SwitchingModel) -> None:
     a, at = np.asarray(model.a), np.ix_(STATE, STATE)
-    belief.mean[i, STATE] = a @ belief.mean[i, STATE] + model.mu
-    belief.cov[i][at] = a @ belief.cov[i][at] @ a.T + model.q
+    mean, cov = hyp["mu"], hyp["cov"]
+    mean[STATE] = a @ mean[STATE] + model.mu
+    cov[at] = a @ cov[at] @ a.T + model.q
 
 
-def _see(belief: Belief, i: int, sensor: Sensor, value: Any, row: Array) -> float:
+def _see(hyp: Record, sensor: Sensor, value: Any, row: Array) -> float:
     """Scalar rows, one after the other; their errors are independent."""
-    edge, gain = belief.edge[i], 0.0
+    edge, gain = hyp.edge, 0.0
     c, nu, r = (
         np.asarray(m)[edge] if np.ndim(m) > d else np.asarray(m)
         for m, d in ((sensor.c, 2), (sensor.nu, 1), (sensor.r, 2))
@@ -211,14 +230,14 @@ def _see(belief: Belief, i: int, sensor: Sensor, value: Any, row: Array) -> floa
     for m in range(len(nu)):
         row[:] = 0.0
         row[STATE] = c[m]
-        innovation = value[m] - nu[m] - c[m] @ belief.mean[i, STATE]
-        gain += condition(belief.mean[i], belief.cov[i], row, innovation, r[m, m], 1.0)
+        innovation = value[m] - nu[m] - c[m] @ hyp["mu"][STATE]
+        gain += condition(hyp["mu"], hyp["cov"], row, innovation, r[m, m], 1.0)
     return gain
 
 
-def _track(belief: Belief, i: int, suite: Suite) -> None:
-    """Abscissa and spread, by which the reduction judges what is alike."""
-    edge = belief.edge[i]
+def _track(hyp: Record, suite: Suite) -> None:
+    """Abscissa and its sigma, by which the reduction judges what is alike."""
+    edge = hyp.edge
     along = np.array([math.cos(suite.heading[edge]), math.sin(suite.heading[edge])])
-    belief.abscissa[i] = along @ (belief.mean[i, :2] - suite.point[edge])
-    belief.spread[i] = math.sqrt(along @ belief.cov[i, :2, :2] @ along)
+    hyp.along = along @ (hyp["mu"][:2] - suite.point[edge])
+    hyp.along_sigma = math.sqrt(along @ hyp["cov"][:2, :2] @ along)

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenes import drive_along, epochs_of, gnss, grid_town, network, steps
-from whichroad.core.epoch import Epochs
-from whichroad.core.network import Roads
+from scenes import drive_along, epochs_of, gnss, grid_town, living, network, steps
+from whichroad._compile import Records
+from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 
 _DARK = 30.0  # m driven with fixes, where they end
@@ -24,7 +24,7 @@ class Scene(NamedTuple):
     """A map and a drive on it."""
 
     roads: Roads
-    epochs: Epochs
+    epochs: Records
 
 
 def _drive(
@@ -104,12 +104,12 @@ def filtered(scene: Scene, settings: Settings) -> tuple[list[dict[int, float]], 
     """The filter's P of each edge after every epoch, and how many hypotheses it kept."""
     found, kept = [], []
     for _, belief, _ in steps(scene.roads, scene.epochs, settings=settings):
-        n = int(belief.size[0])
+        alive = living(belief)
         p: dict[int, float] = {}
-        for edge, share in zip(belief.edge[:n].tolist(), belief.probability[:n], strict=True):
+        for edge, share in zip(alive.edge.tolist(), alive.weight, strict=True):
             p[edge] = p.get(edge, 0.0) + float(share)
         found.append(p)
-        kept.append(n)
+        kept.append(len(alive))
     return found, kept
 
 

@@ -11,9 +11,9 @@ import uvicorn
 from starlette.applications import Starlette
 
 from whichroad import read_drive, read_vehicle
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
-from whichroad.replay.server import listen
+from whichroad.replay.open_replay import Remaking
+from whichroad.replay.recorded_messages import RecordedMessages
+from whichroad.replay.replay_server import listen
 from whichroad.roadmap import RoadMap
 from whichroad.simulate import write_demo
 
@@ -40,7 +40,7 @@ def remaking(folder: Path, roads: RoadMap) -> Remaking:
 
 
 @pytest.fixture(scope="session")
-def film(remaking: Remaking) -> Film:
+def recorded(remaking: Remaking) -> RecordedMessages:
     return remaking([])
 
 

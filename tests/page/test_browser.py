@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
+from whichroad.replay.drive_report import write_report
+from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import Player
-from whichroad.replay.report import write_report
-from whichroad.replay.server import replay_app
+from whichroad.replay.recorded_messages import RecordedMessages
+from whichroad.replay.replay_server import replay_app
 from whichroad.roadmap import RoadMap
 
 from .conftest import served
@@ -48,9 +48,11 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def opened(browser: Any, remaking: Remaking, film: Film) -> Iterator[tuple[Any, list[str]]]:
+def opened(
+    browser: Any, remaking: Remaking, recorded: RecordedMessages
+) -> Iterator[tuple[Any, list[str]]]:
     """The page on the paper's drive, and what it complained of."""
-    player = Player(film, remaking, position=80.0, paused=True)
+    player = Player(recorded, remaking, position=80.0, paused=True)
     with served(replay_app(player, remaking.roads)) as address:
         page = browser.new_page(viewport=DESK)
         complaints: list[str] = []
@@ -119,12 +121,14 @@ def test_the_vehicle_moves_when_played_and_the_map_follows(page: Any):
     assert centre["lng"] == pytest.approx(frame["pose"]["lon"], abs=1e-6)
 
 
-def test_masking_gnss_grows_the_ellipse_and_shows_wheels_alone(page: Any, film: Film):
+def test_masking_gnss_grows_the_ellipse_and_shows_wheels_alone(
+    page: Any, recorded: RecordedMessages
+):
     settled(page, 90.0)
     page.click("#mask")
     page.wait_for_selector("#mask[aria-pressed=true]")
     frame = settled(page, 129.0)
-    with_gnss = film.columns["ellipse_major_m"][film.at(129.0)]
+    with_gnss = recorded.columns["ellipse_major_m"][recorded.at(129.0)]
     assert frame["ellipse"]["major_m"] > 1.2 * with_gnss
     assert frame["reckoning"]["travelled_m"] > 100
     assert frame["fix"]["masked"]
@@ -132,7 +136,9 @@ def test_masking_gnss_grows_the_ellipse_and_shows_wheels_alone(page: Any, film: 
     page.wait_for_selector("#mask[aria-pressed=false]")
 
 
-def test_at_a_junction_without_gnss_the_hypotheses_split_and_are_listed(page: Any, film: Film):
+def test_at_a_junction_without_gnss_the_hypotheses_split_and_are_listed(
+    page: Any, recorded: RecordedMessages
+):
     settled(page, 90.0)
     page.keyboard.press("m")
     page.wait_for_selector("#mask[aria-pressed=true]")
@@ -147,16 +153,16 @@ def test_at_a_junction_without_gnss_the_hypotheses_split_and_are_listed(page: An
     assert listed >= len(edges)
 
 
-def test_the_timeline_is_a_slider_for_mouse_and_keys(page: Any, film: Film):
+def test_the_timeline_is_a_slider_for_mouse_and_keys(page: Any, recorded: RecordedMessages):
     box = page.locator("#strip").bounding_box()
     page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 10)
-    middle = 0.5 * film.length
+    middle = 0.5 * recorded.length
     for _ in range(200):
         at = page.evaluate(FRAME)["play"]["position_s"]
-        if abs(at - middle) < 0.01 * film.length:
+        if abs(at - middle) < 0.01 * recorded.length:
             break
         page.wait_for_timeout(20)
-    assert at == pytest.approx(middle, abs=0.01 * film.length)
+    assert at == pytest.approx(middle, abs=0.01 * recorded.length)
     page.keyboard.press("ArrowLeft")
     page.wait_for_timeout(300)
     assert page.evaluate(FRAME)["play"]["position_s"] == pytest.approx(at - 5.0, abs=0.1)
@@ -223,8 +229,10 @@ def test_what_is_remembered_is_bounded(page: Any):
     assert sizes[5] == 9999
 
 
-def test_a_result_without_its_drive_cannot_be_masked(browser: Any, film: Film, roads: RoadMap):
-    with served(replay_app(Player(film), roads)) as address:
+def test_a_result_without_its_drive_cannot_be_masked(
+    browser: Any, recorded: RecordedMessages, roads: RoadMap
+):
+    with served(replay_app(Player(recorded), roads)) as address:
         page = browser.new_page(viewport=DESK)
         page.goto(address)
         page.wait_for_selector("#mask:disabled")
@@ -232,10 +240,10 @@ def test_a_result_without_its_drive_cannot_be_masked(browser: Any, film: Film, r
 
 
 def test_a_connection_that_breaks_is_told_and_taken_up_again(
-    browser: Any, film: Film, roads: RoadMap
+    browser: Any, recorded: RecordedMessages, roads: RoadMap
 ):
     page = browser.new_page(viewport=DESK)
-    with served(replay_app(Player(film), roads)) as address:
+    with served(replay_app(Player(recorded), roads)) as address:
         page.goto(address)
         page.wait_for_selector("#link[data-state=open]")
     page.wait_for_selector("#app.lost")
@@ -243,10 +251,10 @@ def test_a_connection_that_breaks_is_told_and_taken_up_again(
 
 
 def test_a_report_opens_offline_and_its_places_lead_somewhere(
-    browser: Any, film: Film, roads: RoadMap, tmp_path: Path
+    browser: Any, recorded: RecordedMessages, roads: RoadMap, tmp_path: Path
 ):
     path = tmp_path / "report.html"
-    write_report(film, path, roads)
+    write_report(recorded, path, roads)
     context = browser.new_context(viewport=DESK, offline=True)
     page = context.new_page()
     complaints: list[str] = []

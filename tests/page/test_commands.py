@@ -143,6 +143,7 @@ def test_a_report_needs_neither_a_server_nor_maplibre():
     code = (
         "import sys\n"
         "for name in ('starlette', 'uvicorn', 'maplibre'): sys.modules[name] = None\n"
-        "import whichroad.replay.report, whichroad.replay.opening, whichroad.replay.points"
+        "import whichroad.replay.drive_report, whichroad.replay.open_replay\n"
+        "import whichroad.replay.points"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

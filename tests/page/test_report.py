@@ -8,26 +8,28 @@ from pathlib import Path
 import pytest
 
 from whichroad.errors import WriteError
-from whichroad.page.files import STATIC
 from whichroad.page.standalone import MODULES, standalone
-from whichroad.reasons import STATUS
-from whichroad.replay.film import Film
-from whichroad.replay.report import report_data, write_report
+from whichroad.page.static_files import STATIC
+from whichroad.replay.drive_report import report_data, write_report
+from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.roadmap import RoadMap
+from whichroad.tables.status import STATUS
 
 NAMES = re.compile(
     r"^(?:export )?(?:async )?(?:const|let|function|class) (\w+|\{[^}]*\}|\[[^\]]*\])", re.M
 )
 
 
-def test_the_file_names_nothing_outside_of_itself(film: Film, roads: RoadMap, tmp_path: Path):
+def test_the_file_names_nothing_outside_of_itself(
+    recorded: RecordedMessages, roads: RoadMap, tmp_path: Path
+):
     path = tmp_path / "report.html"
-    write_report(film, path, roads)
+    write_report(recorded, path, roads)
     text = path.read_text("utf-8").replace("http://www.w3.org/2000/svg", "")
     assert not re.search(r"https?://|<link rel=\"stylesheet|src=|^import ", text, re.M)
     assert "{{" not in text.split('<script type="application/json"')[0]
     data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S).group(1))  # type: ignore[union-attr]
-    assert data["drive_id"] == film.drive_id
+    assert data["drive_id"] == recorded.drive_id
     assert len(data["line"]["t"]) == len(data["poses"]) == len(data["more"]["edge"])
     assert data["roads"]
 
@@ -54,30 +56,36 @@ def test_a_name_cannot_break_out_of_the_page():
     assert "{{style}}" in page
 
 
-def test_a_report_without_a_map_has_a_track_and_no_roads(film: Film, tmp_path: Path):
-    data = report_data(film)
+def test_a_report_without_a_map_has_a_track_and_no_roads(
+    recorded: RecordedMessages, tmp_path: Path
+):
+    data = report_data(recorded)
     assert data["roads"] == []
     assert data["edges"] == {}
     assert data["line"]["lat"]
-    write_report(film, tmp_path / "plain.html")
+    write_report(recorded, tmp_path / "plain.html")
 
 
-def test_to_pass_from_one_edge_to_the_next_is_no_place_to_look_at(film: Film, roads: RoadMap):
-    bare = copy.copy(film)
+def test_to_pass_from_one_edge_to_the_next_is_no_place_to_look_at(
+    recorded: RecordedMessages, roads: RoadMap
+):
+    bare = copy.copy(recorded)
     bare.route = None
     without = [place["kind"] for place in report_data(bare)["places"]]
-    for shown in (film, bare):  # by the route, and by the map alone
+    for shown in (recorded, bare):  # by the route, and by the map alone
         kinds = [place["kind"] for place in report_data(shown, roads)["places"]]
         assert kinds.count("outage") == without.count("outage") > 0
         assert 0 < kinds.count("ambiguous") < without.count("ambiguous")
 
 
-def test_a_file_that_is_there_is_kept_unless_told_otherwise(film: Film, tmp_path: Path):
+def test_a_file_that_is_there_is_kept_unless_told_otherwise(
+    recorded: RecordedMessages, tmp_path: Path
+):
     path = tmp_path / "report.html"
     path.write_text("mine")
     with pytest.raises(WriteError, match="exists"):
-        write_report(film, path)
+        write_report(recorded, path)
     assert path.read_text() == "mine"
-    write_report(film, path, force=True)
+    write_report(recorded, path, force=True)
     with pytest.raises(WriteError, match=r"\.html was expected"):
-        write_report(film, tmp_path / "report.pdf")
+        write_report(recorded, tmp_path / "report.pdf")

@@ -9,14 +9,14 @@ import pytest
 
 from whichroad import match
 from whichroad.errors import ReadError
-from whichroad.replay.film import Film
-from whichroad.replay.opening import Remaking
+from whichroad.replay.drive_report import report_data
+from whichroad.replay.driven_path import Route
+from whichroad.replay.open_replay import Remaking
 from whichroad.replay.points import read_points
-from whichroad.replay.report import report_data
-from whichroad.replay.route import Route
+from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.timeline import timeline
-from whichroad.result import Result
 from whichroad.roadmap import RoadMap
+from whichroad.tables.result import Result
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +39,16 @@ def away_from_roads(roads: RoadMap, lat: float, lon: float) -> float:
 
 
 def test_the_way_between_far_fixes_runs_along_the_roads(sparse: Result, roads: RoadMap):
-    film = Film(sparse, roads)
-    ways = timeline(film)["ways"]
-    assert len(ways) > 0.5 * len(film)
+    recorded = RecordedMessages(sparse, roads)
+    ways = timeline(recorded)["ways"]
+    assert len(ways) > 0.5 * len(recorded)
     assert max(away_from_roads(roads, *at) for way in ways.values() for at in way) < 0.5
-    assert film.driven == pytest.approx(sparse.summary["path_m"], rel=1e-6)
+    assert recorded.driven == pytest.approx(sparse.summary["path_m"], rel=1e-6)
 
 
 def test_a_way_is_the_shape_of_its_edges_from_point_to_point(roads: RoadMap):
-    edge = int(np.argmax(np.diff(roads.arrays.first)))
-    length = float(roads.arrays.length[edge])
+    edge = int(np.argmax(roads.arrays.edges.last_vertex - roads.arrays.edges.first_vertex))
+    length = float(roads.arrays.edges.length[edge])
     once = np.ones(1)
     route = Route(np.array([edge]), 0.0 * once, 60.0 * once, 0.0 * once, length * once, [None])
     time, on = np.array([10.0, 50.0]), np.array([edge, edge])
@@ -60,66 +60,66 @@ def test_a_way_is_the_shape_of_its_edges_from_point_to_point(roads: RoadMap):
 
 
 def test_a_route_that_breaks_off_is_drawn_straight_there(roads: RoadMap):
-    length = roads.arrays.length[:1].astype(float)
+    length = roads.arrays.edges.length[:1].astype(float)
     route = Route(np.array([0]), np.zeros(1), np.ones(1), 0.0 * length, length, [None])
     nowhere = np.array([np.nan, np.nan])
     assert route.between(np.array([5.0, 50.0]), np.array([-2, -2]), nowhere, roads) == {}
 
 
-def test_a_dense_drive_needs_no_ways(film: Film):
-    assert film.route is not None
-    assert timeline(film)["ways"] == {}
+def test_a_dense_drive_needs_no_ways(recorded: RecordedMessages):
+    assert recorded.route is not None
+    assert timeline(recorded)["ways"] == {}
 
 
 def test_a_doubt_at_one_of_many_far_fixes_is_listed_for_as_long_as_it_held(
     sparse: Result, roads: RoadMap
 ):
-    film = Film(sparse, roads)
-    film.status[:] = 0
-    film.status[4] = 2
-    (place,) = [p for p in report_data(film, roads)["places"] if p["kind"] == "off_road"]
-    assert place["begin"] == pytest.approx(film.time[4] - film.time[0], abs=0.01)
-    assert place["end"] == pytest.approx(film.time[5] - film.time[0], abs=0.01)
+    recorded = RecordedMessages(sparse, roads)
+    recorded.status[:] = 0
+    recorded.status[4] = 2
+    (place,) = [p for p in report_data(recorded, roads)["places"] if p["kind"] == "off_road"]
+    assert place["begin"] == pytest.approx(recorded.time[4] - recorded.time[0], abs=0.01)
+    assert place["end"] == pytest.approx(recorded.time[5] - recorded.time[0], abs=0.01)
 
 
-def doubted(film: Film, k: int, edges: list[int], p: list[float]) -> list[str]:
+def doubted(recorded: RecordedMessages, k: int, edges: list[int], p: list[float]) -> list[str]:
     """Kinds of the places of a film that at epoch k doubts between some edges."""
-    film.status[:] = 0
-    film.status[k] = 1
-    film.choices.edge[k], film.choices.p[k] = -2, 0.0
-    film.choices.edge[k, : len(edges)], film.choices.p[k, : len(p)] = edges, p
-    return [p["kind"] for p in report_data(film)["places"] if p["kind"] == "ambiguous"]
+    recorded.status[:] = 0
+    recorded.status[k] = 1
+    recorded.choices.edge[k], recorded.choices.p[k] = -2, 0.0
+    recorded.choices.edge[k, : len(edges)], recorded.choices.p[k, : len(p)] = edges, p
+    return [p["kind"] for p in report_data(recorded)["places"] if p["kind"] == "ambiguous"]
 
 
 def test_a_doubt_between_edges_in_a_row_on_the_route_is_not_listed(sparse: Result, roads: RoadMap):
-    film = Film(sparse, roads)
-    assert film.route is not None
-    route, k = film.route, 4
-    at = int(np.searchsorted(route.exit, film.time[k]))
+    recorded = RecordedMessages(sparse, roads)
+    assert recorded.route is not None
+    route, k = recorded.route, 4
+    at = int(np.searchsorted(route.exit, recorded.time[k]))
     here, after = int(route.edge[at]), int(route.edge[at + 1])
     beside = next(e for e in range(len(roads)) if e not in set(route.edge.tolist()))
-    assert doubted(film, k, [here, after], [0.55, 0.45]) == []
-    assert doubted(film, k, [after, here], [0.55, 0.45]) == []
-    assert doubted(film, k, [here, beside], [0.55, 0.45]) == ["ambiguous"]
-    assert doubted(film, k, [here, after, beside], [0.5, 0.3, 0.2]) == ["ambiguous"]
-    assert doubted(film, k, [beside, here], [0.55, 0.45]) == ["ambiguous"]
+    assert doubted(recorded, k, [here, after], [0.55, 0.45]) == []
+    assert doubted(recorded, k, [after, here], [0.55, 0.45]) == []
+    assert doubted(recorded, k, [here, beside], [0.55, 0.45]) == ["ambiguous"]
+    assert doubted(recorded, k, [here, after, beside], [0.5, 0.3, 0.2]) == ["ambiguous"]
+    assert doubted(recorded, k, [beside, here], [0.55, 0.45]) == ["ambiguous"]
 
 
 def test_rules_that_the_route_breaks_are_listed_once_for_edges_in_a_row(
     sparse: Result, roads: RoadMap
 ):
-    film = Film(sparse, roads)
-    assert film.route is not None
-    broken: list[str | None] = [None] * len(film.route.edge)
+    recorded = RecordedMessages(sparse, roads)
+    assert recorded.route is not None
+    broken: list[str | None] = [None] * len(recorded.route.edge)
     broken[2] = broken[3] = "against_one_way"
     broken[5] = "gap"
-    film.route = replace(film.route, broken=broken)
+    recorded.route = replace(recorded.route, broken=broken)
     said = [
-        p for p in report_data(film, roads)["places"] if p["kind"] in ("against_one_way", "gap")
+        p for p in report_data(recorded, roads)["places"] if p["kind"] in ("against_one_way", "gap")
     ]
     assert [p["kind"] for p in said] == ["against_one_way", "gap"]
-    assert said[0]["begin"] == pytest.approx(film.route.enter[2] - film.time[0], abs=0.01)
-    assert said[0]["end"] == pytest.approx(film.route.exit[3] - film.time[0], abs=0.01)
+    assert said[0]["begin"] == pytest.approx(recorded.route.enter[2] - recorded.time[0], abs=0.01)
+    assert said[0]["end"] == pytest.approx(recorded.route.exit[3] - recorded.time[0], abs=0.01)
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "csv", "arrow"])
@@ -129,10 +129,10 @@ def test_points_and_path_from_files_make_the_same_ways(
     points, path = tmp_path / f"points.{suffix}", tmp_path / f"path.{suffix}"
     sparse.write(points)
     sparse.write_path(path)
-    film = Film(read_points(points, None, path), roads)
-    written = json.loads(json.dumps(timeline(film)["ways"]))
-    assert written.keys() == {str(k) for k in timeline(Film(sparse, roads))["ways"]}
-    assert timeline(Film(read_points(points), roads))["ways"] == {}
+    recorded = RecordedMessages(read_points(points, None, path), roads)
+    written = json.loads(json.dumps(timeline(recorded)["ways"]))
+    assert written.keys() == {str(k) for k in timeline(RecordedMessages(sparse, roads))["ways"]}
+    assert timeline(RecordedMessages(read_points(points), roads))["ways"] == {}
 
 
 @pytest.mark.parametrize("column", ["edge_id", "enter_time"])
@@ -151,4 +151,4 @@ def test_a_path_of_another_map_is_left_alone(sparse: Result, roads: RoadMap):
         path.column_names.index("edge_id"), "edge_id", [np.full(len(path), len(roads) + 5)]
     )
     other = Result(sparse.to_arrow(), far, {})
-    assert Film(other, roads).route is None
+    assert RecordedMessages(other, roads).route is None

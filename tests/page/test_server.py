@@ -9,19 +9,22 @@ import pytest
 from websockets.sync.client import connect
 
 from whichroad.errors import SettingError
-from whichroad.page.files import STATIC, maplibre_folder
-from whichroad.page.routes import page_routes
-from whichroad.replay.film import Film
+from whichroad.page.http_routes import page_routes
+from whichroad.page.static_files import STATIC, maplibre_folder
 from whichroad.replay.player import Player
-from whichroad.replay.server import listen, replay_app
+from whichroad.replay.recorded_messages import RecordedMessages
+from whichroad.replay.replay_server import listen, replay_app
 from whichroad.roadmap import RoadMap
 
 from .conftest import served
 
 
 @pytest.fixture(scope="module")
-def client(film: Film, roads: RoadMap) -> Iterator[httpx.Client]:
-    with served(replay_app(Player(film), roads)) as address, httpx.Client(base_url=address) as one:
+def client(recorded: RecordedMessages, roads: RoadMap) -> Iterator[httpx.Client]:
+    with (
+        served(replay_app(Player(recorded), roads)) as address,
+        httpx.Client(base_url=address) as one,
+    ):
         yield one
 
 

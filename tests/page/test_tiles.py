@@ -76,10 +76,9 @@ def test_names_are_sent_when_the_map_is_close(layer: RoadLayer, roads: RoadMap):
 
 
 def test_a_one_way_street_is_drawn_in_its_direction(layer: RoadLayer, roads: RoadMap):
+    edges = roads.arrays.edges
     edge = next(
-        e
-        for e in range(len(roads))
-        if roads.arrays.rule[e] == 0 and roads.arrays.rule[roads.arrays.opposite[e]] & 1
+        e for e in range(len(roads)) if edges.rule[e] == 0 and edges.rule[edges.opposite[e]] & 1
     )
     first, *_, last = edge_of(roads, edge)["line"]
     middle = np.mean([first, last], axis=0)

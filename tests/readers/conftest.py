@@ -44,7 +44,7 @@ def burst(
 
 
 def check_records(drive) -> None:
-    """What records.py promises: times that increase, nothing but finite numbers."""
+    """What observations.py promises: times that increase, nothing but finite numbers."""
     for log in (drive.fixes, drive.odometry):
         if log is None:
             continue

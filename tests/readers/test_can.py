@@ -8,9 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
+from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
 from whichroad.readers import read_drive
 from whichroad.readers.can import decode
-from whichroad.records import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
 from whichroad.settings import Vehicle
 
 T0 = 1_780_315_200.0

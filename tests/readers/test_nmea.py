@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
+from whichroad.observations import ASSUMED, FROM_HDOP, NO_CORRELATION
 from whichroad.readers import NmeaParser, read_drive
-from whichroad.readers.fixes import as_records, from_gst
-from whichroad.records import ASSUMED, FROM_HDOP, NO_CORRELATION
+from whichroad.readers.reported_fixes import as_records, from_gst
 from whichroad.settings import Settings
 
 KNOT = 1852 / 3600
@@ -285,6 +285,41 @@ def test_real_streams_in_pieces_give_the_fixes_of_the_whole_log(data_folder, pie
         ]
         fixes += parser.flush()
         assert fixes == as_records(read_drive(path)[0].fixes), path.name
+
+
+def test_a_fix_comes_out_in_a_pause_but_not_in_the_middle_of_a_sentence(nmea):
+    parser, content = NmeaParser(), nmea.burst()
+    assert parser.feed(content[:-5]) + parser.pause() == []
+    assert parser.feed(content[-5:]) == []
+    assert [fix.time for fix in parser.pause()] == [NOON - 4 * 3600.0]
+    assert parser.pause() == []
+
+
+def test_a_fix_comes_out_with_the_sentence_that_ended_three_bursts(nmea):
+    parser = NmeaParser()
+    bursts = [nmea.burst(clock=f"1200{k:02d}.00") for k in range(6)]
+    assert [len(parser.feed(burst)) for burst in bursts] == [0, 1, 1, 2, 1, 1]
+
+
+def test_a_burst_that_does_not_end_takes_no_more_memory(nmea):
+    parser = NmeaParser()
+    fixes = [fix for _ in range(100) for fix in parser.feed(100 * nmea.burst(knots=None))]
+    assert len(fixes) == 1
+    assert sum(map(len, parser._waiting)) <= 1000
+
+
+def test_a_speed_without_a_sentence_before_it_belongs_to_no_epoch(nmea, read):
+    vtg = nmea.sealed("GPVTG,45.0,T,,M,20.0,N,37.0,K,A")
+    assert np.isinf(read(vtg + nmea.burst(knots=None)).fixes.sigma_speed[0])
+
+
+@pytest.mark.parametrize("noise", [bytes(range(256)) * 40, b"x" * 10_000, b"\n" + b"$" * 9_999])
+def test_a_stream_counts_what_is_no_sentence_and_goes_on(nmea, noise):
+    parser = NmeaParser()
+    assert parser.feed(noise) == []
+    assert parser.feed(b"\r\n" + nmea.burst()) == []
+    assert len(parser.flush()) == 1
+    assert sum(parser.skipped.values()) > 0
 
 
 @given(st.binary(max_size=400))

@@ -15,10 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
+from whichroad.observations import (
+    ASSUMED,
+    FROM_HDOP,
+    Odometer,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeeds,
+)
 from whichroad.readers import drive_from_table, read_drive
-from whichroad.readers.fixes import RADIUS_68
 from whichroad.readers.names import NAMES, normal
-from whichroad.records import ASSUMED, FROM_HDOP, Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
+from whichroad.readers.reported_fixes import RADIUS_68
 from whichroad.settings import Settings, Vehicle
 
 T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from whichroad.core.network import NO_ACCESS, U_TURN
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
+from whichroad.graph.network import NO_ACCESS, U_TURN
 from whichroad.roadmap import RoadMap
 
 PLACE = Plane(49.4, 8.7)
@@ -97,70 +97,79 @@ def check():
 
 def _edge(roads, start, end):
     """The edge from one node to another, by source ids."""
-    a = roads.arrays
-    pairs = zip(roads.node_ids(a.from_node), roads.node_ids(a.to_node), strict=True)
+    edges = roads.arrays.edges
+    pairs = zip(roads.node_ids(edges.from_node), roads.node_ids(edges.to_node), strict=True)
     [found] = [i for i, pair in enumerate(pairs) if pair == (start, end)]
     return found
 
 
 def _turn(roads, start, node, end):
     """Prior, angle and broken rules of a turn, by source ids of nodes."""
-    a = roads.arrays
     origin, target = _edge(roads, start, node), _edge(roads, node, end)
-    for t in range(a.succ_first[origin], a.succ_first[origin + 1]):
-        if a.succ[t] == target:
-            return float(a.succ_prior[t]), float(a.succ_turn[t]), int(a.succ_rule[t])
+    edge = roads.arrays.edges[origin]
+    for turn in roads.arrays.turns[edge.first_turn : edge.end_turn]:
+        if turn.edge == target:
+            return float(turn.prior), float(turn.angle), int(turn.rule)
     raise AssertionError((start, node, end))
 
 
 def _check(roads):
     """Assert the laws of a compiled network."""
-    a = roads.arrays
-    edges = np.arange(len(a.length))
-    assert len(a.first) == len(a.succ_first) == len(a.pred_first) == len(edges) + 1
-    assert np.all(np.diff(a.first) >= 2)
-    start, end = a.first[:-1], a.first[1:] - 1
-    assert np.all(a.s[start] == 0)
-    assert np.all(a.s[end] == a.length)
-    inside = np.ones(len(a.s), bool)
+    arrays = roads.arrays
+    v, e, t = arrays.vertices, arrays.edges, arrays.turns
+    number = np.arange(len(e))
+    ranges = (
+        (e.first_vertex, e.last_vertex + 1, len(v)),
+        (e.first_turn, e.end_turn, len(t)),
+        (e.first_predecessor, e.end_predecessor, len(arrays.predecessors)),
+    )
+    for first, beyond, count in ranges:  # one behind the other, from none to all
+        assert first[0] == 0
+        assert np.all(first[1:] == beyond[:-1])
+        assert beyond[-1] == count
+    assert np.all(e.last_vertex > e.first_vertex)
+    start, end = e.first_vertex, e.last_vertex
+    assert np.all(v.s[start] == 0)
+    assert np.all(v.s[end] == e.length)
+    inside = np.ones(len(v.s), bool)
     inside[start] = False
-    assert np.all(np.diff(a.s)[inside[1:]] > 0)
+    assert np.all(np.diff(v.s)[inside[1:]] > 0)
 
     # the two directions are one street
-    assert np.all(a.opposite >= 0)
-    assert np.all(a.opposite[a.opposite] == edges)
-    assert np.all(a.opposite != edges)
-    assert np.all(a.from_node[a.opposite] == a.to_node)
-    np.testing.assert_allclose(a.length[a.opposite], a.length, rtol=1e-9)
-    for edge in edges[:200]:
+    assert np.all(e.opposite >= 0)
+    assert np.all(e.opposite[e.opposite] == number)
+    assert np.all(e.opposite != number)
+    assert np.all(e.from_node[e.opposite] == e.to_node)
+    np.testing.assert_allclose(e.length[e.opposite], e.length, rtol=1e-9)
+    for edge in number[:200]:
         line = roads.edge_line(int(edge))
-        np.testing.assert_array_equal(line, roads.edge_line(int(a.opposite[edge]))[::-1])
-    one_street = roads.way == roads.way[a.opposite]  # else two lie on each other
-    closed = a.rule & NO_ACCESS
-    assert np.all((closed == closed[a.opposite]) | ~one_street)
+        np.testing.assert_array_equal(line, roads.edge_line(int(e.opposite[edge]))[::-1])
+    one_street = roads.way == roads.way[e.opposite]  # else two lie on each other
+    closed = e.rule & NO_ACCESS
+    assert np.all((closed == closed[e.opposite]) | ~one_street)
 
     # successors leave where the edge ends, all of them
-    origin = np.repeat(edges, np.diff(a.succ_first))
-    assert np.all(a.from_node[a.succ] == a.to_node[origin])
-    leaving = np.bincount(a.from_node, minlength=a.to_node.max() + 1)
-    assert np.all(np.diff(a.succ_first) == leaving[a.to_node])
-    total = np.add.reduceat(a.succ_prior.astype(float), a.succ_first[:-1])
+    origin = np.repeat(number, e.end_turn - e.first_turn)
+    assert np.all(e.from_node[t.edge] == e.to_node[origin])
+    leaving = np.bincount(e.from_node, minlength=e.to_node.max() + 1)
+    assert np.all(e.end_turn - e.first_turn == leaving[e.to_node])
+    total = np.add.reduceat(t.prior.astype(float), e.first_turn)
     np.testing.assert_allclose(total, 1, atol=1e-6)
-    assert np.all(a.succ_prior > 0)
-    u_turn = (a.succ_rule & U_TURN) > 0
-    assert np.all(u_turn == (a.succ == a.opposite[origin]))
-    assert np.all(np.abs(a.succ_turn) <= np.float32(np.pi))
+    assert np.all(t.prior > 0)
+    u_turn = (t.rule & U_TURN) > 0
+    assert np.all(u_turn == (t.edge == e.opposite[origin]))
+    assert np.all(np.abs(t.angle) <= np.float32(np.pi))
 
     # predecessors are the same turns, looked at from the other end
-    target = np.repeat(edges, np.diff(a.pred_first))
-    turns = sorted(zip(origin.tolist(), a.succ.tolist(), strict=True))
-    assert turns == sorted(zip(a.pred.tolist(), target.tolist(), strict=True))
+    target = np.repeat(number, e.end_predecessor - e.first_predecessor)
+    turns = sorted(zip(origin.tolist(), t.edge.tolist(), strict=True))
+    assert turns == sorted(zip(arrays.predecessors.tolist(), target.tolist(), strict=True))
 
     # pieces cover the edge from its start, in order
     first = roads.pieces.first
     assert np.all(np.diff(first) >= 1)
     assert np.all(roads.pieces.start[first[:-1]] == 0)
-    for edge in edges[:200]:
+    for edge in number[:200]:
         starts = roads.pieces.start[first[edge] : first[edge + 1]]
         assert np.all(np.diff(starts) > 0)
-        assert starts[-1] < a.length[edge]
+        assert starts[-1] < e.length[edge]

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import cells
 from whichroad.roadmap.chains import chains, end_headings
 
@@ -84,9 +84,10 @@ places = st.floats(-400.0, 400.0).map(lambda at: round(at, 9)) | st.integers(-6,
 def test_a_cell_lists_the_segments_that_touch_it_and_no_others(line):
     x, y = np.array(line).T
     first = np.array([0, len(line)], np.int32)
-    key, cell_first, edge, vertex = cells.build(x, y, first, SIZE)
+    key, cell_first, segments = cells.build(x, y, first, SIZE)
+    vertex = segments.vertex
     assert (key[1:] > key[:-1]).all()
-    assert (edge == 0).all()
+    assert (segments.edge == 0).all()
     listed = set()
     for k, (a, b) in zip(key.tolist(), pairwise(cell_first.tolist()), strict=True):
         column, row = (k >> 32) % 2**32 - 2**31, k % 2**32 - 2**31

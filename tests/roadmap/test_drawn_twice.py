@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.core.network import AGAINST_ONE_WAY, NO_ACCESS
 from whichroad.errors import MapError
+from whichroad.graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from whichroad.roadmap import RoadMap
 
 NODES = {1: (0, 0), 2: (60, 10), 3: (100, 0), 4: (200, 0), 5: (60, 90)}
@@ -18,10 +18,10 @@ SERVICE = {"highway": "service"}
 
 def streets(roads):
     """Source, whether driven as drawn, and rule of each directed edge, by node ids."""
-    a = roads.arrays
-    pairs = list(zip(roads.node_ids(a.from_node), roads.node_ids(a.to_node), strict=True))
+    edges = roads.arrays.edges
+    pairs = list(zip(roads.node_ids(edges.from_node), roads.node_ids(edges.to_node), strict=True))
     assert len(set(pairs)) == len(pairs)
-    return {p: (*roads.source(e, 1.0), int(a.rule[e])) for e, p in enumerate(pairs)}
+    return {p: (*roads.source(e, 1.0), int(edges.rule[e])) for e, p in enumerate(pairs)}
 
 
 def repeats(roads):
@@ -79,7 +79,7 @@ def test_the_higher_class_is_kept(osm, check, refs):
     roads = osm(NODES, [(10, refs, SERVICE), (20, [1, 2, 3], {"name": "High Street"})])
     check(roads)
     assert streets(roads) == {(1, 3): (20, True, 0), (3, 1): (20, False, 0)}
-    assert not np.any(roads.arrays.service)
+    assert not np.any(roads.arrays.edges.service)
     assert repeats(roads) == 2
 
 
@@ -125,12 +125,12 @@ def test_what_can_be_driven_is_what_was_drawn(tmp_path_factory, xml, degrees, da
         assert not expected
         return
     found = {}
-    a = roads.arrays
+    rule = roads.arrays.edges.rule
     xy = np.array([roads.plane.from_geodetic(*degrees(*p)[::-1]) for p in NODES.values()])
     for e in range(len(roads)):
         line = roads.edge_line(e)
         nodes = [1 + int(np.argmin(np.hypot(*(xy - p).T))) for p in line]
         for pair in itertools.pairwise(nodes):
             assert pair not in found
-            found[pair] = a.rule[e] == 0
+            found[pair] = rule[e] == 0
     assert found == expected

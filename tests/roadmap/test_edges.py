@@ -11,8 +11,8 @@ import pyarrow.parquet
 import pytest
 import shapely
 
-from whichroad.core.network import AGAINST_ONE_WAY
 from whichroad.errors import MapError
+from whichroad.graph.network import AGAINST_ONE_WAY
 from whichroad.roadmap import RoadMap
 
 
@@ -41,9 +41,13 @@ def town(line):
 
 def same(one, two, tolerance=1e-9):
     """Assert that two maps are the same roads."""
-    for name in ("from_node", "to_node", "opposite", "rule", "succ", "succ_rule", "pred"):
-        np.testing.assert_array_equal(getattr(one.arrays, name), getattr(two.arrays, name))
-    np.testing.assert_allclose(one.arrays.length, two.arrays.length, atol=tolerance)
+    a, b = one.arrays, two.arrays
+    for name in ("from_node", "to_node", "opposite", "rule", "first_turn"):
+        np.testing.assert_array_equal(a.edges[name], b.edges[name])
+    for name in ("edge", "rule"):
+        np.testing.assert_array_equal(a.turns[name], b.turns[name])
+    np.testing.assert_array_equal(a.predecessors, b.predecessors)
+    np.testing.assert_allclose(a.edges.length, b.edges.length, atol=tolerance)
     assert one.sources(np.arange(len(one)), 1.0)[0] == two.sources(np.arange(len(two)), 1.0)[0]
     assert one.column("name") == two.column("name")
 
@@ -51,7 +55,7 @@ def same(one, two, tolerance=1e-9):
 def rule(roads, source, forward):
     """Rule of the edges on which a source row is driven in a direction."""
     [found] = {
-        int(roads.arrays.rule[e])
+        int(roads.arrays.edges.rule[e])
         for e in range(len(roads))
         if roads.source(e, 1.0) == (source, forward)
     }
@@ -68,7 +72,7 @@ def test_a_table_of_edges_becomes_a_network(town, check):
     south = next(e for e in range(8) if roads.source(e, 1.0) == (10, True))
     assert roads.source(south, 99.0) == (10, True)
     assert roads.source(south, 101.0) == (11, False)
-    assert sorted(set(roads.node_ids(roads.arrays.from_node))) == [1, 2, 3, 4, 6]
+    assert sorted(set(roads.node_ids(roads.arrays.edges.from_node))) == [1, 2, 3, 4, 6]
     assert roads.attributes(south)["name"] == "South"
 
 
@@ -112,8 +116,9 @@ def test_nodes_found_from_the_geometry_are_those_that_were_named(town):
     named = RoadMap.from_edges(town)
     found = RoadMap.from_edges(town.drop(columns=["from", "to"]))
     assert len(found) == len(named)
-    np.testing.assert_allclose(np.sort(found.arrays.length), np.sort(named.arrays.length))
-    assert sorted(np.diff(found.arrays.succ_first)) == sorted(np.diff(named.arrays.succ_first))
+    a, b = found.arrays.edges, named.arrays.edges
+    np.testing.assert_allclose(np.sort(a.length), np.sort(b.length))
+    assert sorted(a.end_turn - a.first_turn) == sorted(b.end_turn - b.first_turn)
 
 
 def test_rows_of_both_directions_make_one_street_with_two_ids(line, check):
@@ -136,7 +141,7 @@ def test_a_column_of_lanes_tells_how_far_a_vehicle_may_be_from_its_usual_one(tow
     """Two one-way lanes and four in both directions are two in each; one is one."""
     roads = RoadMap.from_edges(town.assign(lanes=[4, 2, 2, 1, 1]))
     spread = {
-        roads.source(e, 1.0)[0]: float(roads.arrays.lane_spread[e])
+        roads.source(e, 1.0)[0]: float(roads.arrays.edges.lane_sigma[e])
         for e in range(len(roads))
         if roads.source(e, 1.0)[1]
     }
@@ -145,11 +150,12 @@ def test_a_column_of_lanes_tells_how_far_a_vehicle_may_be_from_its_usual_one(tow
 
 def test_one_may_say_whether_rows_are_directions(line):
     table = geopandas.GeoDataFrame({"id": [1]}, geometry=[line((0, 0), (100, 0))], crs=4326)
-    assert np.all(RoadMap.from_edges(table).arrays.rule == 0)
-    assert sorted(RoadMap.from_edges(table, directed=True).arrays.rule) == [0, AGAINST_ONE_WAY]
+    assert np.all(RoadMap.from_edges(table).arrays.edges.rule == 0)
+    directed = RoadMap.from_edges(table, directed=True)
+    assert sorted(directed.arrays.edges.rule) == [0, AGAINST_ONE_WAY]
     both = pandas.concat([table, table.assign(id=2, geometry=table.geometry.reverse())])
     assert rule(RoadMap.from_edges(both), 2, True) == 0
-    assert np.all(RoadMap.from_edges(both, directed=False).arrays.rule == 0)
+    assert np.all(RoadMap.from_edges(both, directed=False).arrays.edges.rule == 0)
 
 
 def test_the_tables_of_osmnx_are_understood(line):
@@ -212,7 +218,7 @@ def test_nodes_may_be_words(line):
         {"from_node": ["A", "B"], "to_node": ["B", "Ç"]}, geometry=lines, crs=4326
     )
     roads = RoadMap.from_edges(table)
-    assert sorted(roads.node_ids(roads.arrays.from_node)) == ["A", "Ç"]
+    assert sorted(roads.node_ids(roads.arrays.edges.from_node)) == ["A", "Ç"]
     assert roads.source(0, 50.0) == (0, True)  # without ids a row is its number
 
 
@@ -291,16 +297,16 @@ def test_a_map_across_the_antimeridian_is_one_map(check):
     roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
     check(roads)
     assert len(roads) == 2
-    assert roads.arrays.length[0] == pytest.approx(2 * 1064.9, abs=1)
+    assert roads.arrays.edges.length[0] == pytest.approx(2 * 1064.9, abs=1)
 
 
 def test_more_vertices_on_the_same_line_change_nothing(town):
     dense = town.assign(geometry=town.geometry.segmentize(3e-5))
     one, two = RoadMap.from_edges(town), RoadMap.from_edges(dense)
-    assert len(two.arrays.x) > 3 * len(one.arrays.x)
+    assert len(two.arrays.vertices) > 3 * len(one.arrays.vertices)
     same(one, two, 1e-4)
-    np.testing.assert_allclose(one.arrays.succ_prior, two.arrays.succ_prior)
-    np.testing.assert_allclose(one.arrays.succ_turn, two.arrays.succ_turn, atol=1e-4)
+    np.testing.assert_allclose(one.arrays.turns.prior, two.arrays.turns.prior)
+    np.testing.assert_allclose(one.arrays.turns.angle, two.arrays.turns.angle, atol=1e-4)
 
 
 def test_the_table_of_edges_makes_the_same_map_again(town):
@@ -314,16 +320,16 @@ def test_the_table_of_edges_makes_the_same_map_again(town):
         legal[["edge_id", "u", "v", "geometry"]].rename(columns={"edge_id": "id"})
     )
     assert len(again) == len(roads)
-    assert (again.arrays.rule == 0).sum() == len(legal)
+    assert (again.arrays.edges.rule == 0).sum() == len(legal)
     np.testing.assert_allclose(
-        np.sort(again.arrays.length), np.sort(roads.arrays.length), atol=1e-6
+        np.sort(again.arrays.edges.length), np.sort(roads.arrays.edges.length), atol=1e-6
     )
 
 
 def test_a_point_on_an_edge_is_found_again(town):
     roads = RoadMap.from_edges(town)
     for edge in range(len(roads)):
-        length = float(roads.arrays.length[edge])
+        length = float(roads.arrays.edges.length[edge])
         for s in (0.2 * length, 0.7 * length):
             x, y, heading = roads.at(edge, s)
             found = roads.near(x + 2 * np.sin(heading), y - 2 * np.cos(heading), 10.0)

@@ -88,7 +88,7 @@ def test_a_stretch_of_an_edge_has_the_source_roads_of_that_stretch_alone(roads):
 def test_metres_and_seconds_of_a_path_are_those_of_its_source_roads(roads):
     edge = eastward(roads)
     path = path_of(
-        [(edge, 0.0, 9.0, 3.0, 191.0), (int(roads.arrays.opposite[edge]), 9, 30, 0, 200)]
+        [(edge, 0.0, 9.0, 3.0, 191.0), (int(roads.arrays.edges.opposite[edge]), 9, 30, 0, 200)]
     )
     got = roads.by_source(path).to_pandas()
     whole = path.to_pandas()

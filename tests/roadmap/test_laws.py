@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.core.network import U_TURN
 from whichroad.errors import MapError
+from whichroad.graph.network import U_TURN
 from whichroad.roadmap import RoadMap
 
 
@@ -53,11 +53,15 @@ def test_turning_the_world_turns_no_turn(tmp_path_factory, xml, angle):
         turned = {i: (cos * x - sin * y, sin * x + cos * y) for i, (x, y) in nodes.items()}
         (folder / f"{name}.osm").write_text(xml(turned, ways))
         maps.append(RoadMap.from_osm(folder / f"{name}.osm").arrays)
-    for name in ("length", "s", "succ_prior", "speed"):
-        np.testing.assert_allclose(getattr(maps[0], name), getattr(maps[1], name), atol=0.05)
-    np.testing.assert_array_equal(maps[0].succ, maps[1].succ)
-    u_turn = maps[0].succ_rule & U_TURN > 0
-    np.testing.assert_allclose(maps[0].succ_turn[~u_turn], maps[1].succ_turn[~u_turn], atol=0.005)
+    one, two = maps
+    for table, name in (
+        ("edges", "length"), ("vertices", "s"), ("turns", "prior"), ("edges", "speed"),
+    ):  # fmt: skip
+        a, b = (getattr(m, table)[name] for m in maps)
+        np.testing.assert_allclose(a, b, atol=0.05)
+    np.testing.assert_array_equal(one.turns.edge, two.turns.edge)
+    u_turn = one.turns.rule & U_TURN > 0
+    np.testing.assert_allclose(one.turns.angle[~u_turn], two.turns.angle[~u_turn], atol=0.005)
 
 
 @pytest.mark.data

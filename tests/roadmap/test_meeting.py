@@ -36,7 +36,9 @@ def test_an_end_on_another_line_is_a_junction(line, check, gap, edges, turned):
     assert "skipped" not in roads.info() or not roads.info()["skipped"]
     if edges == 6:  # and the line that is met stays straight
         along = [e for e in range(6) if roads.source(e, 1.0)[0] == 1]
-        assert sorted(roads.arrays.length[along]) == pytest.approx([70, 70, 130, 130], abs=0.01)
+        assert sorted(roads.arrays.edges.length[along]) == pytest.approx(
+            [70, 70, 130, 130], abs=0.01
+        )
         headings = {round(float(np.degrees(roads.at(e, 1.0)[2])), 2) % 180 for e in along}
         assert all(min(h, 180 - h) < 0.02 for h in headings)
 
@@ -70,7 +72,7 @@ def test_an_end_on_both_directions_of_a_road_meets_the_road(line, check):
     roads = RoadMap.from_edges(table)
     check(roads)
     assert len(roads) == 6
-    assert np.all(roads.arrays.rule == 0)
+    assert np.all(roads.arrays.edges.rule == 0)
     ids = set(roads.sources(np.arange(6), 1.0)[0])
     assert ids == {1, 2, 3, 4}
 
@@ -89,7 +91,7 @@ def test_ends_along_a_line_cut_it_where_they_are(check, degrees, places, angle):
     cuts = [0, *(5 * p for p in sorted(set(places))), 1000]
     along = [e for e in range(len(roads)) if roads.source(e, 1.0) == (0, True)]
     np.testing.assert_allclose(
-        np.sort(roads.arrays.length[along]), np.sort(np.diff(cuts)), atol=0.01
+        np.sort(roads.arrays.edges.length[along]), np.sort(np.diff(cuts)), atol=0.01
     )
 
 
@@ -111,7 +113,7 @@ def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
     check(roads)
     assert len(roads) == 6
     assert roads.info()["skipped"] == {"ends drawn on to their node": 1}
-    assert max(roads.arrays.length) == pytest.approx(100, abs=0.01)
+    assert max(roads.arrays.edges.length) == pytest.approx(100, abs=0.01)
 
 
 def test_from_and_to_that_are_no_nodes_are_refused(line):
@@ -130,4 +132,4 @@ def test_vertices_too_close_to_tell_apart_are_one(line, check):
     check(roads)
     assert len(roads) == 2
     assert np.diff(roads.edge_line(0), axis=0).shape[0] < 6
-    assert roads.arrays.length[0] == pytest.approx(50 + np.hypot(40, 9), abs=0.01)
+    assert roads.arrays.edges.length[0] == pytest.approx(50 + np.hypot(40, 9), abs=0.01)

@@ -9,7 +9,7 @@ import osmium
 import pyproj
 import pytest
 
-from whichroad.core.network import AGAINST_ONE_WAY, NO_ACCESS, U_TURN
+from whichroad.graph.network import AGAINST_ONE_WAY, NO_ACCESS, U_TURN
 from whichroad.roadmap import RoadMap
 
 CROSS = {1: (0, 0), 2: (100, 0), 3: (0, 100), 4: (-100, 0), 5: (0, -100)}
@@ -21,7 +21,7 @@ def test_a_cross_has_four_streets_in_both_directions(osm, check):
     check(roads)
     assert len(roads) == 8
     assert roads.info()["nodes"] == 5
-    assert np.all(roads.arrays.rule == 0)
+    assert np.all(roads.arrays.edges.rule == 0)
 
 
 # arms that lead on, to a ring through their ends
@@ -68,7 +68,7 @@ def test_turning_into_a_service_road_is_less_likely_from_a_street_only(osm, turn
     roads = osm(CROSS, [*ARMS[:1], (20, [1, 3], {"highway": "service"}), *ARMS[2:]])
     assert turn(roads, 4, 1, 3)[0] / turn(roads, 4, 1, 5)[0] == pytest.approx(0.3, rel=1e-5)
     assert turn(roads, 3, 1, 4)[0] / turn(roads, 3, 1, 2)[0] == pytest.approx(1, rel=1e-5)
-    assert roads.arrays.service.sum() == 2
+    assert roads.arrays.edges.service.sum() == 2
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_one_way_streets_exist_in_the_other_direction_but_break_a_rule(
 ):
     roads = osm({1: (0, 0), 2: (100, 0)}, [(10, [1, 2], tags)])
     check(roads)
-    rules = [int(roads.arrays.rule[edge(roads, *pair)]) for pair in ((1, 2), (2, 1))]
+    rules = [int(roads.arrays.edges.rule[edge(roads, *pair)]) for pair in ((1, 2), (2, 1))]
     assert rules == [0 if ok else AGAINST_ONE_WAY for ok in legal]
 
 
@@ -113,11 +113,11 @@ def test_a_roundabout_is_driven_one_way_round(osm, check):
     ]
     roads = osm(nodes, ways)
     check(roads)
-    a = roads.arrays
+    edges = roads.arrays.edges
     assert len(roads) == 8
     ring = [e for e in range(8) if roads.attributes(e)["roundabout"]]
     assert len(ring) == 4
-    legal = [e for e in ring if a.rule[e] == 0]
+    legal = [e for e in ring if edges.rule[e] == 0]
     assert len(legal) == 2
     for e in legal:  # counter-clockwise, and nobody keeps right of a roundabout's middle
         line = roads.edge_line(e)
@@ -126,7 +126,7 @@ def test_a_roundabout_is_driven_one_way_round(osm, check):
         )
         (ux, uy), (vx, vy) = line[0] - middle, line[1] - middle
         assert ux * vy - uy * vx > 0
-        assert a.lane[e] == 0
+        assert edges.lane[e] == 0
 
 
 def test_lanes_and_widths_say_where_one_drives(osm, edge):
@@ -139,7 +139,7 @@ def test_lanes_and_widths_say_where_one_drives(osm, edge):
         (50, [1, 6], {"highway": "primary", "oneway": "yes", "lanes": "2"}),
     ]
     roads = osm(nodes, ways)
-    lane = [float(roads.arrays.lane[edge(roads, 1, n)]) for n in (2, 3, 4, 5, 6)]
+    lane = [float(roads.arrays.edges.lane[edge(roads, 1, n)]) for n in (2, 3, 4, 5, 6)]
     assert lane == pytest.approx([1.75, 2.25, 1.2, 0, 1.5])
 
 
@@ -151,7 +151,7 @@ def test_speeds_come_from_limits_or_classes(osm, edge):
         (40, [1, 5], {"maxspeed": "walk"}),
     ]
     roads = osm(CROSS, ways)
-    speed = [float(roads.arrays.speed[edge(roads, 1, n)]) * 3.6 for n in (2, 3, 4, 5)]
+    speed = [float(roads.arrays.edges.speed[edge(roads, 1, n)]) * 3.6 for n in (2, 3, 4, 5)]
     assert speed == pytest.approx([50, 48.28, 12, 7], abs=0.01)
     assert roads.attributes(edge(roads, 1, 3))["speed_limit_kmh"] == pytest.approx(48.28, abs=0.01)
     assert roads.attributes(edge(roads, 1, 4))["speed_limit_kmh"] is None
@@ -200,18 +200,19 @@ def test_a_ring_without_a_junction_is_a_loop(osm, check):
     roads = osm(nodes, [(10, [2, 3, 4, 1, 2], {})])
     check(roads)
     assert len(roads) == 2
-    assert roads.node_ids(roads.arrays.from_node) == [2, 2]
-    np.testing.assert_allclose(roads.arrays.length, 200, atol=0.1)
-    assert np.diff(roads.arrays.succ_first).tolist() == [2, 2]
+    edges = roads.arrays.edges
+    assert roads.node_ids(edges.from_node) == [2, 2]
+    np.testing.assert_allclose(edges.length, 200, atol=0.1)
+    assert (edges.end_turn - edges.first_turn).tolist() == [2, 2]
 
 
 def test_a_loop_at_the_end_of_a_street_is_two_edges(osm, check):
     nodes = {1: (0, 0), 2: (50, 0), 3: (90, 30), 4: (90, -30)}
     roads = osm(nodes, [(10, [1, 2], {}), (20, [2, 3, 4, 2], {})])
     check(roads)
-    a = roads.arrays
+    edges = roads.arrays.edges
     assert len(roads) == 4
-    assert (a.from_node == a.to_node).sum() == 2
+    assert (edges.from_node == edges.to_node).sum() == 2
 
 
 @pytest.mark.parametrize(
@@ -229,7 +230,7 @@ def test_a_road_of_several_lanes_spreads_the_vehicle_over_them_in_both_direction
     osm, values, spread
 ):
     roads = osm(CROSS, [(10, [4, 1, 2], values)])
-    assert roads.arrays.lane_spread.tolist() == pytest.approx([spread, spread])
+    assert roads.arrays.edges.lane_sigma.tolist() == pytest.approx([spread, spread])
 
 
 def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm, edge, turn):
@@ -241,7 +242,7 @@ def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm, edge, turn):
     prior, _, broken = turn(roads, 4, 1, 6)
     assert broken == NO_ACCESS
     assert prior / turn(roads, 4, 1, 5)[0] == pytest.approx(2e-4, rel=1e-4)
-    assert roads.arrays.rule[edge(roads, 1, 6)] == NO_ACCESS
+    assert roads.arrays.edges.rule[edge(roads, 1, 6)] == NO_ACCESS
     assert roads.attributes(edge(roads, 1, 6))["access"] == "no"
 
 
@@ -257,7 +258,7 @@ def test_closed_roads_are_kept_and_entering_them_is_unlikely(osm, edge, turn):
 def test_the_most_particular_access_tag_decides(osm, tags, access):
     roads = osm({1: (0, 0), 2: (100, 0)}, [(10, [1, 2], tags)])
     assert roads.attributes(0)["access"] == access
-    assert (roads.arrays.rule[0] == NO_ACCESS) == (access == "no")
+    assert (roads.arrays.edges.rule[0] == NO_ACCESS) == (access == "no")
 
 
 def test_nobody_drives_through_a_bollard(osm, check, turn):
@@ -336,7 +337,7 @@ def test_lengths_are_those_on_the_ground(osm):
     roads = osm(nodes, [(10, [1, 2, 3], {})])
     lat, lon = roads.plane.to_geodetic(*roads.edge_line(0).T)
     true = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
-    assert roads.arrays.length[0] == pytest.approx(true, rel=1e-6)
+    assert roads.arrays.edges.length[0] == pytest.approx(true, rel=1e-6)
 
 
 def test_every_form_of_the_file_gives_the_same_map(tmp_path, xml):

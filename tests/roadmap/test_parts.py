@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import RoadMap
 
 
@@ -28,7 +28,7 @@ def roads() -> RoadMap:
 def test_parts_of_edges_are_what_each_edge_gives(roads):
     rng = np.random.default_rng(2)
     edge = rng.integers(0, len(roads), 300)
-    length = roads.arrays.length[edge]
+    length = roads.arrays.edges.length[edge]
     start = np.where(rng.random(300) < 0.3, 0.0, rng.uniform(-0.2, 1.0, 300) * length)
     end = np.where(rng.random(300) < 0.3, length, start + rng.random(300) * (length - start))
     end[:20] = start[:20]  # parts of no length
@@ -53,5 +53,5 @@ def test_an_edge_is_called_what_its_attributes_say(roads):
 
 
 def test_no_vertex_is_beyond_the_reach(roads):
-    away = np.hypot(roads.arrays.x, roads.arrays.y)
+    away = np.hypot(roads.arrays.vertices.x, roads.arrays.vertices.y)
     assert roads.reach == pytest.approx(away.max())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from whichroad.core.network import TURN_BANNED, U_TURN
+from whichroad.graph.network import TURN_BANNED, U_TURN
 
 CROSS = {1: (0, 0), 2: (100, 0), 3: (0, 100), 4: (-100, 0), 5: (0, -100)}
 ARMS = [(10, [1, 2], {}), (20, [1, 3], {}), (30, [1, 4], {}), (40, [1, 5], {})]
@@ -64,7 +64,7 @@ def test_restrictions_that_cannot_be_kept_are_counted(osm):
 
 def test_an_only_restriction_into_a_missing_street_bans_nothing(osm):
     roads = osm(CROSS, ARMS, [restriction("only_left_turn", 30, 1, 77)])
-    assert not np.any(roads.arrays.succ_rule & TURN_BANNED)
+    assert not np.any(roads.arrays.turns.rule & TURN_BANNED)
 
 
 def test_the_node_of_a_restriction_is_a_junction_even_on_one_street(osm, check, turn):

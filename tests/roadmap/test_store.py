@@ -65,14 +65,14 @@ def test_a_map_can_be_saved_over_itself(saved):
 
 
 def test_arrays_lie_at_multiples_of_64_bytes(saved):
-    for array in RoadMap.open(saved[1]).arrays:
-        if isinstance(array, np.ndarray):
+    for name, array in RoadMap.open(saved[1]).arrays._asdict().items():
+        if name != "plane":  # the file has its numbers in the header
             assert array.ctypes.data % 64 == 0
 
 
 def test_writing_to_an_array_does_not_change_the_file(saved):
     roads, path = saved
-    RoadMap.open(path).arrays.x[:] = 0
+    RoadMap.open(path).arrays.vertices.x[:] = 0
     same(roads, RoadMap.open(path))
 
 
@@ -101,7 +101,7 @@ def test_another_version_is_refused_with_what_to_do(saved):
     content = bytearray(path.read_bytes())
     content[12:16] = struct.pack("<I", 99)
     path.write_bytes(content)
-    with pytest.raises(MapError, match="version 99; version 3 was expected; make it anew"):
+    with pytest.raises(MapError, match="version 99; version 4 was expected; make it anew"):
         RoadMap.open(path)
 
 

@@ -1,9 +1,18 @@
 """The situations that the tests drive through: small hand-made maps and exact drives."""
 
-from .beliefs import On, belief_on, doubt_map, edge_weights, roomy_belief, untouched, weights
+from .beliefs import (
+    On,
+    belief_on,
+    doubt_map,
+    edge_weights,
+    living,
+    roomy_belief,
+    untouched,
+    weights,
+)
 from .drives import Truth, drive_along, epochs_of, gnss
-from .filter import Town, localize, steps
-from .kernels import call
+from .filter import Town, column, columns, localize, steps
+from .kernels import context
 from .networks import grid_town, network, parallel_roads, straight_road
 
 __all__ = [
@@ -11,13 +20,16 @@ __all__ = [
     "Town",
     "Truth",
     "belief_on",
-    "call",
+    "column",
+    "columns",
+    "context",
     "doubt_map",
     "drive_along",
     "edge_weights",
     "epochs_of",
     "gnss",
     "grid_town",
+    "living",
     "localize",
     "network",
     "parallel_roads",

@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.core.belief import (
+from whichroad._compile import Records
+from whichroad.filter.state import (
     CAPACITY,
     MX,
     MY,
     NO_EDGE,
-    NOW,
     OFF_ROAD,
-    STARTED,
     Belief,
     D,
     H,
@@ -23,11 +22,11 @@ from whichroad.core.belief import (
     Y,
     new_belief,
 )
-from whichroad.core.grid import vertex_at
-from whichroad.core.network import Roads
-from whichroad.core.segment import locate
+from whichroad.graph.geometry import locate
+from whichroad.graph.index import vertex_at
+from whichroad.graph.network import Roads
 
-SIGMAS = np.array([3.0, 3.0, 0.05, 0.01, 3e-4, 1.8, 0.0, 0.0, 1.0, 1.0])
+SIGMAS = np.array([3.0, 3.0, 0.05, 0.01, 3e-4, 1.8, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 
 
 class On(NamedTuple):
@@ -42,15 +41,14 @@ class On(NamedTuple):
 
 def roomy_belief(spare: int = 100) -> Belief:
     """An empty belief with spare rows, which no kernel may touch."""
-    rows = new_belief()
-    belief = Belief(*(np.concatenate([a, a[:spare]]) if len(a) == CAPACITY else a for a in rows))
-    return belief._replace(scratch=np.zeros((len(belief.scratch), CAPACITY + spare)))
+    return new_belief(capacity=CAPACITY + spare)
 
 
 def untouched(belief: Belief) -> bool:
     """Whether the spare rows are as they were."""
-    spare = [a[CAPACITY:] for a in (belief.mean, belief.cov, belief.log_weight)]
-    return not any(a.any() for a in spare) and bool((belief.edge[CAPACITY:] == NO_EDGE).all())
+    spare = belief.hyp[CAPACITY:]
+    written = any(spare[name].any() for name in ("mean", "cov", "log_weight"))
+    return not written and bool((spare["edge"] == NO_EDGE).all())
 
 
 def belief_on(roads: Roads, places: Sequence[On]) -> Belief:
@@ -68,31 +66,36 @@ def belief_on(roads: Roads, places: Sequence[On]) -> Belief:
             _, x, y, tx, ty = locate(roads, place.edge, v, place.s)
             mean[[X, Y]] = x + place.right * ty, y - place.right * tx
             mean[H] = np.arctan2(ty, tx)
-            mean[D] = roads.lane[place.edge]
-            belief.segment[i] = v
-        belief.mean[i], belief.cov[i] = mean, np.diag(sigmas**2)
-        belief.edge[i], belief.probability[i] = place.edge, place.p
-        belief.log_weight[i] = np.log(place.p)
-        belief.abscissa[i], belief.spread[i] = place.s, place.sigma
-    belief.size[0] = len(places)
-    belief.clock[[NOW, STARTED]] = 0.0, 1.0
+            mean[D] = roads.edges.lane[place.edge]
+            belief.hyp.segment[i] = v
+        hyp = belief.hyp[i]
+        hyp["mu"], hyp["cov"] = mean, np.diag(sigmas**2)
+        hyp.edge, hyp.weight, hyp.log_weight = place.edge, place.p, np.log(place.p)
+        hyp.along, hyp.along_sigma = place.s, place.sigma
+    state = belief.state[0]
+    state.count, state.started, state.scale = len(places), 1, 1.0
     return belief
+
+
+def living(belief: Belief) -> Records:
+    """The hypotheses, (n,)."""
+    return belief.hyp[: belief.state[0].count]
 
 
 def weights(belief: Belief) -> NDArray[np.float64]:
     """Weights of the hypotheses, not normalised, (n,)."""
-    return np.exp(belief.log_weight[: belief.size[0]])
+    return np.exp(living(belief).log_weight)
 
 
 def edge_weights(belief: Belief) -> dict[int, float]:
     """Weight of each edge, its components added up."""
     total: dict[int, float] = {}
-    for edge, w in zip(belief.edge[: belief.size[0]].tolist(), weights(belief), strict=True):
+    for edge, w in zip(living(belief).edge.tolist(), weights(belief), strict=True):
         total[edge] = total.get(edge, 0.0) + float(w)
     return total
 
 
 def doubt_map(belief: Belief, sigma: float) -> None:
     """Give every hypothesis a map offset of that spread, independent of the rest."""
-    n = belief.size[0]
-    belief.cov[:n, MX, MX] = belief.cov[:n, MY, MY] = sigma**2
+    cov = living(belief)["cov"]
+    cov[:, MX, MX] = cov[:, MY, MY] = sigma**2

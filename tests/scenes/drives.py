@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whichroad.core.epoch import Epochs
+from whichroad._compile import Records
+from whichroad.filter.state import new_epochs
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ def gnss(truth: Truth, *, sigma: float = 3.0, seed: int = 0, constant: float = 6
 
 def epochs_of(
     truth: Truth, fix: Array, at: Sequence[int] | NDArray[np.int64], *, course: float = math.inf
-) -> Epochs:
+) -> Records:
     """Perfect wheels at every epoch, fixes at some.
 
     Args:
@@ -100,21 +101,16 @@ def epochs_of(
     n = len(truth.time)
     dx, dy = np.diff(truth.x, prepend=truth.x[0]), np.diff(truth.y, prepend=truth.y[0])
     before = np.concatenate([truth.heading[:1], truth.heading[:-1]])
-    has_fix = np.zeros(n, np.uint8)
-    has_fix[at] = 1
-    course_sigma = np.full(n, np.inf)
-    course_sigma[at[0]] = course
-    return Epochs(
-        time=truth.time.copy(),
-        arc=np.diff(truth.s, prepend=truth.s[0]),
-        turn=np.diff(truth.heading, prepend=truth.heading[0]),
-        forward=np.cos(before) * dx + np.sin(before) * dy,
-        left=-np.sin(before) * dx + np.cos(before) * dy,
-        moved=np.ones(n, np.uint8),
-        has_fix=has_fix,
-        fix=fix * has_fix[:, None],
-        speed=np.zeros(n),
-        speed_sigma=np.full(n, np.inf),
-        course=truth.heading.copy(),
-        course_sigma=course_sigma,
-    )
+    epochs = new_epochs(n)
+    epochs.time = truth.time
+    epochs.arc = np.diff(truth.s, prepend=truth.s[0])
+    epochs.turn = np.diff(truth.heading, prepend=truth.heading[0])
+    epochs.forward = np.cos(before) * dx + np.sin(before) * dy
+    epochs.left = -np.sin(before) * dx + np.cos(before) * dy
+    epochs.odometry_valid = 1
+    epochs.has_fix[at] = 1
+    epochs.fix[at] = fix[at]
+    epochs.speed_sigma = epochs.course_sigma = np.inf
+    epochs.course = truth.heading
+    epochs.course_sigma[at[0]] = course
+    return epochs

@@ -1,25 +1,22 @@
 """The filter on a hand-made map: a whole drive, or one epoch at a time."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from whichroad.core.belief import Belief, new_route
-from whichroad.core.drive import run
-from whichroad.core.epoch import WHEELS, Epochs
-from whichroad.core.memory import new_memory
-from whichroad.core.network import Roads
-from whichroad.core.output import (
-    Output,
-    new_output,
-)
-from whichroad.core.switching import new_work
+from whichroad._compile import Records
 from whichroad.epochs import Timeline
-from whichroad.frames import Plane
-from whichroad.localizer import Recorded, localize_recorded
-from whichroad.settings import Settings, Vehicle
-from whichroad.smoother import Lag
+from whichroad.filter.estimate import Output, new_output
+from whichroad.filter.history import new_history
+from whichroad.filter.state import WHEELS, Belief, Context, new_path, new_work
+from whichroad.filter.step import run
+from whichroad.geodesy.plane import Plane
+from whichroad.graph.network import Roads
+from whichroad.recorded import Recorded, localize_recorded
+from whichroad.settings import Settings, Vehicle, parameters
+from whichroad.smoothing import Lag
 
 from .beliefs import roomy_belief
 
@@ -32,7 +29,7 @@ class Town(NamedTuple):
 
 
 def localize(
-    roads: Roads, epochs: Epochs, *, mode: int = WHEELS, side: str = "right",
+    roads: Roads, epochs: Records, *, mode: int = WHEELS, side: str = "right",
     settings: Settings | None = None, lag: object = None,
 ) -> Recorded:  # fmt: skip
     """Localize a whole drive in one call."""
@@ -44,21 +41,29 @@ def localize(
 
 
 def steps(
-    roads: Roads, epochs: Epochs, *, mode: int = WHEELS, settings: Settings | None = None
+    roads: Roads, epochs: Records, *, mode: int = WHEELS, settings: Settings | None = None
 ) -> Iterator[tuple[int, Belief, Output]]:
     """Localize epoch by epoch; the belief after each is shown, not copied."""
-    settings = settings or Settings()
-    par = settings.parameters()
-    n = len(epochs.time)
-    belief, route, work, output = (
-        roomy_belief(),
-        new_route(1 << 15),
-        new_work(),
-        new_output(n, False),
-    )
+    n = len(epochs)
+    par = parameters(settings or Settings(), Vehicle(), mode)
+    ctx = Context(par, roads, new_work())
+    belief, path, history = roomy_belief(), new_path(1 << 15), new_history(0)
+    output = new_output(n, False)
     for k in range(n):
-        run(
-            belief, roads, route, work, epochs, output, k, k + 1, mode, 1.0, np.zeros(2), par,
-            settings.outage_after_s, settings.ambiguous_below, False, new_memory(0),
-        )  # fmt: skip
+        run(belief, path, history, epochs, output, ctx, k, k + 1)
         yield k, belief, output
+
+
+_COV = ("xx", "xy", "xh", "yy", "yh", "hh")
+
+
+def column(output: Output, name: str) -> NDArray[Any]:
+    """A field of the estimates, or an element of their covariance ("xx", "xy", ...), (n,)."""
+    if name in _COV:
+        return np.asarray(output.rows.cov[:, _COV.index(name)])
+    return np.asarray(output.rows[name])
+
+
+def columns(output: Output, names: str) -> NDArray[np.float64]:
+    """Several of these, named with spaces between, (n, k)."""
+    return np.column_stack([column(output, name) for name in names.split()])

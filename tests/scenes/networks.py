@@ -1,12 +1,21 @@
-"""Small maps made by hand, in the arrays that the kernels read."""
+"""Small maps made by hand, in the tables that the kernels read."""
 
 from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whichroad.core.hops import hops, turn_costs
-from whichroad.core.network import AGAINST_ONE_WAY, U_TURN, Roads
+from whichroad.graph.network import (
+    AGAINST_ONE_WAY,
+    EDGE,
+    PLANE,
+    TURN,
+    U_TURN,
+    VERTEX,
+    Roads,
+    records,
+)
+from whichroad.graph.search import edge_costs, turn_costs
 from whichroad.roadmap.cells import build
 
 Line = NDArray[np.float64]
@@ -78,41 +87,32 @@ def network(
     ]
     flat = np.array([f for row in succ for f in row], np.int32)
     origin = np.repeat(np.arange(count), [len(row) for row in succ])
-    cells = build(x, y, first, CELL)
-    prior = np.concatenate([w / w.sum() if len(w) else w for w in weight])
-    lengths = np.array([row[-1] for row in s])
-    speed = np.full(count, 13.9, np.float32)
-    succ_first = np.cumsum([0] + [len(row) for row in succ]).astype(np.int32)
-    return Roads(
-        x=x,
-        y=y,
-        s=np.concatenate(s),
-        first=first,
-        length=lengths,
-        from_node=np.array(begin, np.int32),
-        to_node=np.array(end, np.int32),
-        opposite=(np.arange(count) ^ 1).astype(np.int32),
-        lane=np.full(count, LANE, np.float32),
-        lane_spread=np.zeros(count, np.float32),
-        speed=speed,
-        service=np.zeros(count, np.uint8),
-        rule=rule,
-        succ_first=succ_first,
-        succ=flat,
-        succ_prior=prior.astype(np.float32),
-        succ_turn=np.array([t for row in turn for t in row], np.float32),
-        succ_rule=(rule[flat] | np.where(flat == origin ^ 1, U_TURN, 0)).astype(np.uint8),
-        pred_first=np.cumsum([0] + [len(row) for row in pred]).astype(np.int32),
-        pred=np.array([e for row in pred for e in row], np.int32),
-        cell_size=CELL,
-        cell_key=cells[0],
-        cell_first=cells[1],
-        cell_edge=cells[2],
-        cell_vertex=cells[3],
-        curvature=curvature,
-        hop=hops(x, y, first, lengths, speed),
-        succ_cost=turn_costs(succ_first, prior.astype(np.float32)),
-    )
+    vertices = records(len(x), VERTEX)
+    vertices.x, vertices.y, vertices.s = x, y, np.concatenate(s)
+    turns = records(len(flat), TURN)
+    turns.edge = flat
+    turns.prior = np.concatenate([w / w.sum() if len(w) else w for w in weight])
+    turns.angle = [t for row in turn for t in row]
+    turns.rule = rule[flat] | np.where(flat == origin ^ 1, U_TURN, 0)
+    edges = records(count, EDGE)
+    edges.length, edges.speed = [row[-1] for row in s], 13.9
+    edges.first_vertex, edges.last_vertex = first[:-1], first[1:] - 1
+    edges.first_turn, edges.end_turn = _ranges(succ)
+    edges.first_predecessor, edges.end_predecessor = _ranges(pred)
+    edges.from_node, edges.to_node, edges.opposite = begin, end, np.arange(count) ^ 1
+    edges.lane, edges.rule = LANE, rule
+    edge_costs(edges, vertices)
+    turn_costs(edges, turns)
+    plane = records(1, PLANE)
+    plane.cell_size, plane.curvature = CELL, curvature
+    predecessors = np.array([e for row in pred for e in row], np.int32)
+    return Roads(vertices, edges, turns, predecessors, *build(x, y, first, CELL), plane)
+
+
+def _ranges(rows: Sequence[Sequence[int]]) -> tuple[Line, Line]:
+    """Where each of some lists begins and ends when they lie one behind the other."""
+    ends = np.cumsum([0] + [len(row) for row in rows])
+    return ends[:-1], ends[1:]
 
 
 def straight_road(length: float = 4000.0, pieces: int = 1) -> list[Line]:

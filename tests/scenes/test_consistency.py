@@ -7,7 +7,7 @@ Every epoch with an answer counts, the first and the standing ones too.
 import numpy as np
 import pytest
 
-from scenes import steps
+from scenes import living, steps
 from whichroad import match
 from whichroad.epochs import build_timeline
 from whichroad.evaluate import (
@@ -136,6 +136,7 @@ def test_at_every_epoch_the_probabilities_sum_to_one(town, simulate, scenario):
     drive = simulate(SEEDS[0], scenario)
     timeline = build_timeline(drive.drive, town.plane, drive.vehicle)
     for _, belief, _ in steps(town.arrays, timeline.epochs, mode=timeline.mode):
-        if n := belief.size[0]:
-            assert belief.probability[:n].min() >= 0.0
-            assert belief.probability[:n].sum() == pytest.approx(1.0, abs=1e-9)
+        weight = living(belief).weight
+        if len(weight):
+            assert weight.min() >= 0.0
+            assert weight.sum() == pytest.approx(1.0, abs=1e-9)

@@ -23,11 +23,11 @@ from scenes import (
     straight_road,
 )
 from whichroad import match
-from whichroad.core.output import V_OFF, V_P, V_X, V_Y, Output
 from whichroad.epochs import build_timeline
 from whichroad.evaluate import Comparison, anees_band, compare, pool
-from whichroad.frames import Plane
-from whichroad.localizer import localize_recorded
+from whichroad.filter.estimate import Output
+from whichroad.geodesy.plane import Plane
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.simulate import (
     GOOD,
@@ -38,7 +38,7 @@ from whichroad.simulate import (
     simulate_drive,
     truth_table,
 )
-from whichroad.simulate.warp import draw_warp
+from whichroad.simulate.map_error_field import draw_map_error
 
 SURE = 0.999
 ALIVE = 0.01  # a hypothesis that counts
@@ -56,7 +56,7 @@ class Ride(NamedTuple):
 
 
 def p_of(output: Output, *edges: int) -> np.ndarray:
-    return np.where(np.isin(output.alt_edge, edges), output.alt_p, 0.0).sum(axis=1)
+    return np.where(np.isin(output.rows.alt_edge, edges), output.rows.alt_p, 0.0).sum(axis=1)
 
 
 def ride(streets: list[np.ndarray], taken: int, seed: int, **dark) -> Ride:
@@ -147,12 +147,12 @@ def parallel_ride(taken: int, seed: int) -> Ride:
         np.array([(500.0, 0.0), (700.0, 0.0), (2200.0, 0.0)]),
         np.array([(500.0, 0.0), (700.0, -GAP), (2200.0, -GAP)]),
     ]
-    warp = draw_warp(STEADY, np.random.default_rng([seed, 9]))
-    map_error = float(warp.at(np.array([900.0]), np.array([0.0]))[0, 1])
+    error_field = draw_map_error(STEADY, np.random.default_rng([seed, 9]))
+    map_error = float(error_field.at(np.array([900.0]), np.array([0.0]))[0, 1])
     towards = PULLED if taken == LEFT else -PULLED
     back = 800.0  # m driven; the fork is at 400
     pull = Pull(back, towards + map_error, 15.0, 6.0)
-    r = ride(streets, taken, seed, outages_m=[(250.0, back)], pulls=[pull], warp=warp)
+    r = ride(streets, taken, seed, outages_m=[(250.0, back)], pulls=[pull], error_field=error_field)
     return r._replace(past=r.past - (back - 400.0))
 
 
@@ -283,8 +283,8 @@ def test_the_receivers_own_sigma_for_each_fix_beats_a_fixed_one(where: str):
     for seed in range(100):
         pair = []
         for fix in unsteady(truth, seed):
-            value = localize(roads, epochs_of(truth, fix, at, course=0.1)).output.value
-            pair.append(rms(np.hypot(value[:, V_X] - truth.x, value[:, V_Y] - truth.y)))
+            rows = localize(roads, epochs_of(truth, fix, at, course=0.1)).output.rows
+            pair.append(rms(np.hypot(rows.x - truth.x, rows.y - truth.y)))
         errors.append(pair)
     told, fixed = np.array(errors).T
     gain = fixed - told
@@ -312,13 +312,13 @@ def off_the_map(truth: Truth, seed: int, every: int, **given: float) -> Output:
 def test_a_vehicle_that_leaves_the_map_is_off_it_and_comes_back(metres: float, seed: int):
     truth = leave_at_45_degrees(metres)
     output = off_the_map(truth, seed, ONCE_A_SECOND, course=0.1)
-    off, aside = output.value[:, V_OFF], np.flatnonzero(np.abs(truth.heading) > 0.3)
+    off, aside = output.rows.p_off_road, np.flatnonzero(np.abs(truth.heading) > 0.3)
     left, back = truth.s[aside[0]], truth.s[aside[-1]]
     assert off[(truth.s > 100.0) & (truth.s < left)].max() < 0.1
     assert off[(truth.s > left + 100.0) & (truth.s < back)].min() > 0.9
     on = truth.s > back + 100.0
     assert off[on].max() < 0.1
-    assert (output.edge[on] == 0).all()
+    assert (output.rows.edge[on] == 0).all()
 
 
 @pytest.mark.parametrize("course", [0.1, math.inf])
@@ -329,7 +329,7 @@ def test_a_drive_that_starts_in_an_unmapped_car_park_finds_its_road(seed: int, c
     truth = drive_along(corners, radius=6.0, speed=4.0, interval=0.25, margin=2.0)
     output = off_the_map(truth, seed, 4, course=course)
     reached = truth.s[np.argmax(truth.y < 3.0)]
-    assert output.value[truth.s < reached - 40.0, V_OFF].min() > 0.9
+    assert output.rows.p_off_road[truth.s < reached - 40.0].min() > 0.9
     on = truth.s > reached + 100.0
-    assert (output.edge[on] == 0).all()
-    assert output.value[on, V_P].min() > 0.99
+    assert (output.rows.edge[on] == 0).all()
+    assert output.rows.p_edge[on].min() > 0.99

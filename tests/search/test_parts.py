@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
-from scenes import On, Town, belief_on, drive_along, grid_town, network, straight_road
 from whichroad.core.belief import H, X, Y, new_belief, new_route, normalise
 from whichroad.core.epoch import new_epochs
 from whichroad.core.motion import arc_chord
@@ -13,6 +11,8 @@ from whichroad.core.population import collect, copy_row, hand_over_all, new_popu
 from whichroad.core.switching import new_work
 from whichroad.search import pieces_of
 from whichroad.search.wheels import steps
+
+from scenes import On, Town, belief_on, drive_along, grid_town, network, straight_road
 from whichroad.settings import Settings
 
 from .wheels import PLANE, wheels_of

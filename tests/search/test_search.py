@@ -9,17 +9,16 @@ import pytest
 import typer
 
 import whichroad
-from scenes import Town, drive_along, grid_town, network
+from scenes import Town, columns, drive_along, grid_town, network
 from whichroad.cli.arguments import read_start
-from whichroad.core.belief import OFF_ROAD
-from whichroad.core.epoch import DISTANCE, WHEELS, Epochs, new_epochs
-from whichroad.core.motion import arc_chord
-from whichroad.core.output import AMBIGUOUS, V_OFF, V_P, V_XX, V_YY
 from whichroad.epochs import Timeline, build_timeline
 from whichroad.errors import DriveError, SettingError
-from whichroad.localizer import Recorded, localize_recorded
-from whichroad.records import Drive, Fixes, StartPose
-from whichroad.search import is_vague, pieces_of
+from whichroad.filter.estimate import AMBIGUOUS
+from whichroad.filter.motion import arc_chord
+from whichroad.filter.state import DISTANCE, OFF_ROAD, WHEELS, new_epochs
+from whichroad.global_start import is_vague, pieces_of
+from whichroad.observations import Drive, Fixes, StartPose
+from whichroad.recorded import Recorded, localize_recorded
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
 
@@ -57,7 +56,7 @@ def searched(
 
 
 def first_sure(recorded: Recorded, travelled: np.ndarray) -> float:
-    return float(travelled[np.argmax(recorded.output.value[:, V_P] > SURE)])
+    return float(travelled[np.argmax(recorded.output.rows.p_edge > SURE)])
 
 
 def test_turns_tell_where_a_drive_without_any_fix_is(town: whichroad.RoadMap):
@@ -65,10 +64,10 @@ def test_turns_tell_where_a_drive_without_any_fix_is(town: whichroad.RoadMap):
     for seed in range(4):
         recorded, edge, travelled = searched(town, driven(town, seed))
         late = travelled > 1000.0
-        declared = late & (recorded.output.value[:, V_P] > SURE)
+        declared = late & (recorded.output.rows.p_edge > SURE)
         epochs += int(late.sum())
         sure += int(declared.sum())
-        right += int((declared & (recorded.output.edge == edge)).sum())
+        right += int((declared & (recorded.output.rows.edge == edge)).sum())
     assert sure > 0.8 * epochs
     assert right > 0.97 * sure
 
@@ -78,24 +77,24 @@ def test_until_it_knows_it_says_ambiguous_and_its_ellipse_spans_the_town(town: w
     output = recorded.output
     early = travelled < min(100.0, 0.5 * first_sure(recorded, travelled))
     assert early.sum() > 10
-    assert (output.status[early] == AMBIGUOUS).all()
-    assert (np.sqrt(output.value[early][:, [V_XX, V_YY]].sum(axis=1)) > 500.0).all()
-    assert (output.live[early] > 100).all()
+    assert (output.rows.status[early] == AMBIGUOUS).all()
+    assert (np.sqrt(columns(output, "xx yy")[early].sum(axis=1)) > 500.0).all()
+    assert (output.rows.live[early] > 100).all()
 
 
 def test_the_probabilities_of_an_epoch_never_sum_to_more_than_one(town: whichroad.RoadMap):
     recorded, _, _ = searched(town, driven(town, 1))
     output = recorded.output
-    assert (output.value[:, V_P] + output.value[:, V_OFF] < 1.0 + 1e-9).all()
-    assert (output.alt_p.sum(axis=1) < 1.0 + 1e-5).all()
-    assert (output.live > 0).all()
+    assert (output.rows.p_edge + output.rows.p_off_road < 1.0 + 1e-9).all()
+    assert (output.rows.alt_p.sum(axis=1) < 1.0 + 1e-5).all()
+    assert (output.rows.live > 0).all()
 
 
 def test_the_path_begins_where_the_drive_did(town: whichroad.RoadMap):
     """Found late, the route is known from its start."""
     drive = driven(town, 1)
     recorded, edge, _ = searched(town, drive)
-    route = recorded.route_edge[recorded.route_edge != OFF_ROAD]
+    route = recorded.chain.edge[recorded.chain.edge != OFF_ROAD]
     driven_edges = edge[np.flatnonzero(np.diff(edge, prepend=-1))]
     assert route[0] == driven_edges[0]
     assert set(driven_edges[:-1]) <= set(route)
@@ -103,8 +102,8 @@ def test_the_path_begins_where_the_drive_did(town: whichroad.RoadMap):
 
 def test_a_drive_too_short_to_know_stays_ambiguous(town: whichroad.RoadMap):
     recorded, _, _ = searched(town, driven(town, 2, length_m=60.0))
-    assert (recorded.output.status == AMBIGUOUS).all()
-    assert len(recorded.route_edge) == 0
+    assert (recorded.output.rows.status == AMBIGUOUS).all()
+    assert len(recorded.chain.edge) == 0
 
 
 def test_of_equal_blocks_none_is_declared():
@@ -112,8 +111,8 @@ def test_of_equal_blocks_none_is_declared():
     roads = network(grid_town(8, 8, 100.0), curvature=PLANE.curvature)
     truth = drive_along([[330.0, 308.0], [400.0, 308.0], [405.0, 380.0]])
     recorded = localize_recorded(Town(roads, PLANE), wheels_of(truth), start="map")
-    assert recorded.output.value[-1, V_P] < 0.5
-    assert recorded.output.value[-1, V_OFF] < 0.5
+    assert recorded.output.rows.p_edge[-1] < 0.5
+    assert recorded.output.rows.p_off_road[-1] < 0.5
 
 
 def test_a_vague_pose_is_found_out_sooner_than_the_whole_map(town: whichroad.RoadMap):
@@ -122,10 +121,10 @@ def test_a_vague_pose_is_found_out_sooner_than_the_whole_map(town: whichroad.Roa
     pose = StartPose(float(lat[0]), float(lon[0]), 0.0, 100.0, 180.0)
     anywhere, edge, travelled = searched(town, drive)
     near, _, _ = searched(town, drive, pose)
-    assert near.output.live[0] < anywhere.output.live[0]
+    assert near.output.rows.live[0] < anywhere.output.rows.live[0]
     assert first_sure(near, travelled) < first_sure(anywhere, travelled)
-    k = np.argmax(near.output.value[:, V_P] > SURE)
-    assert near.output.edge[k] == edge[k]
+    k = np.argmax(near.output.rows.p_edge > SURE)
+    assert near.output.rows.edge[k] == edge[k]
 
 
 def test_a_car_that_comes_from_an_unmapped_yard_is_found_on_the_road(town: whichroad.RoadMap):
@@ -135,16 +134,17 @@ def test_a_car_that_comes_from_an_unmapped_yard_is_found_on_the_road(town: which
     n = 150
     yard = new_epochs(n)
     yard.time[:] = timeline.epochs.time[0] - 0.1 * np.arange(n, 0, -1)
-    yard.arc[:], yard.turn[:], yard.moved[:] = 1.0, 1.0 / 7.0, 1
-    yard.forward[:], yard.left[:] = arc_chord(1.0, 1.0 / 7.0)
-    both = Epochs(*(np.concatenate(c) for c in zip(yard, timeline.epochs, strict=True)))
+    yard.arc, yard.turn, yard.odometry_valid = 1.0, 1.0 / 7.0, 1
+    yard.forward, yard.left = arc_chord(1.0, 1.0 / 7.0)
+    both = new_epochs(n + len(timeline.epochs))
+    both[:n], both[n:] = yard, timeline.epochs
     output = localize_recorded(
         town, Timeline(both, WHEELS, 0), vehicle=drive.vehicle, start="map"
     ).output
-    assert output.value[n - 1, V_OFF] > 0.5
-    assert output.value[-1, V_P] > SURE
+    assert output.rows.p_off_road[n - 1] > 0.5
+    assert output.rows.p_edge[-1] > SURE
     at = np.searchsorted(drive.truth.time, both.time[-1] - 1e-3)
-    assert output.edge[-1] == drive.truth.edge[min(at, len(drive.truth) - 1)]
+    assert output.rows.edge[-1] == drive.truth.edge[min(at, len(drive.truth) - 1)]
 
 
 # A fix on the way
@@ -165,11 +165,11 @@ def test_a_fix_ends_the_search(town: whichroad.RoadMap):
     timeline = build_timeline(with_a_fix(drive, 100.0), town.plane, drive.vehicle)
     output = localize_recorded(town, timeline, vehicle=drive.vehicle, start="map").output
     k = int(np.flatnonzero(timeline.epochs.has_fix)[0])
-    assert output.live[k - 1] > 100
-    assert output.live[k] < 50
+    assert output.rows.live[k - 1] > 100
+    assert output.rows.live[k] < 50
     at = np.searchsorted(drive.truth.time, timeline.epochs.time[k] - 1e-3)
-    error = output.value[k, [0, 1]] - [drive.truth.x[at], drive.truth.y[at]]
-    assert np.hypot(*error) < 3.0 * np.sqrt(output.value[k, V_XX] + output.value[k, V_YY])
+    error = columns(output, "x y")[k] - [drive.truth.x[at], drive.truth.y[at]]
+    assert np.hypot(*error) < 3.0 * np.sqrt(output.rows.cov[k, 0] + output.rows.cov[k, 3])
 
 
 def test_a_fix_that_fits_nothing_starts_the_filter_anew(town: whichroad.RoadMap):
@@ -177,8 +177,8 @@ def test_a_fix_that_fits_nothing_starts_the_filter_anew(town: whichroad.RoadMap)
     timeline = build_timeline(with_a_fix(drive, 100.0, 9_000.0), town.plane, drive.vehicle)
     output = localize_recorded(town, timeline, vehicle=drive.vehicle, start="map").output
     k = int(np.flatnonzero(timeline.epochs.has_fix)[0])
-    assert output.value[k, V_OFF] > 0.99
-    assert np.hypot(*(output.value[k, [0, 1]] - timeline.epochs.fix[k, :2])) < 10.0
+    assert output.rows.p_off_road[k] > 0.99
+    assert np.hypot(*(columns(output, "x y")[k] - timeline.epochs.fix[k, :2])) < 10.0
 
 
 # What cannot be

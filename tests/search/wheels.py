@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from whichroad.core.epoch import WHEELS, new_epochs
-from whichroad.core.motion import arc_chord
 from whichroad.epochs import Timeline
-from whichroad.frames import Plane
+from whichroad.filter.motion import arc_chord
+from whichroad.filter.state import WHEELS, new_epochs
+from whichroad.geodesy.plane import Plane
 
 PLANE = Plane(49.4, 8.7)
 
@@ -18,5 +18,5 @@ def wheels_of(truth: object) -> Timeline:
     epochs.time[:], epochs.arc[:], epochs.turn[:] = truth.time, arc, turn
     pairs = [arc_chord(a, t) for a, t in zip(arc, turn, strict=True)]
     epochs.forward[:], epochs.left[:] = np.array(pairs).T
-    epochs.moved[:] = 1
+    epochs.odometry_valid = 1
     return Timeline(epochs, WHEELS, 0)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from whichroad.core.network import Roads
-from whichroad.frames import Plane
+from whichroad.geodesy.plane import Plane
+from whichroad.graph.network import EDGE, PLANE, SEGMENT, TURN, VERTEX, Roads, records
 
 
 class HandMade(NamedTuple):
@@ -44,37 +44,23 @@ def roads_from_streets(nodes: np.ndarray, streets: list[tuple[int, int]]) -> Roa
         succ.extend(out)
         prior.extend(np.array(w) / sum(w))
         succ_first.append(len(succ))
-    count = len(pairs)
+    vertices = records(len(x), VERTEX)
+    vertices.x, vertices.y, vertices.s = x, y, s
+    turns = records(len(succ), TURN)
+    turns.edge, turns.prior, turns.angle = succ, prior, turn
+    edges = records(len(pairs), EDGE)
+    edges.length, edges.speed, edges.lane = length, 12.5, 1.75
+    edges.first_vertex, edges.last_vertex = first[:-1], np.array(first[1:]) - 1
+    edges.first_turn, edges.end_turn = succ_first[:-1], succ_first[1:]
+    edges.from_node, edges.to_node = np.array(pairs).T
+    edges.opposite = opposite
+    plane = records(1, PLANE)
+    plane.cell_size, plane.curvature = 50.0, 6.1e-15
+    nothing = np.zeros(0, np.int32)
     return Roads(
-        x=np.array(x),
-        y=np.array(y),
-        s=np.array(s),
-        first=np.array(first, dtype=np.int32),
-        length=np.array(length),
-        from_node=np.array([a for a, _ in pairs], dtype=np.int32),
-        to_node=np.array([b for _, b in pairs], dtype=np.int32),
-        opposite=opposite.astype(np.int32),
-        lane=np.full(count, 1.75, dtype=np.float32),
-        lane_spread=np.zeros(count, dtype=np.float32),
-        speed=np.full(count, 12.5, dtype=np.float32),
-        service=np.zeros(count, dtype=np.uint8),
-        rule=np.zeros(count, dtype=np.uint8),
-        succ_first=np.array(succ_first, dtype=np.int32),
-        succ=np.array(succ, dtype=np.int32),
-        succ_prior=np.array(prior, dtype=np.float32),
-        succ_turn=np.array(turn, dtype=np.float32),
-        succ_rule=np.zeros(len(succ), dtype=np.uint8),
-        pred_first=np.zeros(count + 1, dtype=np.int32),
-        pred=np.zeros(0, dtype=np.int32),
-        cell_size=50.0,
-        cell_key=np.zeros(0, dtype=np.int64),
-        cell_first=np.zeros(1, dtype=np.int32),
-        cell_edge=np.zeros(0, dtype=np.int32),
-        cell_vertex=np.zeros(0, dtype=np.int32),
-        curvature=6.1e-15,
-        hop=np.zeros((count, 5), dtype=np.float32),
-        succ_cost=np.zeros(len(succ), dtype=np.float32),
-    )
+        vertices, edges, turns, nothing, np.zeros(0, np.int64), np.zeros(1, np.int32),
+        records(0, SEGMENT), plane,
+    )  # fmt: skip
 
 
 def grid_roads(rows: int = 6, columns: int = 6, spacing: float = 180.0) -> Roads:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whichroad.simulate import GOOD, Jump, Pull, Sketch, simulate_drive
-from whichroad.simulate.course import lay_course
-from whichroad.simulate.pace import set_pace
-from whichroad.simulate.route import random_route
-from whichroad.simulate.warp import draw_warp
+from whichroad.simulate import GOOD, Jump, MapBuilder, Pull, simulate_drive
+from whichroad.simulate.lateral_profile import draw_path
+from whichroad.simulate.map_error_field import draw_map_error
+from whichroad.simulate.route_choice import random_route
+from whichroad.simulate.speed_profile import draw_speed_profile
 
 
 def more_error(roads, pull, seed=4):
@@ -60,18 +60,18 @@ def test_a_jump_moves_the_fixes_of_its_time_and_nothing_else(hand_made):
 
 
 def test_a_sketch_compiles_to_the_streets_that_were_drawn():
-    sketch = Sketch()
+    builder = MapBuilder()
     for name, x, y in (("west", -300.0, 0.0), ("middle", 0.0, 0.0), ("east", 400.0, 30.0)):
-        sketch.node(name, x, y)
-    sketch.way(["west", "middle"], "tertiary", name="Here", maxspeed="50")
-    sketch.way(["middle", "east"], "residential", name="There", oneway="yes")
-    roads = sketch.compiled()
+        builder.node(name, x, y)
+    builder.way(["west", "middle"], "tertiary", name="Here", maxspeed="50")
+    builder.way(["middle", "east"], "residential", name="There", oneway="yes")
+    roads = builder.compiled()
     names = np.array(roads.column("name"))
     assert sorted(names.tolist()) == ["Here", "Here", "There", "There"]
-    length = {name: roads.arrays.length[names == name] for name in ("Here", "There")}
+    length = {name: roads.arrays.edges.length[names == name] for name in ("Here", "There")}
     assert length["Here"] == pytest.approx(300.0, rel=1e-4)
     assert length["There"] == pytest.approx(np.hypot(400.0, 30.0), rel=1e-4)
-    assert (roads.arrays.rule[names == "There"] > 0).sum() == 1
+    assert (roads.arrays.edges.rule[names == "There"] > 0).sum() == 1
 
 
 @pytest.mark.parametrize("beside", [1, 2, 3])
@@ -81,9 +81,11 @@ def test_a_stop_beside_the_end_takes_a_finite_time(hand_made, beside):
     random = np.random.default_rng(3)
     roads = hand_made.arrays
     edges = random_route(roads, 1500.0, random)
-    course = lay_course(roads, edges, draw_warp(settings, random), settings, random)
-    waits = set_pace(roads, course, 0, len(course.along) - 1, settings, np.random.default_rng(1))
+    path = draw_path(roads, edges, draw_map_error(settings, random), settings, random)
+    waits = draw_speed_profile(
+        roads, path, 0, len(path.along) - 1, settings, np.random.default_rng(1)
+    )
     stop = int(np.flatnonzero(waits.depart - waits.arrive > 0)[1])
-    pace = set_pace(roads, course, 0, stop + beside, settings, np.random.default_rng(1))
-    assert np.isfinite(pace.depart).all()
-    assert (np.diff(pace.arrive) > 0).all()
+    profile = draw_speed_profile(roads, path, 0, stop + beside, settings, np.random.default_rng(1))
+    assert np.isfinite(profile.depart).all()
+    assert (np.diff(profile.arrive) > 0).all()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.honesty.classes import NOISES
-from benchmarks.honesty.drives import Memory, Task, columns, drive, exact_test, localize, work
+from benchmarks.honesty.drives import Memory, Task, drive, exact_test, localize, work
 from benchmarks.honesty.figures import (
     Summary,
     calibration_error,
@@ -18,7 +18,7 @@ from benchmarks.honesty.score import Row, new_scratch, score_drive
 from scipy.stats import chi2
 
 from whichroad import Settings
-from whichroad.core.output import V_MAP_X, V_MAP_Y, V_X, V_XX, V_Y, V_YY, new_output
+from whichroad.filter.estimate import new_output
 
 
 def test_bounds_of_rates_are_clopper_and_pearsons():
@@ -42,20 +42,20 @@ def test_calibration_error_of_what_is_calibrated_is_small_and_of_the_rest_is_not
 def told(one, road: int, p: float, at: np.ndarray) -> np.ndarray:
     """A row for a filter that says the truth, and at epochs `at` a road with P = p."""
     n = len(one.epochs.time)
-    out = new_output(n, False)
+    out = new_output(n, False).rows
     edge_of = {int(r): e for e, r in enumerate(one.scene.road_of)}
-    out.live[:] = 1
+    out.live = 1
     out.alt_edge[:, 0] = [edge_of[int(r)] for r in one.route.line.road[one.truth.place]]
     out.alt_p[:, 0] = 0.9
     out.alt_edge[at, 0] = edge_of[road]
     out.alt_p[at, 0] = p
-    out.value[:, V_X], out.value[:, V_Y] = one.truth.x, one.truth.y
-    out.value[:, V_MAP_X], out.value[:, V_MAP_Y] = one.truth.map_x, one.truth.map_y
-    out.value[:, V_XX] = out.value[:, V_YY] = 4.0
+    out.x, out.y = one.truth.x, one.truth.y
+    out.map_x, out.map_y = one.truth.map_x, one.truth.map_y
+    out.cov[:, [0, 3]] = 4.0
     row, roads, chances = new_scratch()
     score_drive(
-        row, out, one.truth, one.epochs.time, one.route.line, one.scene.road_of,
-        one.route.decision, one.route.watch, columns(), roads, chances,
+        row, out, one.truth, np.ascontiguousarray(one.epochs.time), one.route.line,
+        one.scene.road_of, one.route.decision, one.route.watch, roads, chances,
     )  # fmt: skip
     return row
 
@@ -119,7 +119,7 @@ def test_lateral_offsets_have_the_covariance_that_the_exact_test_assumes(monkeyp
         y = one.epochs.fix[at, 1] - how.antenna_forward * np.sin(h)
         offset, place = lateral(one.route.line, x, y)
         moving = one.epochs.time[at] - one.epochs.time[0]
-        cov = covariance(one.route.line, place, moving, one.swarm.drawn, how)
+        cov = covariance(one.route.line, place, moving, one.buffers.drawn, how)
         white.append(np.linalg.solve(np.linalg.cholesky(cov), offset))
     values = np.concatenate(white)
     total = (values**2).sum()
@@ -166,4 +166,4 @@ def test_the_filter_finds_its_road_in_every_scene():
 
 def test_one_drive_can_be_localized_for_a_look():
     one = drive("ramp", "urban", 0)
-    assert (localize(one, Settings(), "urban").output.live > 0).any()
+    assert (localize(one, Settings(), "urban").output.rows.live > 0).any()

@@ -16,9 +16,11 @@ def scene(request: pytest.FixtureRequest) -> Scene:
 def test_the_same_number_is_the_same_scene():
     for kind in KINDS:
         a, b = draw_scene(kind, 3), draw_scene(kind, 3)
-        np.testing.assert_array_equal(a.roads.arrays.x, b.roads.arrays.x)
+        np.testing.assert_array_equal(a.roads.arrays.vertices.x, b.roads.arrays.vertices.x)
         np.testing.assert_array_equal(a.routes[0].line.x, b.routes[0].line.x)
-        assert not np.array_equal(a.roads.arrays.x, draw_scene(kind, 4).roads.arrays.x)
+        assert not np.array_equal(
+            a.roads.arrays.vertices.x, draw_scene(kind, 4).roads.arrays.vertices.x
+        )
 
 
 def test_every_road_that_is_driven_is_on_the_map_or_said_to_be_missing(scene: Scene):
@@ -38,11 +40,12 @@ def test_lines_lie_on_their_roads_and_run_their_way(scene: Scene):
                 continue
             best = np.inf
             for edge in np.flatnonzero(scene.road_of == line.road[k]):
-                part = slice(arrays.first[edge], arrays.first[edge + 1])
-                near, s = _nearest(arrays.x[part], arrays.y[part], line.x[k], line.y[k])
+                row = arrays.edges[edge]
+                part = arrays.vertices[row.first_vertex : row.last_vertex + 1]
+                near, s = _nearest(part.x, part.y, line.x[k], line.y[k])
                 if near < best:
-                    best, at = near, arrays.s[part][0] + s
-                    heading = scene.roads.at(edge, min(max(at, 0.0), arrays.length[edge]))[2]
+                    best, at = near, part.s[0] + s
+                    heading = scene.roads.at(edge, min(max(at, 0.0), arrays.edges.length[edge]))[2]
             # a corner that is cut with sigma 4 m: sqrt(2 / pi) 4 m sin(45 degrees) = 2.3 m
             assert best < 2.6
             if 10 < k < len(line.x) - 10 and len(set(line.road[k - 10 : k + 10].tolist())) == 1:

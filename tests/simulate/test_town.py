@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from whichroad.core.network import TURN_BANNED
 from whichroad.errors import MapError
+from whichroad.graph.network import TURN_BANNED
 from whichroad.roadmap import RoadMap
 from whichroad.simulate import (
     demo_drive,
@@ -31,8 +31,18 @@ def junction(town, name):
 
 
 def edges_between(town, a, b):
-    at = town.arrays
-    return np.flatnonzero((at.from_node == junction(town, a)) & (at.to_node == junction(town, b)))
+    edges = town.arrays.edges
+    begins, ends = edges.from_node == junction(town, a), edges.to_node == junction(town, b)
+    return np.flatnonzero(begins & ends)
+
+
+def assert_legal(town, route):
+    """Neither an edge nor a turn of the route breaks a rule."""
+    edges, turns = town.arrays.edges, town.arrays.turns
+    assert (edges.rule[route] == 0).all()
+    for a, b in itertools.pairwise(route):
+        out = turns[edges.first_turn[a] : edges.end_turn[a]]
+        assert out.rule[out.edge.tolist().index(b)] == 0
 
 
 def test_the_same_seed_draws_the_same_town_and_another_seed_another():
@@ -49,11 +59,11 @@ def test_nothing_of_the_town_is_lost_when_it_is_compiled(town):
 
 
 def test_turn_restrictions_are_in_force(town):
-    assert (town.arrays.succ_rule & TURN_BANNED).any()
+    assert (town.arrays.turns.rule & TURN_BANNED).any()
 
 
 def test_one_can_drive_on_for_ever_nearly_everywhere(town):
-    legal = town.arrays.rule == 0
+    legal = town.arrays.edges.rule == 0
     assert drivable(town.arrays, np.random.default_rng(0)).sum() > 0.9 * legal.sum()
 
 
@@ -62,7 +72,7 @@ def test_the_boulevards_three_roads_are_twelve_to_fifteen_metres_apart(town):
     x, y, _ = town.at(int(main), 240.0)
     near = town.near(x, y, 30.0)
     beside = near.distance[near.edge != main]
-    beside = beside[(town.arrays.rule[near.edge[near.edge != main]] == 0) & (beside > 1.0)]
+    beside = beside[(town.arrays.edges.rule[near.edge[near.edge != main]] == 0) & (beside > 1.0)]
     assert len(beside) == 2  # the other direction, and the side lane
     assert ((beside > 12.0) & (beside < 15.0)).all()
 
@@ -75,11 +85,7 @@ def test_the_fork_parts_at_ten_degrees(town):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_random_drives_in_town_are_legal(town, seed):
     drive = simulate_drive(town, seed=seed, length_m=4000.0)
-    at = town.arrays
-    assert (at.rule[drive.route] == 0).all()
-    for a, b in itertools.pairwise(drive.route):
-        k = at.succ_first[a] + list(at.succ[at.succ_first[a] : at.succ_first[a + 1]]).index(b)
-        assert at.succ_rule[k] == 0
+    assert_legal(town, drive.route)
 
 
 def test_map_positions_lie_on_their_edges(town):
@@ -94,13 +100,10 @@ def test_map_positions_lie_on_their_edges(town):
 
 def test_the_demo_is_legal_and_four_to_six_kilometres_long(town):
     drive = demo_drive(town)
-    at = town.arrays
+    edges = town.arrays.edges
     assert 4000 < drive.truth.travelled[-1] < 6000
-    assert (at.to_node[drive.route[:-1]] == at.from_node[drive.route[1:]]).all()
-    assert (at.rule[drive.route] == 0).all()
-    for a, b in itertools.pairwise(drive.route):
-        k = at.succ_first[a] + list(at.succ[at.succ_first[a] : at.succ_first[a + 1]]).index(b)
-        assert at.succ_rule[k] == 0
+    assert (edges.to_node[drive.route[:-1]] == edges.from_node[drive.route[1:]]).all()
+    assert_legal(town, drive.route)
 
 
 def test_the_demos_mask_is_1500_m_with_junctions_and_turns(town):

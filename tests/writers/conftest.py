@@ -6,11 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from whichroad import tables
+from whichroad.tables import schema
 
 
 def _row(**values: Any) -> dict[str, Any]:
-    return {name: values.get(name) for name in tables.POINTS.names}
+    return {name: values.get(name) for name in schema.POINTS.names}
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def points() -> pa.Table:
         drive_id="a <b> & c", time=100_000, lat=49.42, lon=8.69, status="off_road", alternatives=[]
     )
     third = _row(drive_id="a <b> & c", time=200_000, status="lost")
-    return pa.Table.from_pylist([first, second, third], schema=tables.POINTS)
+    return pa.Table.from_pylist([first, second, third], schema=schema.POINTS)
 
 
 @pytest.fixture
@@ -48,9 +48,9 @@ def path() -> pa.Table:
         {"drive_id": "a", "seq": 1, "edge_id": 9, "from_node": 2, "to_node": 3, "forward": False}
         | {"enter_time": 1_500_000, "exit_time": 3_000_000, "broken_rule": "against one-way"},
     ]
-    wkb = tables.line_wkb(lon, lat, np.array([0, 2, 5])).to_pylist()
+    wkb = schema.line_wkb(lon, lat, np.array([0, 2, 5])).to_pylist()
     rows = [
-        {name: (row | {"geometry": shape}).get(name) for name in tables.PATH.names}
+        {name: (row | {"geometry": shape}).get(name) for name in schema.PATH.names}
         for row, shape in zip(rows, wkb, strict=True)
     ]
-    return pa.Table.from_pylist(rows, schema=tables.PATH)
+    return pa.Table.from_pylist(rows, schema=schema.PATH)

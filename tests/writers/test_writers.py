@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 import shapely
 
-from whichroad import tables
 from whichroad.errors import WriteError
+from whichroad.tables import schema
 from whichroad.writers import SUFFIXES, check, replacing, write_table
 
 
@@ -20,7 +20,7 @@ def test_geoparquet_comes_back_through_geopandas(points, path, tmp_path):
         write_table(table, out)
         frame = geopandas.read_parquet(out)
         assert frame.crs == "EPSG:4326"
-        expected = shapely.from_wkb(tables.geometry(table).to_pylist())
+        expected = shapely.from_wkb(schema.geometry(table).to_pylist())
         assert [a == b for a, b in zip(frame.geometry, expected, strict=True)] == [True] * len(
             frame
         )
@@ -29,9 +29,9 @@ def test_geoparquet_comes_back_through_geopandas(points, path, tmp_path):
 def test_geoparquet_keeps_every_column_and_type(points, path, tmp_path):
     write_table(points, tmp_path / "points.parquet")
     back = pq.read_table(tmp_path / "points.parquet")
-    assert back.drop(["geometry"]).cast(tables.POINTS).equals(points)
+    assert back.drop(["geometry"]).cast(schema.POINTS).equals(points)
     write_table(path, tmp_path / "path.parquet")
-    assert pq.read_table(tmp_path / "path.parquet").cast(tables.PATH).equals(path)
+    assert pq.read_table(tmp_path / "path.parquet").cast(schema.PATH).equals(path)
 
 
 def test_geoparquet_says_its_version_its_kind_and_its_box(points, tmp_path):
@@ -97,7 +97,7 @@ def test_csv_has_iso_times_lists_as_json_and_empty_for_absence(points, tmp_path)
     write_table(points, tmp_path / "points.csv")
     with open(tmp_path / "points.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == tables.POINTS.names
+    assert list(rows[0]) == schema.POINTS.names
     assert rows[1]["time"] == "1970-01-01T00:00:00.100000Z"
     assert json.loads(rows[0]["alternatives"]) == points["alternatives"].to_pylist()[0]
     assert json.loads(rows[1]["alternatives"]) == []
@@ -153,8 +153,8 @@ def test_gpx_without_position_is_refused(tmp_path):
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_an_empty_table_is_a_readable_file(suffix, tmp_path):
-    write_table(tables.POINTS.empty_table(), tmp_path / f"t{suffix}")
-    write_table(tables.PATH.empty_table(), tmp_path / f"p{suffix}")
+    write_table(schema.POINTS.empty_table(), tmp_path / f"t{suffix}")
+    write_table(schema.PATH.empty_table(), tmp_path / f"p{suffix}")
     assert all(file.stat().st_size > 0 for file in tmp_path.iterdir())
 
 

@@ -1,6 +1,6 @@
 """Arguments in, exit codes out: 0 done, 1 nothing could be answered, 2 wrong usage.
 
-Rooms are imported inside the commands, so that asking for help costs nothing.
+Modules are imported inside the commands, so that asking for help costs nothing.
 Answers go to the standard output; progress, warnings and errors to the other.
 """
 

@@ -13,7 +13,7 @@ import typer
 from ..errors import SettingError
 
 if TYPE_CHECKING:
-    from ..records import StartPose
+    from ..observations import StartPose
 
 Moment = float | datetime
 
@@ -75,7 +75,7 @@ def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | st
         )
     if not vague:
         return lat, lon, last
-    from ..records import StartPose
+    from ..observations import StartPose
 
     return StartPose(lat, lon, 0.0, last, math.inf)
 

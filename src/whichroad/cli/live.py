@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError
-from ..terminal import progress_line
 from .arguments import MapOption, extra_live, read_start
+from .console import progress_line
 
 if TYPE_CHECKING:
+    from ..live.nmea_output import NmeaOutput
     from ..live.server import Plan
-    from ..live.talker import Talker
-    from ..records import Drive
+    from ..observations import Drive
     from ..roadmap import RoadMap
     from ..settings import Vehicle
 
@@ -101,18 +101,18 @@ def live(
 ) -> None:
     """Say where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
     pose, pace = read_start(start), _speed(speed)
-    talkers = [_sink(text) for text in nmea_out or ()]
+    nmea_outputs = [_sink(text) for text in nmea_out or ()]
     if token is None and not _is_local(host):
         raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         plan = _plan(roads, vehicle, pose, lag)
         car = plan.localizer.vehicle
-        plan.tape = _recorded(play, nmea, can, dbc, car)
-        if plan.tape is None:
+        plan.recording = _recorded(play, nmea, can, dbc, car)
+        if plan.recording is None:
             _connect(plan, nmea, can, dbc)
         plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
-        plan.talkers = _talkers(talkers)
+        plan.nmea_outputs = _talkers(nmea_outputs)
     plan.speed, plan.laps, plan.once, plan.rate = pace, laps, once, rate
     plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
     plan.host, plan.port, plan.token = host, port, token
@@ -127,7 +127,7 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
     """The filter on its map, warm."""
     with extra_live("live"):
         from ..live.server import Plan
-    from ..localizer import Localizer
+    from ..online import Localizer
     from ..readers import read_vehicle
     from ..roadmap import open_map
     from ..settings import Settings, Vehicle
@@ -166,10 +166,10 @@ def _sink(text: str) -> tuple[str, str, int]:
     return found[1], found[2].strip("[]") or "127.0.0.1", int(found[3])
 
 
-def _talkers(sinks: list[tuple[str, str, int]]) -> "list[Talker]":
-    from ..live.talker import Talker
+def _talkers(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
+    from ..live.nmea_output import NmeaOutput
 
-    return [Talker(*sink) for sink in sinks]
+    return [NmeaOutput(*sink) for sink in sinks]
 
 
 def _recorded(
@@ -223,5 +223,5 @@ def _pages(roads: "RoadMap", tiles: str | None) -> Any:
 def _say_ready(host: str, port: int, plan: "Plan") -> None:
     shown = f"[{host}]" if ":" in host else host
     typer.echo(f"http://{shown}:{port}/")
-    for talker in plan.talkers:
-        typer.echo(f"NMEA: {talker.scheme}://{talker.host}:{talker.port}")
+    for output in plan.nmea_outputs:
+        typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
-from ..terminal import progress_line, say_table
+from .console import progress_line, say_table
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,7 +44,7 @@ def match_trips(
     """
     from ..batch import match_stream
     from ..roadmap import open_map
-    from ..tables import thinned
+    from ..tables.schema import thinned
     from ..writers.stream import growing
 
     trips: list[pa.Table] = []

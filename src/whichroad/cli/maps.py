@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from ..terminal import progress_line, say_table
 from .arguments import Force
+from .console import progress_line, say_table
 
 map_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 

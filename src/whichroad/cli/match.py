@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
-from ..terminal import progress_line, say_table
 from .arguments import Force, MapOption, Model, read_start, read_window
+from .console import progress_line, say_table
 from .many import match_trips
 
 if TYPE_CHECKING:
-    from ..result import Result
+    from ..tables.result import Result
 
 
 _EACH = 4  # drives that are told one by one; of more the sums are
@@ -91,12 +91,12 @@ def match(
         if output is not None:
             writers.check(output, force=force)
     if report is not None:
-        from ..replay.report import check_report
+        from ..replay.drive_report import check_report
 
         check_report(report, force=force)
-    from .. import session
+    from .. import matching
     from ..readers import read_drive, read_vehicle
-    from ..readers.trips import are_many
+    from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
     plain = not (can or dbc or start or mask or report) and model is Model.default
@@ -118,7 +118,7 @@ def match(
         progress("reading the map", 0, 0)
         network = open_map(roads)
         progress("localizing", 0, 0)
-        result = session.match(
+        result = matching.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
         )  # fmt: skip
@@ -130,12 +130,12 @@ def match(
                 network.by_source(path) if by_source else path, path_out, force=force
             )
         if report is not None:
-            from ..replay.opening import Remaking, one_of
-            from ..replay.report import write_report
+            from ..replay.drive_report import write_report
+            from ..replay.open_replay import Remaking, one_of
 
             shown = Remaking(one_of(drives, None), network, car)
-            film = shown.film(result, shown.absolute(windows))
-            write_report(film, report, network, force=force)
+            recorded = shown.recorded(result, shown.absolute(windows))
+            write_report(recorded, report, network, force=force)
     say(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         raise DriveError(
@@ -147,7 +147,7 @@ def match(
 
 
 def _write(result: "Result", out: Path | None, every: float | None, force: bool) -> None:
-    from ..tables import thinned
+    from ..tables.schema import thinned
     from ..writers import write_table
 
     if out is not None:
@@ -181,7 +181,7 @@ def say(result: "Result") -> None:
 
 def _told(finding: dict[str, Any]) -> str:
     """One setting that does not fit, as a line."""
-    from ..diagnosis import Finding
+    from ..diagnosis.findings import Finding
 
     told = Finding(**finding)
     return f"{told.level}: {told}"

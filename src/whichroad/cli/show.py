@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..terminal import progress_line
 from .arguments import Force, MapOption, extra_live, read_start, read_window
+from .console import progress_line
 
 if TYPE_CHECKING:
     from ..replay.player import Player
@@ -53,14 +53,14 @@ def replay(
     """Show a recorded drive, or an answer, on the page: play it, turn its clock, mask GNSS."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from ..readers import read_drive, read_vehicle
-    from ..replay.opening import Remaking, is_points, one_of, play_drive, play_result
+    from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..roadmap import open_map
 
     with extra_live("replay"):
         import uvicorn  # noqa: F401  # now, not when the drive has been answered
         import websockets  # noqa: F401  # uvicorn would do without, and the page would be mute
 
-        from ..replay.server import listen, replay_app, serve
+        from ..replay.replay_server import listen, replay_app, serve
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)
@@ -77,10 +77,10 @@ def replay(
             progress("answering it", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows)
         app = replay_app(player, network, tiles_url=tiles, host=host)
-        door = listen(host, port)
-    url = f"http://{host}:{door.getsockname()[1]}/"
+        listener = listen(host, port)
+    url = f"http://{host}:{listener.getsockname()[1]}/"
     typer.echo(f"{url} shows it; Ctrl-C ends")
-    serve(app, door, url if browser else None)
+    serve(app, listener, url if browser else None)
 
 
 def report(
@@ -94,9 +94,9 @@ def report(
     force: Force = False,
 ) -> None:
     """Write one HTML file that shows an answer, to open anywhere and to mail."""
-    from ..replay.film import Film
+    from ..replay.drive_report import check_report, write_report
     from ..replay.points import read_points
-    from ..replay.report import check_report, write_report
+    from ..replay.recorded_messages import RecordedMessages
     from ..roadmap import open_map
 
     check_report(out, force=force)
@@ -108,5 +108,5 @@ def report(
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)
         progress("writing", 0, 0)
-        write_report(Film(points, network), out, network, force=force)
+        write_report(RecordedMessages(points, network), out, network, force=force)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from ..terminal import progress_line, say_table
 from .arguments import Force, MapOption, Preset, Scene
+from .console import progress_line, say_table
 
 
 def demo(

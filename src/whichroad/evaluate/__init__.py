@@ -5,7 +5,7 @@ independent epochs promise too much for one drive.
 """
 
 from .compare import Comparison, compare, pool
-from .routes import Mismatch, route_mismatch
+from .route_mismatch import Mismatch, route_mismatch
 from .score import (
     Evaluation,
     anees_band,

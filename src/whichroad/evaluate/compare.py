@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DriveError
-from ..records import Array
-from .tables import Bools, Table
+from ..geodesy.angles import radians, unwrap_degrees, wrap_degrees
+from ..observations import Array
+from .input_tables import Bools, Table
 
 SLACK_M = 10.0
 """An edge is right if it is, was or will be the true one within so much travel."""
@@ -62,7 +63,7 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
     nearest = _nearest(true_time, time)
     bearing = np.interp(time, true_time, np.unwrap(_bearing(t)))
     east, north = _error(p, t, time, true_time, "lat", "lon")
-    turned = np.radians(p.numbers("bearing_deg")) - bearing
+    turned = radians(p.numbers("bearing_deg")) - bearing
     heading = -np.arctan2(np.sin(turned), np.cos(turned))
     nees = _nees(east, north, *(p.numbers(f"cov_{n}_m2") for n in ("ee", "en", "nn")))
     map_error = np.full(len(time), np.inf)
@@ -83,7 +84,7 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
         nees=nees,
         # the table has no covariance of place and heading; the mean is 3 without it, too
         nees_pose=np.minimum(
-            nees + (heading / np.radians(p.numbers("sigma_bearing_deg"))) ** 2, NEES_CAP
+            nees + (heading / radians(p.numbers("sigma_bearing_deg"))) ** 2, NEES_CAP
         ),
         map_error=map_error,
         right=_within_slack(edge, nearest, true_edge, _travelled(t)),
@@ -102,8 +103,8 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
 def _bearing(t: Table) -> Array:
     """The truth's bearing, rad; where it tells none its course, at a standstill the last one."""
     if "bearing_deg" in t.names:
-        return np.radians(t.numbers("bearing_deg"))
-    lat, lon = np.radians(t.numbers("lat")), np.radians(t.numbers("lon"))
+        return radians(t.numbers("bearing_deg"))
+    lat, lon = radians(t.numbers("lat")), radians(t.numbers("lon"))
     north, east = np.diff(lat), np.diff(lon) * np.cos(lat[1:])
     moved = np.flatnonzero(np.hypot(north, east) > _MOVED)
     if not len(moved):
@@ -147,13 +148,13 @@ def _error(
 ) -> tuple[Array, Array]:
     """East and north of the estimate from the truth, m."""
     true_lat = np.interp(time, true_time, t.numbers(lat))
-    true_lon = np.interp(time, true_time, np.unwrap(t.numbers(lon), period=360.0))
+    true_lon = np.interp(time, true_time, unwrap_degrees(t.numbers(lon)))
     radius, square = _WGS84
-    sin = np.sin(np.radians(true_lat))
+    sin = np.sin(radians(true_lat))
     w = 1.0 - square * sin**2
     prime, meridian = radius / np.sqrt(w), radius * (1.0 - square) / w**1.5
-    apart = np.radians((p.numbers(lon) - true_lon + 180.0) % 360.0 - 180.0)
-    north = meridian * np.radians(p.numbers(lat) - true_lat)
+    apart = radians(wrap_degrees(p.numbers(lon) - true_lon))
+    north = meridian * radians(p.numbers(lat) - true_lat)
     return prime * np.sqrt(1.0 - sin**2) * apart, north
 
 
@@ -178,7 +179,7 @@ def _travelled(t: Table) -> Array:
     """Distance along the truth, m."""
     if "travelled_m" in t.names:
         return t.numbers("travelled_m")
-    lat, lon = np.radians(t.numbers("lat")), np.radians(t.numbers("lon"))
+    lat, lon = radians(t.numbers("lat")), radians(t.numbers("lon"))
     steps = 6371e3 * np.hypot(np.diff(lat), np.cos(lat[1:]) * np.diff(lon))
     return np.concatenate([[0.0], np.cumsum(steps)])
 

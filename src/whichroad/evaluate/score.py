@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DriveError
-from ..records import Array
+from ..geodesy.angles import degrees
+from ..observations import Array
 from .compare import Comparison, compare
-from .tables import Bools, read_table
+from .input_tables import Bools, read_table
 
 COVERAGE = (0.5, 0.9, 0.95, 0.99)
 SURE = 0.999
@@ -135,7 +136,7 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
         p95_m=float(np.quantile(error, 0.95)),
         along_rmse_m=_rms(c.along),
         cross_rmse_m=_rms(c.cross),
-        heading_rmse_deg=float(np.degrees(_rms(c.heading))),
+        heading_rmse_deg=float(degrees(_rms(c.heading))),
         anees=float(np.mean(c.nees) / 2.0),
         anees_pose=float(np.mean(c.nees_pose) / 3.0),
         # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)

@@ -3,12 +3,12 @@
     posterior = infer(Network([...]), {"L": 1.1})
     posterior = slds.infer_slds(model, observations)
 
-The on-line filter approximates what this room computes exactly, over windows that are
+The on-line filter approximates what this package computes exactly, over windows that are
 short enough.  Nothing here knows roads.
 """
 
+from .gaussian_network import Discrete, Gaussian, Network, NetworkError
 from .inference import Posterior, infer
-from .network import Discrete, Gaussian, Network, NetworkError
 from .posterior import Mixture
 from .slds import Sensor, SwitchingModel, infer_window, unroll
 

@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from .network import Array, Discrete, Gaussian, Network, NetworkError, Value
+from .gaussian_network import Array, Discrete, Gaussian, Network, NetworkError, Value
 from .posterior import Joint, Mixture
 from .potentials import Modes, Regression, Table, log_density, reverse, spread_modes, union
 from .tree import Clique, cliques, eliminate, moralise

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from .gaussian_network import Discrete, Gaussian, Network, NetworkError, Value
 from .inference import Posterior, infer
-from .network import Discrete, Gaussian, Network, NetworkError, Value
 
 Observations = Sequence[Mapping[str, Value | None]]
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from .network import Network
+from .gaussian_network import Network
 
 Graph = dict[str, set[str]]
 

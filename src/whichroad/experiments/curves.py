@@ -1,4 +1,4 @@
-"""Curves over many drives: P of the true road, life-times, errors beside what is stated."""
+"""Curves over many drives: P of the true road, lifetimes, true and stated errors."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ..observations import Array
 from ..plots.panels import TRUTH
-from ..records import Array
 from .lanes import FAINT
-from .rides import MODELS, STEP_S, Ride, lives
+from .runs import MODELS, STEP_S, Run, lifetimes
 from .scenes import Scene
 from .scores import SEVEN
 
@@ -23,17 +23,17 @@ _ONE_SIGMA = 1.0 - math.exp(-1.0)  # of a Gaussian in the plane lies within its 
 _SHOWN_STEPS = 14.0  # at least
 
 
-def on_grid(r: Ride, values: Array, metres: Array) -> Array:
-    """Values of a ride at metres past the decision: those of the next epoch."""
+def on_grid(r: Run, values: Array, metres: Array) -> Array:
+    """Values of a run at metres past the decision: those of the next epoch."""
     at = np.clip(np.searchsorted(r.past, metres), 0, len(r.past) - 1)
     picked: Array = values[at]
     return picked
 
 
-def draw_band(axes: "Axes", model: str, rides: Sequence[Ride], window: tuple[float, float]) -> None:
+def draw_band(axes: "Axes", model: str, runs: Sequence[Run], window: tuple[float, float]) -> None:
     """P of the true road over the way: median, and between which nine in ten drives lie."""
     metres = np.linspace(*window, _GRID)
-    p = np.array([on_grid(r, r.right, metres) for r in rides])
+    p = np.array([on_grid(r, r.right, metres) for r in runs])
     low, middle, high = np.quantile(p, [0.05, 0.5, 0.95], axis=0)
     axes.fill_between(
         metres, low, high, color=COLOURS[model], alpha=0.22, lw=0, label="90 % of the drives"
@@ -43,11 +43,11 @@ def draw_band(axes: "Axes", model: str, rides: Sequence[Ride], window: tuple[flo
     axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderpad=0.0)
 
 
-def draw_survival(axes: "Axes", scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> None:
+def draw_survival(axes: "Axes", scene: Scene, runs: Mapping[str, Sequence[Run]]) -> None:
     """Share of the wrong roads that still count so many steps after they began to."""
     found = {
-        model: np.array([x.seconds / STEP_S for r in ridden for x in lives(scene, r)])
-        for model, ridden in rides.items()
+        model: np.array([x.seconds / STEP_S for r in answered for x in lifetimes(scene, r)])
+        for model, answered in runs.items()
     }
     longest = max((float(np.quantile(s, 0.99)) for s in found.values() if len(s)), default=0.0)
     grid = np.linspace(0.0, max(_SHOWN_STEPS, longest), _GRID)
@@ -62,8 +62,8 @@ def draw_survival(axes: "Axes", scene: Scene, rides: Mapping[str, Sequence[Ride]
     axes.legend(loc="upper right")
 
 
-Line = tuple[str, str, Sequence[Ride]]
-"""Label, colour, rides."""
+Line = tuple[str, str, Sequence[Run]]
+"""Label, colour, runs."""
 
 
 def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]) -> float:
@@ -77,14 +77,14 @@ def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]
     """
     metres = np.linspace(*window, _GRID)
 
-    def over(rides: Sequence[Ride], values: Callable[[Ride], Array]) -> Array:
-        return np.array([on_grid(r, values(r), metres) for r in rides])
+    def over(runs: Sequence[Run], values: Callable[[Run], Array]) -> Array:
+        return np.array([on_grid(r, values(r), metres) for r in runs])
 
     most = 0.0
-    for label, colour, rides in lines:
-        errors = over(rides, lambda r: np.hypot(r.answer.along, r.answer.cross))
+    for label, colour, runs in lines:
+        errors = over(runs, lambda r: np.hypot(r.answer.along, r.answer.cross))
         error = np.quantile(errors, _ONE_SIGMA, axis=0)
-        stated = np.sqrt(np.mean(over(rides, lambda r: r.sigma**2), axis=0))
+        stated = np.sqrt(np.mean(over(runs, lambda r: r.sigma**2), axis=0))
         axes.plot(metres, error, color=colour, lw=1.8, label=label)
         axes.plot(metres, stated, color=colour, lw=1.4, ls=(0, (4, 2)))
         most = max(most, float(error.max()), float(stated.max()))

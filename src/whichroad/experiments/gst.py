@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .numbers import Row, binomial
-from .rides import MODELS, Ride
+from .runs import MODELS, Run
 from .scenes import CANYON_M, Scene
 from .scores import Rows, everywhere, honesty, moving
 
@@ -19,28 +19,28 @@ Kind = tuple[str, str]
 KINDS: tuple[Kind, ...] = tuple((model, noise) for model in MODELS for noise in NOISES)
 
 
-def between_houses(r: Ride) -> NDArray[np.bool_]:
+def between_houses(r: Run) -> NDArray[np.bool_]:
     """The epochs of the street canyon."""
     inside: NDArray[np.bool_] = (r.past >= 0.0) & (r.past < CANYON_M[1] - CANYON_M[0])
     return inside
 
 
-def score_gst(scene: Scene, rides: dict[Kind, list[Ride]]) -> list[Row]:
+def score_gst(scene: Scene, runs: dict[Kind, list[Run]]) -> list[Row]:
     """Errors and honesty of each model with each noise, and how often the fixes' own wins."""
     out = []
-    for (model, noise), ridden in rides.items():
+    for (model, noise), answered in runs.items():
         rows = Rows(scene.name, f"{model}, {noise}")
-        honesty(rows, ridden, everywhere, "")
-        honesty(rows, ridden, between_houses, " between houses")
-        honesty(rows, ridden, lambda r: ~between_houses(r), " under open sky")
+        honesty(rows, answered, everywhere, "")
+        honesty(rows, answered, between_houses, " between houses")
+        honesty(rows, answered, lambda r: ~between_houses(r), " under open sky")
         out += rows.rows
     for model in MODELS:
-        pairs = zip(rides[model, PER_FIX], rides[model, FIXED], strict=True)
+        pairs = zip(runs[model, PER_FIX], runs[model, FIXED], strict=True)
         out.append(_won(scene.name, model, [rms(a) < rms(b) for a, b in pairs]))
     return out
 
 
-def rms(r: Ride) -> float:
+def rms(r: Run) -> float:
     """Position error of a drive, m."""
     kept = moving(r)
     return float(np.sqrt(np.mean((r.answer.along**2 + r.answer.cross**2)[kept])))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..records import Array
+from ..observations import Array
 
 Interval = tuple[float, float]
 _DRAWS = 1000
@@ -19,7 +19,7 @@ class Row:
     """One number of one model in one scene."""
 
     scene: str
-    model: str  # as `session.match` calls it; of `gst` with the noise behind it
+    model: str  # as `matching.match` calls it; of `gst` with the noise behind it
     figure: str
     value: float | None  # None: there was nothing to measure
     unit: str

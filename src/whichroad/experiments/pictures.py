@@ -14,13 +14,21 @@ from matplotlib.patches import Patch
 from ..plots.pages import DPI, STYLE
 from ..plots.panels import FIX, HIDDEN, RECKONING, TRUTH, probability_bar
 from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
+from .example_drive import ExampleDrive
 from .gst import FIXED, NOISES, PER_FIX, Kind
 from .lanes import draw_lanes, lanes_of, legend_of_lanes
-from .places import Place, draw_hypotheses, draw_roads, driven_at, frame, legend_of_map, name_roads
-from .reckon import wheels_alone
-from .rides import MODELS, Ride
+from .map_drawings import (
+    Place,
+    draw_hypotheses,
+    draw_roads,
+    driven_at,
+    frame,
+    legend_of_map,
+    name_roads,
+)
+from .runs import MODELS, Run
 from .scenes import CANYON_M, Scene
-from .shown import Shown
+from .wheels_alone import wheels_alone
 
 
 class Picture(NamedTuple):
@@ -31,21 +39,21 @@ class Picture(NamedTuple):
 
 
 def draw_scene(
-    scene: Scene, rides: Mapping[Kind, Sequence[Ride]], shown: Shown, out: Path
+    scene: Scene, runs: Mapping[Kind, Sequence[Run]], example: ExampleDrive, out: Path
 ) -> list[Picture]:
     """All pictures of a scene.
 
     Args:
         scene: Which.
-        rides: One per seed, by model and noise.
-        shown: The drive that is drawn.
+        runs: One per seed, by model and noise.
+        example: The drive that is drawn.
         out: Folder.
 
     Returns:
-        First what the paper draws, then the lives of its hypotheses, then many drives.
+        First what the paper draws, then the lifetimes of its hypotheses, then many drives.
     """
-    by_model = {model: rides[model, PER_FIX] for model in MODELS}
-    count, seed = len(by_model["default"]), shown.drive.seed
+    by_model = {model: runs[model, PER_FIX] for model in MODELS}
+    count, seed = len(by_model["default"]), example.drive.seed
     of_one, of_all = f"One drive, seed {seed}", f"{count} drives"
 
     def save(name: str, draw: Callable[[], Figure], caption: str) -> Picture:
@@ -56,16 +64,18 @@ def draw_scene(
     with matplotlib.rc_context(STYLE):
         if scene.name == "gst":
             return [
-                save("gst", lambda: _gst_page(shown), f"{of_one}: {_GST_CAPTION}"),
-                save("gst-seeds", lambda: _gst_seeds(scene, rides), f"{of_all}: {_ERRORS_CAPTION}"),
+                save("gst", lambda: _gst_page(example), f"{of_one}: {_GST_CAPTION}"),
+                save("gst-seeds", lambda: _gst_seeds(scene, runs), f"{of_all}: {_ERRORS_CAPTION}"),
             ]
         dark = scene.name == "outage"
         page, seeds = (_outage_page, _outage_seeds) if dark else (_zoom_page, _seeds_page)
         caption = _OUTAGE_CAPTION if dark else _ZOOM_CAPTION
         curves = _DARK_CAPTION if dark else _CURVES_CAPTION
         return [
-            save(scene.name, lambda: page(shown), f"{of_one}: {caption}"),
-            save(f"{scene.name}-lives", lambda: _lanes_page(shown), f"{of_one}: {_LANES_CAPTION}"),
+            save(scene.name, lambda: page(example), f"{of_one}: {caption}"),
+            save(
+                f"{scene.name}-lives", lambda: _lanes_page(example), f"{of_one}: {_LANES_CAPTION}"
+            ),
             save(
                 f"{scene.name}-seeds",
                 lambda: seeds(scene, by_model),
@@ -98,13 +108,13 @@ _GST_CAPTION = (
 )
 
 
-def _zoom_page(shown: Shown) -> Figure:
+def _zoom_page(example: ExampleDrive) -> Figure:
     figure = Figure(figsize=(12, 8.0))
     panels = figure.subplots(2, 1)
-    place = Place(shown.scene)
+    place = Place(example.scene)
     for axes, model in zip(panels, MODELS, strict=True):
         draw_roads(axes, place, 5.0)
-        draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
+        draw_hypotheses(axes, example, place, example.results[model], example.scene.near_m)
         axes.set_title(MODELS[model])
     _same_frame(panels, place)
     _fit(figure, panels)
@@ -135,35 +145,35 @@ def _fit(figure: Figure, panels: Sequence[matplotlib.axes.Axes]) -> None:
     figure.set_figheight(len(panels) * each + 0.2)
 
 
-def _outage_page(shown: Shown) -> Figure:
+def _outage_page(example: ExampleDrive) -> Figure:
     """The paper's Figure 9, and what cannot be seen in it: the estimates at the mask's end."""
     figure = Figure(figsize=(13, 4.9))
     whole, *panels = figure.subplots(1, 3, width_ratios=[5.2, 1, 1])
-    place = Place(shown.scene)
-    _draw_way(whole, shown, place)
+    place = Place(example.scene)
+    _draw_way(whole, example, place)
     for axes, model in zip(panels, MODELS, strict=True):
         draw_roads(axes, place, 5.0)
-        draw_hypotheses(axes, shown, place, shown.results[model], shown.scene.near_m)
+        draw_hypotheses(axes, example, place, example.results[model], example.scene.near_m)
         axes.set_title(MODELS[model])
     _same_frame(panels, place)
     probability_bar(figure, panels)
     return figure
 
 
-def _draw_way(axes: matplotlib.axes.Axes, shown: Shown, place: Place) -> None:
-    truth, (begin, end) = shown.drive.truth, shown.drive.outages[0]
+def _draw_way(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -> None:
+    truth, (begin, end) = example.drive.truth, example.drive.outages[0]
     draw_roads(axes, place, 1.6)
     path = place.here(truth.x, truth.y)
     hidden = (truth.time >= begin) & (truth.time <= end)
     axes.plot(*path[hidden].T, color=HIDDEN, alpha=0.35, lw=13, solid_capstyle="round", zorder=2)
     axes.plot(*path.T, color=TRUTH, lw=2.4, zorder=3)
     for model in MODELS:
-        points = shown.results[model].to_arrow()
+        points = example.results[model].to_arrow()
         lat, lon = (points[name].to_numpy() for name in ("lat", "lon"))
         axes.plot(*place.at(lat, lon).T, color=COLOURS[model], lw=1.0, zorder=4)
-    alone = wheels_alone(shown.drive)
+    alone = wheels_alone(example.drive)
     axes.plot(*place.here(*alone.T).T, color=RECKONING, lw=1.4, ls=(0, (4, 3)), zorder=5)
-    fixes = shown.drive.drive.fixes
+    fixes = example.drive.drive.fixes
     assert fixes is not None
     axes.plot(*place.at(fixes.lat_deg, fixes.lon_deg).T, ".", color=FIX, ms=3, mew=0, zorder=3)
     low, high = path.min(axis=0) - 170.0, path.max(axis=0) + 170.0
@@ -182,41 +192,41 @@ def _legend_of_way() -> list[Line2D | Patch]:
     ]
 
 
-def _lanes_page(shown: Shown) -> Figure:
-    window = shown.scene.far_m
-    lanes = [len(lanes_of(shown.logs[model], window)) for model in MODELS]
+def _lanes_page(example: ExampleDrive) -> Figure:
+    window = example.scene.far_m
+    lanes = [len(lanes_of(example.logs[model], window)) for model in MODELS]
     figure = Figure(figsize=(12, 1.7 + 0.29 * sum(lanes)))
     panels = figure.subplots(2, 1, sharex=True, height_ratios=lanes)
     for axes, model in zip(panels, MODELS, strict=True):
-        draw_lanes(axes, shown.logs[model], window)
+        draw_lanes(axes, example.logs[model], window)
         axes.set_title(MODELS[model])
         axes.legend(
             handles=legend_of_lanes(model), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
             borderpad=0.0,
         )  # fmt: skip
-    panels[-1].set_xlabel(f"m driven past {shown.scene.zero}")
+    panels[-1].set_xlabel(f"m driven past {example.scene.zero}")
     probability_bar(figure, panels)
     return figure
 
 
-def _seeds_page(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
+def _seeds_page(scene: Scene, runs: Mapping[str, Sequence[Run]]) -> Figure:
     figure = Figure(figsize=(12, 5.6))
     grid = figure.add_gridspec(2, 2, width_ratios=[1.6, 1])
-    _draw_bands(figure, [grid[0, 0], grid[1, 0]], scene, rides)
+    _draw_bands(figure, [grid[0, 0], grid[1, 0]], scene, runs)
     side = figure.add_subplot(grid[:, 1])
-    draw_survival(side, scene, rides)
+    draw_survival(side, scene, runs)
     side.set_title("How long a wrong road counted")
     return figure
 
 
 def _draw_bands(
     figure: Figure, places: Sequence[matplotlib.gridspec.SubplotSpec], scene: Scene,
-    rides: Mapping[str, Sequence[Ride]],
+    runs: Mapping[str, Sequence[Run]],
 ) -> None:  # fmt: skip
     first = None
-    for place, (model, ridden) in zip(places, rides.items(), strict=True):
+    for place, (model, answered) in zip(places, runs.items(), strict=True):
         axes = figure.add_subplot(place, sharex=first)
-        draw_band(axes, model, ridden, scene.far_m)
+        draw_band(axes, model, answered, scene.far_m)
         axes.set_title(MODELS[model])
         first = first or axes
         if place is not places[-1]:
@@ -224,17 +234,17 @@ def _draw_bands(
     axes.set_xlabel(f"m driven past {scene.zero}")
 
 
-def _outage_seeds(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
+def _outage_seeds(scene: Scene, runs: Mapping[str, Sequence[Run]]) -> Figure:
     figure = Figure(figsize=(12, 8.4))
     grid = figure.add_gridspec(3, 2, width_ratios=[1.6, 1], height_ratios=[1.3, 1, 1])
     above = figure.add_subplot(grid[0, :])
-    draw_errors(above, [(MODELS[m], COLOURS[m], r) for m, r in rides.items()], scene.far_m)
+    draw_errors(above, [(MODELS[m], COLOURS[m], r) for m, r in runs.items()], scene.far_m)
     above.axvspan(*scene.counted_m, color=HIDDEN, alpha=0.18, lw=0, zorder=0)
     above.set_title("How far from the truth; GPS masked where shaded")
     above.set_xlabel(f"m driven past {scene.zero}")
-    _draw_bands(figure, [grid[1, 0], grid[2, 0]], scene, rides)
+    _draw_bands(figure, [grid[1, 0], grid[2, 0]], scene, runs)
     side = figure.add_subplot(grid[1:, 1])
-    draw_survival(side, scene, rides)
+    draw_survival(side, scene, runs)
     side.set_title("How long a wrong road counted")
     return figure
 
@@ -242,21 +252,21 @@ def _outage_seeds(scene: Scene, rides: Mapping[str, Sequence[Ride]]) -> Figure:
 _NOISE_COLOURS = {PER_FIX: "#0b4f9e", FIXED: "#c9a227"}
 
 
-def _gst_page(shown: Shown) -> Figure:
+def _gst_page(example: ExampleDrive) -> Figure:
     """The way with its fixes, and the middle of it closer."""
-    assert shown.fixed is not None
+    assert example.fixed is not None
     figure = Figure(figsize=(13, 3.0))
     whole, near = figure.subplots(1, 2, width_ratios=[1.9, 1])
-    place, truth = Place(shown.scene), shown.drive.truth
-    answers = {PER_FIX: shown.results["default"], FIXED: shown.fixed}
+    place, truth = Place(example.scene), example.drive.truth
+    answers = {PER_FIX: example.results["default"], FIXED: example.fixed}
     path = place.here(truth.x, truth.y)
-    begin, end = driven_at(shown, shown.scene.near_m)
+    begin, end = driven_at(example, example.scene.near_m)
     houses = path[(truth.time >= begin) & (truth.time <= end)]
     for axes, width in ((whole, 1.0), (near, 1.6)):
         draw_roads(axes, place, width)
         axes.plot(*houses.T, color=HIDDEN, alpha=0.3, lw=18 * width, zorder=1)
         axes.plot(*path.T, color=TRUTH, lw=1.2, zorder=4)
-        fixes = shown.drive.drive.fixes
+        fixes = example.drive.drive.fixes
         assert fixes is not None
         spots = place.at(fixes.lat_deg, fixes.lon_deg)
         axes.plot(*spots.T, ".", color=FIX, ms=4 * width, mew=0, zorder=3)
@@ -284,13 +294,13 @@ def _legend_of_gst() -> list[Line2D | Patch]:
     ]
 
 
-def _gst_seeds(scene: Scene, rides: Mapping[Kind, Sequence[Ride]]) -> Figure:
+def _gst_seeds(scene: Scene, runs: Mapping[Kind, Sequence[Run]]) -> Figure:
     figure = Figure(figsize=(12, 6.4))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     most = 0.0
     for axes, model in zip(panels, MODELS, strict=True):
         lines: list[Line] = [
-            (text, _NOISE_COLOURS[noise], rides[model, noise]) for noise, text in NOISES.items()
+            (text, _NOISE_COLOURS[noise], runs[model, noise]) for noise, text in NOISES.items()
         ]
         most = max(most, draw_errors(axes, lines, scene.far_m))
         axes.axvspan(0.0, CANYON_M[1] - CANYON_M[0], color=HIDDEN, alpha=0.18, lw=0, zorder=0)

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..simulate import GOOD, URBAN, Pull, SimulatedDrive, simulate_drive
-from ..simulate.warp import draw_warp
-from .maps import CANYON_ROUTE, GAP, along, known
+from ..simulate.map_error_field import draw_map_error
+from .scene_maps import CANYON_ROUTE, GAP, along, known
 
 if TYPE_CHECKING:
-    from ..records import Fixes
+    from ..observations import Fixes
     from ..roadmap import RoadMap
 
 STEADY = replace(GOOD, lane_change_rate=0.0, stop_probability=0.0)
@@ -76,15 +76,21 @@ _PULL = (GAP + 1.0, 15.0, 6.0)  # m to the other road, s over which it wears off
 
 def _parallel(roads: "RoadMap", seed: int) -> SimulatedDrive:
     """The map's own error is part of the pull, so that fixes lie beyond the map's other road."""
-    warp = draw_warp(STEADY, np.random.default_rng([seed, 9]))
-    map_error = float(warp.at(np.array([900.0]), np.array([0.0]))[0, 1])
+    error_field = draw_map_error(STEADY, np.random.default_rng([seed, 9]))
+    map_error = float(error_field.at(np.array([900.0]), np.array([0.0]))[0, 1])
     size, wears_off, reported = _PULL
     left = seed % 2 == 0
     pull = Pull(_BACK, (size if left else -size) + map_error, wears_off, reported)
     route = along(roads, ["approach", "left road" if left else "right road"])
     dark = [(_SPLIT - 150.0, _BACK)]
     return simulate_drive(
-        roads, seed=seed, route=route, scenario=STEADY, outages_m=dark, pulls=[pull], warp=warp
+        roads,
+        seed=seed,
+        route=route,
+        scenario=STEADY,
+        outages_m=dark,
+        pulls=[pull],
+        error_field=error_field,
     )
 
 

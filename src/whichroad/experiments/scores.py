@@ -1,4 +1,4 @@
-"""What the paper leaves out: the numbers of many rides through one scene."""
+"""Figures over many runs through one scene."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .numbers import Row, binomial, median, ratio
-from .rides import STEP_S, SURE, Ride, lives
+from .runs import STEP_S, SURE, Run, lifetimes
 from .scenes import Scene
 
 SEVEN = 7.0 * STEP_S
@@ -55,116 +55,118 @@ class Rows:
         self.rows.append(Row(self.scene, self.model, figure, value, unit, n, interval, spread))
 
 
-def moving(r: Ride) -> NDArray[np.bool_]:
+def moving(r: Run) -> NDArray[np.bool_]:
     """The epochs that count: not the first seconds, not standing."""
     kept: NDArray[np.bool_] = (r.since > _WARM_UP) & ~r.answer.stopped
     return kept
 
 
 def honesty(
-    rows: Rows, rides: Sequence[Ride], where: Callable[[Ride], NDArray[np.bool_]], note: str
+    rows: Rows, runs: Sequence[Run], where: Callable[[Run], NDArray[np.bool_]], note: str
 ) -> None:
     """Error of the position, and whether its covariance is true, over chosen epochs."""
-    kept = [moving(r) & where(r) for r in rides]
+    kept = [moving(r) & where(r) for r in runs]
     size = [int(k.sum()) for k in kept]
-    error = [r.answer.along**2 + r.answer.cross**2 for r in rides]
+    error = [r.answer.along**2 + r.answer.cross**2 for r in runs]
 
     def sums(values: Sequence[NDArray[Any]]) -> list[float]:
         return [float(v[k].sum()) for v, k in zip(values, kept, strict=True)]
 
     rows.ratio(f"position error{note}", sums(error), size, "m RMS", root=True)
-    rows.ratio(f"as stated{note}", sums([r.sigma**2 for r in rides]), size, "m RMS", True)
-    nees = [r.answer.nees for r in rides]
+    rows.ratio(f"as stated{note}", sums([r.sigma**2 for r in runs]), size, "m RMS", True)
+    nees = [r.answer.nees for r in runs]
     rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "1 is honest")
     inside = [100.0 * (v < _CHI2_95) for v in nees]
     rows.ratio(f"truth in the 95 % ellipse{note}", sums(inside), size, "% of epochs")
 
 
-def everywhere(r: Ride) -> NDArray[np.bool_]:
+def everywhere(r: Run) -> NDArray[np.bool_]:
     """Every epoch."""
     return np.ones(len(r.past), bool)
 
 
-def life_times(rows: Rows, scene: Scene, rides: Sequence[Ride]) -> None:
+def life_times(rows: Rows, scene: Scene, runs: Sequence[Run]) -> None:
     """The paper's "seven steps"."""
-    found = [lives(scene, r) for r in rides]
-    steps = [[life.seconds / STEP_S for life in one] for one in found]
+    found = [lifetimes(scene, r) for r in runs]
+    steps = [[lifetime.seconds / STEP_S for lifetime in one] for one in found]
     rows.median("a wrong road counted for", steps, "steps of 1 s")
-    rows.median("a wrong road counted over", [[life.metres for life in one] for one in found], "m")
+    rows.median(
+        "a wrong road counted over", [[lifetime.metres for lifetime in one] for one in found], "m"
+    )
     rows.median("wrong roads that counted", [[float(len(one))] for one in found], "per drive")
-    longest = [max((life.seconds for life in one), default=0.0) for one in found]
+    longest = [max((lifetime.seconds for lifetime in one), default=0.0) for one in found]
     rows.share("a wrong road counted for seven steps or more", [s >= SEVEN for s in longest])
     rows.share(
         "a wrong road still counted at the end",
-        [not all(life.ended for life in one) for one in found],
+        [not all(lifetime.ended for lifetime in one) for one in found],
     )
 
 
-def believed_after(r: Ride) -> float:
+def believed_after(r: Run) -> float:
     """From where on the true road is believed for good, m past the decision, 0 at least."""
     doubted = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
     return float(max(r.past[doubted[-1]], 0.0)) if len(doubted) else 0.0
 
 
-def choice(rows: Rows, rides: Sequence[Ride], asked_m: Sequence[float]) -> None:
+def choice(rows: Rows, runs: Sequence[Run], asked_m: Sequence[float]) -> None:
     """Which road: how soon, how often, how surely wrong."""
     for metres in asked_m:
-        at = [min(int(np.searchsorted(r.past, metres)), len(r.past) - 1) for r in rides]
-        leads = [r.right[k] > r.wrongest[k] for r, k in zip(rides, at, strict=True)]
+        at = [min(int(np.searchsorted(r.past, metres)), len(r.past) - 1) for r in runs]
+        leads = [r.right[k] > r.wrongest[k] for r, k in zip(runs, at, strict=True)]
         rows.share(f"true road the most probable, {metres:g} m on", leads)
-    rows.share("true road the most probable all along", [right_all_along(r) for r in rides])
+    rows.share("true road the most probable all along", [right_all_along(r) for r in runs])
     rows.median(
         f"true road believed (P > {BELIEVED}) for good after",
-        [[believed_after(r)] for r in rides], "m",
+        [[believed_after(r)] for r in runs], "m",
     )  # fmt: skip
-    ends(rows, rides)
+    ends(rows, runs)
 
 
-def ends(rows: Rows, rides: Sequence[Ride]) -> None:
+def ends(rows: Rows, runs: Sequence[Run]) -> None:
     """Whether the drive ends well, and whether what is declared is true."""
-    rows.share("true road the most probable at the end", [right_at_end(r) for r in rides])
-    rows.share(f"a wrong road declared (P >= {SURE})", [declared_wrong(r) for r in rides])
+    rows.share("true road the most probable at the end", [right_at_end(r) for r in runs])
+    rows.share(f"a wrong road declared (P >= {SURE})", [declared_wrong(r) for r in runs])
     rows.share(
         f"a wrong road believed (P > {BELIEVED}) at the end",
-        [r.wrongest[-1] > BELIEVED for r in rides],
+        [r.wrongest[-1] > BELIEVED for r in runs],
     )
 
 
-def right_all_along(r: Ride) -> bool:
+def right_all_along(r: Run) -> bool:
     """Whether the true road is the most probable one in every epoch from the decision on."""
     return bool((r.right > r.wrongest)[r.past > 0.0].all())
 
 
-def right_at_end(r: Ride) -> bool:
+def right_at_end(r: Run) -> bool:
     """Whether the true road is the most probable one in the last epoch."""
     return bool(r.right[-1] > r.wrongest[-1])
 
 
-def declared_wrong(r: Ride) -> bool:
+def declared_wrong(r: Run) -> bool:
     """Whether a wrong road was ever declared, from the decision on."""
     return bool((r.wrongest[r.past > 0.0] >= SURE).any())
 
 
-def through_mask(rows: Rows, rides: Sequence[Ride], alone: Sequence[float]) -> None:
+def through_mask(rows: Rows, runs: Sequence[Run], alone: Sequence[float]) -> None:
     """The paper's Figure 9: the mask, its end, and what wheels alone would say there."""
     rows.ratio(
         "true road the most probable in the mask",
-        [100.0 * float(r.answer.right[r.dark].sum()) for r in rides],
-        [int(r.dark.sum()) for r in rides], "% of epochs",
+        [100.0 * float(r.answer.right[r.dark].sum()) for r in runs],
+        [int(r.dark.sum()) for r in runs], "% of epochs",
     )  # fmt: skip
-    last = [int(np.flatnonzero(r.dark)[-1]) for r in rides]
-    pairs = list(zip(rides, last, strict=True))
+    last = [int(np.flatnonzero(r.dark)[-1]) for r in runs]
+    pairs = list(zip(runs, last, strict=True))
     rows.share(
         "true road the most probable at the mask's end", [r.answer.right[k] for r, k in pairs]
     )
-    one = [1.0] * len(rides)
+    one = [1.0] * len(runs)
     error = [float(r.answer.along[k] ** 2 + r.answer.cross[k] ** 2) for r, k in pairs]
     rows.ratio("position error at the mask's end", error, one, "m RMS", root=True)
     rows.median("position error at the mask's end, median", [[e**0.5] for e in error], "m")
     stated = [float(r.sigma[k] ** 2) for r, k in pairs]
     rows.ratio("as stated at the mask's end", stated, one, "m RMS", root=True)
     rows.ratio("wheels alone at the mask's end", [a * a for a in alone], one, "m RMS", root=True)
-    honesty(rows, rides, lambda r: r.dark, " in the mask")
+    honesty(rows, runs, lambda r: r.dark, " in the mask")
 
 
 ASKED = {
@@ -175,22 +177,22 @@ ASKED = {
 """Where the most probable road is asked for, m past the decision."""
 
 
-def score(scene: Scene, model: str, rides: Sequence[Ride], alone: Sequence[float]) -> list[Row]:
+def score(scene: Scene, model: str, runs: Sequence[Run], alone: Sequence[float]) -> list[Row]:
     """All numbers of one model in one of the scenes of Figures 8 to 11.
 
     Args:
         scene: Which.
         model: Which.
-        rides: One per seed.
+        runs: One per seed.
         alone: Error of wheels alone at the mask's end, m, one per seed; `outage` only.
     """
     rows = Rows(scene.name, model)
     if scene.name == "outage":
-        through_mask(rows, rides, alone)
-        life_times(rows, scene, rides)
-        ends(rows, rides)
+        through_mask(rows, runs, alone)
+        life_times(rows, scene, runs)
+        ends(rows, runs)
     else:
-        life_times(rows, scene, rides)
-        choice(rows, rides, ASKED[scene.name])
-        honesty(rows, rides, everywhere, "")
+        life_times(rows, scene, runs)
+        choice(rows, runs, ASKED[scene.name])
+        honesty(rows, runs, everywhere, "")
     return rows.rows

@@ -1,4 +1,4 @@
-"""The addresses of the live service, as a Starlette application."""
+"""The HTTP and WebSocket endpoints of the live service, as a Starlette application."""
 
 import asyncio
 import json
@@ -19,10 +19,10 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import WhichroadError
-from .doors import Doors
-from .engine import Engine
+from .access import AccessControl
+from .broadcaster import Broadcaster, websocket_frame
+from .filter_loop import FilterLoop
 from .health import label, metric
-from .hub import Hub, websocket_frame
 from .playback import Player
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes
@@ -40,21 +40,23 @@ _FASTEST = 1000.0
 
 
 class Service:
-    """What the addresses answer from.
+    """Handlers of the endpoints.
 
     Args:
-        engine: The filter.
-        hub: Its listeners.
-        player: Plays a recording; None: time is the world's.
+        filter_loop: The filter.
+        broadcaster: Its listeners.
+        player: Plays a recording; None: live inputs.
     """
 
-    def __init__(self, engine: Engine, hub: Hub, player: Player | None = None) -> None:
-        self.engine, self.hub, self.player = engine, hub, player
+    def __init__(
+        self, filter_loop: FilterLoop, broadcaster: Broadcaster, player: Player | None = None
+    ) -> None:
+        self.filter_loop, self.broadcaster, self.player = filter_loop, broadcaster, player
         self._matching = asyncio.Lock()
-        engine.sinks.append(hub.send)
+        filter_loop.sinks.append(broadcaster.send)
 
     def routes(self) -> list[BaseRoute]:
-        """All addresses but the page's."""
+        """All endpoints but the page's."""
         return [
             WebSocketRoute("/ws", self.websocket),
             Route("/events", self.events),
@@ -67,15 +69,15 @@ class Service:
 
     async def websocket(self, socket: WebSocket) -> None:
         """Every message as it is made; the last one at once.  Nothing is expected back."""
-        if self.hub.full:
+        if self.broadcaster.full:
             await socket.close(1013)
             return
         await socket.accept()
         connection = socket.scope["state"]["connection"]
         transport = connection.transport
-        if self.engine.published:
-            transport.write(websocket_frame(self.engine.published))
-        self.hub.sockets.add(transport)
+        if self.filter_loop.published:
+            transport.write(websocket_frame(self.filter_loop.published))
+        self.broadcaster.sockets.add(transport)
         try:
             while True:
                 await socket.receive_text()
@@ -83,32 +85,32 @@ class Service:
         except (WebSocketDisconnect, KeyError):
             pass
         finally:
-            self.hub.sockets.discard(transport)
-            self.hub.sockets.dropped += connection.stalled
+            self.broadcaster.sockets.discard(transport)
+            self.broadcaster.sockets.dropped += connection.stalled
 
     async def events(self, request: Request) -> Response:
         """The same as server-sent events."""
-        if self.hub.full:
+        if self.broadcaster.full:
             raise HTTPException(503, "too many listeners")
-        stream = self.hub.events(self.engine.published)
+        stream = self.broadcaster.events(self.filter_loop.published)
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
         return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
 
     async def estimate(self, request: Request) -> Response:
         """The last message."""
-        if not self.engine.published:
+        if not self.filter_loop.published:
             raise HTTPException(503, "nothing was said yet")
         headers = {"cache-control": "no-store"}
-        return Response(self.engine.published, media_type="application/json", headers=headers)
+        return Response(self.filter_loop.published, media_type="application/json", headers=headers)
 
     async def health(self, request: Request) -> Response:
         """How the service is doing."""
-        listeners = {"listeners": self.hub.listeners, "dropped": self.hub.dropped}
-        return JSONResponse({**self.engine.health(), **listeners})
+        listeners = {"listeners": self.broadcaster.listeners, "dropped": self.broadcaster.dropped}
+        return JSONResponse({**self.filter_loop.health(), **listeners})
 
     async def metrics(self, request: Request) -> Response:
         """The same for Prometheus."""
-        text = "\n".join(_metrics(self.engine, self.hub)) + "\n"
+        text = "\n".join(_metrics(self.filter_loop, self.broadcaster)) + "\n"
         return PlainTextResponse(text, media_type="text/plain; version=0.0.4")
 
     async def control(self, request: Request) -> Response:
@@ -119,13 +121,15 @@ class Service:
         except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
             raise HTTPException(400, 'a JSON object with an "action" was expected') from None
         self._act(action, value)
-        return JSONResponse({"gnss_masked": self.engine.gnss_masked, "play": self.engine.play()})
+        return JSONResponse(
+            {"gnss_masked": self.filter_loop.gnss_masked, "play": self.filter_loop.play()}
+        )
 
     def _act(self, action: Any, value: Any) -> None:
         if action in ("mask", "unmask"):
-            self.engine.mask(action == "mask")
+            self.filter_loop.mask(action == "mask")
         elif action == "reset_reckoning":
-            self.engine.reset_reckoning()
+            self.filter_loop.reset_reckoning()
         elif action not in ("pause", "resume", "step", "speed", "seek"):
             raise HTTPException(400, "an unknown action")
         elif self.player is None:
@@ -151,7 +155,7 @@ class Service:
         if self._matching.locked():
             raise HTTPException(429, "another trace is being matched")
         async with self._matching:
-            call = partial(_match, self.engine, body, _KINDS[kind])
+            call = partial(_match, self.filter_loop, body, _KINDS[kind])
             return Response(await run_in_threadpool(call), media_type="application/json")
 
 
@@ -170,10 +174,10 @@ def application(
         local: Whether only the own host is served.
         token: Asked of everybody; None: nobody.
     """
-    doors = Middleware(Doors, local=local, token=token, largest={"/match": LARGEST_TRACE})
+    access = Middleware(AccessControl, local=local, token=token, largest={"/match": LARGEST_TRACE})
     handlers: dict[Any, Any] = {HTTPException: _told, Exception: _broken}
     return Starlette(
-        routes=[*service.routes(), *pages], middleware=[doors], exception_handlers=handlers
+        routes=[*service.routes(), *pages], middleware=[access], exception_handlers=handlers
     )
 
 
@@ -200,12 +204,12 @@ def _number(value: Any, low: float, high: float) -> float:
     return float(value)
 
 
-def _match(engine: Engine, body: bytes, suffix: str) -> bytes:
+def _match(filter_loop: FilterLoop, body: bytes, suffix: str) -> bytes:
     """Match a trace in the calling thread; the answer as JSON."""
+    from ..matching import match
     from ..readers import drive_from_table, read_drive
-    from ..session import match
 
-    car, settings = engine.localizer.vehicle, engine.localizer.settings
+    car, settings = filter_loop.localizer.vehicle, filter_loop.localizer.settings
     with tempfile.TemporaryDirectory() as folder:
         try:
             if suffix == ".json":
@@ -216,7 +220,7 @@ def _match(engine: Engine, body: bytes, suffix: str) -> bytes:
                 drives = read_drive(path, vehicle=car, settings=settings)
             if sum(_size(drive) for drive in drives) > _MOST_EPOCHS:
                 raise HTTPException(413, f"at most {_MOST_EPOCHS:,} rows are taken here")
-            result = match(drives, engine.roads, vehicle=car, settings=settings)
+            result = match(drives, filter_loop.roads, vehicle=car, settings=settings)
         except WhichroadError as error:
             raise HTTPException(422, str(error).replace(f"{folder}/", "")) from None
     path = result.path
@@ -255,11 +259,13 @@ def _columns(body: bytes) -> Any:
         ) from None
 
 
-def _metrics(engine: Engine, hub: Hub) -> list[str]:
+def _metrics(filter_loop: FilterLoop, broadcaster: Broadcaster) -> list[str]:
     """Lines of the Prometheus text format."""
-    message, health = engine.message, engine.health()
+    message, health = filter_loop.message, filter_loop.health()
     sensors = {f'{{sensor="{label(s["name"])}"}}': s for s in health["sensors"]}
-    lines = metric("whichroad_messages_total", "counter", "Messages published.", {"": engine.seq})
+    lines = metric(
+        "whichroad_messages_total", "counter", "Messages published.", {"": filter_loop.seq}
+    )
     lines += metric(
         "whichroad_observations_total", "counter", "Observations taken, by input.",
         {key: s["count"] for key, s in sensors.items()},
@@ -272,9 +278,11 @@ def _metrics(engine: Engine, hub: Hub) -> list[str]:
         "whichroad_sensor_up", "gauge", "1: the input speaks.",
         {key: int(s["ok"]) for key, s in sensors.items()},
     )  # fmt: skip
-    lines += metric("whichroad_listeners", "gauge", "Listeners.", {"": hub.listeners})
-    lines += metric("whichroad_dropped_total", "counter", "Listeners too slow.", {"": hub.dropped})
-    late = engine.events.skipped["late"]
+    lines += metric("whichroad_listeners", "gauge", "Listeners.", {"": broadcaster.listeners})
+    lines += metric(
+        "whichroad_dropped_total", "counter", "Listeners too slow.", {"": broadcaster.dropped}
+    )
+    late = filter_loop.buffer.skipped["late"]
     lines += metric("whichroad_late_total", "counter", "Observations too late.", {"": late})
     if message is not None:
         lines += metric("whichroad_p_road", "gauge", "P of the road.", {"": message["p_road"]})
@@ -286,4 +294,4 @@ def _metrics(engine: Engine, hub: Hub) -> list[str]:
             "": "+Inf" if level == math.inf else level})  # fmt: skip
     name = "whichroad_latency_seconds"
     lines += [f"# HELP {name} From arrival to publication.", f"# TYPE {name} histogram"]
-    return lines + engine.latency.histogram(name)
+    return lines + filter_loop.latency.histogram(name)

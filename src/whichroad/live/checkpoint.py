@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..errors import WriteError
-from ..localizer import Localizer
+from ..online import Localizer
 from .decode import CanStream
 from .state import bridge, fingerprint, from_bytes, restore, state_of, to_bytes
 

@@ -1,6 +1,6 @@
 """Bytes and frames as they arrive to observations, with the least delay.
 
-The parsers of recorded logs look at whole blocks and know what comes next; these do not.
+NMEA has the parser of recorded logs.  A CAN log is read as a whole, a bus frame by frame.
 """
 
 import math
@@ -10,11 +10,11 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
-from ..readers.burst import BurstParser
+from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
 from ..readers.can import SI_UNITS, Signal, find_signals
-from ..readers.counters import JUMP
-from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
-from ..sensors.sound import FASTEST
+from ..readers.nmea import NmeaParser
+from ..readers.wheel_counters import JUMP
+from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
 
 _JITTER = 0.02  # s
@@ -31,7 +31,7 @@ class NmeaStream:
     """
 
     def __init__(self, settings: Settings | None = None, offset: float = 0.0) -> None:
-        self._parser, self._offset = BurstParser(settings, today=time.time()), offset
+        self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
 
     @property
     def skipped(self) -> int:
@@ -44,7 +44,7 @@ class NmeaStream:
 
     def flush(self) -> list[GeoFix]:
         """The line is silent: the fix of the burst that has ended."""
-        return self._shifted(self._parser.flush())
+        return self._shifted(self._parser.pause())
 
     def _shifted(self, fixes: list[GeoFix]) -> list[GeoFix]:
         if not self._offset:

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, TypedDict
 
-from ..frames import Plane
-from ..records import Array, Estimate, GeoFix, Hypothesis
+from ..geodesy.angles import axis_bearing_of, degrees
+from ..geodesy.plane import Plane
+from ..observations import Array, Estimate, GeoFix, Hypothesis
 from ..roadmap import RoadMap
 
 VERSION = 1
@@ -231,7 +232,7 @@ class Messages:
             map_lat=round(map_pose.lat, 8) if map_pose else None,
             map_lon=round(map_pose.lon, 8) if map_pose else None,
             ellipse=ellipse,
-            sigma_bearing_deg=round(math.degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3)
+            sigma_bearing_deg=round(degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3)
             if answered
             else None,
             protection_m=_finite(estimate.protection_level, 3),
@@ -349,7 +350,7 @@ def _axes(ee: float, en: float, nn: float, turn: float = 0.0) -> Ellipse:
     return Ellipse(
         major_m=round(math.sqrt(max(mean + half, 0.0)), 3),
         minor_m=round(math.sqrt(max(mean - half, 0.0)), 3),
-        bearing_deg=round(math.degrees(0.5 * math.pi + turn - heading) % 180.0, 2),
+        bearing_deg=round(axis_bearing_of(heading, turn), 2),
     )
 
 

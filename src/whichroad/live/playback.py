@@ -1,4 +1,4 @@
-"""Recorded drives, played as if they happened now: at any speed, paused, stepped, sought."""
+"""Playback of recorded drives: at any speed, with pause, step and seek."""
 
 import asyncio
 import time
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DriveError
-from ..records import (
+from ..observations import (
     Distance,
     Drive,
     GeoFix,
@@ -22,30 +22,30 @@ from ..records import (
     WheelSpeeds,
     WheelTicks,
 )
-from .engine import Engine
+from .filter_loop import FilterLoop
 from .messages import PlayMessage
 from .state import State, restore, state_of
 
 _KINDS: dict[type, Callable[..., Observation]] = {
     WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,
 }  # fmt: skip
-_BLOCK = 4096  # observations made at once
-_SLICE = 0.004  # s of work between two looks at the world
-_STEP = 0.1  # s of the recording, one step
+_BLOCK = 4096  # observations created at once
+_SLICE = 0.004  # s of work before other tasks run
+_STEP = 0.1  # s of the recording in one step
 _NAP = 0.02  # s, the longest sleep while playing
-_KEPT_EVERY = 2.0  # s of the recording between states to go back to
+_KEPT_EVERY = 2.0  # s of the recording between stored states
 _MOST_KEPT = 400
 
 
-class Tape:
+class RecordedObservations:
     """The observations of a recorded drive, in the order of their times.
 
     Args:
-        drive: What was recorded; of one time the odometry comes first.
-        laps: How often it is played, one after the other.
+        drive: The recording; of equal times the odometry comes first.
+        laps: Number of repetitions.
 
     Raises:
-        DriveError: There is nothing in it.
+        DriveError: The drive has neither a fix nor odometry.
     """
 
     def __init__(self, drive: Drive, laps: int = 1) -> None:
@@ -102,7 +102,7 @@ class Tape:
         return self._block[at]
 
     def _make(self, index: int) -> None:
-        """The block that begins there."""
+        """Create the block of observations that begins at an index."""
         lap, row = divmod(index, len(self.time))
         end = min(row + _BLOCK, len(self.time))
         block: list[Any] = [None] * (end - row)
@@ -118,12 +118,12 @@ class Tape:
 
 
 class Player:
-    """Plays a tape into an engine.
+    """Plays a recording into a filter loop.
 
     Args:
-        engine: Takes the observations.
-        tape: What is played.
-        speed: Times real time; None: as fast as possible.
+        filter_loop: Processes the observations.
+        recording: The observations.
+        speed: Multiple of real time; None: as fast as possible.
         paused: Whether to wait for `resume` or `step`.
 
     Attributes:
@@ -131,25 +131,30 @@ class Player:
     """
 
     def __init__(
-        self, engine: Engine, tape: Tape, *, speed: float | None = 1.0, paused: bool = False
+        self,
+        filter_loop: FilterLoop,
+        recording: RecordedObservations,
+        *,
+        speed: float | None = 1.0,
+        paused: bool = False,
     ) -> None:
-        self.engine, self.tape = engine, tape
+        self.filter_loop, self.recording = filter_loop, recording
         self.speed, self.paused = speed, paused
         self.ended = asyncio.Event()
-        self._health = engine.sensor("recording", "file")
+        self._health = filter_loop.sensor("recording", "file")
         self._health.link = "open"
         self._at = 0
         self._kept: list[tuple[int, State]] = []
         self._every = _KEPT_EVERY
-        self._anchor = (0.0, 0.0)  # clock and recording agree here
-        self._target: int | None = None  # where a search goes
+        self._anchor = (0.0, 0.0)  # clock and time of the recording that correspond
+        self._target: int | None = None  # index to which a seek goes
         self._wake = asyncio.Event()
-        engine.play = self.message
+        filter_loop.play = self.message
 
     @property
     def position(self) -> float:
         """Seconds from the recording's beginning."""
-        return self.tape.when(max(self._at - 1, 0)) - float(self.tape.time[0])
+        return self.recording.when(max(self._at - 1, 0)) - float(self.recording.time[0])
 
     def message(self) -> PlayMessage:
         """The state of play."""
@@ -158,30 +163,30 @@ class Player:
             paused=self.paused,
             speed=self.speed,
             position_s=round(self.position, 3),
-            length_s=round(self.tape.length, 3),
+            length_s=round(self.recording.length, 3),
         )
 
     def start_at(self, when: float) -> None:
-        """Begin at a time that the filter is at already."""
-        self._at = self.tape.index(when)
+        """Begin at a time that the filter has reached already."""
+        self._at = self.recording.index(when)
 
     async def run(self) -> None:
-        """Play until cancelled; waits where it is paused or at the end."""
+        """Play until cancelled; waits while paused and at the end."""
         self._set_anchor()
         while True:
             if self._target is not None:
                 self._run_on(self._target)
                 await asyncio.sleep(0)
-            elif self.paused or self._at >= len(self.tape):
-                if self._at >= len(self.tape) and not self.ended.is_set():
+            elif self.paused or self._at >= len(self.recording):
+                if self._at >= len(self.recording) and not self.ended.is_set():
                     self._health.link = "ended"
-                    self.engine.publish()
+                    self.filter_loop.publish()
                     self.ended.set()
                 self._wake.clear()
                 await self._wake.wait()
                 self._set_anchor()
             elif self.speed is None:
-                self._play_slice(len(self.tape))
+                self._play_slice(len(self.recording))
                 await asyncio.sleep(0)
             else:
                 await self._keep_pace(self.speed)
@@ -189,95 +194,98 @@ class Player:
     async def _keep_pace(self, speed: float) -> None:
         clock, recorded = self._anchor
         due = recorded + speed * (time.perf_counter() - clock)
-        when = self.tape.when(self._at)
+        when = self.recording.when(self._at)
         if when <= due:
-            end = self.tape.index(due + 1e-9)
+            end = self.recording.index(due + 1e-9)
             reached = self._play_slice(max(end, self._at + 1))
             await asyncio.sleep(0.001 if reached else 0)
         else:
             await asyncio.sleep(min((when - due) / speed, _NAP))
 
     def _play_slice(self, end: int) -> bool:
-        """Play up to an index for as long as may be; returns whether it was reached."""
+        """Play up to an index for a limited time; returns whether it was reached."""
         began = arrival = time.perf_counter()
-        tape, engine, health = self.tape, self.engine, self._health
-        end = min(end, len(tape))
+        recording, filter_loop, health = self.recording, self.filter_loop, self._health
+        end = min(end, len(recording))
         while self._at < end:
-            chunk = [tape[i] for i in range(self._at, min(self._at + 32, end))]
+            chunk = [recording[i] for i in range(self._at, min(self._at + 32, end))]
             self._keep()
             self._at += len(chunk)
-            engine.take(health, chunk, arrival, recorded=True)
+            filter_loop.take(health, chunk, arrival, recorded=True)
             arrival = time.perf_counter()
             if arrival - began > _SLICE:
                 break
         return self._at >= end
 
     def _keep(self) -> None:
-        """Remember the state here, to go back to; the farther apart the longer the drive is."""
-        when = self.tape.when(self._at)
-        if self._kept and when - self.tape.when(self._kept[-1][0]) < self._every:
+        """Store the state for seeking; the longer the drive, the fewer states."""
+        when = self.recording.when(self._at)
+        if self._kept and when - self.recording.when(self._kept[-1][0]) < self._every:
             return
-        self._kept.append((self._at, state_of(self.engine.localizer)))
+        self._kept.append((self._at, state_of(self.filter_loop.localizer)))
         if len(self._kept) > _MOST_KEPT:
             self._kept = self._kept[::2]
             self._every *= 2.0
 
     def _set_anchor(self) -> None:
-        self._anchor = (time.perf_counter(), self.tape.when(min(self._at, len(self.tape) - 1)))
+        self._anchor = (
+            time.perf_counter(),
+            self.recording.when(min(self._at, len(self.recording) - 1)),
+        )
 
-    # What people may do
+    # Controls
 
     def pause(self) -> None:
-        """Stop here."""
+        """Pause."""
         self.paused = True
-        self.engine.publish()
+        self.filter_loop.publish()
 
     def resume(self) -> None:
-        """Go on; from the end, from the beginning."""
-        if self._at >= len(self.tape):
+        """Resume; at the end, start from the beginning."""
+        if self._at >= len(self.recording):
             self.seek(0.0)
         self.paused = False
         self._wake.set()
 
     def step(self, seconds: float = _STEP) -> None:
-        """Play so many seconds, and stop there."""
+        """Play some seconds, then pause."""
         self.paused = True
-        target = self.tape.when(min(self._at, len(self.tape) - 1)) + seconds
-        self._target = self.tape.index(target)
+        target = self.recording.when(min(self._at, len(self.recording) - 1)) + seconds
+        self._target = self.recording.index(target)
         self._wake.set()
 
     def set_speed(self, speed: float | None) -> None:
-        """Times real time; None: as fast as possible."""
+        """Set the speed as a multiple of real time; None: as fast as possible."""
         self.speed = speed
         self._set_anchor()
         self._wake.set()
 
     def seek(self, position: float) -> None:
-        """Go to a time, s from the beginning, through all that was observed before it."""
-        target = self.tape.index(float(self.tape.time[0]) + max(position, 0.0))
+        """Go to a time, s from the beginning, processing all observations before it."""
+        target = self.recording.index(float(self.recording.time[0]) + max(position, 0.0))
         self.ended.clear()
         self._health.link = "open"
         if target < self._at:
             while len(self._kept) > 1 and self._kept[-1][0] > target:
                 self._kept.pop()
-            at, state = self._kept[-1] if self._kept else (0, state_of(self.engine.localizer))
-            restore(self.engine.localizer, state)
+            at, state = self._kept[-1] if self._kept else (0, state_of(self.filter_loop.localizer))
+            restore(self.filter_loop.localizer, state)
             self._at = at
-            self.engine.reckoning.stop()
-            self.engine.events.begin(self.tape.when(at))
+            self.filter_loop.reckoning.stop()
+            self.filter_loop.buffer.begin(self.recording.when(at))
         self._target = target
         self._wake.set()
 
     def _run_on(self, target: int) -> None:
-        """Observe without a word, for as long as may be."""
-        began, target = time.perf_counter(), min(target, len(self.tape))
+        """Process observations without publishing, for a limited time."""
+        began, target = time.perf_counter(), min(target, len(self.recording))
         while self._at < target and time.perf_counter() - began < _SLICE:
             self._keep()
             end = min(self._at + 32, target)
-            chunk = [self.tape[i] for i in range(self._at, end)]
+            chunk = [self.recording[i] for i in range(self._at, end)]
             self._at = end
-            self.engine.observe(chunk)
+            self.filter_loop.observe(chunk)
         if self._at >= target:
             self._target = None
             self._set_anchor()
-            self.engine.publish()
+            self.filter_loop.publish()

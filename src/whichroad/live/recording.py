@@ -16,14 +16,15 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..columns import points_table
-from ..core.epoch import Epochs, new_epochs
-from ..core.output import Output
+from .._compile import Records
 from ..errors import WriteError
-from ..localizer import Localizer
-from ..records import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..filter.estimate import ESTIMATE, Output
+from ..filter.state import EPOCH
+from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from ..roadmap import RoadMap
-from ..tables import POINTS, RECORDING, TIME, times
+from ..tables.export import points_table
+from ..tables.schema import POINTS, RECORDING, TIME, times
 
 _FIXES = ("time", "lat", "lon", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "speed_mps", "bearing_deg")
 _ODOMETRY = {
@@ -134,7 +135,7 @@ class Recorder:
         self._odometry = Appended(folder / "odometry.arrow", _schema(_COLUMNS))
         self._points = Appended(folder / "points.arrow", POINTS.with_metadata(RECORDING))
         self._seen: list[Observation] = []
-        self._said: list[tuple[Any, ...]] = []
+        self._said: list[tuple[bytes, bytes]] = []  # an epoch, its estimate
 
     def observe(self, observation: Observation) -> None:
         """Record an observation, whether it is used or not."""
@@ -142,14 +143,7 @@ class Recorder:
 
     def say(self, localizer: Localizer) -> None:
         """Record what a localizer says of the last observation."""
-        epoch, output = localizer._epoch, localizer._output
-        self._said.append(
-            (
-                float(epoch.time[0]), int(epoch.has_fix[0]), epoch.fix[0].copy(),
-                output.value[0].copy(), output.edge[0], output.status[0], output.live[0],
-                output.alt_edge[0].copy(), output.alt_p[0].copy(),
-            )
-        )  # fmt: skip
+        self._said.append((localizer._epochs.tobytes(), localizer._output.rows.tobytes()))
 
     @property
     def waiting(self) -> int:
@@ -172,7 +166,7 @@ class Recorder:
         for stream in (self._fixes, self._odometry, self._points):
             stream.close()
 
-    def _write(self, seen: list[Observation], said: list[tuple[Any, ...]]) -> None:
+    def _write(self, seen: list[Observation], said: list[tuple[bytes, bytes]]) -> None:
         fixes = [one for one in seen if isinstance(one, GeoFix)]
         if fixes:
             self._fixes.append(_fix_table(fixes))
@@ -213,15 +207,10 @@ def _table(names: tuple[str, ...], columns: list[Any]) -> pa.Table:
     return pa.table(arrays, names=list(names))
 
 
-def _stacked(said: list[tuple[Any, ...]]) -> tuple[Epochs, Output]:
-    """What was said one by one, as columns."""
-    time, has_fix, fix, value, edge, status, live, alt_edge, alt_p = zip(*said, strict=True)
-    epochs = new_epochs(0)._replace(
-        time=np.array(time), has_fix=np.array(has_fix, np.uint8), fix=np.array(fix)
+def _stacked(said: list[tuple[bytes, bytes]]) -> tuple[Records, Output]:
+    """What was said one by one, as tables."""
+    epochs, rows = (
+        np.frombuffer(b"".join(parts), dtype).view(np.recarray)
+        for parts, dtype in zip(zip(*said, strict=True), (EPOCH, ESTIMATE), strict=True)
     )
-    output = Output(
-        np.array(value), np.array(edge, np.int32), np.array(status, np.uint8),
-        np.array(live, np.int32), np.array(alt_edge, np.int32), np.array(alt_p, np.float32),
-        np.zeros((0, 0)),
-    )  # fmt: skip
-    return epochs, output
+    return epochs, Output(rows, np.zeros((0, 0, 0)))

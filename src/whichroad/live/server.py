@@ -1,4 +1,4 @@
-"""Everything together in one loop: inputs, filter, outputs, the web."""
+"""The live service: inputs, filter, outputs and web server in one event loop."""
 
 import asyncio
 import contextlib
@@ -17,18 +17,18 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from ..errors import SettingError
-from ..localizer import Localizer
-from ..records import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from .app import Service, application
+from .broadcaster import Broadcaster
 from .checkpoint import EVERY, Checkpoint
 from .decode import CanStream, NmeaStream
-from .engine import Engine
-from .hub import Hub
+from .filter_loop import FilterLoop
 from .messages import Around, Messages
-from .playback import Player, Tape
+from .nmea_output import NmeaOutput
+from .playback import Player, RecordedObservations
 from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
-from .talker import Talker
 
 _TICK = 0.05  # s
 _REQUEST_TIME = 10.0  # s in which a request's head must have come
@@ -45,7 +45,7 @@ class Plan:
         localizer: The filter.
         nmea: Where fixes come from.
         can: Where frames come from, and the .dbc that describes them.
-        tape: A recorded drive instead of both.
+        recording: A recorded drive instead of both.
         speed: Times real time; None: as fast as possible.
         laps: How often it is played.
         once: Whether to end with the recording.
@@ -54,7 +54,7 @@ class Plan:
         clock: `sensor`: observations have their own times; `arrival`: that of their arrival.
         record: Folder of the recording.
         state: File of the checkpoint.
-        talkers: Outputs of NMEA.
+        nmea_outputs: Outputs of NMEA.
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
@@ -65,7 +65,7 @@ class Plan:
     localizer: Localizer
     nmea: Sequence[Address] = ()
     can: Sequence[tuple[Address, Path]] = ()
-    tape: Drive | None = None
+    recording: Drive | None = None
     speed: float | None = 1.0
     laps: int = 1
     once: bool = False
@@ -74,7 +74,7 @@ class Plan:
     clock: str = "sensor"
     record: Path | None = None
     state: Path | None = None
-    talkers: Sequence[Talker] = ()
+    nmea_outputs: Sequence[NmeaOutput] = ()
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
@@ -84,7 +84,7 @@ class Plan:
 
 
 class Socket(WebSocketsSansIOProtocol):
-    """A WebSocket whose transport the hub may write to."""
+    """A WebSocket whose transport the broadcaster may write to."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
@@ -153,11 +153,11 @@ class Run:
         if plan.record is not None:
             recorder = Recorder(plan.record, plan.localizer.roads, about)
         warm_up(plan.localizer)
-        self.engine = Engine(
-            plan.localizer, window=0.0 if plan.tape is not None else plan.window, rate=plan.rate,
-            recorder=recorder,
+        self.filter_loop = FilterLoop(
+            plan.localizer, window=0.0 if plan.recording is not None else plan.window,
+            rate=plan.rate, recorder=recorder,
         )  # fmt: skip
-        self.hub = Hub()
+        self.broadcaster = Broadcaster()
         self.buses: dict[str, CanStream] = {}
         self.checkpoint = (
             None if plan.state is None else Checkpoint(plan.state, plan.localizer, self.buses)
@@ -177,7 +177,7 @@ class Run:
         plan = self.plan
         self._resume()
         inputs = self._inputs()
-        service = Service(self.engine, self.hub, self.player)
+        service = Service(self.filter_loop, self.broadcaster, self.player)
         app = application(
             service, pages=plan.pages, local=plan.host in ("127.0.0.1", "::1", "localhost"),
             token=plan.token,
@@ -190,16 +190,16 @@ class Run:
             timeout_graceful_shutdown=1, h11_max_incomplete_event_size=16_384,
         )  # fmt: skip
         server = self._server = uvicorn.Server(config)
-        for talker in plan.talkers:
-            await _opened(talker.start(), f"--nmea-out {talker.host}:{talker.port}")
-            self.engine.sinks.append(talker.send)
+        for output in plan.nmea_outputs:
+            await _opened(output.start(), f"--nmea-out {output.host}:{output.port}")
+            self.filter_loop.sinks.append(output.send)
         sock = self._bound(config)
         gc.collect()
         gc.freeze()
         tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
         tasks += [asyncio.create_task(self._guard(self._clock()))]
         if self.player is not None:
-            self.engine.least = _FAST if plan.speed is None else self.engine.least
+            self.filter_loop.least = _FAST if plan.speed is None else self.filter_loop.least
             tasks.append(asyncio.create_task(self._guard(self.player.run())))
             if plan.once:
                 tasks.append(asyncio.create_task(self._until_end(self.player)))
@@ -217,29 +217,31 @@ class Run:
     def _resume(self) -> None:
         if self.checkpoint is None:
             return
-        replay = self.plan.tape is not None
+        replay = self.plan.recording is not None
         when, told = self.checkpoint.resume(replay=replay)
         self.plan.tell(told)
         if when is not None:
-            self.engine.events.begin(when)
+            self.filter_loop.buffer.begin(when)
 
     def _inputs(self) -> list[Coroutine[Any, Any, None]]:
         """The coroutines that bring observations."""
-        plan, engine = self.plan, self.engine
+        plan, filter_loop = self.plan, self.filter_loop
         inputs: list[Coroutine[Any, Any, None]] = []
-        if plan.tape is not None:
-            self.player = Player(engine, Tape(plan.tape, plan.laps), speed=plan.speed)
-            if engine.events.now > 0.0:
-                self.player.start_at(engine.events.now)
+        if plan.recording is not None:
+            self.player = Player(
+                filter_loop, RecordedObservations(plan.recording, plan.laps), speed=plan.speed
+            )
+            if filter_loop.buffer.now > 0.0:
+                self.player.start_at(filter_loop.buffer.now)
             return inputs
         if plan.can:
             import can  # noqa: F401  # now, as importing it later would hold everything up
         if any(address.kind == "serial" for address in plan.nmea):
             import serial  # noqa: F401
         car, settings = plan.localizer.vehicle, plan.localizer.settings
-        deliver = engine.take if plan.clock == "sensor" else self._on_arrival
+        deliver = filter_loop.take if plan.clock == "sensor" else self._on_arrival
         for address in plan.nmea:
-            health = engine.sensor(_name(address), "gnss")
+            health = filter_loop.sensor(_name(address), "gnss")
             offset = car.clock_offset.get("gnss", 0.0)
 
             def make(health: Any = health, offset: float = offset) -> NmeaInput:
@@ -247,7 +249,7 @@ class Run:
 
             inputs.append(READERS[address.kind](address, health, make))
         for address, dbc in plan.can:
-            health = engine.sensor(_name(address), "wheels")
+            health = filter_loop.sensor(_name(address), "wheels")
             offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
             stream = self.buses[_name(address)] = CanStream(dbc, car, offset)
             if self.checkpoint is not None:
@@ -260,7 +262,7 @@ class Run:
         when = time.time() - (time.perf_counter() - arrival)
         for one in observations:
             object.__setattr__(one, "time", when)  # made a moment ago, nobody else has it
-        self.engine.take(health, observations, arrival)
+        self.filter_loop.take(health, observations, arrival)
 
     async def _clock(self) -> None:
         """Ticks, writes what is recorded, keeps the state."""
@@ -269,12 +271,12 @@ class Run:
         while True:
             await asyncio.sleep(_TICK)
             if self.player is None or not (self.player.paused or self.player.ended.is_set()):
-                self.engine.tick()
+                self.filter_loop.tick()
             if job is not None and not job.done():
                 continue
             if job is not None:
                 job.result()  # a full disk ends the service rather than the recording alone
-            now, recorder = time.monotonic(), self.engine.recorder
+            now, recorder = time.monotonic(), self.filter_loop.recorder
             full = recorder is not None and recorder.waiting > _MOST_ROWS
             if now - kept >= EVERY or full:
                 kept = now
@@ -312,21 +314,21 @@ class Run:
         return sock
 
     def _close(self) -> None:
-        self.hub.close()
-        for talker in self.plan.talkers:
-            talker.close()
+        self.broadcaster.close()
+        for output in self.plan.nmea_outputs:
+            output.close()
         self.writer.shutdown(wait=True)
         if self.checkpoint is not None:
             self.checkpoint.taken()()
-        if self.engine.recorder is not None:
-            self.engine.recorder.close()
+        if self.filter_loop.recorder is not None:
+            self.filter_loop.recorder.close()
 
 
 def warm_up(localizer: Localizer) -> None:
     """Have every kernel ready before the first observation: one like it is driven elsewhere."""
     roads, car, lag = localizer.roads, localizer.vehicle, localizer.lag
     double = Localizer(roads, vehicle=car, settings=localizer.settings, lag=lag)
-    x, y, _ = roads.at(0, 0.5 * float(roads.arrays.length[0]))
+    x, y, _ = roads.at(0, 0.5 * float(roads.arrays.edges.length[0]))
     lat, lon = roads.plane.to_geodetic(x, y)
     kinds = (WheelTicks, WheelSpeed, SpeedYaw)
     readings: list[Any] = [kind(0.1 * i, i, i) for kind in kinds for i in range(5)]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import SettingError
-from ..records import Observation
+from ..observations import Observation
 from .decode import CanStream, NmeaStream
 from .health import Health
 

@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.belief import NOW, SPEED, STARTED, Belief, H, Route, X, Y
-from ..core.output import Output
-from ..localizer import Localizer
-from ..records import Distance, SpeedYaw, WheelSpeed, WheelTicks
+from ..filter.estimate import ESTIMATE
+from ..filter.history import MOTION
+from ..filter.state import FILTER, HYPOTHESIS, H, Path, X, Y
+from ..observations import Distance, SpeedYaw, WheelSpeed, WheelTicks
+from ..online import Localizer
 from ..roadmap import RoadMap
 
-_MAGIC = b"whichroad state 3\n"
-_WHOLE = ("size", "clock", "output.", "past.")  # the other fields have a row for each hypothesis
+_MAGIC = b"whichroad state 4\n"
+_WHOLE = ("state", "output.", "past.")  # the other tables have a row for each hypothesis
 _READINGS = {kind.__name__: kind for kind in (WheelTicks, WheelSpeed, Distance, SpeedYaw)}
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
@@ -42,17 +43,17 @@ class State:
     arrays: dict[str, NDArray[Any]]
     plain: dict[str, Any]
     watched: int = -1
-    tree: Route | None = None
+    tree: Path | None = None
 
     @property
     def started(self) -> bool:
         """Whether there was a fix yet."""
-        return bool(self.arrays["clock"][STARTED])
+        return bool(self.arrays["state"]["started"][0])
 
 
 def state_of(localizer: Localizer) -> State:
     """A copy of all that a localizer remembers."""
-    n = int(localizer._belief.size[0])
+    n = int(localizer._state["count"])
     arrays = {
         name: array.copy() if name.startswith(_WHOLE) else array[:n].copy()
         for name, array in _arrays(localizer)
@@ -69,8 +70,8 @@ def state_of(localizer: Localizer) -> State:
         "mode": localizer._mode,
         "far_fix": localizer._far_fix,
     }
-    waiting, tree = localizer._watch._waiting, localizer._route
-    return State(float(arrays["clock"][NOW]), arrays, plain, waiting, tree)
+    waiting, tree = localizer._watch._waiting, localizer._path
+    return State(float(localizer._state["time"]), arrays, plain, waiting, tree)
 
 
 def restore(localizer: Localizer, state: State) -> None:
@@ -79,7 +80,7 @@ def restore(localizer: Localizer, state: State) -> None:
     Settings, vehicle, map and counts of what was skipped stay; what was watched after that
     moment for the diagnosis is forgotten as far as it was not summed up.
     """
-    n = int(state.arrays["size"][0])
+    n = int(state.arrays["state"]["count"][0])
     for name, array in _arrays(localizer):
         if name.startswith(_WHOLE):
             array[:] = state.arrays[name]
@@ -94,21 +95,20 @@ def restore(localizer: Localizer, state: State) -> None:
     localizer._mode = plain["mode"]
     localizer._far_fix = (plain["far_fix"][0], plain["far_fix"][1])
     if localizer._past is not None:
-        if localizer._route is not state.tree:  # tidied since, or of another process: begun anew
-            localizer._belief.node[:n] = -1
+        if localizer._path is not state.tree:  # tidied since, or of another process: begun anew
+            localizer._belief.hyp["path_entry"][:n] = -1
         localizer._past.forget_after(state.time, localizer._belief)
     watch = localizer._watch
     watch._waiting = min(max(state.watched, 0), watch._waiting)
 
 
 def _arrays(localizer: Localizer) -> list[tuple[str, NDArray[Any]]]:
-    """The localizer's own arrays that matter, by name."""
-    arrays: list[tuple[str, NDArray[Any]]] = [
-        (name, getattr(localizer._belief, name)) for name in Belief._fields if name != "scratch"
-    ]
+    """The localizer's own tables that matter, by name."""
+    tables = dict(localizer._belief._asdict())
     if localizer._past is not None:
-        arrays.append(("past.since", localizer._past.memory.since))
-    return arrays + [(f"output.{n}", getattr(localizer._output, n)) for n in Output._fields]
+        tables["past.since"] = localizer._past.history.since
+    tables |= {f"output.{name}": table for name, table in localizer._output._asdict().items()}
+    return [(name, table.view(np.ndarray)) for name, table in tables.items()]
 
 
 def _floats(values: Any) -> tuple[float, float, float] | None:
@@ -126,21 +126,22 @@ def bridge(localizer: Localizer, time: float) -> None:
         localizer: Its state was restored.
         time: When it wakes up, s.
     """
-    belief = localizer._belief
-    age = time - float(belief.clock[NOW])
-    if age <= 0.0 or not belief.clock[STARTED]:
+    known = localizer._state
+    age = time - float(known["time"])
+    if age <= 0.0 or not known["started"]:
         return
-    speed, turn = localizer._rate if localizer._rate[0] else (float(belief.clock[SPEED]), 0.0)
+    speed, turn = localizer._rate if localizer._rate[0] else (float(known["speed"]), 0.0)
     localizer._fill(time, speed * age, turn * min(age, 1.0), False)
     localizer._run()
     away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
-    for i in range(int(belief.size[0])):
-        heading = float(belief.mean[i, H])
+    mean, cov = localizer._belief.hyp["mu"], localizer._belief.hyp["cov"]
+    for i in range(int(known["count"])):
+        heading = float(mean[i, H])
         east, north = away * math.cos(heading), away * math.sin(heading)
-        belief.cov[i, X, X] += east * east
-        belief.cov[i, X, Y] += east * north
-        belief.cov[i, Y, X] += east * north
-        belief.cov[i, Y, Y] += north * north
+        cov[i, X, X] += east * east
+        cov[i, X, Y] += east * north
+        cov[i, Y, X] += east * north
+        cov[i, Y, Y] += north * north
     localizer._reading, localizer._odometer, localizer._began = None, None, None
     localizer._fill(time, 0.0, 0.0, False)
     localizer._run()
@@ -148,18 +149,28 @@ def bridge(localizer: Localizer, time: float) -> None:
 
 def fingerprint(roads: RoadMap) -> str:
     """Tells maps apart: edges of one are nothing in another."""
-    arrays = roads.arrays
+    vertices, edges = roads.arrays.vertices, roads.arrays.edges
     sums = [
-        zlib.crc32(np.ascontiguousarray(a).tobytes())
-        for a in (arrays.first, arrays.x, arrays.y, arrays.rule)
+        zlib.crc32(column.tobytes())
+        for column in (edges.first_vertex, vertices.x, vertices.y, edges.rule)
     ]
     return f"{len(roads)}-" + "-".join(f"{s:08x}" for s in sums)
+
+
+def _kind(dtype: np.dtype[Any]) -> str:
+    """A type in a word; of records that of their fields."""
+    if dtype.names is None:
+        return dtype.str
+    return f"{zlib.crc32(repr(dtype.descr).encode()):08x}"
+
+
+_RECORDS = {_kind(dtype): dtype for dtype in (HYPOTHESIS, FILTER, ESTIMATE, MOTION)}
 
 
 def to_bytes(state: State, about: dict[str, Any]) -> bytes:
     """A state as bytes that tell when they are damaged."""
     head: dict[str, Any] = {"time": state.time, "plain": state.plain, "about": about}
-    head["arrays"] = [[k, a.dtype.str, list(a.shape)] for k, a in state.arrays.items()]
+    head["arrays"] = [[k, _kind(a.dtype), list(a.shape)] for k, a in state.arrays.items()]
     text = json.dumps(head).encode()
     body = b"".join(np.ascontiguousarray(a).tobytes() for a in state.arrays.values())
     content = struct.pack("<I", len(text)) + text + body
@@ -177,8 +188,12 @@ def from_bytes(data: bytes) -> tuple[State, dict[str, Any]] | None:
     size = struct.unpack("<I", content[:4])[0]
     head = json.loads(content[4 : 4 + size])
     arrays, at = {}, 4 + size
+    kinds = {kind for _, kind, _ in head["arrays"]}
+    if not kinds <= {*_RECORDS, "<f8"}:  # records of another version
+        return None
     for name, kind, shape in head["arrays"]:
-        count = int(np.prod(shape)) * np.dtype(kind).itemsize
-        arrays[name] = np.frombuffer(content[at : at + count], kind).reshape(shape)
+        dtype = _RECORDS.get(kind) or np.dtype(kind)
+        count = int(np.prod(shape)) * dtype.itemsize
+        arrays[name] = np.frombuffer(content[at : at + count], dtype).reshape(shape)
         at += count
     return State(head["time"], arrays, head["plain"]), head["about"]

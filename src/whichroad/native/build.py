@@ -21,7 +21,7 @@ Tell = Callable[[float], None]  # told which part is done, 0 to 1
 LEVEL = 2  # of optimisation
 # What `run` contains, in one process; all else in the other, in about the same time.
 _FIRST = (
-    "run", "localize_each", "roll", "reduce", "observe_roads", "say", "cold_start", "normalise",
+    "run", "localize_each", "reduce", "observe_map", "summarise", "cold_start", "normalise",
 )  # fmt: skip
 _FUNCTIONS = 400  # that are lowered, both processes together, about; for the progress
 _LOWERING = 0.7  # share of the time

@@ -13,9 +13,18 @@ import time
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent
-KERNELS = ("core/*.py",)  # files that hold kernels, from the package's folder
-_COMPILER = ("_compile.py", "native/layout.py", "native/lower.py")  # also change what comes out
-_ALSO_BY_NUMBA = "simulate/swarm/*.py"  # never ahead of time
+KERNELS = (
+    "filter/*.py",
+    "graph/*.py",
+    "geodesy/kernels.py",
+    "roadmap/topology.py",
+)  # files that hold kernels, from the package's folder
+_COMPILER = (
+    "_compile.py",
+    "native/layout.py",
+    "native/lower.py",
+)  # also change what comes out
+_ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
 TOOLS = ("numba", "llvmlite")
 
 _KEEP_DAYS = 30

@@ -7,13 +7,13 @@ comes from the installed package `maplibre`, the roads from the compiled map.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .http_routes import page_routes as page_routes
     from .layer import RoadLayer as RoadLayer
-    from .routes import page_routes as page_routes
 
 
 def __getattr__(name: str) -> object:
     if name == "page_routes":
-        from .routes import page_routes
+        from .http_routes import page_routes
 
         return page_routes
     if name == "RoadLayer":

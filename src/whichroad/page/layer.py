@@ -4,7 +4,6 @@ Coordinates of tiles are the usual web Mercator: x right and y down, the world f
 """
 
 import hashlib
-import math
 import threading
 from collections import OrderedDict
 from typing import Any
@@ -13,8 +12,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ..core.network import AGAINST_ONE_WAY
-from ..records import Array
+from ..geodesy.mercator import latitude_of, longitude_of, to_square
+from ..graph.network import AGAINST_ONE_WAY
+from ..observations import Array
 from ..roadmap import RoadMap
 from .vectortile import EXTENT, Line, encode_layer
 
@@ -43,29 +43,32 @@ class RoadLayer:
 
     def __init__(self, roads: RoadMap) -> None:
         self.roads = roads
-        arrays = roads.arrays
-        opposite = arrays.opposite
+        edges, vertices = roads.arrays.edges, roads.arrays.vertices
+        opposite = edges.opposite
         self._edge = np.flatnonzero((opposite < 0) | (opposite > np.arange(len(opposite))))
-        x, y = _mercator(*roads.plane.to_geodetic(np.asarray(arrays.x), np.asarray(arrays.y)))
-        first, last = arrays.first[self._edge], arrays.first[self._edge + 1]
-        count = last - first
+        x, y = to_square(*roads.plane.to_geodetic(vertices.x, vertices.y))
+        first = edges.first_vertex[self._edge]
+        count = edges.last_vertex[self._edge] - first + 1
         row = np.repeat(np.arange(len(count)), count)
         place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         vertex = np.repeat(first, count) + place
         self._lines = shapely.linestrings(np.column_stack([x, y])[vertex], indices=row)
         self._tree = shapely.STRtree(self._lines)
         self._rank = _ranks(roads, self._edge)
-        one_way = arrays.rule & AGAINST_ONE_WAY
+        one_way = edges.rule & AGAINST_ONE_WAY
         back = np.where(opposite < 0, 0, one_way[opposite])[self._edge] > 0
         self._one_way = np.where(back, 1, np.where(one_way[self._edge] > 0, -1, 0))
         self._tunnel = _flag(roads, "tunnel")[self._edge]
         box = shapely.total_bounds(self._lines)
-        (south, north), (west, east) = _degrees(box[[1, 3]])[::-1], box[[0, 2]] * 360.0 - 180.0
+        (south, north), (west, east) = latitude_of(box[[1, 3]])[::-1], longitude_of(box[[0, 2]])
         self.bounds = [float(west), float(south), float(east), float(north)]
         inner = shapely.get_coordinates(self._lines)
         low, high = np.quantile(inner, (0.05, 0.95), axis=0)
-        (north, south), (west, east) = _degrees(np.array([low[1], high[1]])), (low[0], high[0])
-        self.view = [west * 360.0 - 180.0, south, east * 360.0 - 180.0, north]
+        (north, south), (west, east) = (
+            latitude_of(np.array([low[1], high[1]])),
+            longitude_of(np.array([low[0], high[0]])),
+        )
+        self.view = [float(west), float(south), float(east), float(north)]
         self.attribution = attribution(roads)
         self.version = _digest(roads)
         self._tiles: OrderedDict[tuple[int, int, int], bytes] = OrderedDict()
@@ -183,7 +186,7 @@ def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:
         "name": known.get("name"),
         "highway": known.get("highway"),
         "speed_limit_kmh": known.get("speed_limit_kmh"),
-        "length_m": round(float(roads.arrays.length[edge]), 1),
+        "length_m": round(float(roads.arrays.edges.length[edge]), 1),
         "line": np.round(np.column_stack([lon, lat]), 7).tolist(),
     }
 
@@ -199,15 +202,16 @@ def drawn_near(
         lon: (n,)
         margin: How near, m.
     """
-    arrays, plane = roads.arrays, roads.plane
+    edge_table, vertices, plane = roads.arrays.edges, roads.arrays.vertices, roads.plane
     x, y = plane.from_geodetic(lat, lon)
     low, high = (x.min() - margin, y.min() - margin), (x.max() + margin, y.max() + margin)
-    begin, opposite = arrays.first[:-1], arrays.opposite
+    begin, opposite = edge_table.first_vertex, edge_table.opposite
+    all_x, all_y = np.ascontiguousarray(vertices.x), np.ascontiguousarray(vertices.y)
     about = (
-        (np.maximum.reduceat(arrays.x, begin) > low[0])
-        & (np.minimum.reduceat(arrays.x, begin) < high[0])
-        & (np.maximum.reduceat(arrays.y, begin) > low[1])
-        & (np.minimum.reduceat(arrays.y, begin) < high[1])
+        (np.maximum.reduceat(all_x, begin) > low[0])
+        & (np.minimum.reduceat(all_x, begin) < high[0])
+        & (np.maximum.reduceat(all_y, begin) > low[1])
+        & (np.minimum.reduceat(all_y, begin) < high[1])
     )
     once = (opposite < 0) | (opposite > np.arange(len(opposite)))
     edges = np.flatnonzero(about & once)
@@ -224,20 +228,6 @@ def drawn_near(
         to_lat, to_lon = plane.to_geodetic(points[:, 0].copy(), points[:, 1].copy())
         drawn.append((rank, name, np.round(np.column_stack([to_lon, to_lat]), 6).tolist()))
     return drawn
-
-
-def _mercator(lat: Array, lon: Array) -> tuple[Array, Array]:
-    """Positions as fractions of the world, x right and y down."""
-    phi = np.radians(np.asarray(lat))
-    y = 0.5 - np.log(np.tan(0.25 * math.pi + 0.5 * phi)) / (2.0 * math.pi)
-    return np.asarray(lon) / 360.0 + 0.5, y
-
-
-def _degrees(y: Array) -> list[float]:
-    """Latitudes of Mercator's y."""
-    angle = 2.0 * np.arctan(np.exp((0.5 - y) * 2.0 * math.pi)) - 0.5 * math.pi
-    degrees: list[float] = np.degrees(angle).tolist()
-    return degrees
 
 
 def _ranks(roads: RoadMap, edges: NDArray[Any]) -> NDArray[np.int8]:
@@ -271,5 +261,5 @@ def _parts(lines: NDArray[Any], at: tuple[int, int, int]) -> list[list[tuple[int
 
 def _digest(roads: RoadMap) -> str:
     """A name for what is drawn, so that a browser never shows another map's tiles."""
-    sums = (len(roads), roads.plane.lat0_deg, roads.plane.lon0_deg, roads.arrays.length.sum())
+    sums = (len(roads), roads.plane.lat0_deg, roads.plane.lon0_deg, roads.arrays.edges.length.sum())
     return hashlib.sha256(repr(sums).encode()).hexdigest()[:12]

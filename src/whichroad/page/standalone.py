@@ -4,7 +4,7 @@ import json
 import re
 from typing import Any
 
-from .files import STATIC
+from .static_files import STATIC
 
 MODULES = ("look", "series", "scene", "chart", "panel", "papermap", "report")
 

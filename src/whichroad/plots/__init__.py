@@ -15,9 +15,9 @@ from .scene import ambiguous_windows, make_scene
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from ..records import Fixes
-    from ..result import Result
+    from ..observations import Fixes
     from ..roadmap import RoadMap
+    from ..tables.result import Result
 
 
 def plot_drive(

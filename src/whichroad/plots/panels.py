@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnchoredOffsetbox, AuxTransformBox, TextArea, VPacker
 from matplotlib.patches import Patch
 
+from ..geodesy.angles import degrees
 from .scene import CHI2_95, LIVE, Scene, Window
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _ellipses(axes: "Axes", shown: dict[str, Any]) -> None:
     covs[:, 0, 1] = covs[:, 1, 0] = shown["cov_xy"]
     squares, axes_of = np.linalg.eigh(covs)
     minor, major = 2 * np.sqrt(CHI2_95 * squares.T)
-    angle = np.degrees(np.arctan2(axes_of[:, 1, 1], axes_of[:, 0, 1]))
+    angle = degrees(np.arctan2(axes_of[:, 1, 1], axes_of[:, 0, 1]))
     colours = PROBABLE(UNIT(shown["p"]))
     ellipses = EllipseCollection(
         major, minor, angle, units="xy", offset_transform=axes.transData,

@@ -12,9 +12,9 @@ from ..errors import DriveError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from ..records import Array, Fixes
-    from ..result import Result
+    from ..observations import Array, Fixes
     from ..roadmap import RoadMap
+    from ..tables.result import Result
 
 HYPOTHESIS = ("edge", "p", "x", "y", "cov_xx", "cov_xy", "cov_yy")
 CHI2_95 = 5.991  # 95 % of a two-dimensional Gaussian lies within this squared distance
@@ -186,18 +186,15 @@ def _name(roads: "RoadMap", edge: int) -> str:
 
 def _roads_near(roads: "RoadMap", xy: "Array", origin: "Array") -> list["Array"]:
     """The polylines of edges near the drive, each street once."""
-    network = roads.arrays
-    first, opposite = network.first, network.opposite
+    edges, vertices = roads.arrays.edges, roads.arrays.vertices
+    begin, opposite = edges.first_vertex, edges.opposite
+    x, y = np.ascontiguousarray(vertices.x), np.ascontiguousarray(vertices.y)
     low, high = np.nanmin(xy, axis=0) - MARGIN, np.nanmax(xy, axis=0) + MARGIN
-    begin = first[:-1]
     near = (
-        (np.maximum.reduceat(network.x, begin) > low[0])
-        & (np.minimum.reduceat(network.x, begin) < high[0])
-        & (np.maximum.reduceat(network.y, begin) > low[1])
-        & (np.minimum.reduceat(network.y, begin) < high[1])
+        (np.maximum.reduceat(x, begin) > low[0])
+        & (np.minimum.reduceat(x, begin) < high[0])
+        & (np.maximum.reduceat(y, begin) > low[1])
+        & (np.minimum.reduceat(y, begin) < high[1])
     )
     once = (opposite < 0) | (opposite > np.arange(len(opposite)))
-    return [
-        np.column_stack([network.x[a:b], network.y[a:b]]) - origin
-        for a, b in ((first[e], first[e + 1]) for e in np.flatnonzero(near & once))
-    ]
+    return [roads.edge_line(edge) - origin for edge in np.flatnonzero(near & once).tolist()]

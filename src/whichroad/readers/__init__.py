@@ -1,9 +1,9 @@
 """Logs and tables in, records out: one file per format, none knows another."""
 
+from .drive_tables import drive_from_table
 from .drives import read_drive
+from .from_observations import drive_of_observations
 from .nmea import NmeaParser
-from .observed import drive_of_observations
-from .table import drive_from_table
 from .vehicle import read_vehicle
 
 __all__ = [

@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
-from ..records import Array, Drive, OdometryLog
+from ..geodesy.angles import DEGREE
+from ..geodesy.units import KMH, MPH
+from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
-from .counters import Reversing, held, wheel_counts, wheel_speeds
-from .door import LAST, NO_TIME, Skipped, heard, in_order, keep, listed
-from .frames import Frames, key, read_frames
-from .rows import odometer, odometer_from_speed, speed_yaw_rate
+from .can_frames import Frames, key, read_frames
+from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
+from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate
+from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 SI_UNITS = {
-    "m/s": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "km/hr": 1 / 3.6,
-    "mph": 0.44704, "rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180, "dps": np.pi / 180,
+    "m/s": 1.0, "km/h": KMH, "kmh": KMH, "kph": KMH, "km/hr": KMH,
+    "mph": MPH, "rad/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "dps": DEGREE,
     "m": 1.0, "km": 1000.0, "mi": 1609.344,
 }  # fmt: skip
 _PLAIN = {"wheel_rl_ticks", "wheel_rr_ticks", "reverse"}  # roles without a unit
@@ -92,7 +94,7 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
 
     where = Path(dbc).name
     try:
-        with heard("cantools", "message repeated in the .dbc", skipped):
+        with counted_warnings("cantools", "message repeated in the .dbc", skipped):
             base: Any = cantools.database.load_file(str(dbc))
         messages = base.messages
     except Exception as error:  # cantools lets out whatever its parsers meet

@@ -1,4 +1,4 @@
-"""The front door: files of any known format to drives on one clock."""
+"""Reading drives: files of any known format, combined on one clock."""
 
 import re
 from collections import Counter
@@ -11,15 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts, WheelSpeeds
+from ..observations import (
+    Drive,
+    Fixes,
+    Odometer,
+    OdometryLog,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeeds,
+)
 from ..settings import Settings, Vehicle
 from .can import read_can
-from .counters import cumulative
-from .door import Skipped, in_order
+from .checks import Skipped, in_order
+from .drive_tables import read_table
 from .gpx import read_gpx
 from .nmea import read_nmea
 from .rtklib import read_pos
-from .table import read_table
+from .wheel_counters import cumulative
 
 AnyPath = str | PathLike[str]
 

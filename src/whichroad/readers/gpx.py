@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Drive
+from ..observations import Drive
 from ..settings import Settings
-from .columns import iso_seconds
-from .door import NO_TIME, Skipped, keep, read_bytes
-from .fixes import Reported, make_fixes
+from .arrow_columns import iso_seconds
+from .checks import NO_TIME, Skipped, keep, read_bytes
+from .reported_fixes import Reported, make_fixes
 
 _LEAVES = ("time", "hdop", "speed", "course")
 _BAD = "unparsable point"

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-KMH, KNOT, MPH, DEGREE = 1 / 3.6, 1852 / 3600, 0.44704, 0.017453292519943295
+from ..geodesy.angles import DEGREE
+from ..geodesy.units import KMH, KNOT, MPH
 
 
 class Column(NamedTuple):

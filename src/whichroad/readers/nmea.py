@@ -1,8 +1,8 @@
 """NMEA 0183: one fix per epoch out of GGA, GST, RMC, VTG and ZDA of any talker.
 
-Sentences with one time of day are one epoch, in whatever order a burst has them; VTG
-has no time and belongs to the sentence before it.  The date comes from RMC or ZDA and
-is carried over midnight.
+One parser reads logs and receivers on line.  Sentences with one time of day are one
+epoch, in whatever order a burst has them; VTG has no time and belongs to the sentence
+before it.  The date comes from RMC or ZDA and is carried over midnight.
 """
 
 from collections import Counter
@@ -13,18 +13,21 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Drive, Fixes, GeoFix
+from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
-from .door import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
-from .fixes import Reported, as_records, from_gst, make_fixes
-from .sentences import Sentences, scan
+from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
+from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan
+from .reported_fixes import Reported, as_records, from_gst, make_fixes
 
-_BLOCK = 1 << 22  # bytes scanned at once
-_LONGEST_LINE = 1 << 16  # bytes without a line break that a stream may hold back
+_BLOCK = 1 << 19  # bytes of a log scanned at once
+_LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back
+_LONGEST_BURST = 1000  # sentences with one time that a stream may hold back
 _DAY = 86_400_000  # ms
+_CLOCK_SET = 3600.0  # s by which time falls where a receiver's clock was set anew
+_SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
-# Later types overwrite: GGA's position is the finer one, RMC's date and speed the surer.
-_ORDER = ("ZDA", "VTG", "RMC", "GGA", "GST")
+_FOREIGN = "bytes that are no sentence"
+_LATE = "time running backwards"
 
 
 def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Drive:
@@ -39,16 +42,16 @@ def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Dr
     """
     where, data = Path(path).name, read_bytes(path)
     parser = NmeaParser(settings)
-    batches = []
+    batches: list[Sentences] = []
     begin = 0
-    while begin < len(data):
+    while begin < len(data) or not batches:
         end = data.rfind(b"\n", begin, begin + _BLOCK) + 1
         if end == 0 or begin + _BLOCK >= len(data):
             end = min(begin + _BLOCK, len(data))
-        batches.append(scan(data[begin:end], parser.skipped, parser.others, begin))
+        batches.append(scan(data[begin:end], parser.skipped, parser.others)[0])
         begin = end
-    sentences = _concatenate(batches)
-    if not sentences.keys() & {"GGA", "RMC"}:
+    sentences = joined(batches)
+    if "GGA" not in sentences and "RMC" not in sentences:
         seen = ", ".join(f"{n} {k}" for k, n in (parser.skipped + parser.others).items())
         raise ReadError(
             f"{where}: no GGA or RMC sentence ({seen or 'nothing like NMEA'}); "
@@ -67,64 +70,81 @@ def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Dr
 class NmeaParser:
     """NMEA bytes in, fixes out, with bounded memory.
 
-    Feed whatever the receiver sends, in pieces of any size.  A fix comes out when the
-    first sentence of the next epoch has arrived, or with `flush` when the line falls
-    silent.
+    Feed whatever the receiver sends, in pieces of any size.  A fix comes out when its
+    burst has ended.  That is known from the first sentence of the next burst, from
+    silence (`pause`), or from the burst's last sentence: a receiver that ended three
+    bursts with one type of sentence ends the next one with it too.
+
+    Args:
+        settings: Gives the range error and the sigma of fixes that report none.
+        today: A time (s since 1970) of the day that is taken until RMC or ZDA gives the date.
 
     Attributes:
         skipped: How many sentences were not used, by reason.
         others: How many good sentences were of types that are not needed.
     """
 
-    def __init__(self, settings: Settings | None = None) -> None:
+    def __init__(self, settings: Settings | None = None, today: float = 0.0) -> None:
         self.skipped: Skipped = Counter()
         self.others: Counter[str] = Counter()
         self._settings = settings or Settings()
-        self._calendar = _Calendar()
+        self._calendar = _Calendar(day=int(today // 86_400))
+        self._ends = _BurstEnds()
         self._line = b""
-        self._place = 0
-        self._waiting: dict[str, Sentences] = {}
+        self._waiting: list[Sentences] = []
         self._last = -np.inf
 
     def feed(self, data: bytes) -> list[GeoFix]:
-        """Take the next bytes; returns the fixes of the epochs that they complete."""
+        """Take the next bytes; returns the fixes of the bursts that they complete."""
         data = self._line + data
         end = data.rfind(b"\n") + 1
-        if end == 0 and len(data) > _LONGEST_LINE:
-            end = len(data)
+        if end == 0 and len(data) > _LONGEST_LINE:  # all but the sentence that may have begun
+            begun = data.rfind(b"$", len(data) - LONGEST)
+            end = begun if begun > 0 else len(data)
         self._line = data[end:]
         if end == 0:
             return []
-        found = scan(data[:end], self.skipped, self.others, self._place)
-        self._place += end
-        self._waiting = _concatenate([self._waiting, found])
-        begin = _last_epoch(self._waiting)
-        if begin < 0:  # untimed sentences only
-            self._waiting = {}
-            return []
-        done = {kind: s.before(begin) for kind, s in self._waiting.items()}
-        self._waiting = {kind: s.after(begin) for kind, s in self._waiting.items()}
-        return self._emit(done)
+        found, foreign = scan(data[:end], self.skipped, self.others)
+        if foreign > 0:
+            self.skipped[_FOREIGN] += foreign
+        waiting = sum(map(len, self._waiting))
+        done = self._ends.done(found)
+        self._waiting.append(found)
+        if waiting + len(found) - max(done, 0) > _LONGEST_BURST:
+            self._ends.close()
+            done = len(found)
+        return self._emit(waiting + done) if done >= 0 else []
+
+    def pause(self) -> list[GeoFix]:
+        """The fix of the burst that has ended, when nothing arrives any more.
+
+        Nothing comes out of a burst that stands in the middle of a sentence.
+        """
+        return [] if self._line else self.flush()
 
     def flush(self) -> list[GeoFix]:
-        """The fix of the burst that has ended; call it when the line is silent."""
-        done, self._waiting = self._waiting, {}
-        return self._emit(done)
+        """The stream has ended: the fix of its last burst."""
+        self._ends.learn()
+        return self._emit(sum(map(len, self._waiting)))
 
-    def _emit(self, sentences: dict[str, Sentences]) -> list[GeoFix]:
+    def _emit(self, n: int) -> list[GeoFix]:
+        """The fixes of the first `n` of the sentences that wait."""
+        if not self._waiting:
+            return []
+        done, others = joined(self._waiting).split(n)
+        self._waiting = [others] if len(others) else []
         fixes = []
-        for fix in as_records(self.fixes(sentences)):
-            if fix.time > self._last:
+        for fix in as_records(self.fixes(done)):
+            if fix.time > self._last or fix.time <= self._last - _CLOCK_SET:
                 self._last = fix.time
                 fixes.append(fix)
             else:
-                self.skipped["time running backwards"] += 1
+                self.skipped[_LATE] += 1
         return fixes
 
-    def fixes(self, sentences: dict[str, Sentences]) -> Fixes:
+    def fixes(self, sentences: Sentences) -> Fixes:
         """The fixes of whole epochs; the date is carried from call to call."""
-        epochs = _join(sentences, self._calendar, self.skipped)
-        reported = _report(epochs, self.skipped)
+        reported = _report(sentences, self._calendar, self.skipped)
         return make_fixes(reported, self._settings, self.skipped)
 
     def notes(self) -> tuple[str, ...]:
@@ -136,6 +156,57 @@ class NmeaParser:
         if not self._calendar.dated:
             notes.append("no date in the log (no RMC, no ZDA): days are counted from 1970-01-01")
         return tuple(notes)
+
+
+_NONE = 0  # no type of sentence
+_UNTIMED = TYPES["VTG"].code
+
+
+class _BurstEnds:
+    """Where bursts end in a stream, and with which type of sentence."""
+
+    def __init__(self) -> None:
+        self._tod: float | None = None  # ms, of the burst that has begun
+        self._out: float | None = None  # ms, of the burst that ended last
+        self._newest = _NONE  # type of the last sentence
+        self._known = _NONE  # type that ends a burst
+        self._seen, self._times = _NONE, 0  # type that ended the last bursts, and how many
+
+    def done(self, found: Sentences) -> int:
+        """How many of the sentences found belong to bursts that have ended.
+
+        Returns:
+            A count; 0: only the burst that had begun before; -1: no burst has ended.
+        """
+        done = -1
+        for i, (code, tod) in enumerate(zip(found.code.tolist(), found.tod.tolist(), strict=True)):
+            if tod == tod and tod != self._tod:  # a time, and a new one
+                if self._tod is not None:
+                    self.learn()
+                    done = i
+                if tod == self._out:  # its burst was believed to have ended
+                    self._known, self._seen, self._times = _NONE, _NONE, 0
+                self._tod = tod
+            elif code == _UNTIMED and self._tod is None:
+                continue
+            self._newest = code
+            if code == self._known and self._tod is not None:
+                self.close()
+                done = i + 1
+        return done if self._tod is not None else len(found)
+
+    def learn(self) -> None:
+        """The burst has ended, as silence or the next burst tells."""
+        if self._tod is None:
+            return
+        self._times = self._times + 1 if self._newest == self._seen else 1
+        self._seen = self._newest
+        self._known = self._newest if self._times >= _SURE else _NONE
+        self.close()
+
+    def close(self) -> None:
+        """The burst has ended."""
+        self._out, self._tod = self._tod, None
 
 
 @dataclass(slots=True)
@@ -173,117 +244,76 @@ class _Calendar:
         return days
 
 
-def _concatenate(batches: list[dict[str, Sentences]]) -> dict[str, Sentences]:
-    """Batches of sentences, one behind the other."""
-    joined = {}
-    for kind in _ORDER:
-        parts = [batch[kind] for batch in batches if kind in batch]
-        if len(parts) == 1:
-            joined[kind] = parts[0]
-        elif parts:
-            joined[kind] = Sentences(
-                np.concatenate([p.order for p in parts]),
-                np.concatenate([p.tod for p in parts]),
-                {k: np.concatenate([p.columns[k] for p in parts]) for k in parts[0].columns},
-            )
-    return joined
-
-
-def _in_log_order(sentences: dict[str, Sentences]) -> tuple[Ints, Array]:
-    """Order and time of all sentences as the log has them, VTG with its neighbour's time."""
-    order = np.concatenate([s.order for s in sentences.values()])
-    tod = np.concatenate([s.tod for s in sentences.values()])
-    rank = np.argsort(order, kind="stable")
-    order, tod = order[rank], tod[rank]
-    timed = np.flatnonzero(~np.isnan(tod))
-    if len(timed):
-        latest = np.searchsorted(timed, np.arange(len(tod)), side="right") - 1
-        tod = tod[timed[np.maximum(latest, 0)]]
-    return order, tod
-
-
-def _last_epoch(sentences: dict[str, Sentences]) -> int:
-    """Place in the log where the last epoch begins, -1 where no sentence has a time."""
-    if not any(len(s.order) for s in sentences.values()):
-        return -1
-    order, tod = _in_log_order(sentences)
-    if np.isnan(tod[-1]):
-        return -1
-    changes = np.flatnonzero(np.diff(tod))
-    return int(order[changes[-1] + 1]) if len(changes) else int(order[0])
-
-
-def _join(
-    sentences: dict[str, Sentences], calendar: _Calendar, skipped: Skipped
-) -> dict[str, Array]:
-    """One row per epoch, NaN where no sentence says anything; `time` in s."""
-    sentences = {kind: sentences[kind] for kind in _ORDER if kind in sentences}
-    if not any(np.isfinite(s.tod).any() for s in sentences.values()):
-        return {}
-    order, tod = _in_log_order(sentences)
-    run = np.concatenate([[0], np.cumsum(np.diff(tod) != 0)])  # sentences side by side, one time
-    begin = np.flatnonzero(np.diff(run, prepend=-1))
-    said = np.full(len(begin), np.nan)
-    for kind in ("ZDA", "RMC"):
-        if kind in sentences:
-            mine = run[np.searchsorted(order, sentences[kind].order)]
-            day = sentences[kind].columns["day"]
-            said[mine[~np.isnan(day)]] = day[~np.isnan(day)]
-    key = calendar.days(tod[begin], said) * _DAY + tod[begin].astype(np.int64)
-    times, epoch_of_run = np.unique(key, return_inverse=True)
-
-    epochs = {"time": times / 1e3, "late": _late(epoch_of_run)}
-    for kind, sentence in sentences.items():
-        epoch = epoch_of_run[run[np.searchsorted(order, sentence.order)]]
-        if kind == ("GGA" if "GGA" in sentences else "RMC"):
-            repeated = len(epoch) - len(np.unique(epoch))
-            skipped.update({REPEATED: repeated} if repeated else {})
-        for name, values in sentence.columns.items():
-            said_here = ~np.isnan(values)
-            column = epochs.setdefault(name, np.full(len(times), np.nan))
-            column[epoch[said_here]] = values[said_here]
-    return epochs
-
-
-def _late(epoch_of_run: Ints) -> Array:
-    """1 where an epoch came after a later one, else 0; times that return count once."""
+def _late(epoch_of_run: Ints) -> Bools:
+    """Whether an epoch came after a later one; times that return count once."""
     _, first = np.unique(epoch_of_run, return_index=True)
     appearance = np.argsort(first)  # epochs in the order in which they first came
-    late = np.zeros(len(first))
+    late = np.zeros(len(first), np.bool_)
     late[appearance] = appearance < np.maximum.accumulate(appearance)
     return late
 
 
-def _report(epochs: dict[str, Array], skipped: Skipped) -> Reported:
-    """What the epochs with a fix say."""
-    n = len(epochs.get("time", ()))
+def _report(sentences: Sentences, calendar: _Calendar, skipped: Skipped) -> Reported:
+    """What the epochs with a fix say, by time; NaN where no sentence says anything."""
+    timed = np.flatnonzero(~np.isnan(sentences.tod))
+    if not len(timed):
+        return Reported(time=np.empty(0), lat_deg=np.empty(0), lon_deg=np.empty(0))
+    # sentences without a time have that of the timed one before them
+    _, sentences = sentences.split(int(timed[0]))
+    timed -= timed[0]
+    latest = np.searchsorted(timed, np.arange(len(sentences)), side="right") - 1
+    tod = sentences.tod[timed[latest]]
+    run = np.concatenate([[0], np.cumsum(np.diff(tod) != 0)])  # sentences side by side, one time
+    begin = np.flatnonzero(np.diff(run, prepend=-1))
+    runs = {name: run[sentences.code == kind.code] for name, kind in TYPES.items()}
 
-    def column(name: str) -> Array:
-        return epochs.get(name, np.full(n, np.nan))
+    dates = np.full(len(begin), np.nan)
+    for name in ("ZDA", "RMC"):
+        day = sentences.values[name][TYPES[name].columns.index(_DATE)]
+        known = ~np.isnan(day)
+        dates[runs[name][known]] = day[known]
+    times = calendar.days(tod[begin], dates) * _DAY + tod[begin].astype(np.int64)
+    times, epoch_of_run = np.unique(times, return_inverse=True)
 
-    quality = column("quality")
-    from_gga = ~np.isnan(quality)
-    lat = np.where(from_gga, column("lat"), column("rmc_lat"))
-    lon = np.where(from_gga, column("lon"), column("rmc_lon"))
-    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(quality == 0)
+    table = np.full((len(COLUMNS), len(times)), np.nan)
+    for name, kind in TYPES.items():
+        values = sentences.values[name]
+        column, row = np.nonzero(~np.isnan(values))
+        epoch = epoch_of_run[runs[name]]
+        table[np.array(kind.columns)[column], epoch[row]] = values[column, row]
+        if name == ("GGA" if "GGA" in sentences else "RMC"):
+            repeated = len(epoch) - len(np.unique(epoch))
+            skipped.update({REPEATED: repeated} if repeated else {})
+    return _reported(
+        times / 1e3, dict(zip(COLUMNS, table, strict=True)), _late(epoch_of_run), skipped
+    )
+
+
+_DATE = COLUMNS.index("day")
+
+
+def _reported(time: Array, said: dict[str, Array], late: Bools, skipped: Skipped) -> Reported:
+    """The epochs with a fix: RMC's position where GGA gives none, GST's covariance."""
+    from_gga = ~np.isnan(said["quality"])
+    lat = np.where(from_gga, said["lat"], said["rmc_lat"])
+    lon = np.where(from_gga, said["lon"], said["rmc_lon"])
+    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(said["quality"] == 0)
     keep(fix, _NO_FIX, skipped)
-    late = int(np.count_nonzero(column("late")[fix] == 1))
-    if late:
-        skipped[BACKWARDS] += late
+    if disordered := int(np.count_nonzero(late[fix])):
+        skipped[BACKWARDS] += disordered
     # RMC says when its speed is not to be trusted
-    speed = np.where(column("status") == 0, np.nan, column("speed"))
+    speed = np.where(said["valid"] == 0, np.nan, said["speed"])
     ellipse = ("sigma_lat", "sigma_lon", "major", "minor", "orientation")
-    cov_ee, cov_en, cov_nn, doubt = from_gst(*(column(name) for name in ellipse))
-    rows = np.flatnonzero(fix)
+    cov_ee, cov_en, cov_nn, doubt = from_gst(*(said[name] for name in ellipse))
     return Reported(
-        time=column("time"),
+        time=time,
         lat_deg=lat,
         lon_deg=lon,
         cov_ee=cov_ee,
         cov_en=cov_en,
         cov_nn=cov_nn,
         no_correlation=doubt,
-        hdop=column("hdop"),
+        hdop=said["hdop"],
         speed=speed,
-        bearing_deg=column("course"),
-    ).rows(rows)
+        bearing_deg=said["course"],
+    ).rows(np.flatnonzero(fix))

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ReadError
-from ..records import Array, Drive
+from ..geodesy.angles import course_of
+from ..observations import Array, Drive
 from ..settings import Settings
-from .columns import iso_seconds
-from .door import LAST, NO_TIME, Skipped, keep, read_bytes
-from .fixes import Reported, make_fixes
+from .arrow_columns import iso_seconds
+from .checks import LAST, NO_TIME, Skipped, keep, read_bytes
+from .reported_fixes import Reported, make_fixes
 
 _LEAP = 18.0  # s, GPS time ahead of UTC since 2017
 _GPS_EPOCH = 315_964_800.0  # 1980-01-06
@@ -71,7 +72,7 @@ def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Dri
             cov_en=mixed * np.abs(mixed),
             cov_nn=north**2,
             speed=np.hypot(v_east, v_north),
-            bearing_deg=np.degrees(np.arctan2(v_east, v_north)),
+            bearing_deg=course_of(v_east, v_north),
         ).rows(np.flatnonzero(placed & timed))
     fixes = make_fixes(reported, settings or Settings(), skipped)
     return Drive(Path(path).stem, fixes, sources=(str(path),), skipped=dict(skipped))

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import ReadError, SettingError
 from ..settings import Settings, Vehicle
-from .door import read_bytes
+from .checks import read_bytes
 
 ROLES = {  # role of a CAN signal -> what it is
     "wheel_rl_ticks": "counter of the left rear wheel",

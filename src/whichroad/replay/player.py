@@ -1,7 +1,7 @@
-"""A film that is played: its clock, its controls, and who looks on.
+"""Playback of recorded messages: its clock, its controls and its viewers.
 
-Time in the film runs with the world's, times `speed`. Who looks on is given the newest
-message and may miss some between; nobody slows the clock.
+The clock runs at `speed` times real time.  A viewer gets the newest message and may miss
+some between.  No viewer slows the clock.
 """
 
 import asyncio
@@ -10,49 +10,49 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from ..live.messages import EstimateMessage, PlayMessage
-from .film import Film, Window
+from .recorded_messages import RecordedMessages, Window
 from .timeline import timeline
 
-Remake = Callable[[list[Window]], Film]
+Remake = Callable[[list[Window]], RecordedMessages]
 
-TICK = 0.05  # s between two looks at the clock
-FASTEST = 100.0  # times real time, where as fast as possible is asked for
+TICK = 0.05  # s between updates of the clock
+FASTEST = 100.0  # multiple of real time for `as fast as possible`
 _MOMENT = 1e-3  # s; what is masked up to now is not masked now
 _LATER = 1e12  # s since 1970; a mask that is not over
 
 
 class Refused(ValueError):
-    """What was asked for cannot be done; the text is for the person who asked."""
+    """A control that cannot be executed; the text is for the user."""
 
 
 class Player:
-    """Plays one film to any number of lookers-on.
+    """Plays recorded messages to any number of viewers.
 
     Args:
-        film: What is played.
-        remake: Answers the drive anew with GNSS withheld in some windows; None: the film is
-            of a result, whose drive is not there.
-        position: Where it begins, s.
-        paused: Whether it waits there.
+        recorded: The messages.
+        remake: Matches the drive again with fixes withheld in some windows; None: the drive
+            is not known.
+        position: Position at the beginning, s.
+        paused: Whether playback begins paused.
     """
 
     def __init__(
         self,
-        film: Film,
+        recorded: RecordedMessages,
         remake: Remake | None = None,
         *,
         position: float = 0.0,
         paused: bool = False,
     ) -> None:
-        self.film = film
+        self.recorded = recorded
         self._remake = remake
-        self._windows: list[Window] = list(film.masked)
+        self._windows: list[Window] = list(recorded.masked)
         self.position, self.speed, self.paused = position, 1.0, paused
         self._max = False
         self._seq, self._shown, self._edition = 0, -1, 0
         self._changed = asyncio.Condition()
         self._making = asyncio.Lock()
-        self.message: EstimateMessage = film.message(film.at(position), 0, self._play())
+        self.message: EstimateMessage = recorded.message(recorded.at(position), 0, self._play())
 
     def _play(self) -> PlayMessage:
         return {
@@ -60,11 +60,11 @@ class Player:
             "paused": self.paused,
             "speed": None if self._max else self.speed,
             "position_s": round(self.position, 3),
-            "length_s": round(self.film.length, 3),
+            "length_s": round(self.recorded.length, 3),
         }
 
     async def run(self) -> None:
-        """Let time pass, for ever."""
+        """Run the clock until cancelled."""
         last = time.monotonic()
         while True:
             await asyncio.sleep(TICK)
@@ -75,21 +75,21 @@ class Player:
             last = now
 
     async def _go(self, position: float, always: bool = False) -> None:
-        """Stand at a place of the film, and tell it where that is another epoch."""
-        self.position = min(max(position, 0.0), self.film.length)
-        if self.position >= self.film.length:
+        """Set the position, and send a message if the epoch has changed."""
+        self.position = min(max(position, 0.0), self.recorded.length)
+        if self.position >= self.recorded.length:
             self.paused = True
-        k = self.film.at(self.position)
+        k = self.recorded.at(self.position)
         if k == self._shown and not always:
             return
         self._shown = k
         self._seq += 1
-        self.message = self.film.message(k, self._seq, self._play())
+        self.message = self.recorded.message(k, self._seq, self._play())
         async with self._changed:
             self._changed.notify_all()
 
     async def messages(self) -> AsyncIterator[dict[str, Any]]:
-        """The newest message whenever there is one, and word of each new timeline."""
+        """Each new message, and a notice of each new timeline."""
         seen, edition = -1, self._edition
         while True:
             if self._edition != edition:
@@ -103,11 +103,11 @@ class Player:
                 await self._changed.wait()
 
     def timeline(self) -> dict[str, Any]:
-        """The whole film, thinned, for a strip to scrub in; and whether it can be made anew."""
-        return {**timeline(self.film), "maskable": self._remake is not None}
+        """The thinned timeline of the drive, and whether fixes can be withheld."""
+        return {**timeline(self.recorded), "maskable": self._remake is not None}
 
     async def control(self, action: str, value: Any = None) -> None:
-        """Do what was asked for.
+        """Execute a control.
 
         Args:
             action: mask, unmask, pause, resume, step, speed or seek.
@@ -121,12 +121,12 @@ class Player:
                 await self._mask(action == "mask")
             case "pause" | "resume":
                 self.paused = action == "pause"
-                if not self.paused and self.position >= self.film.length:
+                if not self.paused and self.position >= self.recorded.length:
                     self.position = 0.0
             case "step":
                 self.paused = True
-                k = min(self.film.at(self.position) + 1, len(self.film) - 1)
-                self.position = float(self.film.time[k] - self.film.time[0])
+                k = min(self.recorded.at(self.position) + 1, len(self.recorded) - 1)
+                self.position = float(self.recorded.time[k] - self.recorded.time[0])
             case "speed":
                 self._max = value is None
                 if value is not None:
@@ -138,16 +138,16 @@ class Player:
         await self._go(self.position, always=True)
 
     async def _mask(self, on: bool) -> None:
-        """Withhold GNSS from here on, or give it back from here on, and answer anew."""
+        """Withhold fixes from the position on, or stop doing so, and match again."""
         if self._remake is None:
             raise Refused("this is a result without its drive: replay the drive to mask GNSS")
         async with self._making:
-            now = float(self.film.time[0]) + self.position
+            now = float(self.recorded.time[0]) + self.position
             kept = [(a, min(b, now - _MOMENT)) for a, b in self._windows if a < now - _MOMENT]
             if on:
                 kept.append((now, _LATER))
             self._windows = kept
-            self.film = await asyncio.to_thread(self._remake, list(kept))
+            self.recorded = await asyncio.to_thread(self._remake, list(kept))
             self._edition += 1
 
 

@@ -8,10 +8,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..errors import ReadError
-from ..evaluate.tables import read_table
-from ..result import Result
-from ..tables import PATH, POINTS, TIME
-from .route import COLUMNS
+from ..evaluate.input_tables import read_table
+from ..tables.result import Result
+from ..tables.schema import PATH, POINTS, TIME
+from .driven_path import COLUMNS
 
 _NEEDED = ("time", "lat", "lon", "p_road", "status")
 

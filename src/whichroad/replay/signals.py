@@ -1,4 +1,4 @@
-"""What the sensors of a recorded drive said, beside what was made of it."""
+"""The sensors of a recorded drive, for display beside the estimates."""
 
 import itertools
 from dataclasses import dataclass
@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..records import Array, Drive, Fixes
+from ..geodesy.angles import axis_bearing_of, degrees, radians, wrap_bearing
+from ..geodesy.units import METRES_PER_DEGREE
+from ..observations import Array, Drive, Fixes
 from ..sensors.gnss import ellipse
 from ..sensors.odometry import Motion, motion_of
 from ..settings import Vehicle
@@ -18,11 +20,10 @@ _LOOK = 5.0  # s over which a rate is told
 _SILENT = 3.0  # s after which a sensor counts as silent
 _GAP = 5.0  # s without a fix after which wheels alone are shown
 _EMPTY = np.zeros(0)
-_METRE = np.degrees(1.0 / 6_371_008.8)  # of latitude, degrees
 
 
-class Said(Protocol):
-    """The poses that dead reckoning begins at."""
+class Estimates(Protocol):
+    """The estimates at whose poses dead reckoning begins."""
 
     time: Array
     columns: dict[str, Array]
@@ -30,7 +31,7 @@ class Said(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reckoning:
-    """Wheels alone through every gap of GNSS, (n,) each, NaN outside of gaps."""
+    """Dead reckoning through every GNSS outage, (n,) each, NaN outside of outages."""
 
     lat: Array
     lon: Array
@@ -39,7 +40,7 @@ class Reckoning:
     travelled: Array  # m
 
     def at(self, k: int) -> "ReckoningMessage | None":
-        """What wheels alone say at epoch k."""
+        """Dead reckoning at epoch k."""
         if not len(self.lat) or not np.isfinite(self.lat[k]):
             return None
         return {
@@ -110,11 +111,11 @@ class Signals:
             )  # fmt: skip
         return told
 
-    def reckoning(self, said: Said, used: Array) -> Reckoning:
+    def reckoning(self, said: Estimates, used: Array) -> Reckoning:
         """Equation (1) of the paper through every gap, from the pose before it.
 
         Args:
-            said: What the filter said at each epoch.
+            said: The estimates.
             used: Times of the fixes that it was given.
         """
         n = len(said.time)
@@ -132,20 +133,20 @@ class Signals:
         return out
 
 
-def _reckon(motion: Motion, said: Said, rows: slice, out: Reckoning) -> None:
+def _reckon(motion: Motion, said: Estimates, rows: slice, out: Reckoning) -> None:
     """Integrate distance and turn from the pose of the first row on."""
     assert motion.turn is not None
     time = said.time[rows]
     distance = np.interp(time, motion.time, motion.distance)
     turn = np.interp(time, motion.time, motion.turn)
     lat0, lon0, bearing0 = (said.columns[n][rows.start] for n in ("lat", "lon", "bearing_deg"))
-    bearing = np.radians(bearing0) - (turn - turn[0])
+    bearing = radians(bearing0) - (turn - turn[0])
     middle, step = 0.5 * (bearing[1:] + bearing[:-1]), np.diff(distance)
     east = np.concatenate([[0.0], np.cumsum(step * np.sin(middle))])
     north = np.concatenate([[0.0], np.cumsum(step * np.cos(middle))])
-    out.lat[rows] = lat0 + _METRE * north
-    out.lon[rows] = lon0 + _METRE * east / np.cos(np.radians(lat0))
-    out.bearing_deg[rows] = np.degrees(bearing) % 360.0
+    out.lat[rows] = lat0 + north / METRES_PER_DEGREE
+    out.lon[rows] = lon0 + east / METRES_PER_DEGREE / np.cos(radians(lat0))
+    out.bearing_deg[rows] = wrap_bearing(degrees(bearing))
     out.since[rows] = time[0]
     out.travelled[rows] = np.concatenate([[0.0], np.cumsum(np.abs(step))])
 
@@ -156,4 +157,4 @@ def _shape(fixes: Fixes) -> tuple[Array, Array, Array]:
         known = np.isfinite(fixes.cov_ee) & np.isfinite(fixes.cov_nn)
         ee, en, nn = (np.where(known, c, 1.0) for c in (fixes.cov_ee, fixes.cov_en, fixes.cov_nn))
         major, minor, heading = ellipse(ee, en, nn)
-    return np.where(known, major, np.inf), minor, (90.0 - np.degrees(heading)) % 180.0
+    return np.where(known, major, np.inf), minor, axis_bearing_of(heading, 0.0)

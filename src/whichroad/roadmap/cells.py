@@ -1,4 +1,4 @@
-"""The grid of a map: which segments touch which cell, as `core.grid` searches it.
+"""The grid of a map: which segments touch which cell, as `graph.index` searches it.
 
 All is NumPy's: building a map compiles nothing.
 """
@@ -6,17 +6,19 @@ All is NumPy's: building a map compiles nothing.
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Array
+from .._compile import Records
+from ..graph.network import SEGMENT, records
+from ..observations import Array
 from .streets import Ints
 
 Ints32 = NDArray[np.int32]
 
-_HALF = 2**31  # columns and rows count from -2³¹, as in `core.grid.cell_key`
+_HALF = 2**31  # columns and rows count from -2³¹, as in `graph.index.cell_key`
 _AT_ONCE = 1 << 14  # segments; what they need while they are cut is a small part of the map
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
 
 
-def build(x: Array, y: Array, first: Ints32, size: float) -> tuple[Ints, Ints32, Ints32, Ints32]:
+def build(x: Array, y: Array, first: Ints32, size: float) -> tuple[Ints, Ints32, Records]:
     """The grid of a network.
 
     Args:
@@ -26,24 +28,26 @@ def build(x: Array, y: Array, first: Ints32, size: float) -> tuple[Ints, Ints32,
         size: Side of a cell, plane m.
 
     Returns:
-        cell_key, cell_first, cell_edge, cell_vertex as in `Roads`.
+        cell_key, cell_first, segments as in `Roads`.
     """
     begins = np.ones(len(x), bool)
     begins[first[1:] - 1] = False
     vertex = np.flatnonzero(begins).astype(np.int32)
     edge = np.repeat(np.arange(len(first) - 1, dtype=np.int32), np.diff(first) - 1)
-    segments, keys = [], []
+    parts, keys = [], []
     for low in range(0, len(vertex), _AT_ONCE):
         v = vertex[low : low + _AT_ONCE]
         part, found = _entries(x[v], y[v], x[v + 1], y[v + 1], size)
-        segments.append(part + np.int32(low))
+        parts.append(part + np.int32(low))
         keys.append(found)
-    segment, key = np.concatenate(segments), np.concatenate(keys)
+    segment, key = np.concatenate(parts), np.concatenate(keys)
     order = np.argsort(key, kind="stable")
     key, segment = key[order], segment[order]
     new = np.flatnonzero(np.append(True, key[1:] != key[:-1]))
     cell_first = np.append(new, len(key)).astype(np.int32)
-    return key[new], cell_first, edge[segment], vertex[segment]
+    segments = records(len(segment), SEGMENT)
+    segments.edge, segments.vertex = edge[segment], vertex[segment]
+    return key[new], cell_first, segments
 
 
 def _entries(ax: Array, ay: Array, bx: Array, by: Array, size: float) -> tuple[Ints32, Ints]:

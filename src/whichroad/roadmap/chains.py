@@ -7,7 +7,7 @@ street was drawn, half 2i + 1 runs back.  All is NumPy's: building a map compile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Array
+from ..observations import Array
 from .streets import Bytes
 
 Ints32 = NDArray[np.int32]

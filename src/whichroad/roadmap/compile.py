@@ -1,4 +1,4 @@
-"""From streets to the kernels' arrays: junctions, directed edges, lengths, pieces."""
+"""From streets to the kernels' tables: junctions, directed edges, lengths, pieces."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.hops import hops, turn_costs
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
+from .._compile import Records
 from ..errors import MapError
-from ..frames import Plane
-from ..records import Array
+from ..geodesy.plane import Plane
+from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, VERTEX, Roads, records
+from ..graph.search import edge_costs, turn_costs
+from ..observations import Array
 from . import cells
 from .chains import chains, end_headings
 from .link import middle_plane
@@ -55,7 +56,7 @@ def compile_streets(streets: Streets, where: str) -> Network:
         where: Name of the map, for errors.
 
     Returns:
-        Arrays, plane and sources.
+        Tables, plane and sources.
 
     Raises:
         MapError: No street has a length, or the map is too wide for one plane.
@@ -205,11 +206,11 @@ def _network(
     streets: Streets, plane: Plane, x: Array, y: Array, half: _Halves,
     chain_first: Ints32, chain: Ints32, dropped: dict[str, int],
 ) -> Network:  # fmt: skip
-    """Lay the chains out as arrays."""
-    edges = len(chain_first) - 1
+    """Lay the chains out as tables."""
+    count = len(chain_first) - 1
     begin, end = chain[chain_first[:-1]], chain[chain_first[1:] - 1]
     starting = np.empty(len(chain), np.int32)
-    starting[begin] = np.arange(edges)
+    starting[begin] = np.arange(count)
     opposite = starting[end ^ 1]  # it begins with the last half, driven back
     places = np.unique(np.concatenate([half.tail[begin], half.head[end]]))
     number = np.empty(len(x), np.int32)
@@ -217,12 +218,13 @@ def _network(
     from_node, to_node = number[half.tail[begin]], number[half.head[end]]
 
     first, node, s = _shape(half, chain_first, chain)
-    vx, vy = x[node], y[node]
-    found = cells.build(vx, vy, first, CELL_SIZE)  # while there is little else
+    vertices = records(len(node), VERTEX)
+    vertices.x, vertices.y, vertices.s = x[node], y[node], s
+    found = cells.build(vertices.x, vertices.y, first, CELL_SIZE)  # while there is little else
     pieces = _pieces(half.way[chain], half.forward[chain], chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
-    heading_out, heading_in = end_headings(vx, vy, s, first, _CHORD)
+    heading_out, heading_in = end_headings(vertices.x, vertices.y, s, first, _CHORD)
     rule = half.rule[begin]
     service = streets.service[way]
     node_id = take(streets.node_id, places)
@@ -232,17 +234,31 @@ def _network(
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
-    speed = (length / time).astype(np.float32)
-    lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
+    edges = records(count, EDGE)
+    edges.length, edges.speed = length, length / time
+    edges.first_vertex, edges.last_vertex = first[:-1], first[1:] - 1
+    edges.first_turn, edges.end_turn = turns.first[:-1], turns.first[1:]
+    edges.first_predecessor, edges.end_predecessor = (
+        turns.first_predecessor[:-1], turns.first_predecessor[1:]
+    )  # fmt: skip
+    edges.from_node, edges.to_node, edges.opposite = from_node, to_node, opposite
+    edges.lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
+    edges.lane_sigma = streets.lane_spread[way]
+    edges.rule, edges.service = rule, service
+    edge_costs(edges, vertices)
+    turn_costs(edges, turns.table)
     roads = Roads(
-        vx, vy, s, first, length, from_node, to_node, opposite,
-        lane.astype(np.float32), streets.lane_spread[way].astype(np.float32),
-        speed, service, rule,
-        turns.first, turns.edge, turns.prior, turns.angle, turns.rule,
-        turns.pred_first, turns.pred, CELL_SIZE, *found, plane.curvature,
-        hops(vx, vy, first, length, speed), turn_costs(turns.first, turns.prior),
+        vertices, edges, turns.table, turns.predecessors, *found,
+        plane_record(plane.curvature, CELL_SIZE),
     )  # fmt: skip
     return Network(roads, plane, pieces, way, node_id, {**dropped, **turns.dropped})
+
+
+def plane_record(curvature: float, cell_size: float) -> Records:
+    """The numbers of the plane and the grid, (1,) PLANE."""
+    plane = records(1, PLANE)
+    plane.curvature, plane.cell_size = curvature, cell_size
+    return plane
 
 
 def _shape(half: _Halves, chain_first: Ints32, chain: Ints32) -> tuple[Ints32, Ints32, Array]:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..errors import MapError
-from ..records import Array
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..observations import Array
 from .streets import Ints
 
 if TYPE_CHECKING:
@@ -25,24 +25,24 @@ def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
     import geopandas
     import shapely
 
-    arrays = roads.arrays
-    lat, lon = roads.plane.to_geodetic(np.asarray(arrays.x), np.asarray(arrays.y))
-    count = np.diff(arrays.first)
+    vertices, edges = roads.arrays.vertices, roads.arrays.edges
+    lat, lon = roads.plane.to_geodetic(vertices.x, vertices.y)
+    count = edges.last_vertex - edges.first_vertex + 1
     lines = shapely.linestrings(
         np.column_stack([lon, lat]), indices=np.repeat(np.arange(len(roads)), count)
     )
-    ids, forward = roads.sources(np.arange(len(roads)), np.asarray(arrays.length) / 2.0)
+    ids, forward = roads.sources(np.arange(len(roads)), edges.length / 2.0)
     data = {
         "edge_id": np.arange(len(roads)),
         "source_id": ids,
         "forward": forward,
-        "from_node": roads.node_ids(arrays.from_node),
-        "to_node": roads.node_ids(arrays.to_node),
-        "opposite": arrays.opposite,
-        "length_m": arrays.length,
-        "speed_mps": arrays.speed,
-        "against_one_way": arrays.rule & AGAINST_ONE_WAY > 0,
-        "no_access": arrays.rule & NO_ACCESS > 0,
+        "from_node": roads.node_ids(edges.from_node),
+        "to_node": roads.node_ids(edges.to_node),
+        "opposite": edges.opposite,
+        "length_m": edges.length,
+        "speed_mps": edges.speed,
+        "against_one_way": edges.rule & AGAINST_ONE_WAY > 0,
+        "no_access": edges.rule & NO_ACCESS > 0,
         **{name: roads.column(name) for name in roads.ways if name not in IDS},
     }
     return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")

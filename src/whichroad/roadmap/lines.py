@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MapError
-from ..records import Array
+from ..observations import Array
 from .sheet import Sheet
 from .streets import Ints
 

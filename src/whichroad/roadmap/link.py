@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import topology
 from ..errors import MapError
-from ..frames import Plane
-from ..records import Array
+from ..geodesy.angles import degrees, radians
+from ..geodesy.plane import Plane
+from ..observations import Array
+from . import topology
 from .lines import Lines
 from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts
@@ -71,11 +72,11 @@ def link(
 
 def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
     """The plane about the middle of some points; no meridian is special."""
-    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    lat, lon = radians(lat_deg), radians(lon_deg)
     towards = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
     middle = (towards.min(axis=1) + towards.max(axis=1)) / 2.0
-    lat0 = float(np.degrees(np.arctan2(middle[2], np.hypot(middle[0], middle[1]))))
-    return Plane(round(lat0, 6), round(float(np.degrees(np.arctan2(middle[1], middle[0]))), 6))
+    lat0 = float(degrees(np.arctan2(middle[2], np.hypot(middle[0], middle[1]))))
+    return Plane(round(lat0, 6), round(float(degrees(np.arctan2(middle[1], middle[0]))), 6))
 
 
 def _named(

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..errors import MapError
+from ..geodesy.units import mps_of_kmh
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .streets import Column, Restriction, Streets, Texts
 
@@ -214,7 +215,7 @@ class _Kind:
         closed = NO_ACCESS if self.access == meaning.CLOSED else 0
         self.forward = closed | (AGAINST_ONE_WAY if self.oneway < 0 else 0)
         self.backward = closed | (AGAINST_ONE_WAY if self.oneway > 0 else 0)
-        self.speed = max(self.limit or meaning.CLASS_SPEED_KMH[self.highway], 5.0) / 3.6
+        self.speed = mps_of_kmh(max(self.limit or meaning.CLASS_SPEED_KMH[self.highway], 5.0))
         self.lane = meaning.lane_offset(
             self.highway, self.oneway == 0, self.lanes, self.width, self.ring
         )

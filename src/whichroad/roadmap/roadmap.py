@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import grid, topology
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, Roads
 from ..errors import MapError
-from ..frames import Plane
-from ..records import Array
-from . import store
-from .compile import Network, Pieces, compile_streets
+from ..geodesy.plane import Plane
+from ..graph import index
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
+from ..observations import Array
+from . import store, topology
+from .compile import Network, Pieces, compile_streets, plane_record
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import geopandas
     import pyarrow as pa
 
-_ARRAYS = [name for name in Roads._fields if name not in ("cell_size", "curvature")]
+_TABLES = [name for name in Roads._fields if name != "plane"]
 _TEXTS = ("code", "offset", "utf8")
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
@@ -40,7 +40,7 @@ class RoadMap:
     """A compiled road network.
 
     Edges are directed, numbered from 0, and run between junctions; where a street is legal
-    in one direction only, the other one exists too and is marked in `arrays.rule`.
+    in one direction only, the other one exists too and is marked in `arrays.edges.rule`.
 
     Attributes:
         arrays: The network as the kernels see it.
@@ -97,7 +97,7 @@ class RoadMap:
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
-        from .table import read_edges
+        from .road_tables import read_edges
 
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)
@@ -136,7 +136,7 @@ class RoadMap:
         store.write(Path(path), *_to_arrays(self))
 
     def __len__(self) -> int:
-        return len(self.arrays.length)
+        return len(self.arrays.edges)
 
     def __repr__(self) -> str:
         return f"RoadMap({self._about['source']!r}, {len(self)} directed edges)"
@@ -145,11 +145,10 @@ class RoadMap:
         """Every directed edge within `radius` true metres of a plane point, closest first."""
         room = 64
         while True:
-            edge = np.empty(room, np.int64)
-            s, lateral, distance = (np.empty(room) for _ in range(3))
-            n = grid.near(self.arrays, x, y, radius, edge, s, lateral, distance)
+            found = records(room, index.CANDIDATE)
+            n = index.near(self.arrays, x, y, radius, found)
             if n < room:
-                return Near(edge[:n], s[:n], lateral[:n], distance[:n])
+                return Near(*(np.ascontiguousarray(found[name][:n]) for name in Near._fields))
             room *= 4
 
     def at(self, edge: int, s: float) -> tuple[float, float, float]:
@@ -157,11 +156,11 @@ class RoadMap:
 
         Beyond the ends the edge is prolonged.
         """
-        roads = self.arrays
-        v = int(grid.vertex_at(roads, edge, s))
-        dx, dy = float(roads.x[v + 1] - roads.x[v]), float(roads.y[v + 1] - roads.y[v])
-        t = (s - float(roads.s[v])) / float(roads.s[v + 1] - roads.s[v])
-        return float(roads.x[v]) + t * dx, float(roads.y[v]) + t * dy, math.atan2(dy, dx)
+        v = int(index.vertex_at(self.arrays, edge, s))
+        (x, y, begin), (next_x, next_y, end) = self.arrays.vertices[v : v + 2].tolist()
+        dx, dy = next_x - x, next_y - y
+        t = (s - begin) / (end - begin)
+        return x + t * dx, y + t * dy, math.atan2(dy, dx)
 
     def edge_line(self, edge: int, start: float | None = None, end: float | None = None) -> Array:
         """Vertices of an edge in driving direction, (n, 2) plane m.
@@ -171,11 +170,12 @@ class RoadMap:
             start: Abscissa from which on; None: its beginning.
             end: Abscissa up to which, not less than start; None: its end.
         """
-        low, high = self.arrays.first[edge], self.arrays.first[edge + 1]
-        line = np.column_stack([self.arrays.x[low:high], self.arrays.y[low:high]])
+        row = self.arrays.edges[edge]
+        vertices = self.arrays.vertices[row["first_vertex"] : row["last_vertex"] + 1]
+        line = np.column_stack([vertices.x, vertices.y])
         if start is None and end is None:
             return line
-        s = self.arrays.s[low:high]
+        s = vertices.s
         start = 0.0 if start is None else min(max(start, 0.0), float(s[-1]))
         end = float(s[-1]) if end is None else min(max(end, start), float(s[-1]))
         inside = line[(s > start) & (s < end)]
@@ -192,32 +192,34 @@ class RoadMap:
         Returns:
             x and y (m) of all vertices, and (n + 1,) where each line's begin.
         """
-        roads = self.arrays
-        low, count = roads.first[edge], np.diff(roads.first)[edge]
+        vertices, edges = self.arrays.vertices, self.arrays.edges
+        low = edges.first_vertex[edge]
+        count = edges.last_vertex[edge] - low + 1
         line = np.repeat(np.arange(len(edge)), count)
         vertex = np.arange(len(line)) + np.repeat(low - np.cumsum(count) + count, count)
-        s, length = roads.s[vertex], roads.length[edge]
+        x, y, s = vertices.x, vertices.y, vertices.s
+        length = edges.length[edge]
         start = np.clip(start, 0.0, length)
         end = np.clip(end, start, length)
         first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
         ends = []
         for at in (start, end):  # the segment that holds the cut; its vertices stay where outside
-            before = s <= at[line]
+            before = s[vertex] <= at[line]
             k = (
                 low + np.clip(np.add.reduceat(before, first) - 1, 0, count - 2)
                 if len(edge)
                 else low
             )
-            share = (at - roads.s[k]) / (roads.s[k + 1] - roads.s[k])
-            ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (roads.x, roads.y)])
-        inside = (s > start[line]) & (s < end[line])
+            share = (at - s[k]) / (s[k + 1] - s[k])
+            ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (x, y)])
+        inside = (s[vertex] > start[line]) & (s[vertex] < end[line])
         order = np.argsort(
             np.concatenate([np.arange(len(edge)), line[inside], np.arange(len(edge))]),
             kind="stable",
         )
         x, y = (
             np.concatenate([ends[0][i], v[vertex[inside]], ends[1][i]])[order]
-            for i, v in enumerate((roads.x, roads.y))
+            for i, v in enumerate((x, y))
         )
         parts = np.bincount(line[inside], minlength=len(edge)) + 2
         return x, y, np.concatenate([[0], np.cumsum(parts)]).astype(np.int64)
@@ -226,12 +228,12 @@ class RoadMap:
     def reach(self) -> float:
         """Plane metres from the origin to the farthest vertex."""
         if self._reach is None:
-            self._reach = float(np.hypot(self.arrays.x, self.arrays.y).max())
+            self._reach = float(np.hypot(self.arrays.vertices.x, self.arrays.vertices.y).max())
         return self._reach
 
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
-        edges = np.atleast_1d(np.asarray(edge, dtype=np.int64))
+        edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
         abscissae = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
         found = np.empty(len(edges), np.int64)
         topology.find_pieces(
@@ -261,7 +263,7 @@ class RoadMap:
         return ids, forward
 
     def node_ids(self, node: ArrayLike) -> list[int | str]:
-        """The source's ids of (n,) junctions, numbers of `arrays.from_node` and `.to_node`."""
+        """The source's ids of (n,) junctions, numbers of `from_node` and `to_node`."""
         rows = np.asarray(node)
         if isinstance(self.node_id, Texts):
             return list(self.node_id.words(rows))
@@ -308,12 +310,13 @@ class RoadMap:
 
     def info(self) -> dict[str, Any]:
         """What the map holds, where it came from, and what was skipped and why."""
-        roads = self.arrays
-        legal = roads.rule == 0
-        once = legal & ((roads.opposite > np.arange(len(self))) | ~legal[roads.opposite])
+        vertices, edges = self.arrays.vertices, self.arrays.edges
+        legal = edges.rule == 0
+        once = legal & ((edges.opposite > np.arange(len(self))) | ~legal[edges.opposite])
         # the other direction has the same vertices
-        half = np.repeat(roads.opposite < np.arange(len(self)), np.diff(roads.first))
-        lat, lon = self.plane.to_geodetic(roads.x[half], roads.y[half])
+        count = edges.last_vertex - edges.first_vertex + 1
+        half = np.repeat(edges.opposite < np.arange(len(self)), count)
+        lat, lon = self.plane.to_geodetic(vertices.x[half], vertices.y[half])
         words = [word or "unknown" for word in self.column("highway")]
         highways, counts = np.unique(np.array(words), return_counts=True)
         return {
@@ -321,11 +324,11 @@ class RoadMap:
             "nodes": len(self.node_id),
             "edges": len(self),
             "legal_edges": int(legal.sum()),
-            "against_one_way": int((roads.rule & AGAINST_ONE_WAY > 0).sum()),
-            "no_access": int((roads.rule & NO_ACCESS > 0).sum()),
-            "turns": len(roads.succ),
+            "against_one_way": int((edges.rule & AGAINST_ONE_WAY > 0).sum()),
+            "no_access": int((edges.rule & NO_ACCESS > 0).sum()),
+            "turns": len(self.arrays.turns),
             "streets": len(self.ways["source_id"]),
-            "km": round(float(roads.length[once].sum()) / 1e3, 3),
+            "km": round(float(edges.length[once].sum()) / 1e3, 3),
             "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
             "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
             "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
@@ -360,7 +363,7 @@ class RoadMap:
 
 def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
     """A map as JSON and named arrays."""
-    arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _ARRAYS}
+    arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _TABLES}
     arrays |= {f"pieces.{n}": getattr(roads.pieces, n) for n in Pieces._fields}
     arrays["way"] = roads.way
     for name, column in {"node_id": roads.node_id, **roads.ways}.items():
@@ -371,7 +374,7 @@ def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
     about = {
         "about": roads._about,
         "origin_deg": [roads.plane.lat0_deg, roads.plane.lon0_deg],
-        "cell_size": roads.arrays.cell_size,
+        "cell_size": float(roads.arrays.plane.cell_size[0]),
         "columns": list(roads.ways),
     }
     return about, arrays
@@ -381,9 +384,8 @@ def _from_arrays(about: dict[str, Any], arrays: store.Arrays) -> RoadMap:
     """The map of JSON and named arrays."""
     plane = Plane(*about["origin_deg"])
     roads = Roads(
-        **{n: arrays[f"roads.{n}"] for n in _ARRAYS},
-        cell_size=float(about["cell_size"]),
-        curvature=plane.curvature,
+        **{n: arrays[f"roads.{n}"] for n in _TABLES},
+        plane=plane_record(plane.curvature, float(about["cell_size"])),
     )
     pieces = Pieces(*(arrays[f"pieces.{n}"] for n in Pieces._fields))
     columns: dict[str, Column] = {}

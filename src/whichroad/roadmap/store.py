@@ -23,14 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MapError, WriteError
+from ..graph.network import EDGE, SEGMENT, TURN, VERTEX
 
 MAGIC = b"WHICHROAD"
-VERSION = 3
+VERSION = 4
 _FIXED = struct.Struct("<9s3xIIIQ")  # magic, version, header's length and checksum, file's length
 _ALIGN = 64
-_TYPES = {"<f8", "<f4", "<i8", "<i4", "|i1", "|u1"}
+_NUMBERS = ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1")
 
 Arrays = dict[str, NDArray[Any]]
+
+
+def _kind(dtype: np.dtype[Any]) -> Any:
+    """A type as JSON can say it: of records their fields, gaps between them included."""
+    return dtype.str if dtype.names is None else [list(field) for field in dtype.descr]
+
+
+_RECORDS = {json.dumps(_kind(dtype)): dtype for dtype in (VERTEX, EDGE, TURN, SEGMENT)}
 
 
 def _aligned(place: int) -> int:
@@ -52,7 +61,7 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
     data = []
     for name, array in arrays.items():
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-        table[name] = [little.dtype.str, list(little.shape), place, zlib.crc32(little.data)]
+        table[name] = [_kind(little.dtype), list(little.shape), place, zlib.crc32(_bytes(little))]
         data.append((place, little))
         place = _aligned(place + little.nbytes)
     header = json.dumps({"about": about, "arrays": table}).encode()
@@ -65,7 +74,7 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
             f.write(fixed + header)
             for offset, little in data:
                 f.seek(start + offset)
-                f.write(little.data)
+                f.write(_bytes(little))
             f.truncate(start + place)
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
@@ -75,6 +84,11 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
         raise WriteError(
             f"{path}: {error.strerror}; a folder that can be written was expected; choose another"
         ) from error
+
+
+def _bytes(array: NDArray[Any]) -> Any:
+    """The memory of an array."""
+    return array.view(np.uint8).data if array.dtype.names else array.data
 
 
 def _umask() -> int:
@@ -151,12 +165,15 @@ def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:
 def _array(path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any]) -> NDArray[Any]:
     """One array, checked."""
     kind, shape, place, checksum = entry
-    if kind not in _TYPES:
-        raise MapError(_refusal(path, f"its array {name} has the type {kind}"))
+    dtype = _RECORDS.get(json.dumps(kind))
+    if dtype is None:
+        if kind not in _NUMBERS:
+            raise MapError(_refusal(path, f"its array {name} has the type {kind}"))
+        dtype = np.dtype(kind)
     count = math.prod(shape)
-    if start + place + count * np.dtype(kind).itemsize > len(memory):
+    if start + place + count * dtype.itemsize > len(memory):
         raise MapError(_refusal(path, f"its array {name} ends beyond the file"))
-    array = np.frombuffer(memory, dtype=kind, count=count, offset=start + place).reshape(shape)
-    if zlib.crc32(array.data) != checksum:
+    array = np.frombuffer(memory, dtype=dtype, count=count, offset=start + place).reshape(shape)
+    if zlib.crc32(_bytes(array)) != checksum:
         raise MapError(_refusal(path, f"its array {name} is damaged"))
-    return array
+    return array.view(np.recarray) if dtype.names else array

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Array
+from ..observations import Array
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -90,7 +90,7 @@ class Streets:
     node_id: Column  # (N,) the source's names, -1 or empty where only geometry knows the node
     first: Ints  # (W+1,)
     node: Ints  # (L,)
-    rule_forward: Bytes  # (W,) bits of core.network for driving as drawn
+    rule_forward: Bytes  # (W,) bits of graph.network for driving as drawn
     rule_backward: Bytes  # (W,)
     speed: Array  # (W,) m/s
     lane: Array  # (W,) m right of the centre line, in legal directions

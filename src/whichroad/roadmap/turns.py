@@ -5,16 +5,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
-from ..records import Array
+from .._compile import Records
+from ..geodesy.angles import radians
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN, records
+from ..observations import Array
 from .streets import Bytes, Column, Ints, Restriction, Streets, Texts
 
 Ints32 = NDArray[np.int32]
-Floats32 = NDArray[np.float32]
 
 # turn priors before they are normalised (docs/model.md, section 7)
-_STRAIGHT = np.radians(34.0)
-_SHARP = np.radians(120.0)
+_STRAIGHT = radians(34.0)
+_SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
 _TURN_ROUND_ON_THE_WAY = 1e-4  # where there is no junction
 _SERVED = 500.0  # m; of a shorter dead end fewer drives are bound for
@@ -25,13 +26,10 @@ WRONG_WAY = 2e-4
 class Turns(NamedTuple):
     """Successors and predecessors of every edge, as in `Roads`."""
 
-    first: Ints32
-    edge: Ints32
-    prior: Floats32
-    angle: Floats32
-    rule: Bytes
-    pred_first: Ints32
-    pred: Ints32
+    first: Ints32  # (E+1,) first turn out of each edge
+    table: Records  # (S,) TURN, without costs
+    first_predecessor: Ints32  # (E+1,)
+    predecessors: Ints32  # (S,)
     dropped: dict[str, int]
 
 
@@ -81,11 +79,12 @@ def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
         broken[blocked] |= NO_ACCESS
     prior = _priors(graph, first, origin, edge, angle, broken, blocked)
     back = np.argsort(edge, kind="stable")
-    pred_first = np.searchsorted(edge[back], np.arange(len(count) + 1))
+    first_predecessor = np.searchsorted(edge[back], np.arange(len(count) + 1))
+    table = records(len(edge), TURN)
+    table.edge, table.prior, table.angle, table.rule = edge, prior, angle, broken
     return Turns(
-        first.astype(np.int32), edge, prior.astype(np.float32), angle.astype(np.float32), broken,
-        pred_first.astype(np.int32), origin[back], dropped,
-    )  # fmt: skip
+        first.astype(np.int32), table, first_predecessor.astype(np.int32), origin[back], dropped
+    )
 
 
 def _wrapped(angle: Array) -> Array:

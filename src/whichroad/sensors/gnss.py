@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from ..frames import Plane
-from ..records import Array, Fixes, GeoFix
+from ..geodesy.angles import heading_of, radians
+from ..geodesy.plane import Plane
+from ..observations import Array, Fixes, GeoFix
 
 
 def ellipse(cov_xx: Array, cov_xy: Array, cov_yy: Array) -> tuple[Array, Array, Array]:
@@ -53,8 +54,8 @@ def fix_row(
     else:
         major, minor, angle = default_sigma, default_sigma, 0.0
     row = (x, y, max(major, LEAST_SIGMA), max(minor, LEAST_SIGMA), angle + turn)
-    course = math.pi / 2 - math.radians(fix.bearing_deg) + turn
-    return row, course, math.radians(fix.sigma_bearing_deg)
+    course = heading_of(fix.bearing_deg, turn)
+    return row, course, radians(fix.sigma_bearing_deg)
 
 
 def fix_rows(fixes: Fixes, plane: Plane) -> tuple[Array, Array, Array]:
@@ -74,5 +75,5 @@ def fix_rows(fixes: Fixes, plane: Plane) -> tuple[Array, Array, Array]:
     rows = np.column_stack(
         [x, y, np.maximum(major, LEAST_SIGMA), np.maximum(minor, LEAST_SIGMA), angle + turn]
     )
-    course = math.pi / 2 - np.radians(fixes.bearing_deg) + turn
-    return rows, course, np.radians(fixes.sigma_bearing_deg)
+    course = heading_of(fixes.bearing_deg, turn)
+    return rows, course, radians(fixes.sigma_bearing_deg)

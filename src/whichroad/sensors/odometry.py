@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import (
+from ..observations import (
     Array,
     Distance,
     Observation,
@@ -22,7 +22,7 @@ from ..records import (
     WheelTicks,
 )
 from ..settings import Vehicle
-from .sound import FASTEST, Skipped
+from .validation import FASTEST, Skipped
 
 _JITTER = 0.02  # s, by which readings come too close together
 _JUMP = "odometry jumped (bridged)"

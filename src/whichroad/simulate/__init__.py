@@ -4,13 +4,13 @@ The simulator knows nothing of the filter: its map error is a sum of Fourier mod
 car follows lanes and cuts corners, its wheels are never what the user believes.
 """
 
-from .demo import Scenes, demo_drive, demo_route, demo_scenes, write_demo
-from .drive import START, SimulatedDrive, Truth, simulate_drive
-from .files import truth_table, write_drive
-from .route import drivable, random_route, shortest_route
-from .sensors import Jump, Pull
-from .settings import GOOD, OUTAGE, PRESETS, URBAN, SimulationSettings
-from .sketch import Sketch
+from .demo_drive import Scenes, demo_drive, demo_route, demo_scenes, write_demo
+from .drive_files import truth_table, write_drive
+from .map_builder import MapBuilder
+from .route_choice import drivable, random_route, shortest_route
+from .sensor_models import Jump, Pull
+from .simulated_drive import START, SimulatedDrive, Truth, simulate_drive
+from .simulation_settings import GOOD, OUTAGE, PRESETS, URBAN, SimulationSettings
 from .town import draw_town
 
 __all__ = [
@@ -20,11 +20,11 @@ __all__ = [
     "START",
     "URBAN",
     "Jump",
+    "MapBuilder",
     "Pull",
     "Scenes",
     "SimulatedDrive",
     "SimulationSettings",
-    "Sketch",
     "Truth",
     "demo_drive",
     "demo_route",

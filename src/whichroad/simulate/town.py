@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from .sketch import Point, Sketch
+from ..geodesy.angles import radians
+from .map_builder import MapBuilder, Point
 
 _GRID = 5  # streets each way in the old town
 _CARRIAGEWAY = 6.75  # m, from the boulevard's axis to either carriageway
@@ -80,45 +81,45 @@ def places(seed: int = 1) -> dict[str, int]:
     return _draw(seed).names
 
 
-def _draw(seed: int) -> Sketch:
-    sketch = Sketch()
-    _old_town(sketch, np.random.default_rng(seed))
+def _draw(seed: int) -> MapBuilder:
+    builder = MapBuilder()
+    _old_town(builder, np.random.default_rng(seed))
     for name, (x, y) in _PLACES.items():
-        sketch.node(name, x, y)
-    _roundabout(sketch, (760.0, 230.0))
-    _boulevard(sketch)
-    _long_roads(sketch)
-    _fork(sketch)
-    return sketch
+        builder.node(name, x, y)
+    _roundabout(builder, (760.0, 230.0))
+    _boulevard(builder)
+    _long_roads(builder)
+    _fork(builder)
+    return builder
 
 
-def _old_town(sketch: Sketch, random: np.random.Generator) -> None:
+def _old_town(builder: MapBuilder, random: np.random.Generator) -> None:
     """An irregular grid of narrow streets; `old c r` is column c, row r."""
     for c in range(_GRID):
         for r in range(_GRID):
             x, y = random.uniform(-12.0, 12.0, 2)
-            sketch.node(f"old {c} {r}", 120.0 * c + float(x), 110.0 * r + float(y))
+            builder.node(f"old {c} {r}", 120.0 * c + float(x), 110.0 * r + float(y))
     slow = {"maxspeed": "30"}
     rows = ("Rue Basse", "Rue du Pont", "Grande Rue", "Rue des Lices", "Rue Haute")
     columns = ("Rue du Moulin", "Rue Saint-Jean", "Rue du Change", "Rue Neuve", "Rue de l'Est")
     for r, name in enumerate(rows):
         kind = "secondary" if r == 2 else "residential"
         extra = {"maxspeed": "50"} if r == 2 else slow | ({"oneway": "yes"} if r == 3 else {})
-        sketch.way([f"old {c} {r}" for c in range(_GRID)], kind, name=name, **extra)
+        builder.way([f"old {c} {r}" for c in range(_GRID)], kind, name=name, **extra)
     for c, name in enumerate(columns):
         last = 3 if c == 3 else _GRID  # Rue Neuve ends early: the grid is not regular
         extra = slow | ({"oneway": "-1"} if c == 1 else {})
-        sketch.way([f"old {c} {r}" for r in range(last)], "residential", name=name, **extra)
-    x, y = sketch.places[sketch.names["old 2 2"] - 1]
-    sketch.node("car park 1", x + 55.0, y + 30.0)
-    sketch.node("car park 2", x + 58.0, y + 82.0)
-    sketch.node("car park 3", x + 20.0, y + 84.0)
-    middle = sketch.bend([sketch.names["old 2 2"], sketch.names["car park 1"]])[1]
-    sketch.names["car park gate"] = middle
-    sketch.way(
+        builder.way([f"old {c} {r}" for r in range(last)], "residential", name=name, **extra)
+    x, y = builder.places[builder.names["old 2 2"] - 1]
+    builder.node("car park 1", x + 55.0, y + 30.0)
+    builder.node("car park 2", x + 58.0, y + 82.0)
+    builder.node("car park 3", x + 20.0, y + 84.0)
+    middle = builder.bend([builder.names["old 2 2"], builder.names["car park 1"]])[1]
+    builder.names["car park gate"] = middle
+    builder.way(
         ["old 2 2", "car park gate", "car park 1", "car park 2"], "service", service="parking_aisle"
     )
-    sketch.way(
+    builder.way(
         ["car park 2", "car park 3", "car park gate"],
         "service",
         service="parking_aisle",
@@ -126,7 +127,7 @@ def _old_town(sketch: Sketch, random: np.random.Generator) -> None:
     )
 
 
-def _roundabout(sketch: Sketch, centre: Point) -> None:
+def _roundabout(builder: MapBuilder, centre: Point) -> None:
     """Eight points, driven counter-clockwise, with arms in the four directions."""
     names = [
         "ring east",
@@ -139,10 +140,10 @@ def _roundabout(sketch: Sketch, centre: Point) -> None:
         "ring 7",
     ]
     for k, name in enumerate(names):
-        angle = math.radians(45.0 * k)
-        sketch.node(name, centre[0] + _RING * math.cos(angle), centre[1] + _RING * math.sin(angle))
-    sketch.way([*names, names[0]], "secondary", junction="roundabout", maxspeed="30", lanes="1")
-    sketch.way(["old 4 2", "ring west"], "secondary", name="Rue de Paris", maxspeed="50")
+        angle = radians(45.0 * k)
+        builder.node(name, centre[0] + _RING * math.cos(angle), centre[1] + _RING * math.sin(angle))
+    builder.way([*names, names[0]], "secondary", junction="roundabout", maxspeed="30", lanes="1")
+    builder.way(["old 4 2", "ring west"], "secondary", name="Rue de Paris", maxspeed="50")
 
 
 def _axis(x: float) -> float:
@@ -150,68 +151,70 @@ def _axis(x: float) -> float:
     return 236.0 + 14.0 * math.cos((x - 1100.0) / 465.0)
 
 
-def _boulevard(sketch: Sketch) -> None:
+def _boulevard(builder: MapBuilder) -> None:
     """Two one-way carriageways from `west end` to `east end`, and a side lane of the eastern.
 
     Openings at 1440 (the avenue) and 2000 m (no left turn from the west); the side lane
     leaves at 1520 and returns at 2250 m.
     """
-    sketch.node("west end", 1100.0, _axis(1100.0))
-    sketch.node("east end", 2560.0, _axis(2560.0))
+    builder.node("west end", 1100.0, _axis(1100.0))
+    builder.node("east end", 2560.0, _axis(2560.0))
     stations = [*range(1140, 2530, 30), 1440, 1520, 2000, 2250]
     for x in sorted(set(stations)):
-        sketch.node(f"eastbound {x}", x, _axis(x) - _CARRIAGEWAY)
-        sketch.node(f"westbound {x}", x, _axis(x) + _CARRIAGEWAY)
+        builder.node(f"eastbound {x}", x, _axis(x) - _CARRIAGEWAY)
+        builder.node(f"westbound {x}", x, _axis(x) + _CARRIAGEWAY)
         if 1570 <= x <= 2200:
-            sketch.node(f"side {x}", x, _axis(x) - _CARRIAGEWAY - _SIDE_LANE)
+            builder.node(f"side {x}", x, _axis(x) - _CARRIAGEWAY - _SIDE_LANE)
 
     def run(side: str, low: int, high: int) -> list[str]:
         return [f"{side} {x}" for x in sorted(set(stations)) if low <= x <= high]
 
     name = {"name": "Boulevard de la Marne"}
     wide = name | {"oneway": "yes", "maxspeed": "50", "lanes": "1"}
-    sketch.curve(["ring east", "west end"], "secondary", maxspeed="50", **name)
-    sketch.way(["west end", *run("eastbound", 0, 1440)], "secondary", **wide)
-    onward = sketch.way(run("eastbound", 1440, 2000), "secondary", **wide)
-    sketch.way([*run("eastbound", 2000, 9999), "east end"], "secondary", **wide)
-    sketch.way(["east end", *run("westbound", 2000, 9999)[::-1]], "secondary", **wide)
-    sketch.way([*run("westbound", 0, 2000)[::-1], "west end"], "secondary", **wide)
-    sketch.way(["eastbound 1440", "westbound 1440"], "secondary_link", oneway="-1")
-    opening = sketch.way(["eastbound 2000", "westbound 2000"], "secondary_link")
-    sketch.restrict("no_left_turn", onward, "eastbound 2000", opening)
+    builder.curve(["ring east", "west end"], "secondary", maxspeed="50", **name)
+    builder.way(["west end", *run("eastbound", 0, 1440)], "secondary", **wide)
+    onward = builder.way(run("eastbound", 1440, 2000), "secondary", **wide)
+    builder.way([*run("eastbound", 2000, 9999), "east end"], "secondary", **wide)
+    builder.way(["east end", *run("westbound", 2000, 9999)[::-1]], "secondary", **wide)
+    builder.way([*run("westbound", 0, 2000)[::-1], "west end"], "secondary", **wide)
+    builder.way(["eastbound 1440", "westbound 1440"], "secondary_link", oneway="-1")
+    opening = builder.way(["eastbound 2000", "westbound 2000"], "secondary_link")
+    builder.restrict("no_left_turn", onward, "eastbound 2000", opening)
     lane = ["eastbound 1520", *run("side", 1570, 2200), "eastbound 2250"]
-    sketch.way(lane, "tertiary", name="Contre-allée", oneway="yes", maxspeed="50", lanes="1")
+    builder.way(lane, "tertiary", name="Contre-allée", oneway="yes", maxspeed="50", lanes="1")
     avenue = ["avenue 1", "avenue 2", "avenue 3", "quarry", "avenue 4", "eastbound 1440"]
-    before = sketch.curve(["crossroads", *avenue], "tertiary", name="Avenue du Nord", maxspeed="50")
-    sketch.restrict("only_right_turn", before, "eastbound 1440", onward)
+    before = builder.curve(
+        ["crossroads", *avenue], "tertiary", name="Avenue du Nord", maxspeed="50"
+    )
+    builder.restrict("only_right_turn", before, "eastbound 1440", onward)
 
 
-def _long_roads(sketch: Sketch) -> None:
+def _long_roads(builder: MapBuilder) -> None:
     """Route de Soissons with its bends and junctions, and the roads that lead back."""
     south = ["ring south", "soissons 1", "soissons 2", "vineyard", "soissons 3", "soissons 4"]
-    sketch.curve(
+    builder.curve(
         [*south, "crossroads"],
         "secondary", name="Route de Soissons", maxspeed="70",
     )  # fmt: skip
-    sketch.curve(
+    builder.curve(
         ["crossroads", "soissons 5", "soissons 6", "soissons 7", "side 1950"],
         "secondary", name="Route de Soissons", maxspeed="70",
     )  # fmt: skip
-    sketch.curve(["vineyard", "avenue 2"], "unclassified", name="Chemin des Vignes")
-    sketch.curve(["quarry", "quarry end"], "service", name="La Carrière")
-    sketch.curve(
+    builder.curve(["vineyard", "avenue 2"], "unclassified", name="Chemin des Vignes")
+    builder.curve(["quarry", "quarry end"], "service", name="La Carrière")
+    builder.curve(
         ["crossroads", "south 1", "south 2", "south 3", "south 4", "old 2 0"],
         "tertiary", name="Route du Sud", maxspeed="70",
     )  # fmt: skip
-    sketch.curve(
+    builder.curve(
         ["end", "north 1", "north 2", "north 3", "north 4", "north 5", "ring north"],
         "secondary", name="Route du Nord", maxspeed="80",
     )  # fmt: skip
 
 
-def _fork(sketch: Sketch) -> None:
+def _fork(builder: MapBuilder) -> None:
     """One road becomes two that part at 10 degrees, and meet again at `end`."""
-    sketch.curve(
+    builder.curve(
         ["east end", "lead-in", "fork"],
         "secondary",
         name="Route de Reims",
@@ -219,4 +222,4 @@ def _fork(sketch: Sketch) -> None:
     )
     for side, name in (("left", "Route de Reims"), ("right", "Route de la Forêt")):
         run = ["fork", *(f"{side} {k}" for k in (1, 2, 3, 4)), "end"]
-        sketch.curve(run, "secondary", name=name, maxspeed="60")
+        builder.curve(run, "secondary", name=name, maxspeed="60")

@@ -25,7 +25,7 @@ def write_table(table: "pa.Table", path: str | os.PathLike[str], *, force: bool 
     """Write a points or path table (any table will do) in the format its suffix names.
 
     Args:
-        table: columns as in `whichroad.tables`; `geometry` (WKB) or `lat`, `lon` make it spatial.
+        table: columns as in `tables.schema`; `geometry` (WKB) or `lat`, `lon` make it spatial.
         path: where to; one of `SUFFIXES`.
         force: replace a file that exists.
 

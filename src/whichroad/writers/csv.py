@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from ..tables import with_iso_times
+from ..tables.schema import with_iso_times
 
 ROWS_AT_A_TIME = 1 << 17
 

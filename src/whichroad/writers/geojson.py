@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from ..errors import WriteError
-from ..tables import with_iso_times
+from ..tables.schema import with_iso_times
 
 ROWS_AT_A_TIME = 10_000
 

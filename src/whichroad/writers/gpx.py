@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 import pyarrow as pa
 
 from ..errors import WriteError
-from ..tables import with_iso_times
+from ..tables.schema import with_iso_times
 
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="whichroad" xmlns="http://www.topografix.com/GPX/1/1" \

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from ..tables import geometry
+from ..tables.schema import geometry
 
 ROWS_AT_A_TIME = 1 << 18  # bounds the memory, and keeps WKB offsets within 32 bits
 

@@ -1,1 +1,0 @@
-"""The compiled floor: floats and arrays, no files, no degrees, raises nothing."""

@@ -1,0 +1,1 @@
+"""Whether the settings fit the data: running statistics of a drive, and what they say."""

@@ -1,0 +1,207 @@
+"""Do the settings fit the data, and if not, which one does not?
+
+What is read here was summed up by `statistics`.  What the sums are in drives that do fit was
+found by simulation; the bands leave fewer than one in a hundred of such drives outside.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from .._compile import Records
+from ..filter.estimate import Output
+from ..filter.state import CLOCK
+from ..settings import Settings, Vehicle
+from .statistics import Watch, rows_of
+
+_ENOUGH = 3000.0  # s of moving from which on the bands are as they are
+_LEAST = 600.0  # and below which there is no verdict
+_TIME = 1.55  # T over the setting, or under it
+_SURELY = 3.5  # the same where the sigma's being too large would explain it as well
+_SIGMA = 1.18  # σ over what is reported, T being right
+_SIGMA_TOO = 1.25  # the same where T is not
+_SMALL = 0.7  # σ below which the receiver says too much
+_SCALE = 4.0  # sigmas of the settings' scale and drift
+_GAIN = 0.035  # of turns
+_LATE = 0.2  # s, between clocks
+_ANTENNA = 1.5  # m
+_SURE = 4.0  # sigmas of what was measured
+_MAP = 1.1  # mean square map error over what the settings say
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A setting, or a sensor, that does not fit the data."""
+
+    what: str  # `gnss sigma`, `gnss_time`, `map_sigma`, `wheels: scale`, ...
+    level: str  # "warning": answers may be wrong; "information": they are only too careful
+    statistic: float
+    low: float  # where settings that fit are expected
+    high: float
+    advice: str
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return (
+            f"{self.what}: {self.statistic:.3g}, {self.low:.3g} to {self.high:.3g} was expected; "
+            f"{self.advice}"
+        )
+
+
+def diagnose(answer: Any) -> list[Finding]:
+    """Say which settings do not fit the data.
+
+    Args:
+        answer: A `Result`, a `Localizer`, or a recorded drive as `localize_recorded` gives it.
+
+    Returns:
+        Findings, empty where everything fits, or too little was driven to tell (ten minutes
+        of driving with wheels and fixes; GNSS alone cannot tell).
+    """
+    return list(answer.diagnosis)
+
+
+def findings(watch: Watch) -> tuple[Finding, ...]:
+    """What does not fit, so far.
+
+    Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
+    by those before, so that nothing is said of it as long as those do not fit.
+    """
+    if watch.moving < _LEAST:
+        return ()
+    return tuple(_wheels(watch) or _shift(watch) or _map(watch) or _gnss(watch))
+
+
+def _wider(watch: Watch, band: float) -> float:
+    """The band about 1 (a ratio), wider for drives that are shorter."""
+    return float(band ** math.sqrt(max(1.0, _ENOUGH / watch.moving)))
+
+
+def _wheels(watch: Watch) -> list[Finding]:
+    found = []
+    s, scale = watch.settings, watch.scale
+    band = _SCALE * s.scale_sigma
+    scale_off = abs(scale - 1.0) > band
+    if scale_off:
+        found.append(
+            Finding(
+                "wheels: scale", "warning", scale, 1.0 - band, 1.0 + band,
+                f"a metre of the odometer is {scale:.3f} m; correct metres_per_tick (tyres?) "
+                "or the speed's unit",
+            )
+        )  # fmt: skip
+    gain, drift = watch.turns()
+    band = max(_GAIN, 2.5 * s.turn_noise)
+    if abs(gain - 1.0) > band and not (scale_off and abs(gain - scale) < 1.5 * band):
+        width = watch.vehicle.track_width / gain
+        found.append(
+            Finding(
+                "wheels: track width", "warning", gain, 1.0 - band, 1.0 + band,
+                f"a turn by the wheels is {gain:.3f} of what it seems, at least; set "
+                f"track_width to {width:.2f} m or beyond, or correct the yaw rate",
+            )
+        )  # fmt: skip
+    band = _SCALE * s.drift_sigma
+    if abs(drift) > band:
+        found.append(
+            Finding(
+                "wheels: left against right", "warning", drift, -band, band,
+                f"straight on, the heading drifts by {1000.0 * drift:.2f} rad a km; correct "
+                "metres_per_tick of one side (tyres?) or the yaw rate's offset",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _shift(watch: Watch) -> list[Finding]:
+    found = []
+    late, antenna, sigma_late, sigma_antenna = watch.shift()
+    band = max(_LATE, _SURE * sigma_late)
+    if abs(late) > band:
+        found.append(
+            Finding(
+                "clock", "warning", late, -band, band,
+                f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
+                f"odometer; add {-late:.1f} s to the clock of gnss",
+            )
+        )  # fmt: skip
+    band = max(_ANTENNA, _SURE * sigma_antenna)
+    if abs(antenna) > band:
+        right = antenna + complex(watch.vehicle.antenna_forward, watch.vehicle.antenna_left)
+        found.append(
+            Finding(
+                "antenna", "warning", abs(antenna), 0.0, band,
+                f"the antenna is {right.real:.1f} m ahead and {right.imag:.1f} m left of the rear "
+                "axle's middle; set antenna_forward and antenna_left",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _map(watch: Watch) -> list[Finding]:
+    """The map's error as the filter sees it, which it holds for smaller than it is."""
+    cells = watch.metres / watch.settings.map_length
+    if cells < 5.0:
+        return []
+    high = 0.6 + (_MAP - 0.6) * math.sqrt(max(1.0, 90.0 / cells))
+    square = watch.map_error
+    if square <= high:
+        return []
+    larger = watch.settings.map_sigma * math.sqrt(2.0 * square)
+    return [
+        Finding(
+            "map_sigma", "warning", math.sqrt(square), 0.0, math.sqrt(high),
+            f"the map is {watch.settings.map_sigma * math.sqrt(square):.1f} m off as far as "
+            f"can be seen; set map_sigma to about {larger:.0f} m",
+        )
+    ]  # fmt: skip
+
+
+def _gnss(watch: Watch) -> list[Finding]:
+    found = []
+    if watch.hidden:
+        return []  # fixes as good as the wheels are not judged by them
+    white, size, time, size_if_right = watch.errors()
+    band = _wider(watch, _TIME)
+    if time > 1.0 and white <= size_if_right * watch.settings.gnss_white_ratio**2:
+        band = _wider(watch, _SURELY)
+    time_off = not 1.0 / band <= time <= band
+    if time_off:
+        right = time * watch.settings.gnss_time
+        found.append(
+            Finding(
+                "gnss_time", "warning", right, watch.settings.gnss_time / band,
+                watch.settings.gnss_time * band,
+                f"GNSS errors last {right:.0f} s of driving; set gnss_time to that",
+            )
+        )  # fmt: skip
+    sigma = math.sqrt(size if time_off else size_if_right)
+    high, low = _wider(watch, _SIGMA_TOO if time_off else _SIGMA), _wider(watch, _SMALL)
+    if sigma > high:
+        found.append(
+            Finding(
+                "gnss sigma", "warning", sigma, low, high,
+                f"GNSS errors are {sigma:.1f} times what is reported; the filter allows for "
+                "what it sees of that, but make the reported sigmas larger",
+            )
+        )  # fmt: skip
+    elif sigma < low and not time_off:
+        found.append(
+            Finding(
+                "gnss sigma", "information", sigma, low, high,
+                f"GNSS errors are {sigma:.1f} times what is reported; smaller sigmas would "
+                "let the filter decide sooner",
+            )
+        )  # fmt: skip
+    return found
+
+
+def findings_of(
+    epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle
+) -> tuple[Finding, ...]:
+    """What does not fit in a recorded drive; nothing is said where time alone moves it."""
+    if mode == CLOCK:
+        return ()
+    watch = Watch(settings, vehicle)
+    watch.take(rows_of(epochs, output))
+    return findings(watch)

@@ -1,0 +1,308 @@
+"""Running sums of a drive that tell whether the settings fit it; `findings` reads them.
+
+The filter's own innovations, a second apart, see hardly more than the white part of the
+GNSS error.  What is looked at here are fixes up to two minutes apart, less what the wheels
+say was driven in between: half of the squared difference grows with the lag L as
+
+    D(L) = w² + σ² (1 − exp(−L / T))     in units of the reported variance,
+
+with white error w, slow error σ, its time T (`gnss_time`), and what the wheels err
+themselves.  The difference follows the change of velocity where a clock is late, and that
+of the heading where the antenna is elsewhere.  The other sums are of the odometer's scale
+and turns as the filter corrects them, and of the map's error as it sees it.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compile import Record, Records
+from ..filter.estimate import Output
+from ..observations import Array
+from ..settings import Settings, Vehicle
+
+Chosen = NDArray[Any]
+
+LAGS = (2.0, 10.0, 40.0, 120.0)  # s spent moving
+_REACH = 1.25  # a pair may be that much longer than its lag
+_MIDDLE = 1  # the lag at which turns and clocks are looked at
+_BREAK = 0.5  # rad, a change of heading in one epoch that no wheel has seen
+_WARM = 30.0  # s of moving before anything counts
+_WHEELS = 1e-3  # m² per m driven, variance of what wheels and heading say was driven
+_BENT = 9.0  # the same for each (gain of turns − 1)²: headings are wrong after a turn
+_FEW_TURNS = 20.0  # rad², sum of squares
+_MOST = 20.0  # times what is expected a pair may say
+_GRID = np.geomspace(1 / 16, 16, 65)  # of σ² and T over what the settings say
+_ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
+_WEIGHT = 0.04  # of log D for each pair and 1/s of lag, beside these
+
+
+class Row(NamedTuple):
+    """What is looked at of one epoch, or columns of n epochs."""
+
+    time: Any  # s
+    arc: Any  # odometer m since the epoch before
+    turn: Any  # rad
+    speed: Any  # m/s, from here on what the filter says
+    heading: Any  # rad
+    scale: Any  # of the GNSS errors; 0: nothing is said yet
+    x: Any  # plane m
+    y: Any
+    map_x: Any  # the same in the map's frame
+    map_y: Any
+    has_fix: Any
+    fix_x: Any  # plane m
+    fix_y: Any
+    major: Any  # m, reported sigmas
+    minor: Any
+
+
+_ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
+_BLOCK = 2048  # epochs that are looked at together on line
+
+
+class GnssErrors(NamedTuple):
+    """What fixes far apart say of the GNSS errors."""
+
+    white: float  # w², over the reported variance
+    size: float  # σ², over the reported variance
+    time: float  # T, over the setting's
+    size_if_right: float  # σ², if T is what the settings say
+
+
+class Shift(NamedTuple):
+    """What fixes say of clocks and the antenna, beyond what the vehicle's numbers say."""
+
+    late: float  # s, fixes after the odometer
+    antenna: complex  # m, ahead + i left
+    sigma_late: float
+    sigma_antenna: float
+
+
+def rows_of(epochs: Records, output: Output) -> Array:
+    """Columns of `Row` for every epoch, (n, 15)."""
+    odometer = [epochs.time, epochs.arc, epochs.turn]
+    estimate = [output.rows[name] for name in _ESTIMATED]
+    return np.column_stack([*odometer, *estimate, epochs.has_fix, epochs.fix[:, :4]])
+
+
+class _Fixes(NamedTuple):
+    """Fixes taken while moving, of the last lag."""
+
+    moving: Array  # s spent moving
+    error: Array  # complex m: fix less what was driven
+    ahead: Array  # complex unit vector
+    speed: Array  # m/s
+    heading: Array  # rad, not wrapped
+    turn: Array  # rad by the odometer
+    arc: Array  # m
+    breaks: Array  # how often the heading was thought to be another
+
+
+class Watch:
+    """Running sums over a drive; what they remember does not grow.
+
+    Args:
+        settings: What is to be judged.
+        vehicle: For its antenna.
+    """
+
+    def __init__(self, settings: Settings, vehicle: Vehicle) -> None:
+        self.settings, self.vehicle = settings, vehicle
+        self._antenna = complex(vehicle.antenna_forward, vehicle.antenna_left)
+        self._block, self._waiting = np.zeros((_BLOCK, len(Row._fields))), 0
+        self._last: Array | None = None  # row
+        self._driven = 0j  # m, by the odometer as the filter corrects it
+        self._state = np.zeros(5)  # moving s, heading, turn, arc, breaks
+        self._recent = _Fixes(*(np.zeros(0, complex if i in (1, 2) else float) for i in range(8)))
+        self._pairs = np.zeros((len(LAGS), 4))  # number, D, m driven over variance, lag
+        self._turning = np.zeros(5)  # sums of turn², turn arc, arc², turn heading, arc heading
+        self._shifting = np.zeros(7, complex)  # v²+, v+u, u²+, v+e, u+e, e²+; +: weighted; pairs
+        self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
+        self._metres = np.zeros(2)  # by the filter, by the odometer
+
+    def look(self, epoch: Record, estimate: Record) -> None:
+        """Add an epoch, as on line; it is looked at later.
+
+        Args:
+            epoch: One of `filter.state.EPOCH`.
+            estimate: One of `filter.estimate.ESTIMATE`.
+        """
+        row = self._block[self._waiting]
+        row[0], row[1], row[2] = epoch["time"], epoch["arc"], epoch["turn"]
+        row[3:10] = [estimate[name] for name in _ESTIMATED]
+        fixed = epoch["has_fix"]
+        row[10] = fixed
+        if fixed:
+            row[11:] = epoch["fix"][:4]
+        self._waiting += 1
+        if self._waiting == _BLOCK:
+            self._flush()
+
+    def _flush(self) -> None:
+        waiting, self._waiting = self._waiting, 0
+        self.take(self._block[:waiting])
+
+    def take(self, rows: Array) -> None:
+        """Add epochs, in time order, columns as `Row` says."""
+        rows = rows[rows[:, 5] > 0.0]
+        if not len(rows):
+            return
+        table = Row(*rows.T)
+        before = Row(*(rows[0] if self._last is None else self._last))
+        self._last = rows[-1].copy()
+        since = np.diff(table.time, prepend=before.time)
+        swing = np.diff(np.unwrap(np.append(before.heading, table.heading)))
+        step = table.speed * since
+        middle = table.heading - 0.5 * swing
+        driven = self._driven + np.cumsum(step * np.exp(1j * middle))
+        limit = _BREAK if self._state[2] or table.turn.any() else math.pi / 2 + _BREAK
+        gone = np.column_stack(
+            [
+                since * (np.abs(table.speed) > 0.05), swing, table.turn, np.abs(table.arc),
+                np.abs(swing - table.turn) > limit,
+            ]
+        )  # fmt: skip
+        state = self._state + np.cumsum(gone, axis=0)
+        cell = np.floor(np.append(self._state[0], state[:, 0]))
+        self._driven, self._state = complex(driven[-1]), state[-1]
+        warm = state[:, 0] > _WARM
+        self._metres += [np.abs(step[warm]).sum(), gone[warm, 3].sum()]
+        seen = np.flatnonzero((table.has_fix > 0) & warm)
+        fresh = np.diff(cell[seen + 1], prepend=cell[0]) > 0
+        seen = seen[fresh]  # one a second at most, none while standing
+        at = Row(*rows[seen].T)
+        ahead = np.exp(1j * at.heading)
+        error = at.fix_x + 1j * at.fix_y - self._antenna * ahead - driven[seen]
+        self._pair(_Fixes(state[seen, 0], error, ahead, at.speed, *state[seen, 1:].T), at)
+
+    def _pair(self, fixes: _Fixes, table: Row) -> None:
+        """Pair each fix with one of each lag before."""
+        every = _Fixes(*(np.append(a, b) for a, b in zip(self._recent, fixes, strict=True)))
+        first = len(self._recent.moving)
+        reported = 0.5 * (table.major**2 + table.minor**2)
+        at = np.arange(first, len(every.moving))
+        for number, lag in enumerate(LAGS):
+            back = np.searchsorted(every.moving, fixes.moving - lag + 1e-3, side="right") - 1
+            apart = every.moving[at] - every.moving[np.maximum(back, 0)]
+            near = (back >= 0) & (apart <= _REACH * lag + 1.0)
+            near &= every.breaks[at] == every.breaks[np.maximum(back, 0)]
+            a, b = back[near], at[near]
+            variance = reported[near]
+            driven = (every.arc[b] - every.arc[a]) / variance
+            expected = self._expected(apart[near]) + 0.5 * _WHEELS * driven
+            seen = 0.25 * np.abs(every.error[b] - every.error[a]) ** 2 / variance
+            self._pairs[number] += [
+                len(a), np.minimum(seen, _MOST * expected).sum(), driven.sum(), apart[near].sum(),
+            ]  # fmt: skip
+            if number == _MIDDLE:
+                swing, turn, arc = (x[b] - x[a] for x in (every.heading, every.turn, every.arc))
+                self._turning += [turn @ turn, turn @ arc, arc @ arc, turn @ swing, arc @ swing]
+                self._add_shift(every, a, b, variance, seen < _MOST * expected)
+        off = 0.5 * ((table.map_x - table.x) ** 2 + (table.map_y - table.y) ** 2)
+        self._errors += [
+            len(reported), (table.scale**2).sum(), off.sum() / self.settings.map_sigma**2
+        ]  # fmt: skip
+        if len(every.moving):
+            keep = every.moving >= every.moving[-1] - (_REACH * LAGS[-1] + 1.0)
+            self._recent = _Fixes(*(column[keep] for column in every))
+
+    def _add_shift(
+        self, fixes: _Fixes, a: Chosen, b: Chosen, variance: Array, sound: Chosen
+    ) -> None:  # fmt: skip
+        """Differences between fixes a and b, of errors, velocities and directions."""
+        a, b, weight = a[sound], b[sound], 1.0 / variance[sound]
+        velocity = fixes.speed * fixes.ahead
+        v, u, e = (x[b] - x[a] for x in (velocity, fixes.ahead, fixes.error))
+        self._shifting += [
+            (weight * (x.conj() * y)).sum()
+            for x, y in ((v, v), (v, u), (u, u), (v, e), (u, e), (e, e))
+        ] + [len(a)]
+
+    def _expected(self, lag: Array) -> Array:
+        s = self.settings
+        return s.gnss_white_ratio**2 + 1.0 - np.exp(-lag / s.gnss_time)
+
+    @property
+    def moving(self) -> float:
+        """Seconds spent moving that count, after all that waits was looked at."""
+        self._flush()
+        return float(self._state[0] - _WARM) if self._errors[0] else 0.0
+
+    @property
+    def metres(self) -> float:
+        """Metres driven."""
+        return float(self._metres[0])
+
+    @property
+    def scale(self) -> float:
+        """Metres for each metre of the odometer, as the filter has learnt."""
+        said, counted = self._metres
+        return float(said / counted) if counted > 0.0 else 1.0
+
+    @property
+    def map_error(self) -> float:
+        """Mean square of the map's error, as the filter sees it, over what the settings say."""
+        return float(self._errors[2] / self._errors[0])
+
+    @property
+    def hidden(self) -> bool:
+        """Whether what the wheels err hides what the fixes do."""
+        return bool(self._wheel_errors().sum() >= 0.5 * self._pairs[:, 1].sum())
+
+    def errors(self) -> GnssErrors:
+        """The most probable ones given D(L), and that the learnt scale is seldom too small."""
+        number, seen, _, lag = self._pairs.T
+        used = number > 0
+        n = number[used]
+        level = np.maximum((seen - self._wheel_errors())[used] / n, 1e-3)
+        lags = lag[used] / n / self.settings.gnss_time
+        learnt = self._errors[1] / self._errors[0]
+        time, size = np.meshgrid(_GRID, _GRID, indexing="ij")
+        slow = size[..., None] * (1.0 - np.exp(-lags / time[..., None]))
+        if used[0]:
+            white = np.maximum(level[0] - slow[..., :1], 0.01)
+        else:
+            white = np.full((1, 1, 1), self.settings.gnss_white_ratio**2)
+        weight = _WEIGHT * n / np.array(LAGS)[used]
+        miss = (np.log(level / (white + slow)) ** 2 * weight).sum(axis=-1)
+        least = np.minimum(white[..., 0] / self.settings.gnss_white_ratio**2, learnt)
+        least = np.sqrt(least * learnt)  # what is learnt is never less than 1
+        miss += (np.maximum(np.log(size / learnt), 0.0) / _ABOVE) ** 2
+        miss += (np.minimum(np.log(size / least), 0.0) / _BELOW) ** 2
+        i, j = np.unravel_index(np.argmin(miss), miss.shape)
+        right = int(np.argmin(miss[len(_GRID) // 2]))
+        w2 = float(np.broadcast_to(white, (*miss.shape, 1))[i, j, 0])
+        return GnssErrors(w2, float(_GRID[j]), float(_GRID[i]), float(_GRID[right]))
+
+    def _wheel_errors(self) -> Array:
+        """What wheels err in the sums of D, one a lag."""
+        gain, _ = self.turns()
+        variance = _WHEELS + _BENT * (gain - 1.0) ** 2
+        return np.asarray(0.5 * variance * self._pairs[:, 2])
+
+    def turns(self) -> tuple[float, float]:
+        """Turns as the filter corrects them over those of the odometer, and drift, rad/m."""
+        tt, ta, aa, th, ah = self._turning
+        if tt < _FEW_TURNS or tt * aa <= ta * ta:
+            return 1.0, 0.0
+        rest = tt * aa - ta * ta
+        return float((th * aa - ah * ta) / rest), float((ah * tt - th * ta) / rest)
+
+    def shift(self) -> Shift:
+        """Regress differences of fixes on those of velocity and of the direction ahead."""
+        vv, vu, uu, ve, ue, ee, n = self._shifting
+        rest = (vv * uu - abs(vu) ** 2).real
+        if n.real < 100.0 or rest <= 1e-6 * (vv * uu).real:
+            return Shift(0.0, 0j, math.inf, math.inf)
+        late = (uu * ve - vu * ue) / rest
+        antenna = (vv * ue - vu.conjugate() * ve) / rest
+        spread = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
+        return Shift(
+            float(-late.real),
+            complex(antenna),
+            math.sqrt(spread * uu.real),
+            math.sqrt(spread * vv.real),
+        )

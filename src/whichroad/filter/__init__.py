@@ -1,0 +1,1 @@
+"""The switching Kalman filter over road hypotheses: compiled kernels over records."""

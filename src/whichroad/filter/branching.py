@@ -1,0 +1,472 @@
+"""Hypotheses branch along the road graph: the paper's switch S_k.
+
+The paper redraws its candidates from scratch within 30 m of every estimate and leaves
+the transition B(i, j) unsaid.  Here a hypothesis moves along the road graph: it stays
+on its edge with the probability that it has not passed the end, and gives the rest to
+the edges that follow, by turn prior times the mass that lies on them.
+"""
+
+import math
+from typing import NamedTuple
+
+from .._compile import Record, kernel
+from ..graph.geometry import angle_of, is_straight, locate, wrap
+from ..graph.network import Roads
+from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
+from .motion import (
+    Increment,
+    Noise,
+    add_across,
+    predict_plane,
+    predict_road,
+    redraw_lane,
+)
+from .road import track
+from .state import (
+    CAPACITY,
+    MX,
+    MY,
+    OFF_ROAD,
+    SUCCESSORS,
+    Belief,
+    Context,
+    H,
+    K,
+    N,
+    Path,
+    X,
+    Y,
+    enter,
+    lane_mean,
+    lane_sigma,
+    rescale,
+    spawn,
+)
+
+PASSED = 1e-3  # probability past an edge's end, from which on a hypothesis branches
+_REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
+_MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
+_WORTH = 0.3  # of the pruning floor: weight of what branches at least
+_WORTH_CHILD = 0.1  # of the pruning floor: weight of a child at least, with wheels
+
+CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
+CORNER_RADIUS = 15.0  # m
+CORNER_DOUBT = 3.0  # m/rad
+ACROSS = 0.015  # m²/m across the road; nobody follows the line of a map to the inch
+_FULL_TURN = 1.6  # rad, cap of a corner
+_REVERSE = -0.5  # m/s, lowest speed without odometry
+
+
+@kernel
+def _list_successors(
+    roads: Roads, ctx: Context, edge: int, s: float, sigma: float, least: float
+) -> int:
+    """List the edges on which a vehicle that left `edge` may be.
+
+    Breadth first over the successors; an edge's mass is its turn priors' product times
+    the Gaussian mass of the abscissa on it.
+
+    Args:
+        roads: The network.
+        ctx: Its buffer of successors is filled.
+        edge: The origin.
+        s: Mean abscissa, from the origin's start, m.
+        sigma: Its standard deviation, m.
+        least: Priors below this are not followed.
+
+    Returns:
+        How many.
+    """
+    found = ctx.work.successor
+    count = 0
+    end = roads.edges[edge].length
+    k = -1
+    current = edge
+    prior = 1.0
+    turn = 0.0
+    while True:
+        low = normal_cdf((end - s) / sigma)
+        for t in range(roads.edges[current].first_turn, roads.edges[current].end_turn):
+            p = prior * roads.turns[t].prior
+            if p < least or count >= SUCCESSORS:
+                continue
+            new = found[count]
+            new.edge = roads.turns[t].edge
+            high = normal_cdf((end + roads.edges[new.edge].length - s) / sigma)
+            new.parent = k
+            new.offset = end
+            new.prior = p
+            new.mass = p * (high - low)
+            new.turn = turn + roads.turns[t].angle
+            count += 1
+        k += 1
+        while (
+            k < count and found[k].offset + roads.edges[found[k].edge].length > s + _REACH * sigma
+        ):
+            k += 1
+        if k >= count:
+            return count
+        current = found[k].edge
+        end = found[k].offset + roads.edges[current].length
+        prior = found[k].prior
+        turn = found[k].turn
+
+
+@kernel
+def _successors(ctx: Context, edge: int, s: float, sigma: float, share: float) -> tuple[int, float]:
+    """Edges that a share of weight may have passed on to, and the mass on them altogether."""
+    prune = ctx.par[0].prune
+    least = min(0.1 * prune / max(share, prune), 0.05)
+    count = _list_successors(ctx.roads, ctx, edge, s, sigma, least)
+    found = ctx.work.successor
+    total = 0.0
+    for d in range(count):
+        total += found[d].mass
+    if total <= 1e-12 and count > 0:  # all mass before the end: the nearest edges take it
+        total = 0.0
+        for d in range(count):
+            found[d].mass = found[d].prior if found[d].parent < 0 else 0.0
+            total += found[d].mass
+    return count, total
+
+
+@kernel
+def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: float) -> int:
+    """Spawn a child of i on successor d, with its share of the weight; returns its row."""
+    parent = belief.hyp[i]
+    found = ctx.work.successor
+    edge = found[d].edge
+    row = spawn(belief, i, share, edge, ctx.roads.edges[edge].first_vertex)
+    child = belief.hyp[row]
+    up = found[d].parent
+    if up >= 0 and parent.path_entry >= 0:  # edges that it crossed within this step
+        chain = 0
+        while up >= 0:
+            chain += 1
+            up = found[up].parent
+        for back in range(chain, 0, -1):
+            up = found[d].parent
+            for _ in range(back - 1):
+                up = found[up].parent
+            child.path_entry = enter(
+                path, found[up].edge, child.path_entry, belief.state[0].time, 0.0
+            )
+    redraw_lane(
+        child.mu, child.cov, found[d].turn, lane_mean(ctx, parent.edge), lane_mean(ctx, edge),
+        lane_sigma(ctx, edge),
+    )  # fmt: skip
+    return row
+
+
+@kernel
+def _share_passed(belief: Belief, ctx: Context, hyp: Record, now: float, passed: float) -> float:
+    """Share of a hypothesis that has passed its edge's end since it was last evaluated.
+
+        1 − Φ((L − s₁)/σ₁) / Φ((L − s₀)/σ₀), at least 0
+
+    with s₀ when last evaluated: a standing car leaks nothing.  0 where it is not worth
+    branching, or where there is no room.
+    """
+    share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
+    p = hyp.weight
+    enough = share * p >= _WORTH * ctx.par[0].prune and share >= min(passed / p, _MOSTLY)
+    return share if enough and belief.state[0].count < CAPACITY else 0.0
+
+
+@kernel
+def p_before_end(hyp: Record, length: float) -> float:
+    """P(not past the end of an edge), at least 1e-6."""
+    return max(normal_cdf((length - hyp.along) / hyp.along_sigma), 1e-6)
+
+
+@kernel(inline=True)
+def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) -> bool:
+    """Give the part of every hypothesis that has passed its edge's end to what follows.
+
+    In reverse the part that passed the start goes to the edges before.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        arc: Distance moved in this step, m; its sign tells the direction.
+        passed: Weight that has to have passed an end, or most of it, before it branches.
+
+    Returns:
+        Whether anything branched.
+    """
+    changed = False
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            continue
+        _, tx, ty = track(belief, ctx.roads, i)
+        if arc < 0.0 and hyp.along < _REACH * hyp.along_sigma:
+            changed = _back_up(belief, ctx, i, -arc) or changed
+        length = ctx.roads.edges[hyp.edge].length
+        if hyp.along + _REACH * hyp.along_sigma < length:
+            hyp.p_not_passed = 1.0
+            continue
+        now = normal_cdf((length - hyp.along) / hyp.along_sigma)
+        if arc < 0.0:
+            hyp.p_not_passed = now
+            continue
+        share = _share_passed(belief, ctx, hyp, now, passed)
+        if share == 0.0:
+            hyp.p_not_passed = max(hyp.p_not_passed, now)
+            continue
+        changed = True
+        given = _pass_on(belief, path, ctx, i, share, tx, ty)
+        hyp.p_not_passed = now
+        rescale(hyp, 1.0 - given)
+        if ctx.par[0].truncate:
+            truncate_along(belief, i, tx, ty, -1e9, length)
+            track(belief, ctx.roads, i)
+            hyp.p_not_passed = p_before_end(hyp, length)
+    return changed
+
+
+@kernel(inline=True)
+def _pass_on(
+    belief: Belief, path: Path, ctx: Context, i: int, share: float, tx: float, ty: float
+) -> float:
+    """Spawn children of i on the edges that follow; returns the share that they got."""
+    hyp = belief.hyp[i]
+    p = hyp.weight
+    s = hyp.along
+    sigma = hyp.along_sigma
+    count, total = _successors(ctx, hyp.edge, s, sigma, share * p)
+    given = 0.0
+    if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
+        spawn(belief, i, share, OFF_ROAD, hyp.segment)
+        given = share
+    for d in range(count):
+        part = share * ctx.work.successor[d].mass / total if total > 0.0 else 0.0
+        if part * p < _WORTH_CHILD * ctx.par[0].prune or belief.state[0].count >= CAPACITY:
+            continue  # too little, or no room: it stays where it was
+        given += part
+        row = _spawn_on(belief, path, ctx, i, d, part)
+        child = belief.hyp[row]
+        ahead = s - ctx.work.successor[d].offset
+        if ctx.par[0].truncate:
+            mean, variance = truncated_moments(ahead, sigma, 0.0, 1e9)
+            reshape_on_map(
+                child.mu, child.cov, tx, ty, mean - ahead, variance / (sigma * sigma),
+                belief.state[0].scale,
+            )  # fmt: skip
+        track(belief, ctx.roads, row)
+        length = ctx.roads.edges[child.edge].length
+        child.p_not_passed = max(normal_cdf((length - ahead) / child.along_sigma), 1e-6)
+    return given
+
+
+@kernel
+def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
+    """Reversing: the hazard of passing the edge's start goes to its predecessors."""
+    hyp = belief.hyp[i]
+    road = ctx.roads.edges[hyp.edge]
+    count = 0
+    for t in range(road.first_predecessor, road.end_predecessor):
+        if ctx.roads.predecessors[t] != road.opposite:
+            count += 1
+    z = hyp.along / hyp.along_sigma
+    density = math.exp(-0.5 * z**2) * 0.3989422804014327 / hyp.along_sigma
+    share = min(arc * density / max(normal_cdf(z), 0.02), 0.9)
+    if count == 0 or share * hyp.weight < _WORTH * ctx.par[0].prune:
+        return False
+    given = 0.0
+    for t in range(road.first_predecessor, road.end_predecessor):
+        before = ctx.roads.predecessors[t]
+        if before == road.opposite or belief.state[0].count >= CAPACITY:
+            continue
+        given += share / count
+        last = ctx.roads.edges[before].last_vertex - 1
+        child = spawn(belief, i, share / count, before, last)
+        belief.hyp[child].p_not_passed = 1.0
+    rescale(hyp, 1.0 - given)
+    return True
+
+
+@kernel
+def truncate_along(belief: Belief, i: int, tx: float, ty: float, low: float, high: float) -> None:
+    """Truncate the abscissa of hypothesis i to [low, high]."""
+    hyp = belief.hyp[i]
+    sigma = hyp.along_sigma
+    mean, variance = truncated_moments(hyp.along, sigma, low, high)
+    reshape_on_map(
+        hyp.mu, hyp.cov, tx, ty, mean - hyp.along, variance / (sigma * sigma),
+        belief.state[0].scale,
+    )  # fmt: skip
+
+
+class Advance(NamedTuple):
+    """Where a hypothesis that follows its road comes to lie."""
+
+    odometer: float  # δ, odometer metres, or seconds where κ is a speed
+    s: float  # abscissa from the start of its edge, m
+    sigma: float  # m
+    lateral: float  # offset from the road before, m
+    tx: float  # tangent before
+    ty: float
+
+
+@kernel(inline=True)
+def _move_to(
+    belief: Belief, ctx: Context, i: int, to: Advance, noise: Noise, low: float, high: float
+) -> None:
+    """Put hypothesis i at an abscissa of its edge, truncated to [low, high], by its road's shape.
+
+    In bends and about junctions the vehicle's heading is on its way from one to the other.
+    """
+    hyp = belief.hyp[i]
+    roads = ctx.roads
+    par = ctx.par[0]
+    edge = hyp.edge
+    length = roads.edges[edge].length
+    cut, variance = truncated_moments(to.s, to.sigma, low, high)
+    shift = cut - to.s
+    shrink = variance / (to.sigma * to.sigma)
+    segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, cut)
+    heading = math.atan2(ny, nx)
+    turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
+    bent = min(abs(turn), _FULL_TURN)
+    if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
+        cut += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        segment, cx, cy, nx, ny = locate(roads, edge, segment, cut)
+    doubt = (CORNER_DOUBT * bent) ** 2
+    variance += doubt
+    heading_variance = par.edge_heading_sigma**2
+    if not is_straight(roads, edge):
+        _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
+        _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
+        heading_variance += (0.5 * (ax * by - ay * bx)) ** 2
+    if min(cut, length - cut) < par.node_radius:
+        heading_variance += par.node_heading_sigma**2
+    mean = hyp.mu
+    cov = hyp.cov
+    q = Noise(noise.along + doubt, 0.0, heading_variance, noise.rate, 0.0, noise.cross)
+    predict_road(mean, cov, to.odometer, turn, heading, nx, ny, q)
+    add_across(cov, ACROSS * abs(to.odometer * mean[K]), nx, ny)
+    scale = belief.state[0].scale
+    if shrink < 0.9999:
+        reshape_on_map(mean, cov, nx, ny, shift, shrink, scale)
+    mean[X] = cx + scale * (to.lateral * ny - mean[MX])
+    mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
+    hyp.segment = segment
+    hyp.along = cut
+    hyp.along_sigma = math.sqrt(variance)
+    room = (length - cut) / hyp.along_sigma
+    hyp.p_not_passed = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
+
+
+@kernel(inline=True)
+def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
+    """Move the hypotheses on roads by κ δ along them, branching where roads branch.
+
+    For vehicles without a heading sensor: the road tells the turn.  Off the roads they move
+    straight on.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        odometer: δ, odometer metres, or seconds where κ is a speed.
+        noise: Process noise.
+
+    Returns:
+        Whether anything branched.
+    """
+    changed = False
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            continue
+        lateral, tx, ty = track(belief, ctx.roads, i)
+        cov = hyp.cov
+        s = hyp.along + odometer * hyp.mu[K]
+        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+        variance = hyp.along_sigma**2 + odometer * (2.0 * cross + odometer * cov[K, K])
+        sigma = math.sqrt(max(variance + noise.along, 1e-4))
+        length = ctx.roads.edges[hyp.edge].length
+        now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
+        share = _share_passed(belief, ctx, hyp, now, PASSED)
+        to = Advance(odometer, s, sigma, lateral, tx, ty)
+        end = 1e9
+        owed = hyp.p_not_passed
+        if share > 0.0:
+            owed = 0.0
+            changed = True
+            end = length
+            rescale(hyp, 1.0 - _advance_children(belief, path, ctx, i, to, noise, share))
+        _move_to(belief, ctx, i, to, noise, -1e9, end)
+        hyp.p_not_passed = max(hyp.p_not_passed, owed)
+    straight = Increment(odometer, 0.0, odometer, 0.0)
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            predict_plane(hyp.mu, hyp.cov, straight, belief.state[0].scale, noise)
+    return changed
+
+
+@kernel(inline=True)
+def _advance_children(
+    belief: Belief, path: Path, ctx: Context, i: int, to: Advance, noise: Noise, share: float
+) -> float:
+    """Spawn children of i on the edges that follow; returns the share that they got."""
+    hyp = belief.hyp[i]
+    p = hyp.weight
+    given = 0.0
+    count, total = _successors(ctx, hyp.edge, to.s, to.sigma, share * p)
+    if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
+        spawn(belief, i, share, OFF_ROAD, hyp.segment)
+        given = share
+    for d in range(count):
+        part = share * ctx.work.successor[d].mass / total if total > 0.0 else 0.0
+        if part * p < _WORTH * ctx.par[0].prune or belief.state[0].count >= CAPACITY:
+            continue  # too little, or no room: it stays where it was
+        given += part
+        row = _spawn_on(belief, path, ctx, i, d, part)
+        ahead = Advance(
+            to.odometer, to.s - ctx.work.successor[d].offset, to.sigma, to.lateral, to.tx, to.ty
+        )
+        length = ctx.roads.edges[belief.hyp[row].edge].length
+        _move_to(belief, ctx, row, ahead, noise, 0.0, length)
+    return given
+
+
+@kernel(inline=True)
+def forward_only(belief: Belief, ctx: Context) -> bool:
+    """Without odometry a vehicle drives forwards.
+
+    The speed is truncated to what is above −0.5 m/s, and the hypothesis weighed by how much
+    that was.  Off the roads a negative speed is first told as the other heading.
+
+    Returns:
+        Whether any weight was changed; weights are yet to be normalised.
+    """
+    row = ctx.work.row
+    weighed = False
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        mean = hyp.mu
+        cov = hyp.cov
+        if hyp.edge == OFF_ROAD and mean[K] < _REVERSE:
+            mean[K] = -mean[K]
+            mean[H] = wrap(mean[H] + math.pi)
+            for j in range(N):
+                cov[K, j] = -cov[K, j]
+            for j in range(N):
+                cov[j, K] = -cov[j, K]
+        sigma = math.sqrt(cov[K, K])
+        z = (mean[K] - _REVERSE) / sigma
+        if z < 2.5:
+            weighed = True
+            rescale(hyp, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
+            cut, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
+            for j in range(N):
+                row[j] = 0.0
+            row[K] = 1.0
+            reshape_along(
+                mean, cov, row, cut - mean[K], variance / (sigma * sigma), belief.state[0].scale
+            )
+    return weighed

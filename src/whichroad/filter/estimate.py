@@ -1,0 +1,355 @@
+"""The estimate of an epoch: moments of the mixture, roads, status."""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from .._compile import Array, Cube, Record, Records, entry, kernel
+from ..graph.geometry import locate, project, wrap
+from ..graph.network import records
+from .road import track
+from .state import MX, MY, NO_EDGE, OFF_ROAD, Belief, Context, H, X, Y, heaviest
+
+ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
+
+ALTERNATIVES = 6
+
+_ALONE = 0.999  # P of an edge beside which the others do not matter
+_ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
+
+ESTIMATE = np.dtype(
+    [
+        ("x", "f8"),  # m, plane; the mean of the mixture
+        ("y", "f8"),
+        ("heading", "f8"),  # rad
+        ("cov", "f8", (6,)),  # xx, xy, xh, yy, yh, hh; true m, rad
+        ("p_edge", "f8"),
+        ("p_off_road", "f8"),
+        ("s", "f8"),  # abscissa on the most probable edge, m
+        ("lateral", "f8"),  # m, right positive
+        ("map_x", "f8"),  # the pose in the map's frame, m, plane
+        ("map_y", "f8"),
+        ("match_x", "f8"),  # the point on the most probable edge, m, plane
+        ("match_y", "f8"),
+        ("speed", "f8"),  # m/s
+        ("chi2", "f8"),  # of the fix, under the hypothesis that fits it best; 0: no fix
+        ("map_cov", "f8", (3,)),  # xx, xy, yy of the position in the map's frame, m²
+        ("protection_level", "f8"),  # m
+        ("gnss_scale", "f8"),  # GNSS sigmas over the reported ones, as learnt
+        ("edge", "i4"),  # the most probable one, OFF_ROAD, NO_EDGE
+        ("live", "i4"),  # hypotheses
+        ("alt_edge", "i4", (ALTERNATIVES,)),  # the most probable edges, in order
+        ("alt_p", "f4", (ALTERNATIVES,)),
+        ("status", "u1"),
+    ],
+    align=True,
+)
+
+
+Estimates = Annotated[Records, Array(ESTIMATE, 1)]  # of a drive
+
+
+class Output(NamedTuple):
+    """Estimates, one row an epoch."""
+
+    rows: Estimates  # (n,)
+    alt_pose: Cube  # (n or 0, ALTERNATIVES, 6) x, y, heading, cov xx, xy, yy
+
+
+def new_output(n: int, poses: bool) -> Output:
+    """Empty output for n epochs; `poses`: with those of the alternatives."""
+    rows = records(n, ESTIMATE)
+    rows.edge = NO_EDGE
+    rows.status = LOST
+    rows.alt_edge = NO_EDGE
+    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, 6)))
+
+
+@entry
+def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
+    """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
+
+    P of what no hypothesis knows (`unknown`) counts as off the roads: no road is surer than
+    that.
+
+    Args:
+        belief: Normalised.
+        ctx: The drive's constants.
+        output: Row k is written.
+        k: The epoch.
+        chi2: Of its fix, 0 without.
+    """
+    state = belief.state[0]
+    unknown = ctx.par[0].unknown
+    out = output.rows[k]
+    off = _moments(belief, ctx, out)
+    off += unknown * (1.0 - off)
+    out.p_off_road = off
+    out.speed = state.speed
+    out.chi2 = chi2
+    out.gnss_scale = math.sqrt(state.gnss_factor)
+    out.live = state.count
+    _rank(belief, output, k, unknown)
+    edge = out.alt_edge[0]
+    if edge == OFF_ROAD and out.alt_edge[1] >= 0 and off <= 0.5:
+        edge = out.alt_edge[1]
+    out.edge = edge
+    p_edge = 0.0
+    if edge >= 0:
+        best = -1
+        for i in range(state.count):
+            if belief.hyp[i].edge == edge:
+                p_edge += belief.hyp[i].weight
+                if best < 0 or belief.hyp[i].log_weight > belief.hyp[best].log_weight:
+                    best = i
+        _match(belief, ctx, out, best, p_edge)
+        p_edge *= 1.0 - unknown
+    else:
+        out.match_x = out.x
+        out.match_y = out.y
+        out.s = 0.0
+        out.lateral = 0.0
+    out.p_edge = p_edge
+    out.status = _status(state, ctx.par[0], off, p_edge)
+
+
+@kernel
+def _status(state: Record, par: Record, off: float, p_edge: float) -> int:
+    """Status of an epoch, the gravest first."""
+    if state.misfits >= 3.0:
+        return LOST
+    if off > 0.5:
+        return OFF
+    if p_edge < par.ambiguous_below:
+        return AMBIGUOUS
+    if state.time - state.last_fix > par.outage_after:
+        return OUTAGE
+    return STOPPED if state.standing > 1.0 else ON_ROAD
+
+
+@kernel(inline=True)
+def _moments(belief: Belief, ctx: Context, out: Record) -> float:
+    """Mean and covariance of the mixture, in the world and on the map; returns P(off road).
+
+    Deviations are from the heaviest hypothesis, and headings on the circle.
+    """
+    state = belief.state[0]
+    n = state.count
+    top = heaviest(belief)
+    x0 = belief.hyp[top].mu[X]
+    y0 = belief.hyp[top].mu[Y]
+    h0 = belief.hyp[top].mu[H]
+    off = 0.0
+    mx = 0.0
+    my = 0.0
+    mh = 0.0
+    ux = 0.0
+    uy = 0.0
+    opposed = False
+    for i in range(n):
+        hyp = belief.hyp[i]
+        p = hyp.weight
+        mx += p * (hyp.mu[X] - x0)
+        my += p * (hyp.mu[Y] - y0)
+        turned = wrap(hyp.mu[H] - h0)
+        mh += p * turned
+        opposed = opposed or abs(turned) > 1.0
+        ux += p * hyp.mu[MX]
+        uy += p * hyp.mu[MY]
+        if hyp.edge == OFF_ROAD:
+            off += p
+    if opposed:  # the mean direction: an angle of about pi has no sign
+        mh = _mean_direction(belief, h0)
+    out.x = x0 + mx
+    out.y = y0 + my
+    out.heading = wrap(h0 + mh)
+    out.map_x = x0 + mx + state.scale * ux
+    out.map_y = y0 + my + state.scale * uy
+    level = _spreads(belief, ctx, out, top, Centre(x0, y0, h0, mx, my, mh, ux, uy))
+    out.protection_level = level + math.sqrt(mx * mx + my * my) / state.scale
+    return off
+
+
+class Centre(NamedTuple):
+    """A reference pose, and the mixture's mean beside it."""
+
+    x: float  # reference, m, plane
+    y: float
+    heading: float  # rad
+    mx: float  # mean of the deviations, m, plane
+    my: float
+    mh: float  # rad
+    ux: float  # mean of the map's offset, m
+    uy: float
+
+
+@kernel
+def _mean_direction(belief: Belief, heading: float) -> float:
+    """Mean direction of the headings, less a heading, rad."""
+    sine = 0.0
+    cosine = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        sine += hyp.weight * math.sin(hyp.mu[H] - heading)
+        cosine += hyp.weight * math.cos(hyp.mu[H] - heading)
+    return math.atan2(sine, cosine)
+
+
+@kernel(inline=True)
+def _spreads(belief: Belief, ctx: Context, out: Record, top: int, mid: Centre) -> float:
+    """Covariances of the mixture; returns the protection level about the heaviest hypothesis.
+
+    The protection level r bounds the probability of a position error beyond it: with
+    major axes a_i, distances d_i from the mean, and weights w_i of n hypotheses,
+
+        P(error > r) <= sum w_i exp(-(r - d_i)^2 / 2 a_i^2) <= risk
+        r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
+
+    (for the heaviest d is left for last, which makes r larger by as much).
+    """
+    n = belief.state[0].count
+    scale = belief.state[0].scale
+    xx = 0.0
+    xy = 0.0
+    xh = 0.0
+    yy = 0.0
+    yh = 0.0
+    hh = 0.0
+    map_xx = 0.0
+    map_xy = 0.0
+    map_yy = 0.0
+    level = 0.0
+    for i in range(n):
+        hyp = belief.hyp[i]
+        p = hyp.weight
+        cov = hyp.cov
+        dx = (hyp.mu[X] - mid.x - mid.mx) / scale
+        dy = (hyp.mu[Y] - mid.y - mid.my) / scale
+        dh = wrap(hyp.mu[H] - mid.heading - mid.mh)
+        cxx = cov[X, X]
+        cxy = cov[X, Y]
+        cyy = cov[Y, Y]
+        xx += p * (cxx + dx * dx)
+        xy += p * (cxy + dx * dy)
+        xh += p * (cov[X, H] + dx * dh)
+        yy += p * (cyy + dy * dy)
+        yh += p * (cov[Y, H] + dy * dh)
+        hh += p * (cov[H, H] + dh * dh)
+        odds = p * n / ctx.par[0].protection_risk
+        if odds > 1.0:
+            apart = cxx - cyy
+            major = 0.5 * (cxx + cyy + math.sqrt(apart * apart + 4.0 * cxy * cxy))
+            reach = math.sqrt(2.0 * major * math.log(odds))
+            if i != top:
+                reach += math.sqrt(dx * dx + dy * dy)
+            level = max(level, reach)
+        dx += hyp.mu[MX] - mid.ux
+        dy += hyp.mu[MY] - mid.uy
+        map_xx += p * (cxx + 2.0 * cov[X, MX] + cov[MX, MX] + dx * dx)
+        map_xy += p * (cxy + cov[X, MY] + cov[Y, MX] + cov[MX, MY] + dx * dy)
+        map_yy += p * (cyy + 2.0 * cov[Y, MY] + cov[MY, MY] + dy * dy)
+    out.cov[0], out.cov[1], out.cov[2] = xx, xy, xh
+    out.cov[3], out.cov[4], out.cov[5] = yy, yh, hh
+    out.map_cov[0], out.map_cov[1], out.map_cov[2] = map_xx, map_xy, map_yy
+    return level
+
+
+@kernel(inline=True)
+def _match(belief: Belief, ctx: Context, out: Record, best: int, p_edge: float) -> None:
+    """Project the pose in the map's frame on the edge of hypothesis `best`.
+
+    The pose is the mean of the hypotheses about that one, so that near the end of an edge
+    it is not drawn to the middle because the next edge has hypotheses of its own.
+    """
+    roads = ctx.roads
+    scale = belief.state[0].scale
+    hyp = belief.hyp[best]
+    lateral, tx, ty = track(belief, roads, best)
+    s = hyp.along
+    length = roads.edges[hyp.edge].length
+    x = hyp.mu[X] + scale * hyp.mu[MX]
+    y = hyp.mu[Y] + scale * hyp.mu[MY]
+    if p_edge > _ALONE:
+        across = lateral * scale
+        inside = min(max(s, 0.0), length)
+        out.match_x = x - across * ty + (inside - s) * scale * tx
+        out.match_y = y + across * tx + (inside - s) * scale * ty
+        out.s = inside
+        out.lateral = lateral
+        return
+    total = 0.0
+    dx = 0.0
+    dy = 0.0
+    for i in range(belief.state[0].count):
+        other = belief.hyp[i]
+        if other.edge < 0:
+            continue
+        track(belief, roads, i)
+        ax = other.mu[X] + scale * other.mu[MX] - x
+        ay = other.mu[Y] + scale * other.mu[MY] - y
+        reach = _ABOUT * (hyp.along_sigma + other.along_sigma) * scale
+        if ax * ax + ay * ay < reach * reach:
+            total += other.weight
+            dx += other.weight * ax
+            dy += other.weight * ay
+    segment, s, _, _, _ = project(roads, hyp.edge, hyp.segment, x + dx / total, y + dy / total)
+    inside = min(max(s, 0.0), length)
+    _, px, py, _, _ = locate(roads, hyp.edge, segment, inside)
+    out.match_x = px
+    out.match_y = py
+    out.s = inside
+    out.lateral = lateral
+
+
+@kernel(inline=True)
+def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
+    """The most probable edges of epoch k, components of one edge added up."""
+    n = belief.state[0].count
+    edges = output.rows[k].alt_edge
+    ps = output.rows[k].alt_p
+    for a in range(ALTERNATIVES):
+        edges[a] = NO_EDGE
+        ps[a] = 0.0
+    for i in range(n):
+        edge = belief.hyp[i].edge
+        j = 0
+        while belief.hyp[j].edge != edge:
+            j += 1
+        if j < i:
+            continue  # its components have been added up
+        p = 0.0
+        best = i
+        for j in range(i, n):
+            if belief.hyp[j].edge == edge:
+                p += belief.hyp[j].weight
+                if belief.hyp[j].weight > belief.hyp[best].weight:
+                    best = j
+        p *= 1.0 - unknown
+        if edge == OFF_ROAD:
+            p += unknown
+        slot = ALTERNATIVES
+        while slot > 0 and ps[slot - 1] < p:
+            slot -= 1
+        if slot < ALTERNATIVES:
+            _insert(belief.hyp[best], output, k, slot, p)
+
+
+@kernel
+def _insert(hyp: Record, output: Output, k: int, slot: int, p: float) -> None:
+    """Put an edge into a slot of the alternatives; those behind move on."""
+    edges = output.rows[k].alt_edge
+    ps = output.rows[k].alt_p
+    poses = len(output.alt_pose) > 0
+    for a in range(ALTERNATIVES - 1, slot, -1):
+        edges[a] = edges[a - 1]
+        ps[a] = ps[a - 1]
+        if poses:
+            for v in range(6):
+                output.alt_pose[k, a, v] = output.alt_pose[k, a - 1, v]
+    edges[slot] = hyp.edge
+    ps[slot] = p
+    if poses:
+        pose = output.alt_pose[k, slot]
+        pose[0], pose[1], pose[2] = hyp.mu[X], hyp.mu[Y], hyp.mu[H]
+        pose[3], pose[4], pose[5] = hyp.cov[X, X], hyp.cov[X, Y], hyp.cov[Y, Y]

@@ -1,0 +1,250 @@
+"""Gaussians over the state: what an observation does to them, how two become one."""
+
+import math
+
+from .._compile import Matrix, Vector, kernel
+from ..graph.geometry import wrap
+from ._simd import add_times, new_row, set_times
+from .state import MX, MY, D, H, N, X, Y
+
+LOG_2PI = math.log(2.0 * math.pi)
+
+
+@kernel
+def normal_cdf(z: float) -> float:
+    """Φ(z), the standard normal distribution function."""
+    if z > 8.3:  # one, to the last bit
+        return 1.0
+    if z < -9.0:  # 1e-19, and less
+        return 0.0
+    return 0.5 * math.erfc(-z * 0.7071067811865476)
+
+
+@kernel
+def condition(
+    mean: Vector, cov: Matrix, row: Vector, innovation: float, variance: float, scale: float
+) -> float:
+    """Condition a Gaussian on one scalar observation; the Kalman update of §2.2.
+
+        g  = P hᵀ
+        s  = h g + r                  innovation variance
+        m⁺ = m + g ν / s
+        P⁺ = P − g gᵀ / s
+        ℓ  = − ½ (ν² / s + log 2πs)
+
+    Rows whose errors are independent are applied one after the other; a correlated
+    observation is first turned to the axes of its ellipse.
+
+    Args:
+        mean: State, (N,), changed in place.
+        cov: Covariance P, (N, N), symmetric, changed in place.
+        row: Observation row h, (N,).
+        innovation: Observed minus predicted ν, angles wrapped.
+        variance: Error variance r, > 0.
+        scale: Local scale of the plane: X and Y move by `scale` units a metre.
+
+    Returns:
+        The log-density ℓ of the innovation.
+    """
+    s = update(mean, cov, row, innovation, variance, scale)
+    return -0.5 * (innovation * innovation / s + math.log(s) + LOG_2PI)
+
+
+@kernel
+def update(
+    mean: Vector, cov: Matrix, row: Vector, innovation: float, variance: float, scale: float
+) -> float:
+    """`condition`, which see; returns the innovation variance s, and takes no logarithm."""
+    g = new_row()
+    s = variance + _gain(cov, row, g)
+    _apply_gain(mean, cov, g, innovation / s, s, scale)
+    return s
+
+
+@kernel
+def update_across(
+    mean: Vector, cov: Matrix, nx: float, ny: float, innovation: float, variance: float,
+    scale: float,
+) -> float:  # fmt: skip
+    """`update` with the row n · (p + m) − d of a place across a road."""
+    g = new_row()
+    _map_gain(cov, nx, ny, g)
+    add_times(g, -1.0, cov[D])
+    s = variance + nx * (g[X] + g[MX]) + ny * (g[Y] + g[MY]) - g[D]
+    _apply_gain(mean, cov, g, innovation / s, s, scale)
+    return float(s)
+
+
+@kernel(inline=True)
+def _apply_gain(mean: Vector, cov: Matrix, g: Vector, gain: float, s: float, scale: float) -> None:
+    """m⁺ = m + g gain, P⁺ = P − g gᵀ / s; g is overwritten."""
+    _shift(mean, g, gain, scale)
+    set_times(g, 1.0 / math.sqrt(s), g)  # both factors alike: P stays symmetric to the bit
+    for i in range(N):
+        add_times(cov[i], -g[i], g)
+
+
+@kernel(inline=True)
+def _map_gain(cov: Matrix, ex: float, ey: float, g: Vector) -> float:
+    """Set g = P hᵀ for the row h x = e · (p + m) of a place on the map; returns h g."""
+    set_times(g, ex, cov[X])
+    add_times(g, ey, cov[Y])
+    add_times(g, ex, cov[MX])
+    add_times(g, ey, cov[MY])
+    return float(ex * (g[X] + g[MX]) + ey * (g[Y] + g[MY]))
+
+
+@kernel(inline=True)
+def _gain(cov: Matrix, row: Vector, g: Vector) -> float:
+    """Set g = P hᵀ; returns h g."""
+    for j in range(N):
+        g[j] = 0.0
+    for j in range(N):
+        if row[j] != 0.0:
+            add_times(g, row[j], cov[j])
+    v = 0.0
+    for j in range(N):
+        v += row[j] * g[j]
+    return v
+
+
+@kernel(inline=True)
+def _shift(mean: Vector, g: Vector, gain: float, scale: float) -> None:
+    """M += g gain, with X and Y in the plane's units."""
+    x = mean[X] + scale * g[X] * gain
+    y = mean[Y] + scale * g[Y] * gain
+    add_times(mean, gain, g)
+    mean[X] = x
+    mean[Y] = y
+
+
+@kernel
+def update_pair(
+    mean: Vector, cov: Matrix, first: Vector, second: Vector, nu: float, mu: float,
+    variance: float, other: float, scale: float,
+) -> None:  # fmt: skip
+    """`update` with one row and then with another, going through the covariance once.
+
+    Args:
+        mean: State, (N,), changed in place.
+        cov: Covariance P, (N, N), changed in place.
+        first: g = P hᵀ of the first row, (N,); overwritten.
+        second: That of the second row, overwritten.
+        nu: Innovation of the first row over its variance s.
+        mu: Of the second, given the first.
+        variance: s.
+        other: Variance of the second innovation, given the first.
+        scale: Local scale of the plane.
+    """
+    _shift(mean, first, nu, scale)
+    _shift(mean, second, mu, scale)
+    set_times(first, 1.0 / math.sqrt(variance), first)
+    set_times(second, 1.0 / math.sqrt(other), second)
+    for i in range(N):
+        add_times(cov[i], -first[i], first)
+        add_times(cov[i], -second[i], second)
+
+
+@kernel
+def innovation_variance(cov: Matrix, row: Vector, variance: float) -> float:
+    """H P hᵀ + r."""
+    return variance + _gain(cov, row, new_row())
+
+
+@kernel
+def truncated_moments(mean: float, sigma: float, low: float, high: float) -> tuple[float, float]:
+    """Mean and variance of a Gaussian cut to [low, high].
+
+    With α, β the standardised ends, φ and Φ the standard normal density and
+    distribution, Z = Φ(β) − Φ(α):
+
+        mean     μ + σ (φ(α) − φ(β)) / Z
+        variance σ² (1 + (α φ(α) − β φ(β)) / Z − ((φ(α) − φ(β)) / Z)²)
+
+    Beyond five sigma a fifth of sigma inside the nearer end stands for the tail.
+    """
+    a = (low - mean) / sigma
+    b = (high - mean) / sigma
+    if a < -6.0 and b > 6.0:
+        return mean, sigma * sigma
+    if a > 5.0:
+        return min(low + 0.2 * sigma, 0.5 * (low + high)), 0.04 * sigma * sigma
+    if b < -5.0:
+        return max(high - 0.2 * sigma, 0.5 * (low + high)), 0.04 * sigma * sigma
+    pa = 0.0 if a < -8.0 else math.exp(-0.5 * a * a) * 0.3989422804014327
+    pb = 0.0 if b > 8.0 else math.exp(-0.5 * b * b) * 0.3989422804014327
+    z = max(normal_cdf(b) - normal_cdf(a), 1e-12)
+    shift = (pa - pb) / z
+    a_term = 0.0 if a < -8.0 else a * pa
+    b_term = 0.0 if b > 8.0 else b * pb
+    shrink = 1.0 + (a_term - b_term) / z - shift * shift
+    return mean + sigma * shift, sigma * sigma * min(max(shrink, 1e-3), 1.0)
+
+
+@kernel
+def reshape_along(
+    mean: Vector, cov: Matrix, row: Vector, shift: float, shrink: float, scale: float
+) -> None:
+    """Give h·x a new mean and variance, and let the rest of the state follow.
+
+        g = P hᵀ / (h P hᵀ),   m⁺ = m + g·shift,   P⁺ = P − g gᵀ (h P hᵀ)(1 − shrink)
+
+    Exact moments of a Gaussian whose component h·x was cut to an interval.
+    """
+    g = new_row()
+    _reshape(mean, cov, g, _gain(cov, row, g), shift, shrink, scale)
+
+
+@kernel
+def reshape_on_map(
+    mean: Vector, cov: Matrix, tx: float, ty: float, shift: float, shrink: float, scale: float
+) -> None:
+    """`reshape_along` with the row t · (p + m) of a place along a road."""
+    g = new_row()
+    _reshape(mean, cov, g, _map_gain(cov, tx, ty, g), shift, shrink, scale)
+
+
+@kernel(inline=True)
+def _reshape(
+    mean: Vector, cov: Matrix, g: Vector, v: float, shift: float, shrink: float, scale: float
+) -> None:
+    """`reshape_along` with g = P hᵀ and v = h g; g is overwritten."""
+    if v <= 1e-12:
+        return
+    _shift(mean, g, shift / v, scale)
+    kept = (shrink - 1.0) / v
+    set_times(g, math.sqrt(abs(kept)), g)
+    sign = math.copysign(1.0, kept)
+    for i in range(N):
+        add_times(cov[i], sign * g[i], g)
+
+
+@kernel
+def merge_moments(
+    mean_a: Vector, cov_a: Matrix, mean_b: Vector, cov_b: Matrix, share_a: float, scale: float
+) -> None:
+    """Replace two Gaussians by one of the same mean and covariance, into the first.
+
+        m = α m_a + β m_b,   P = α P_a + β P_b + α β (m_a − m_b)(m_a − m_b)ᵀ
+
+    `share_a` is α, the first one's share of the common weight; β = 1 − α.
+    """
+    beta = 1.0 - share_a
+    d = new_row()
+    set_times(d, -1.0, mean_a)
+    add_times(d, 1.0, mean_b)
+    d[X] /= scale
+    d[Y] /= scale
+    d[H] = wrap(d[H])
+    x = mean_a[X] + beta * d[X] * scale
+    y = mean_a[Y] + beta * d[Y] * scale
+    add_times(mean_a, beta, d)
+    mean_a[X] = x
+    mean_a[Y] = y
+    mean_a[H] = wrap(mean_a[H])
+    set_times(d, math.sqrt(share_a * beta), d)
+    for i in range(N):
+        row = cov_a[i]
+        set_times(row, share_a, row)
+        add_times(row, beta, cov_b[i])
+        add_times(row, d[i], d)

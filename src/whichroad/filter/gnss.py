@@ -1,0 +1,264 @@
+"""GNSS observations: position with a correlated bias, course and Doppler speed.
+
+All hypotheses, off-road included, see the same rows with the same noise, so that
+their likelihoods are densities of the same quantity and may be compared.
+"""
+
+import math
+from typing import NamedTuple
+
+from .._compile import Matrix, Record, Vector, kernel
+from ..graph.geometry import wrap
+from ._simd import add_times, new_row, set_times
+from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
+from .state import (
+    GX,
+    GY,
+    OFF_ROAD,
+    Belief,
+    Context,
+    H,
+    K,
+    N,
+    X,
+    Y,
+    heaviest,
+    most_probable,
+    move_row,
+)
+
+_MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
+
+
+class Axes(NamedTuple):
+    """A fix in the axes of its ellipse."""
+
+    c: float  # cosine and
+    s: float  # sine of the major axis' heading
+    r0: float  # white variance along it, m²
+    r1: float  # and across it
+
+
+_NU0, _NU1, _V00, _V01, _V11 = range(5)  # scratch: innovations and their covariance, no white part
+
+
+@kernel
+def fix_row(
+    mean: Vector, row: Vector, fix: Vector, state: Record, lever: Vector, ex: float, ey: float
+) -> float:
+    """Fill the row of one axis (ex, ey) of the fix's ellipse; returns the innovation, m.
+
+    z = p + R(θ) a + S γ + white, along the unit vector e of the axis; S is `state.bias_root`.
+    """
+    ax = 0.0
+    ay = 0.0
+    if lever[0] != 0.0 or lever[1] != 0.0:
+        c = math.cos(mean[H])
+        s = math.sin(mean[H])
+        ax = c * lever[0] - s * lever[1]
+        ay = s * lever[0] + c * lever[1]
+    root = state.bias_root
+    row[X] = ex
+    row[Y] = ey
+    row[H] = -ex * ay + ey * ax
+    row[GX] = ex * root[0] + ey * root[1]
+    row[GY] = ex * root[1] + ey * root[2]
+    dx = (fix[0] - mean[X]) / state.scale - ax - root[0] * mean[GX] - root[1] * mean[GY]
+    dy = (fix[1] - mean[Y]) / state.scale - ay - root[1] * mean[GX] - root[2] * mean[GY]
+    return float(ex * dx + ey * dy)
+
+
+@kernel
+def _gain(cov: Matrix, row: Vector, g: Vector) -> float:
+    """Set g = P hᵀ for the row h of a fix; returns h g."""
+    set_times(g, row[X], cov[X])
+    add_times(g, row[Y], cov[Y])
+    add_times(g, row[GX], cov[GX])
+    add_times(g, row[GY], cov[GY])
+    if row[H] != 0.0:
+        add_times(g, row[H], cov[H])
+    return _product(row, g)
+
+
+@kernel
+def _product(row: Vector, g: Vector) -> float:
+    """Return h g for the row h of a fix."""
+    place = row[X] * g[X] + row[Y] * g[Y] + row[H] * g[H]
+    return float(place + row[GX] * g[GX] + row[GY] * g[GY])
+
+
+@kernel(inline=True)
+def _innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
+    """Innovations of every hypothesis along the axes of the ellipse, and their covariance.
+
+    The covariance is without the white noise.
+    """
+    state = belief.state[0]
+    lever = ctx.par[0].lever
+    row = ctx.work.row
+    g = new_row()
+    second = new_row()
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        to = hyp.scratch
+        to[_NU0] = fix_row(hyp.mu, row, fix, state, lever, axes.c, axes.s)
+        to[_NU1] = fix_row(hyp.mu, second, fix, state, lever, -axes.s, axes.c)
+        to[_V00] = _gain(hyp.cov, row, g)
+        to[_V01] = _product(second, g)
+        to[_V11] = _gain(hyp.cov, second, g)
+
+
+@kernel(inline=True)
+def _drop_refuted(belief: Belief, least: float) -> None:
+    """Drop hypotheses on roads that are not worth an update."""
+    state = belief.state[0]
+    low = belief.hyp[heaviest(belief)].log_weight + math.log(least)
+    kept = 0
+    for i in range(state.count):
+        if belief.hyp[i].log_weight < low and belief.hyp[i].edge != OFF_ROAD:
+            continue
+        if kept != i:
+            move_row(belief, i, kept)
+        kept += 1
+    state.count = kept
+
+
+@kernel(inline=True)
+def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
+    """Condition a hypothesis on both axes of a fix, the second one given the first."""
+    row = ctx.work.row
+    lever = ctx.par[0].lever
+    s0 = hyp.scratch[_V00]
+    s1 = hyp.scratch[_V11]
+    g = new_row()
+    second = new_row()
+    fix_row(hyp.mu, row, fix, state, lever, axes.c, axes.s)
+    _gain(hyp.cov, row, g)
+    fix_row(hyp.mu, row, fix, state, lever, -axes.s, axes.c)
+    _gain(hyp.cov, row, second)
+    add_times(second, -hyp.scratch[_V01] / s0, g)
+    update_pair(
+        hyp.mu, hyp.cov, g, second, hyp.scratch[_NU0] / s0, hyp.scratch[_NU1] / s1, s0, s1,
+        state.scale,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def observe_position(
+    belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, jumps: bool, refuted: float
+) -> float:
+    """Condition every hypothesis on a GNSS position (the paper's Y₁), its error correlated.
+
+    A fix that no hypothesis of weight explains within the gate is given the variance that
+    makes it fit the best one, alike for all.  Where wheels and a fix a moment ago vouch for
+    the motion, it is the receiver that has jumped, and the variance goes to its bias; else
+    the fix is weighed down.
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        axes: Its axes and white noise.
+        gate: Chi-square (two degrees) of a fix that is taken at its word.
+        jumps: Whether a misfit is the receiver's.
+        refuted: Weight below which a hypothesis on a road is dropped before it is updated.
+
+    Returns:
+        The smallest chi-square, before variance was added.
+    """
+    state = belief.state[0]
+    best = math.inf
+    extra0 = 0.0
+    extra1 = 0.0
+    _innovations(belief, ctx, fix, axes)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight < 0.01:
+            continue
+        s0 = hyp.scratch[_V00] + axes.r0
+        s1 = hyp.scratch[_V11] + axes.r1
+        chi2 = (
+            hyp.scratch[_NU0] * hyp.scratch[_NU0] / s0 + hyp.scratch[_NU1] * hyp.scratch[_NU1] / s1
+        )
+        if chi2 < best:
+            best = chi2
+            over = max(chi2 / gate - 1.0, 0.0)
+            extra0 = s0 * over
+            extra1 = s1 * over
+    if jumps and best > gate:
+        root = state.bias_root
+        more = (extra0 + extra1) / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+        for i in range(state.count):
+            belief.hyp[i].cov[GX, GX] += more
+            belief.hyp[i].cov[GY, GY] += more
+        _innovations(belief, ctx, fix, axes)
+        extra0 = 0.0
+        extra1 = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        to = hyp.scratch
+        s0 = to[_V00] + axes.r0 + extra0
+        to[_NU1] -= to[_NU0] * to[_V01] / s0
+        s1 = to[_V11] - to[_V01] * to[_V01] / s0 + axes.r1 + extra1
+        misfit = to[_NU0] * to[_NU0] / s0 + to[_NU1] * to[_NU1] / s1
+        hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
+        to[_V00] = s0
+        to[_V11] = s1
+    if refuted > 0.0:
+        _drop_refuted(belief, refuted)
+    for i in range(state.count):
+        _condition(belief.hyp[i], state, ctx, fix, axes)
+    return best
+
+
+@kernel
+def observe_state(belief: Belief, ctx: Context, index: int, value: float, variance: float) -> None:
+    """Condition every hypothesis on one of its states: course (H) or speed (K)."""
+    row = ctx.work.row
+    for j in range(N):
+        row[j] = 0.0
+    row[index] = 1.0
+    scale = belief.state[0].scale
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        nu = value - hyp.mu[index]
+        if index == H:
+            nu = wrap(nu)
+        hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, scale)
+
+
+@kernel
+def observe_rate(
+    belief: Belief, ctx: Context, odometer_speed: float, speed: float, variance: float
+) -> None:
+    """Condition the odometer's scale on a Doppler speed: v = κ v_odometer + e.
+
+    A speed that the most probable hypothesis does not explain is left out for all.
+
+    Args:
+        belief: In place, weights set.
+        ctx: The drive's constants.
+        odometer_speed: m/s by the odometer.
+        speed: m/s over ground, as the receiver reports it.
+        variance: Of e, m²/s².
+    """
+    row = ctx.work.row
+    scale = belief.state[0].scale
+    top = belief.hyp[most_probable(belief)]
+    for j in range(N):
+        row[j] = 0.0
+    row[K] = odometer_speed
+    nu = speed - odometer_speed * top.mu[K]
+    if nu * nu > ctx.par[0].gnss_gate * innovation_variance(top.cov, row, variance):
+        return
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        nu = speed - odometer_speed * hyp.mu[K]
+        hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, scale)
+
+
+@kernel
+def has_course(epoch: Record, sigma: float) -> bool:
+    """Whether the receiver reports a course better than `sigma` (rad) and moves."""
+    moving = epoch.speed_sigma > 1e6 or epoch.speed > _MOVING
+    return bool(epoch.course_sigma < sigma and moving)

@@ -1,0 +1,193 @@
+"""What an epoch's fix does to the belief: start it, observe, doubt it."""
+
+import math
+
+from .._compile import Record, kernel
+from .births import Start, cold_start
+from .gnss import Axes, has_course, observe_position, observe_rate, observe_state
+from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
+from .state import (
+    CLOCK,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    K,
+    Path,
+    X,
+    Y,
+    most_probable,
+    normalise,
+)
+
+_LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
+_TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
+_SLOW = 2.0  # m/s, below which speeds say nothing of the odometer's scale
+_RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
+_YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
+_REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
+_FAR = 20.0  # m, from a misfitting fix to the estimate, from which on the belief is in doubt
+_LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
+
+
+@kernel(inline=True)
+def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
+    """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    heading_sigma = math.inf
+    if has_course(epoch, 0.5):
+        heading_sigma = epoch.course_sigma + 0.03
+    rate = 1.0
+    rate_sigma = par.scale_sigma
+    if par.mode == CLOCK:
+        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
+        rate_sigma = min(epoch.speed_sigma, 8.0)
+    if state.gnss_factor == 0.0:
+        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+        state.gnss_factor = least * par.gnss_start**2
+        state.innovation_factor = least * par.gnss_start**2
+        state.windowed_factor = least
+        state.bias_factor = least
+    sigmas = math.sqrt(state.gnss_factor)
+    start = Start(
+        sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
+        par.drift_sigma if par.mode == WHEELS else 0.0, True,
+    )  # fmt: skip
+    cold_start(belief, path, ctx, epoch.fix, start, 1.0)
+    state.started = 1
+    state.misfits = 0.0
+    state.since_map = 0.0
+    state.moving = 0.0
+    state.since_fix = 0.0
+    state.unmeasured = 0.0
+    state.last_fix = epoch.time
+    state.factor_time = epoch.time
+    state.on_road_at = epoch.time
+    state.learnt_time = 0.0
+    state.fix_1[2] = -math.inf
+    state.fix_2[2] = -math.inf
+    state.across_time = -math.inf
+    update_root(belief, epoch.fix, sigmas * sigmas, -1.0)
+    return bool(heading_sigma < 10.0)
+
+
+@kernel(inline=True)
+def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
+    """Standing still teaches nothing of the position, but of what the receiver is worth."""
+    state = belief.state[0]
+    interval = max(epoch.time - state.last_fix, 0.0)
+    update_root(belief, epoch.fix, state.gnss_factor, interval)
+    white = math.sqrt(state.gnss_factor) * ctx.par[0].gnss_white_ratio
+    learn_factor(belief, ctx, epoch, white, 0.0)
+    state.last_fix = epoch.time
+
+
+@kernel(inline=True)
+def _is_lost(belief: Belief) -> bool:
+    """Whether the belief has been off the roads for a while; then it counts anew.
+
+    A fix seldom misfits for long: the receiver's factor and bias adapt to it.  Roads do not;
+    a belief that left them with a wrong position would stay wrong.
+    """
+    state = belief.state[0]
+    off = 0.0
+    for i in range(state.count):
+        if belief.hyp[i].edge == OFF_ROAD:
+            off += belief.hyp[i].weight
+    lost = state.time > state.on_road_at + _LOST_TIME
+    if off < 0.5 or lost:
+        state.on_road_at = state.time
+    return bool(off >= 0.5 and lost)
+
+
+@kernel(inline=True)
+def _add_restarts(
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, lost: bool
+) -> None:
+    """A far fix: perhaps it is right, and all that was believed is wrong.
+
+    Re-initialisation hypotheses at the fix are added with a small weight; roads and fixes
+    from here on decide between them and a receiver that has lost its way.  A lost belief does
+    not know its heading either: the car may have been carried.
+    """
+    normalise(belief)
+    top = belief.hyp[most_probable(belief)]
+    mean = top.mu
+    fix = epoch.fix
+    away = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / belief.state[0].scale
+    if away > _FAR:
+        par = ctx.par[0]
+        start = Start(
+            math.sqrt(belief.state[0].gnss_factor), white, mean[H],
+            math.inf if lost else math.sqrt(top.cov[H, H]) + 0.03, mean[K],
+            math.sqrt(top.cov[K, K]), par.drift_sigma, True,
+        )  # fmt: skip
+        cold_start(belief, path, ctx, fix, start, par.gnss_lost)
+
+
+@kernel(inline=True)
+def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> None:
+    """Course and Doppler speed of the epoch."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    if has_course(epoch, 1.0) and state.speed > -0.5:
+        swing = state.turn_rate * par.lever[0] / max(abs(state.speed), 2.0)  # the antenna's own
+        variance = (epoch.course_sigma**2 + 0.0025) * thin
+        observe_state(belief, ctx, H, epoch.course - swing, variance)
+    if par.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
+        odometer_speed = abs(state.odometer_speed)
+        if min(epoch.speed, odometer_speed) > _SLOW:
+            late = _LATENCY * state.odometer_acceleration
+            variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
+            observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
+    if par.mode == CLOCK and epoch.speed_sigma < 20.0:
+        observe_state(belief, ctx, K, epoch.speed, (epoch.speed_sigma**2 + 0.04) * thin)
+
+
+@kernel(inline=True)
+def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
+    """Y₁: position, course and speed of the epoch's fix.
+
+    The white part is scaled with the interval, so that measuring ten times as often teaches
+    nearly nothing more.
+
+    Returns:
+        Chi-square of the position under the hypothesis that fits it best.
+    """
+    par = ctx.par[0]
+    state = belief.state[0]
+    fix = epoch.fix
+    interval = epoch.time - state.last_fix
+    if par.mode == CLOCK:
+        interval *= min(1.0, max(state.speed, 0.25))
+    age_receiver(belief, ctx)
+    factor = state.gnss_factor
+    white = math.sqrt(factor) * par.gnss_white_ratio
+    if par.mode == CLOCK:
+        factor, white = observe_white(belief, ctx, epoch, factor, white)
+    update_root(belief, fix, factor, max(interval, 0.0))
+    since = epoch.time - state.last_fix
+    learn_factor(belief, ctx, epoch, white, state.moving)
+    state.moving = 0.0
+    state.since_fix = 0.0
+    state.unmeasured = 0.0
+    state.last_fix = epoch.time
+    thin = max(1.0, 1.0 / max(interval, 0.01))
+    axes = Axes(
+        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
+        (white * fix[3]) ** 2 * thin,
+    )  # fmt: skip
+    jumps = is_vouched(par, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
+    misfit = chi2 > 4.0 * par.gnss_gate
+    lost = par.mode == WHEELS and _is_lost(belief)
+    if par.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
+        _add_restarts(belief, path, ctx, epoch, white, lost)
+    _observe_motion(belief, ctx, epoch, thin)
+    if misfit:
+        state.misfits += 1.0
+    else:
+        state.misfits = 0.0
+    return chi2

@@ -1,0 +1,443 @@
+"""The process model of a link of the history: motion over all epochs between two steps.
+
+For a link i → j the smoother needs the state of i as predicted for j's step, before anything
+was observed there, and F:
+
+    x⁻ = f(xᵢ),   P⁻ = F Pᵢ Fᵀ + Q
+
+The equations and the noise are those of `filter.motion`, `filter.branching` (corners) and
+`filter.sparse` (routes between sparse fixes).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .._compile import Record, Vector, kernel
+from ..graph.geometry import locate, project, wrap
+from ..graph.network import Roads
+from ._simd import N, add_times, set_times
+from .branching import ACROSS, CORNER, CORNER_DOUBT, CORNER_RADIUS
+from .history import History
+from .motion import Increment, Noise, unpack_noise
+from .sparse import ACROSS_SIGMA, HEADING_NOISE
+from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
+from .state import (
+    GX,
+    GY,
+    MX,
+    MY,
+    OFF_ROAD,
+    WHEELS,
+    B,
+    Context,
+    D,
+    H,
+    K,
+    Path,
+    X,
+    Y,
+    lane_mean,
+    lane_sigma,
+)
+
+_STRANGE = 16.0  # squared sigmas beyond which something not modelled here moved a state
+_ENTRIES = 256  # of the path tree between two steps, at most
+_PACKED_RATE = K * (K + 3) // 2  # place of the variance of κ in a packed covariance
+_STOOD = 0.7  # m/s up to which a vehicle stands that did not move between sparse fixes
+
+LINK_MODEL = np.dtype(
+    [
+        ("then_mean", "f8", (N,)),  # xᵢ, filtered
+        ("then_cov", "f8", (N, N)),  # Pᵢ
+        ("f", "f8", (N, N)),  # F
+        ("mu", "f8", (N,)),  # x⁻
+        ("cov", "f8", (N, N)),  # P⁻
+        ("q", "f8", (N,)),  # diagonal of Q
+        ("cross", "f8", (N, N)),  # F Pᵢ
+        ("root", "f8", (N, N)),  # Cholesky factor of P⁻, scaled, its columns as rows
+        ("gain", "f8", (N, N)),  # Gᵀ
+        ("scale", "f8"),  # plane metres per true metre
+    ],
+    align=True,
+)
+
+
+class Link(NamedTuple):
+    """A link of the graph."""
+
+    step: int  # of j
+    i: int  # node of the step before
+    j: int  # node
+
+
+class Advance(NamedTuple):
+    """A displacement along the path from the edge of then to the edge of now."""
+
+    then_edge: int
+    then_segment: int
+    edge: int
+    skipped: float  # from the start of the edge of then to the start of the edge of now, m
+    distance: float  # driven, m
+    odometer: float  # derivative of the distance by κ
+
+
+@kernel(inline=True)
+def _propagate(model: Record) -> None:
+    """F P and F P Fᵀ + Q; what Q has off the diagonal is in `cov` of the model already."""
+    f = model.f
+    cov = model.then_cov
+    for a in range(N):
+        row = model.cross[a]
+        set_times(row, f[a, 0], cov[0])
+        for c in range(1, N):
+            if f[a, c] != 0.0:
+                add_times(row, f[a, c], cov[c])
+    turned = model.gain
+    for a in range(N):
+        for b in range(N):
+            turned[b, a] = model.cross[a, b]
+    for a in range(N):
+        row = model.cov[a]
+        for c in range(N):
+            if f[a, c] != 0.0:
+                add_times(row, f[a, c], turned[c])
+        row[a] += model.q[a]
+    for a in range(N):
+        for b in range(a):
+            model.cov[a, b] = model.cov[b, a]
+
+
+@kernel(inline=True)
+def predict_link(model: Record, history: History, path: Path, ctx: Context, link: Link) -> None:
+    """Predict node i of the step before for node j of a step: x⁻, P⁻ and F Pᵢ of the model.
+
+    Where the motion is not known (a sparse transition whose route is not known, a U-turn
+    without a heading sensor, two paths merged) the position is taken as observed anew.
+    Nothing of it is learnt from later steps, but the slow errors go on.
+
+    Args:
+        model: Holds the filtered state of node i; the rest is filled, but for the gain.
+        history: The graph.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        link: The link.
+    """
+    for a in range(N):
+        model.q[a] = 0.0
+        model.mu[a] = history.states[link.j].mu[a]
+        for b in range(N):
+            model.f[a, b] = 0.0
+            model.cov[a, b] = 0.0
+    _decay_slow_states(model, history, ctx, link)
+    model.f[B, B] = 1.0
+    model.mu[B] = model.then_mean[B]
+    known = _move(model, history, path, ctx, link)
+    _propagate(model)
+    if not known:
+        _forget_position(model, history, link.j)
+    _inflate_strange(model, history.states[link.j].mu)
+
+
+@kernel(inline=True)
+def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link) -> None:
+    """Lane, map error and GNSS bias: decayed as far as the filter had decayed them."""
+    par = ctx.par[0]
+    mean = model.then_mean
+    motion = history.steps[link.step].motion
+    f = model.f
+    q = model.q
+    edge = history.nodes[link.j].edge
+    then_edge = history.nodes[link.i].edge
+    kept = _kept_lane(ctx, math.exp(-motion.map_aged / par.lane_length), then_edge, edge)
+    then_lane = lane_mean(ctx, then_edge) if edge != OFF_ROAD else 0.0
+    sigma = lane_sigma(ctx, edge)
+    f[D, D] = kept
+    model.mu[D] = lane_mean(ctx, edge) + kept * (mean[D] - then_lane)
+    q[D] = (1.0 - kept * kept) * sigma * sigma
+    kept = math.exp(-motion.map_aged / par.map_length)
+    slower = max(1.0, math.sqrt(mean[GX] ** 2 + mean[GY] ** 2) / 3.0)
+    gnss_kept = math.exp(-motion.gnss_aged / (par.gnss_time * slower))
+    for a in (MX, MY):
+        f[a, a] = kept
+        model.mu[a] = kept * mean[a]
+        q[a] = (1.0 - kept * kept) * par.map_sigma**2
+    for a in (GX, GY):
+        f[a, a] = gnss_kept
+        model.mu[a] = gnss_kept * mean[a]
+        q[a] = 1.0 - gnss_kept * gnss_kept
+
+
+@kernel
+def _kept_lane(ctx: Context, kept: float, then_edge: int, edge: int) -> float:
+    """What is kept of the lane offset from one edge to another, `kept` on the same one."""
+    if edge == OFF_ROAD:
+        return kept
+    if then_edge == OFF_ROAD or ctx.roads.edges[edge].opposite == then_edge:
+        return 0.0
+    if edge == then_edge:
+        return kept
+    return kept * max(math.cos(_turn_between(ctx.roads, then_edge, edge)), 0.0)
+
+
+@kernel
+def _turn_between(roads: Roads, then_edge: int, edge: int) -> float:
+    """Turn from the end of one edge to the start of another, rad."""
+    then = roads.edges[then_edge]
+    _, _, _, ax, ay = locate(roads, then_edge, then.last_vertex - 1, then.length)
+    _, _, _, bx, by = locate(roads, edge, roads.edges[edge].first_vertex, 0.0)
+    return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+
+
+@kernel(inline=True)
+def _move(model: Record, history: History, path: Path, ctx: Context, link: Link) -> bool:
+    """Position, heading and rate by the motion since the step before; whether it is known."""
+    par = ctx.par[0]
+    mean = model.then_mean
+    motion = history.steps[link.step].motion
+    if par.mode == WHEELS:
+        step = Increment(motion.arc, motion.turn, motion.forward, motion.left)
+        _move_in_plane(model, motion, step)
+        return True
+    odometer = motion.arc
+    if motion.jumped > 0:
+        return _move_on_route(model, history, path, ctx, link)
+    edge = history.nodes[link.j].edge
+    then = history.nodes[link.i]
+    if then.edge == OFF_ROAD:
+        _move_in_plane(model, motion, Increment(odometer, 0.0, odometer, 0.0))
+        return True
+    skipped = -1.0
+    if edge != OFF_ROAD:
+        skipped, _ = skipped_along(ctx.roads, path, history, link)
+    if skipped < 0.0:
+        return False
+    distance = odometer * mean[K]
+    advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
+    bent = _move_on_road(model, ctx.roads, advance, True)
+    doubt = (CORNER_DOUBT * bent) ** 2
+    _add_road_noise(
+        model,
+        Noise(
+            motion.road_noise[0] + doubt, ACROSS * abs(distance), par.edge_heading_sigma**2,
+            motion.road_noise[2], 0.0, motion.road_noise[1],
+        ),
+    )  # fmt: skip
+    return True
+
+
+@kernel(inline=True)
+def _move_in_plane(model: Record, motion: Record, step: Increment) -> None:
+    """Moved in the plane, as `motion.predict_plane` does epoch by epoch; Q is what it added."""
+    mean = model.then_mean
+    c = math.cos(mean[H])
+    s = math.sin(mean[H])
+    kappa = mean[K]
+    bx = kappa * (c * motion.lever_forward - s * motion.lever_left)
+    by = kappa * (s * motion.lever_forward + c * motion.lever_left)
+    rx = c * step.forward - s * step.left
+    ry = s * step.forward + c * step.left
+    dx = kappa * rx + mean[B] * bx
+    dy = kappa * ry + mean[B] * by
+    f = model.f
+    f[X, X] = 1.0
+    f[Y, Y] = 1.0
+    f[H, H] = 1.0
+    f[K, K] = 1.0
+    f[X, H] = -dy
+    f[Y, H] = dx
+    f[X, K] = rx
+    f[Y, K] = ry
+    f[X, B] = bx
+    f[Y, B] = by
+    f[H, B] = step.arc
+    model.mu[X] = mean[X] + model.scale * dx
+    model.mu[Y] = mean[Y] + model.scale * dy
+    model.mu[H] = wrap(mean[H] + step.turn + mean[B] * step.arc)
+    model.mu[K] = mean[K]
+    unpack_noise(motion.plane_noise, c, s, model.cov)
+
+
+@kernel(inline=True)
+def _move_on_road(model: Record, roads: Roads, advance: Advance, corners: bool) -> float:
+    """Moved along the road, as `motion.predict_road` does; F and the mean are set.
+
+    Args:
+        model: In place; Q is left alone.
+        roads: The network.
+        advance: The displacement.
+        corners: Whether corners of the map are driven as arcs.
+
+    Returns:
+        The turn between the two tangents, at most 1.6 rad.
+    """
+    mean = model.then_mean
+    scale = model.scale
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    _, s, across, tx, ty = project(roads, advance.then_edge, advance.then_segment, qx, qy)
+    s += advance.distance - advance.skipped
+    edge = advance.edge
+    segment, cx, cy, nx, ny = locate(roads, edge, roads.edges[edge].first_vertex, s)
+    heading = math.atan2(ny, nx)
+    turn = wrap(heading - math.atan2(ty, tx))
+    bent = min(abs(turn), 1.6)
+    if corners and bent > CORNER:
+        s += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        segment, cx, cy, nx, ny = locate(roads, edge, segment, s)
+    c = math.cos(turn)
+    sine = math.sin(turn)
+    f = model.f
+    f[X, X] = c
+    f[X, Y] = -sine
+    f[Y, X] = sine
+    f[Y, Y] = c
+    f[X, MX] = c - 1.0
+    f[X, MY] = -sine
+    f[Y, MX] = sine
+    f[Y, MY] = c - 1.0
+    f[X, K] = nx * advance.odometer
+    f[Y, K] = ny * advance.odometer
+    f[K, K] = 1.0
+    model.mu[X] = cx + across * ny - scale * mean[MX]
+    model.mu[Y] = cy - across * nx - scale * mean[MY]
+    model.mu[H] = heading
+    model.mu[K] = mean[K]
+    return bent
+
+
+@kernel
+def _add_road_noise(model: Record, noise: Noise) -> None:
+    """Q of a motion along a road with the heading predicted."""
+    nx = math.cos(model.mu[H])
+    ny = math.sin(model.mu[H])
+    cov = model.cov
+    cov[X, Y] = (noise.along - noise.across) * nx * ny
+    cov[X, K] = noise.cross * nx
+    cov[Y, K] = noise.cross * ny
+    q = model.q
+    q[X] = noise.along * nx * nx + noise.across * ny * ny
+    q[Y] = noise.along * ny * ny + noise.across * nx * nx
+    q[H] = noise.heading
+    q[K] = noise.rate
+
+
+@kernel
+def skipped_along(roads: Roads, path: Path, history: History, link: Link) -> tuple[float, float]:
+    """Metres and seconds from the start of the edge of i to the start of the edge of j.
+
+    By the path tree; metres are negative where it does not connect them.
+    """
+    then = history.nodes[link.i]
+    edge = history.nodes[link.j].edge
+    if edge == then.edge:
+        return 0.0, 0.0
+    total = 0.0
+    time = 0.0
+    entry = history.nodes[link.j].path_entry
+    for _ in range(_ENTRIES):
+        entry = path.entry[entry].parent if entry >= 0 else -1
+        if entry < 0:
+            break
+        before = path.entry[entry].edge
+        if before == OFF_ROAD or roads.edges[edge].opposite == before:
+            break
+        length = roads.edges[before].length
+        total += length
+        time += length / max(roads.edges[before].speed, 1.0)
+        if entry == then.path_entry or before == then.edge:
+            return total, time
+        edge = before
+    return -1.0, 0.0
+
+
+@kernel(inline=True)
+def _move_on_route(model: Record, history: History, path: Path, ctx: Context, link: Link) -> bool:
+    """Moved along a route between sparse fixes (`filter.sparse`); whether that is known."""
+    par = ctx.par[0]
+    mean = model.then_mean
+    cov = model.then_cov
+    dt = history.steps[link.step].motion.arc
+    edge = history.nodes[link.j].edge
+    then = history.nodes[link.i]
+    skipped = -1.0
+    time = 0.0
+    if edge != OFF_ROAD and then.edge != OFF_ROAD:
+        skipped, time = skipped_along(ctx.roads, path, history, link)
+    if skipped < 0.0:
+        return False
+    if _stood(model, history, link):
+        _stay(model, history.states[link.j], par)
+        return True
+    later = history.states[link.j].mu
+    keep, old, far, cross = speed_process(dt)
+    usual = usual_speed(ctx.roads, skipped, time, edge)
+    distance = usual * (dt - old) + mean[K] * old
+    advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
+    _move_on_road(model, ctx.roads, advance, False)
+    nx = math.cos(model.mu[H])
+    ny = math.sin(model.mu[H])
+    off = (nx * (later[X] - model.mu[X]) + ny * (later[Y] - model.mu[Y])) / model.scale
+    variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
+    heavy = heavy_tail(variance, off, 0.0) - variance
+    harder = 1.0 + heavy / max(far, 1.0)
+    rate = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
+    heading = par.edge_heading_sigma**2 + HEADING_NOISE
+    across = ACROSS_SIGMA * ACROSS_SIGMA
+    _add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))
+    model.f[K, K] = keep
+    model.mu[K] = usual + keep * (mean[K] - usual)
+    return True
+
+
+@kernel
+def _stood(model: Record, history: History, link: Link) -> bool:
+    """Whether the vehicle stood between two sparse fixes."""
+    mean = model.then_mean
+    cov = model.then_cov
+    scale = model.scale
+    later = history.states[link.j].mu
+    rate = history.states[link.j].cov[_PACKED_RATE]
+    away = (later[X] - mean[X]) ** 2 + (later[Y] - mean[Y]) ** 2
+    here = away < scale * scale * (cov[X, X] + cov[Y, Y])
+    same = history.nodes[link.i].edge == history.nodes[link.j].edge
+    return bool(same and here and abs(later[K]) < _STOOD and rate < 1.0)
+
+
+@kernel
+def _stay(model: Record, later: Record, par: Record) -> None:
+    """Not moved; the rate is that of the node j."""
+    q = model.q
+    for a in (X, Y):
+        model.f[a, a] = 1.0
+        model.mu[a] = model.then_mean[a]
+        q[a] = 0.1
+    q[H] = par.edge_heading_sigma**2
+    q[K] = later.cov[_PACKED_RATE]
+    model.mu[K] = later.mu[K]
+
+
+@kernel(inline=True)
+def _forget_position(model: Record, history: History, j: int) -> None:
+    """Position, heading and rate are independent of the step before."""
+    for a in (X, Y, H, K):
+        for b in range(N):
+            model.cov[a, b] = 0.0
+            model.cov[b, a] = 0.0
+            model.cross[a, b] = 0.0
+    for a in (X, Y, H, K):
+        model.cov[a, a] = history.states[j].cov[a * (a + 3) // 2]
+
+
+@kernel(inline=True)
+def _inflate_strange(model: Record, later: Vector) -> None:
+    """More variance for a state far from its prediction: something else moved it."""
+    for a in range(N):
+        off = later[a] - model.mu[a]
+        if a == H:
+            off = wrap(off)
+        if a <= Y:
+            off /= model.scale
+        if off * off > _STRANGE * model.cov[a, a]:
+            model.cov[a, a] += off * off

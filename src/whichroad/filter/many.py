@@ -1,0 +1,146 @@
+"""Many drives, one after the other, in one compiled call: its fixed cost is paid once."""
+
+from typing import NamedTuple
+
+from .._compile import Ints, entry, kernel
+from ..graph.network import Roads
+from ._simd import copy_record
+from .edge_timing import Way, broken_rules, first_epochs, time_edges
+from .estimate import Estimates, Output
+from .history import History
+from .state import CAPACITY, NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
+from .step import run
+
+
+class Drives(NamedTuple):
+    """Where each of d drives begins in tables of all, and the edges that it was driven along."""
+
+    first_epoch: Ints  # (d + 1,) the epoch at which each begins, and the number of epochs
+    first_edge: Ints  # (d + 1,) the edge at which each begins, and the number of edges
+    way: Way  # (r,)
+
+
+@entry
+def clear(belief: Belief, empty: Belief) -> None:
+    """Make a belief as new for the next drive.
+
+    Means and covariances are left alone: they are written before they are read.
+
+    Args:
+        belief: In place.
+        empty: A new one.
+    """
+    for i in range(CAPACITY):
+        hyp = belief.hyp[i]
+        new = empty.hyp[i]
+        hyp.log_weight = new.log_weight
+        hyp.weight = new.weight
+        hyp.along = new.along
+        hyp.along_sigma = new.along_sigma
+        hyp.p_not_passed = new.p_not_passed
+        hyp.travel_variance = new.travel_variance
+        hyp.path_entry = new.path_entry
+        hyp.edge = new.edge
+        hyp.segment = new.segment
+        hyp.new_edge = new.new_edge
+        for j in range(len(hyp.scratch)):
+            hyp.scratch[j] = new.scratch[j]
+        for j in range(belief.lineage.shape[1]):
+            belief.lineage[i, j] = 0.0
+    copy_record(belief.state[0], empty.state[0])
+
+
+@kernel
+def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
+    """List the edges of the most probable hypothesis, repeats joined; False: there is no room."""
+    newest = -1
+    if belief.state[0].count:
+        newest = belief.hyp[most_probable(belief)].path_entry
+    count = 0
+    after = NO_EDGE
+    at = newest
+    while at >= 0:
+        edge = path.entry[at].edge
+        if edge != OFF_ROAD and edge != after:
+            count += 1
+            after = edge
+        at = path.entry[at].parent
+    row = drives.first_edge[d] + count
+    if row > len(drives.way):
+        return False
+    drives.first_edge[d + 1] = row
+    after = NO_EDGE
+    at = newest
+    while at >= 0:
+        entry = path.entry[at]
+        if entry.edge != OFF_ROAD:
+            if entry.edge != after:
+                row -= 1
+            drives.way[row].edge = entry.edge
+            drives.way[row].entered = entry.time
+            drives.way[row].along = entry.along
+            after = entry.edge
+        at = entry.parent
+    return True
+
+
+@entry
+def localize_each(
+    belief: Belief, empty: Belief, path: Path, history: History, epochs: Epochs, output: Output,
+    ctx: Context, drives: Drives,
+) -> int:  # fmt: skip
+    """Localize drives, see `step.run`.
+
+    Args:
+        belief: Buffer.
+        empty: A new one.
+        path: Buffer.
+        history: One without room: nothing is stored.
+        epochs: (n,) EPOCH of all drives.
+        output: (n,) written.
+        ctx: What all drives share.
+        drives: Where each begins; the edges are written.
+
+    Returns:
+        How many drives are done; less than d where the next one needs more room.
+    """
+    drives.first_edge[0] = 0
+    for d in range(len(drives.first_epoch) - 1):
+        clear(belief, empty)
+        for j in range(len(ctx.work.row)):
+            ctx.work.row[j] = 0.0
+        path.size[0] = 0
+        last = drives.first_epoch[d + 1]
+        done = run(belief, path, history, epochs, output, ctx, drives.first_epoch[d], last)
+        if done < last or not _list_edges(belief, path, drives, d):
+            return d
+    return len(drives.first_epoch) - 1
+
+
+@entry
+def time_each(
+    roads: Roads, epochs: Epochs, estimates: Estimates, drives: Drives, found: Ints
+) -> None:
+    """Fill in when and where the edges of drives were driven, see `edge_timing.time_edges`.
+
+    Args:
+        roads: The network.
+        epochs: (n,) EPOCH of all drives.
+        estimates: (n,) ESTIMATE of them.
+        drives: Their edges, r in all.
+        found: (r + 1,) buffer.
+    """
+    for d in range(len(drives.first_epoch) - 1):
+        low, high = drives.first_epoch[d], drives.first_epoch[d + 1]
+        a, b = drives.first_edge[d], drives.first_edge[d + 1]
+        if a == b:
+            continue
+        way = drives.way[a:b]
+        first = found[: b - a + 1]
+        first_epochs(way, epochs[low:high], first)
+        broken_rules(roads, way)
+        known = high - 1
+        while known >= low and estimates[known].live <= 0:
+            known -= 1
+        last = known - low if known >= low else high - low - 1
+        time_edges(roads, way, first, epochs[low:high], estimates[low:high], last)

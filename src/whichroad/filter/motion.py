@@ -1,0 +1,382 @@
+"""How a hypothesis moves: by its wheels in the plane, or along its road.
+
+The process model is stated here and nowhere else: what the state becomes, its derivatives F,
+and the process noise Q.
+"""
+
+import math
+from typing import NamedTuple
+
+from .._compile import Matrix, Record, Vector, kernel
+from ..graph.geometry import wrap
+from ._simd import add_times, new_row, scale_by, set_times, set_to
+from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
+
+_CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
+_RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
+_SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
+_BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
+_STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
+_UNMEASURED = 0.04  # squared error of extrapolated motion, relative
+_UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
+
+
+class Increment(NamedTuple):
+    """A displacement in the frame of its beginning, odometer units."""
+
+    arc: float  # δs, m (or seconds), negative in reverse
+    turn: float  # δθ, rad
+    forward: float  # u
+    left: float
+
+
+class Noise(NamedTuple):
+    """Process noise of one increment: variances."""
+
+    along: float  # m²
+    across: float  # m²
+    heading: float  # rad²
+    rate: float  # of κ
+    drift: float  # of b
+    cross: float  # covariance of κ and the abscissa
+
+
+@kernel
+def arc_chord(arc: float, turn: float) -> tuple[float, float]:
+    """Displacement of M in its own frame after an arc (equation 1).
+
+    The paper takes the arc for its chord; the chord is arc · sin(δθ/2)/(δθ/2):
+
+        u = chord · (cos δθ/2, sin δθ/2)
+
+    Args:
+        arc: δs, m, negative in reverse.
+        turn: δθ, rad.
+
+    Returns:
+        Forward and leftward displacement, m.
+    """
+    half = 0.5 * turn
+    chord = arc * (1.0 - half * half / 6.0) if abs(half) < 1e-4 else arc * math.sin(half) / half
+    return chord * math.cos(half), chord * math.sin(half)
+
+
+@kernel
+def increment_of(epoch: Record, pieces: int) -> Increment:
+    """One of equal pieces of an epoch's odometry, on the same circle."""
+    part = 1.0 / pieces
+    turn = epoch.turn * part
+    forward = epoch.forward
+    left = epoch.left
+    if pieces > 1:
+        forward, left = arc_chord(epoch.arc * part, turn)
+    return Increment(epoch.arc * part, turn, forward, left)
+
+
+@kernel
+def wheel_noise(par: Record, metres: float, turn: float) -> Noise:
+    """Process noise of wheel odometry over so many metres and a turn (rad)."""
+    return Noise(
+        par.along_noise**2 * metres, par.lateral_noise**2 * metres,
+        par.heading_noise**2 * metres + par.turn_noise**2 * _CORNER * abs(turn),
+        _RATE_NOISE * metres, par.yaw_bias_noise**2 * metres, 0.0,
+    )  # fmt: skip
+
+
+@kernel
+def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
+    """Process noise where motion is not measured but extrapolated.
+
+    The speed is wrong by a fifth (one sigma) for as long as nothing shows it: over L metres
+    the variance along the heading is (0.2 L)², however many epochs they are cut into.
+
+    Args:
+        noise: Of measured motion.
+        before: Metres extrapolated since the last fix or measurement.
+        metres: Metres of this increment.
+    """
+    after = before + metres
+    return Noise(
+        noise.along + _UNMEASURED * (after * after - before * before), noise.across,
+        noise.heading + _UNMEASURED_TURN * metres, noise.rate, noise.drift, noise.cross,
+    )  # fmt: skip
+
+
+@kernel
+def blind_noise(par: Record, odometer: float, mode: int) -> Noise:
+    """Process noise without a heading sensor, over metres (DISTANCE) or seconds (CLOCK).
+
+    Without an odometer the speed walks at random: with q its variance a second,
+
+        Q = q [t, t²/2; t²/2, t³/3]         of κ and the abscissa
+    """
+    if mode == CLOCK:
+        rate = par.acceleration_noise**2 * odometer
+        along = rate * odometer * odometer / 3.0 + _SPEED_JITTER * odometer
+        return Noise(along, 0.25 * along, _BLIND_TURN * odometer, rate, 0.0, rate * odometer / 2.0)
+    metres = abs(odometer)
+    along = (3.0 * par.along_noise) ** 2 * metres
+    return Noise(along, 0.25 * along, _STRAIGHT * metres, _RATE_NOISE * metres, 0.0, 0.0)
+
+
+@kernel
+def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: Noise) -> None:
+    """Move a hypothesis by an increment in its own frame (equation 1, with calibration).
+
+        v   = u + (b δs / 2) J u            drift turns the increment by half
+        p⁺  = p + κ R(θ) v
+        θ⁺  = θ + δθ + b δs
+        P⁺  = F P Fᵀ + Q
+
+    Args:
+        mean: State, (N,), in place.
+        cov: Covariance, (N, N), in place.
+        step: The increment.
+        scale: Local scale of the plane.
+        q: Process noise.
+    """
+    c = math.cos(mean[H])
+    s = math.sin(mean[H])
+    arc = step.arc
+    kappa = mean[K]
+    half_drift = 0.5 * mean[B] * arc
+    vx = step.forward - half_drift * step.left
+    vy = step.left + half_drift * step.forward
+    rx = c * vx - s * vy
+    ry = s * vx + c * vy
+    dx = kappa * rx
+    dy = kappa * ry
+    bx = -0.5 * kappa * arc * (c * step.left + s * step.forward)
+    by = 0.5 * kappa * arc * (c * step.forward - s * step.left)
+    mean[X] += scale * dx
+    mean[Y] += scale * dy
+    mean[H] = wrap(mean[H] + step.turn + mean[B] * arc)
+    add_times(cov[X], -dy, cov[H])
+    add_times(cov[X], rx, cov[K])
+    add_times(cov[X], bx, cov[B])
+    add_times(cov[Y], dx, cov[H])
+    add_times(cov[Y], ry, cov[K])
+    add_times(cov[Y], by, cov[B])
+    add_times(cov[H], arc, cov[B])
+    for j in range(K, N):
+        cov[j, X] = cov[X, j]
+        cov[j, Y] = cov[Y, j]
+        cov[j, H] = cov[H, j]
+    for i in range(3):
+        ph = cov[i, H]
+        pk = cov[i, K]
+        pb = cov[i, B]
+        cov[i, X] += -dy * ph + rx * pk + bx * pb
+        cov[i, Y] += dx * ph + ry * pk + by * pb
+        cov[i, H] = ph + arc * pb
+    qxy = (q.along - q.across) * c * s
+    cov[X, X] += q.along * c * c + q.across * s * s
+    cov[Y, Y] += q.along * s * s + q.across * c * c
+    cov[X, Y] += qxy
+    cov[Y, X] += qxy
+    cov[H, H] += q.heading
+    cov[K, K] += q.rate
+    cov[B, B] += q.drift
+
+
+@kernel
+def predict_road(
+    mean: Vector, cov: Matrix, odometer: float, turn: float, heading: float, tx: float,
+    ty: float, q: Noise,
+) -> None:  # fmt: skip
+    """Covariance of a hypothesis that follows its road without a heading sensor.
+
+    With p = c(s) + n d − m, moving on by κ δ turns what surrounds the road with it:
+
+        δp⁺ = R (δp + δm) − δm + t⁺ δ δκ,    R the road's turn from s to s⁺
+
+    The mean is set by the caller, who knows the road.
+
+    Args:
+        mean: State, (N,); only the heading is set.
+        cov: Covariance, (N, N), in place.
+        odometer: δ, odometer metres (or seconds).
+        turn: Turn of the road between the two abscissae, rad.
+        heading: New heading, rad.
+        tx: New unit tangent, x.
+        ty: New unit tangent, y.
+        q: Process noise along the road, of κ, and between them; `heading` is the variance of
+            the vehicle's heading about the road's.
+    """
+    c = 1.0
+    s = 0.0
+    if turn != 0.0:
+        c = math.cos(turn)
+        s = math.sin(turn)
+    sx = new_row()  # p + m, which the road turns
+    sy = new_row()
+    set_to(sx, cov[X])
+    add_times(sx, 1.0, cov[MX])
+    set_to(sy, cov[Y])
+    add_times(sy, 1.0, cov[MY])
+    set_times(cov[X], c, sx)
+    add_times(cov[X], -s, sy)
+    add_times(cov[X], -1.0, cov[MX])
+    add_times(cov[X], tx * odometer, cov[K])
+    set_times(cov[Y], s, sx)
+    add_times(cov[Y], c, sy)
+    add_times(cov[Y], -1.0, cov[MY])
+    add_times(cov[Y], ty * odometer, cov[K])
+    for j in range(2, N):
+        cov[j, X] = cov[X, j]
+        cov[j, Y] = cov[Y, j]
+    for i in range(2):
+        px = cov[i, X] + cov[i, MX]
+        py = cov[i, Y] + cov[i, MY]
+        pk = odometer * cov[i, K]
+        cov[i, X] = c * px - s * py - cov[i, MX] + tx * pk
+        cov[i, Y] = s * px + c * py - cov[i, MY] + ty * pk
+    cov[X, X] += q.along * tx * tx
+    cov[Y, Y] += q.along * ty * ty
+    cov[X, Y] += q.along * tx * ty
+    cov[Y, X] = cov[X, Y]
+    cov[K, K] += q.rate
+    cov[X, K] += q.cross * tx
+    cov[Y, K] += q.cross * ty
+    cov[K, X] = cov[X, K]
+    cov[K, Y] = cov[Y, K]
+    for j in range(N):
+        cov[H, j] = 0.0
+        cov[j, H] = 0.0
+    cov[H, H] = q.heading
+    mean[H] = heading
+
+
+@kernel
+def pack_noise(cov: Matrix, packed: Vector) -> None:
+    """Upper triangle of the rows and columns X, Y, H, K, B of a covariance, row by row, (15,)."""
+    at = 0
+    for a in range(D):
+        for b in range(a, D):
+            packed[at] = cov[a, b]
+            at += 1
+
+
+@kernel
+def unpack_noise(packed: Vector, c: float, s: float, cov: Matrix) -> None:
+    """Turn a packed Q by a heading (cosine, sine) into the plane: into the upper triangle.
+
+    Q' = R Q Rᵀ,   R of X and Y alone
+    """
+    at = 0
+    for a in range(D):
+        for b in range(a, D):
+            cov[a, b] = packed[at]
+            at += 1
+    xx, xy, yy = cov[X, X], cov[X, Y], cov[Y, Y]
+    cov[X, X] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    cov[Y, Y] = s * s * xx + 2.0 * c * s * xy + c * c * yy
+    cov[X, Y] = c * s * (xx - yy) + (c * c - s * s) * xy
+    for b in range(H, D):
+        px, py = cov[X, b], cov[Y, b]
+        cov[X, b] = c * px - s * py
+        cov[Y, b] = s * px + c * py
+
+
+@kernel
+def add_across(cov: Matrix, variance: float, tx: float, ty: float) -> None:
+    """Add variance (m²) across the direction t."""
+    cov[X, X] += variance * ty * ty
+    cov[Y, Y] += variance * tx * tx
+    cov[X, Y] -= variance * tx * ty
+    cov[Y, X] = cov[X, Y]
+
+
+@kernel
+def decay(
+    mean: Vector, cov: Matrix, state: int, target: float, keep: float, variance: float
+) -> None:
+    """One Gauss-Markov step of a slow state: x⁺ = x̄ + φ (x − x̄) + w, w ~ (1 − φ²) σ²."""
+    mean[state] = target + keep * (mean[state] - target)
+    row = cov[state]
+    own = keep * keep * row[state]
+    set_times(row, keep, row)
+    row[state] = own + (1.0 - keep * keep) * variance
+    for j in range(N):
+        cov[j, state] = row[j]
+
+
+class Kept(NamedTuple):
+    """What a Gauss-Markov step keeps of the slow states of the map."""
+
+    lane: float
+    map: float
+
+
+@kernel
+def kept_over(par: Record, metres: float) -> Kept:
+    """What is kept over a distance (m): exp(−distance / length)."""
+    return Kept(math.exp(-metres / par.lane_length), math.exp(-metres / par.map_length))
+
+
+@kernel
+def decay_map(
+    mean: Vector, cov: Matrix, par: Record, kept: Kept, lane: float, lane_sigma: float
+) -> None:
+    """Gauss-Markov step of the lane offset and the map's error.
+
+    Args:
+        mean: State, (N,), in place.
+        cov: Covariance, (N, N), in place.
+        par: The parameters: sigma of the map's error.
+        kept: What is kept.
+        lane: Usual lane offset here, m.
+        lane_sigma: Its sigma, m.
+    """
+    keep = new_row()
+    for i in range(N):
+        keep[i] = 1.0
+    keep[D] = kept.lane
+    keep[MX] = kept.map
+    keep[MY] = kept.map
+    for i in range(N):
+        scale_by(cov[i], keep[i], keep)
+    mean[D] = lane + kept.lane * (mean[D] - lane)
+    mean[MX] *= kept.map
+    mean[MY] *= kept.map
+    lost = 1.0 - kept.map * kept.map
+    cov[D, D] += (1.0 - kept.lane * kept.lane) * lane_sigma * lane_sigma
+    cov[MX, MX] += lost * par.map_sigma * par.map_sigma
+    cov[MY, MY] += lost * par.map_sigma * par.map_sigma
+
+
+@kernel
+def age_map(
+    mean: Vector, cov: Matrix, par: Record, metres: float, lane: float, lane_sigma: float
+) -> None:
+    """`decay_map` over a distance (m)."""
+    decay_map(mean, cov, par, kept_over(par, metres), lane, lane_sigma)
+
+
+@kernel
+def age_bias(mean: Vector, cov: Matrix, keep: float) -> None:
+    """Gauss-Markov step of the GNSS bias: so much of it is kept."""
+    kept = new_row()
+    for i in range(N):
+        kept[i] = 1.0
+    kept[GX] = keep
+    kept[GY] = keep
+    for i in range(N):
+        scale_by(cov[i], kept[i], kept)
+    mean[GX] *= keep
+    mean[GY] *= keep
+    cov[GX, GX] += 1.0 - keep * keep
+    cov[GY, GY] += 1.0 - keep * keep
+
+
+@kernel
+def redraw_lane(
+    mean: Vector, cov: Matrix, turn: float, old: float, new: float, sigma: float
+) -> None:
+    """Redraw part of the lane offset when turning into another road.
+
+    d⁺ = d̄' + c (d − d̄), variance + σ² (1 − c²), with c = max(cos turn, 0).
+    """
+    c = max(math.cos(turn), 0.0)
+    mean[D] += new - old
+    decay(mean, cov, D, new, c, sigma * sigma)

@@ -1,0 +1,263 @@
+"""Map observations: the paper's multi-Gaussian Y_carto.
+
+All hypotheses, off-road included, see the same rows with the same noise, so that
+their likelihoods are densities of the same quantity and may be compared.
+"""
+
+import math
+from typing import NamedTuple
+
+from .._compile import Record, entry, kernel
+from ..graph.geometry import angle_of, chord, chord_heading, is_straight, locate, project, wrap
+from ..graph.network import Roads
+from .gaussian import LOG_2PI, update, update_across
+from .motion import decay_map, kept_over
+from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
+
+_MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
+_SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
+_CORRELATION = 5.0  # m travelled within which the errors of map rows are one error
+_LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
+_HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
+_LATERAL, _TANGENT_X, _TANGENT_Y, _HEADING, _SLOPE = range(5)  # scratch of a hypothesis
+
+
+class RoadNoise(NamedTuple):
+    """Variances of the map's rows in one epoch, the same for all hypotheses."""
+
+    lateral: float  # m²
+    heading: float  # rad²
+    on_road: float  # weight on the roads
+
+
+@kernel
+def track(belief: Belief, roads: Roads, i: int) -> tuple[float, float, float]:
+    """Project hypothesis i, shifted into the map's frame, on its edge.
+
+    Sets its segment, abscissa and along-track sigma.
+
+    Returns:
+        Lateral offset (m, right positive) and the unit tangent.
+    """
+    hyp = belief.hyp[i]
+    scale = belief.state[0].scale
+    mean = hyp.mu
+    cov = hyp.cov
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    segment, s, across, tx, ty = project(roads, hyp.edge, hyp.segment, qx, qy)
+    hyp.segment = segment
+    hyp.along = s
+    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
+    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+    hyp.along_sigma = math.sqrt(max(tx * tx * vxx + 2.0 * tx * ty * vxy + ty * ty * vyy, 1e-4))
+    return across / scale, tx, ty
+
+
+@entry
+def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
+    """Condition every hypothesis on its road (the paper's Y_carto), without an along row.
+
+        n·(p + m − c(s)) − d = e,      e ~ relative map error
+        θ − chord heading    = e_θ
+
+    The paper's row along the road is left out: its innovation is zero by construction
+    and would only make the filter falsely sure.  An off-road vehicle sees the rows through
+    its own free offset, which fits as a road does on average, and pays for fitting by
+    distance.
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        with_heading: Whether headings are the vehicle's own, and not the roads'.
+    """
+    travelled = belief.state[0].since_map
+    noise = _road_noise(belief, ctx, travelled, with_heading)
+    rows = 2.0 if with_heading else 1.0
+    log_s = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            continue
+        misfit, s = _observe_road(hyp, ctx, noise, with_heading, belief.state[0].scale)
+        log_variance = math.log(s)
+        log_s += hyp.weight * log_variance
+        hyp.log_weight -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
+    if noise.on_road > 0.0:
+        fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
+        for i in range(belief.state[0].count):
+            if belief.hyp[i].edge == OFF_ROAD:
+                belief.hyp[i].log_weight += fit - ctx.par[0].off_road_cost * travelled
+
+
+@kernel(inline=True)
+def _road_noise(belief: Belief, ctx: Context, travelled: float, with_heading: bool) -> RoadNoise:
+    """Age the slow states, look at each hypothesis' road, and find the rows' variances.
+
+    Near junctions, where the centre line is not what is driven, both errors are relaxed for
+    all hypotheses alike, by the weighted share that is near one.
+    """
+    par = ctx.par[0]
+    kept = kept_over(par, travelled)
+    on = 0.0
+    more_lateral = 0.0
+    more_heading = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        edge = hyp.edge
+        decay_map(hyp.mu, hyp.cov, par, kept, lane_mean(ctx, edge), lane_sigma(ctx, edge))
+        if edge == OFF_ROAD:
+            continue
+        hyp.scratch[_LATERAL], hyp.scratch[_TANGENT_X], hyp.scratch[_TANGENT_Y] = track(
+            belief, ctx.roads, i
+        )
+        s = hyp.along
+        p = hyp.weight
+        on += p
+        bow = 0.0
+        slope = 0.0
+        if with_heading:
+            hyp.scratch[_HEADING], slope, bow = heading_regression(
+                ctx.roads, edge, hyp.segment, s, hyp.along_sigma
+            )
+        elif p > _LIGHT:
+            slope = heading_slope(ctx.roads, edge, hyp.segment, s, hyp.along_sigma)
+        hyp.scratch[_SLOPE] = slope
+        variance = hyp.along_sigma**2
+        cutting = min(abs(slope) * _HALF_CHORD, 1.0) * par.node_sigma
+        sagitta = min(0.5 * abs(slope) * variance, 4.0)
+        more_lateral += p * (cutting * cutting + sagitta * sagitta)
+        more_heading += p * (bow * bow + 0.1 * slope**2 * (variance + 9.0))
+        if min(s, ctx.roads.edges[edge].length - s) < par.node_radius:
+            more_lateral += p * par.node_sigma**2
+            more_heading += p * par.node_heading_sigma**2
+    if on > 0.0:
+        more_lateral /= on
+        more_heading /= on
+    thin = min(max(_CORRELATION / travelled, 0.5), 4.0) if travelled > 0.0 else 1.0
+    return RoadNoise(
+        thin * (par.relative_sigma**2 + more_lateral),
+        thin * (par.edge_heading_sigma**2 + more_heading),
+        on,
+    )
+
+
+@kernel(inline=True)
+def _observe_road(
+    hyp: Record, ctx: Context, noise: RoadNoise, with_heading: bool, scale: float
+) -> tuple[float, float]:
+    """Condition one hypothesis on its road's rows; returns chi-square and innovation variance."""
+    mean = hyp.mu
+    tx = hyp.scratch[_TANGENT_X]
+    ty = hyp.scratch[_TANGENT_Y]
+    nu = mean[D] - hyp.scratch[_LATERAL]
+    s = update_across(mean, hyp.cov, ty, -tx, nu, noise.lateral, scale)
+    misfit = nu * nu / s
+    if with_heading:
+        row = ctx.work.row
+        for j in range(N):
+            row[j] = 0.0
+        row[H] = 1.0
+        row[X] = -hyp.scratch[_SLOPE] * tx
+        row[Y] = -hyp.scratch[_SLOPE] * ty
+        row[MX] = row[X]
+        row[MY] = row[Y]
+        nu = wrap(hyp.scratch[_HEADING] - mean[H])
+        s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
+        misfit += nu * nu / s_heading
+        s *= s_heading
+    return misfit, s
+
+
+@kernel(inline=True)
+def heading_regression(
+    roads: Roads, edge: int, segment: int, s: float, sigma: float
+) -> tuple[float, float, float]:
+    """The road's heading about an abscissa that is only known to sigma.
+
+    Statistical linear regression of the chord's heading χ on the abscissa, at
+    x = 0, ±σ, ±2σ (σ at least 2 m) with normal weights w:
+
+        mean  = Σ w χ
+        slope = Σ w χ x / Σ w x²
+        bow²  = Σ w (χ − mean − slope x)²
+
+    so that in a bend the heading tells the abscissa, as far as it is in doubt, and a
+    bend that lies within the doubt is expected.
+
+    Args:
+        roads: The network.
+        edge: Directed edge.
+        segment: Vertex index near the abscissa.
+        s: Abscissa, m.
+        sigma: Its standard deviation, m.
+
+    Returns:
+        Mean heading (rad), slope (rad/m), bow (rad).
+    """
+    length = roads.edges[edge].length
+    inside = min(max(s, 0.0), length)
+    if is_straight(roads, edge):
+        _, _, _, tx, ty = locate(roads, edge, segment, inside)
+        return math.atan2(ty, tx), 0.0, 0.0
+    step = min(max(sigma, 2.0), 15.0)
+    low = max(inside - 2.0 * step - _HALF_CHORD, 0.0)
+    low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
+    high = min(inside + 2.0 * step + _HALF_CHORD, length)
+    high_segment, _, _, _, _ = locate(roads, edge, low_segment, high)
+    if low_segment == high_segment:  # straight, as far as it is looked at
+        return math.atan2(ty, tx), 0.0, 0.0
+    middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
+    near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
+    near_low = _turn_to(roads, edge, segment, max(inside - step, 0.0), middle)
+    far = _turn_to(roads, edge, segment, min(inside + 2.0 * step, length), middle)
+    far_low = _turn_to(roads, edge, segment, max(inside - 2.0 * step, 0.0), middle)
+    mean = _NEAR * (near + near_low) + _FAR * (far + far_low)
+    slope = (_NEAR * (near - near_low) + 2.0 * _FAR * (far - far_low)) / (_SPAN * step)
+    rise = slope * step
+    rest = (
+        _MIDDLE * mean**2
+        + _NEAR * ((near - mean - rise) ** 2 + (near_low - mean + rise) ** 2)
+        + _FAR * ((far - mean - 2.0 * rise) ** 2 + (far_low - mean + 2.0 * rise) ** 2)
+    )
+    return wrap(middle + mean), slope, math.sqrt(rest)
+
+
+@kernel
+def _turn_to(roads: Roads, edge: int, segment: int, s: float, heading: float) -> float:
+    """The chord's heading at s less another one."""
+    return float(wrap(chord_heading(roads, edge, segment, s, _HALF_CHORD) - heading))
+
+
+@kernel(inline=True)
+def heading_slope(roads: Roads, edge: int, segment: int, s: float, sigma: float) -> float:
+    """The slope of `heading_regression` alone, rad/m."""
+    length = roads.edges[edge].length
+    if is_straight(roads, edge):
+        return 0.0
+    inside = min(max(s, 0.0), length)
+    step = min(max(sigma, 2.0), 15.0)
+    reach = 2.0 * step + _HALF_CHORD
+    if max(inside - reach, 0.0) >= roads.vertices[segment].s and (
+        min(inside + reach, length) <= roads.vertices[segment + 1].s
+    ):  # straight, as far as it is looked at
+        return 0.0
+    total = 0.0
+    for k in range(1, 3):
+        weight = _NEAR if k == 1 else 2.0 * _FAR
+        total += weight * _turn_about(roads, edge, segment, inside, k * step)
+    return total / (_SPAN * step)
+
+
+@kernel(inline=True)
+def _turn_about(roads: Roads, edge: int, segment: int, s: float, step: float) -> float:
+    """By how much the chord turns from a step before an abscissa to a step after it, rad."""
+    length = roads.edges[edge].length
+    ax, ay = chord(roads, edge, segment, max(s - step, 0.0), _HALF_CHORD)
+    bx, by = chord(roads, edge, segment, min(s + step, length), _HALF_CHORD)
+    across = ax * by - ay * bx
+    onwards = ax * bx + ay * by
+    if abs(across) < 1e-12 * onwards:
+        return 0.0
+    return angle_of(onwards, across)

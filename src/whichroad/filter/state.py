@@ -1,0 +1,367 @@
+"""The filter's state as records: one hypothesis, what all hypotheses share, the path tree.
+
+A record's field has a name, a type and a unit, here and nowhere else.  The state vector of a
+hypothesis, in this order:
+
+    X, Y     position of M, the middle of the rear axle, plane coordinates (paper, X_k)
+    H        heading, rad, counter-clockwise from the plane's east (the paper's θ)
+    K        metres per odometer metre; without odometry the "odometer" counts seconds
+             and K is the speed in m/s
+    B        heading drift per odometer metre, rad/m
+    D        offset from the road's centre line in the map's frame, m, right positive
+    MX, MY   map-minus-world offset, m
+    GX, GY   GNSS bias in units of the reported ellipse (zero mean, unit variance)
+    U, V     spare slow states for sensors to come: zero, with zero variance
+
+X and Y are in plane units and everything else, covariance included, in true metres: a
+displacement of v metres moves X, Y by k v, with k the plane's local scale.
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from .._compile import Array, Ints, Matrix, Record, Records, Vector, entry, kernel
+from ..graph.index import CANDIDATE
+from ..graph.network import Roads, lane_sigma_of, records
+from ..graph.search import Search, new_search
+from ._simd import N as N
+from ._simd import copy_record
+
+X, Y, H, K, B, D, MX, MY, GX, GY, U, V = range(N)
+
+OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
+NO_EDGE = -2
+
+WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
+
+# how an epoch's motion is predicted: not yet; anew from a fix; by wheels in the plane; along the
+# road; not at all; by routes between sparse fixes
+WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
+
+CAPACITY = 160  # hypotheses, children of one epoch included
+KEPT = 48  # hypotheses that survive an epoch
+
+HYPOTHESIS = np.dtype(
+    [
+        ("mu", "f8", (N,)),  # mean of the state vector
+        ("cov", "f8", (N, N)),
+        ("log_weight", "f8"),
+        ("weight", "f8"),  # exp(log_weight), set by `normalise`
+        ("along", "f8"),  # abscissa on its edge, m
+        ("along_sigma", "f8"),  # m
+        ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
+        ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
+        ("scratch", "f8", (5,)),  # of one observation; each module names its slots
+        ("path_entry", "i8"),  # newest entry of the path tree
+        ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
+        ("segment", "i4"),  # vertex at which the current segment starts
+        ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
+    ],
+    align=True,
+)
+
+FILTER = np.dtype(
+    [
+        ("count", "i8"),  # hypotheses
+        ("parents", "i8"),  # hypotheses of the history's last step; 0: nothing is stored
+        ("started", "u1"),
+        ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
+        ("changed", "u1"),  # 1: weights or edges changed in this epoch
+        ("observed", "u1"),  # 1: its fix was observed
+        ("time", "f8"),  # of the last epoch, s
+        ("scale", "f8"),  # plane metres per true metre here
+        ("log_evidence", "f8"),  # log-likelihood of all observations
+        ("speed", "f8"),  # m/s over ground, negative in reverse
+        ("turn_rate", "f8"),  # rad/s
+        ("odometer_speed", "f8"),  # m/s by the odometer, low-pass filtered
+        ("odometer_acceleration", "f8"),  # m/s²
+        ("since_map", "f8"),  # m travelled since the map was observed
+        ("since_exit", "f8"),  # m travelled since the off-road exchange
+        ("since_fix", "f8"),  # m travelled since the last fix
+        ("unmeasured", "f8"),  # m extrapolated since the last fix or measured odometry
+        ("moving", "f8"),  # s of motion since the last fix
+        ("standing", "f8"),  # s of standing until now
+        ("last_fix", "f8"),  # time of the last fix, s
+        ("misfits", "f8"),  # fixes in a row that fit no hypothesis
+        ("map_time", "f8"),  # time of the last map observation, s (paper preset)
+        ("on_road_at", "f8"),  # time of the last fix at which the roads had half of the weight, s
+        # the receiver's noise, as learnt (filter.gnss_noise)
+        ("gnss_factor", "f8"),  # on reported variances; 0 before the first fix
+        ("innovation_factor", "f8"),  # the same by innovations,
+        ("windowed_factor", "f8"),  # by innovations that keep their sign,
+        ("bias_factor", "f8"),  # and by the bias states
+        ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
+        ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
+        ("learnt_time", "f8"),  # s over which they have been learnt
+        ("white_factor", "f8"),  # white variance over the reported one, as seen
+        ("gnss_cov", "f8", (3,)),  # reported covariance, smoothed: xx, xy, yy, m²
+        ("bias_cov", "f8", (3,)),  # covariance that scales the bias states, m²
+        ("bias_root", "f8", (3,)),  # its symmetric root S, m
+        ("fix_1", "f8", (3,)),  # x, y (plane), time of the last fix
+        ("fix_2", "f8", (3,)),  # and of the one before
+        ("fix_across", "f8"),  # offset of the last sparse fix from the road, m,
+        ("across_heading", "f8"),  # that road's heading, rad,
+        ("across_time", "f8"),  # and the time, s
+    ],
+    align=True,
+)
+
+PATH_ENTRY = np.dtype(
+    [
+        ("parent", "i8"),  # entry, -1: none
+        ("time", "f8"),  # when the edge was entered, s
+        ("along", "f8"),  # where, m
+        ("edge", "i4"),
+    ],
+    align=True,
+)
+
+EPOCH = np.dtype(
+    [
+        ("time", "f8"),  # s
+        # odometry, pre-integrated since the epoch before, in M's frame at that epoch
+        ("arc", "f8"),  # odometer metres
+        ("turn", "f8"),  # rad
+        ("forward", "f8"),  # m
+        ("left", "f8"),  # m
+        # GNSS
+        ("fix", "f8", (5,)),  # x, y (plane), sigma_major, sigma_minor (m), heading of major (rad)
+        ("speed", "f8"),  # m/s
+        ("speed_sigma", "f8"),  # inf: not reported
+        ("course", "f8"),  # heading over ground, rad
+        ("course_sigma", "f8"),  # inf: not reported
+        ("odometry_valid", "u1"),  # 1: measured; 0: extrapolated
+        ("has_fix", "u1"),
+    ],
+    align=True,
+)
+
+Epochs = Annotated[Records, Array(EPOCH, 1)]  # of a drive
+
+_SETTINGS = (
+    "heading_noise", "turn_noise", "along_noise", "lateral_noise", "yaw_bias_noise",
+    "acceleration_noise", "scale_sigma", "drift_sigma", "lane_sigma", "lane_length", "map_sigma",
+    "map_length", "relative_sigma", "edge_heading_sigma", "node_radius", "node_sigma",
+    "node_heading_sigma", "map_spacing", "gnss_white_ratio", "gnss_time", "gnss_gate",
+    "gnss_adapt_time", "gnss_start", "gnss_fault_time", "gnss_lost", "off_road_leave",
+    "off_road_return", "off_road_cost", "off_road_start", "wrong_way", "u_turn_rate",
+    "search_radius", "prune", "merge", "components", "lost_after", "protection_risk", "unknown",
+    "outage_after", "ambiguous_below", "paper_stay", "paper_radius", "paper_width",
+    "paper_heading_sigma", "paper_step",
+)  # fmt: skip
+
+PARAMETERS = np.dtype(
+    [
+        *((name, "f8") for name in _SETTINGS),  # SI; `settings.Settings` has units and reasons
+        ("lever", "f8", (2,)),  # antenna ahead and left of M, m
+        ("side", "f8"),  # 1 where one drives on the right, -1 on the left
+        ("mode", "i8"),  # WHEELS, DISTANCE or CLOCK
+        ("truncate", "u1"),  # 1: Gaussians are truncated at the ends of edges
+        ("paper", "u1"),  # 1: the paper's literal form (filter.paper)
+    ],
+    align=True,
+)
+
+SUCCESSOR = np.dtype(
+    [
+        ("edge", "i4"),
+        ("parent", "i4"),  # successor it was reached from, -1: the origin itself
+        ("offset", "f8"),  # abscissa of its start, from the origin's start, m
+        ("prior", "f8"),  # product of turn priors
+        ("mass", "f8"),  # prior times Gaussian mass
+        ("turn", "f8"),  # sum of turns, rad
+    ],
+    align=True,
+)
+
+CANDIDATES = 128
+SUCCESSORS = 64  # edges that one hypothesis may pass on to in one step
+
+
+class Belief(NamedTuple):
+    """The mixture of hypotheses and what all of them share; rows from `count` on are free."""
+
+    hyp: Annotated[Records, Array(HYPOTHESIS, 1)]  # (C,)
+    lineage: Matrix  # (C, KEPT or 0) share of its weight from each hypothesis of the last step
+    state: Annotated[Records, Array(FILTER, 1)]  # (1,)
+
+
+class Path(NamedTuple):
+    """Tree of edges entered: follow `parent` back to get a hypothesis' path."""
+
+    entry: Annotated[Records, Array(PATH_ENTRY, 1)]  # (n,)
+    size: Ints  # (1,)
+
+
+class Work(NamedTuple):
+    """Buffers of the kernels, allocated once per thread."""
+
+    row: Vector  # (N,) observation row
+    successor: Annotated[Records, Array(SUCCESSOR, 1)]  # (SUCCESSORS,)
+    near: Annotated[Records, Array(CANDIDATE, 1)]  # (CANDIDATES,)
+    search: Search  # routes between sparse fixes
+    merged: Annotated[Records, Array(HYPOTHESIS, 1)]  # (CANDIDATES, or 0 without the paper preset)
+
+
+class Context(NamedTuple):
+    """What is constant over a drive, and buffers."""
+
+    par: Annotated[Records, Array(PARAMETERS, 1)]  # (1,)
+    roads: Roads
+    work: Work
+
+
+def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
+    """An empty belief; `lineage` where its history is stored (`filter.history`)."""
+    hyp = records(capacity, HYPOTHESIS)
+    hyp.edge = NO_EDGE
+    hyp.along_sigma = 1.0
+    hyp.p_not_passed = 1.0
+    hyp.path_entry = -1
+    return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), records(1, FILTER))
+
+
+def new_path(capacity: int) -> Path:
+    """An empty path tree."""
+    entry = records(capacity, PATH_ENTRY)
+    entry.edge = NO_EDGE
+    entry.parent = -1
+    return Path(entry, np.zeros(1, np.int64))
+
+
+def new_epochs(n: int) -> Epochs:
+    """Empty epochs, (n,) EPOCH."""
+    return records(n, EPOCH)
+
+
+def new_parameters() -> Records:
+    """Parameters, (1,), to be filled."""
+    return records(1, PARAMETERS)
+
+
+def new_work(paper: bool = False) -> Work:
+    """Buffers for one thread."""
+    return Work(
+        np.zeros(N), records(SUCCESSORS, SUCCESSOR), records(CANDIDATES, CANDIDATE), new_search(),
+        records(CANDIDATES if paper else 0, HYPOTHESIS),
+    )  # fmt: skip
+
+
+@entry
+def normalise(belief: Belief) -> None:
+    """Make the weights sum to one: P(S_k | Y).
+
+    The log of what they summed to is what the observations since the last call were worth;
+    it adds to the log-evidence.
+    """
+    state = belief.state[0]
+    top = -math.inf
+    for i in range(state.count):
+        top = max(top, belief.hyp[i].log_weight)
+    total = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        hyp.weight = math.exp(hyp.log_weight - top)
+        total += hyp.weight
+    log_total = top + math.log(total)
+    state.log_evidence += log_total
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        hyp.log_weight -= log_total
+        hyp.weight /= total
+
+
+@kernel
+def heaviest(belief: Belief) -> int:
+    """The hypothesis of the largest log-weight."""
+    top = 0
+    for i in range(belief.state[0].count):
+        if belief.hyp[i].log_weight > belief.hyp[top].log_weight:
+            top = i
+    return top
+
+
+@kernel
+def most_probable(belief: Belief) -> int:
+    """The hypothesis of the largest weight, as of the last normalisation."""
+    top = 0
+    for i in range(belief.state[0].count):
+        if belief.hyp[i].weight > belief.hyp[top].weight:
+            top = i
+    return top
+
+
+@kernel
+def rescale(hyp: Record, factor: float) -> None:
+    """Multiply a hypothesis' weight."""
+    hyp.log_weight += math.log(max(factor, 1e-300))
+    hyp.weight *= factor
+
+
+@kernel
+def move_row(belief: Belief, source: int, target: int) -> None:
+    """Copy one hypothesis over another, with its lineage."""
+    copy_record(belief.hyp[target], belief.hyp[source])
+    for a in range(belief.state[0].parents):
+        belief.lineage[target, a] = belief.lineage[source, a]
+
+
+@kernel
+def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
+    """Append a child of hypothesis i on an edge, with a share of its weight; returns its row.
+
+    The caller has seen that there is room, and takes the share from i.
+    """
+    state = belief.state[0]
+    child = int(state.count)
+    move_row(belief, i, child)
+    hyp = belief.hyp[child]
+    rescale(hyp, share)
+    hyp.edge = edge
+    hyp.segment = segment
+    hyp.new_edge = 1
+    state.count = child + 1
+    return child
+
+
+@kernel
+def lane_mean(ctx: Context, edge: int) -> float:
+    """Usual offset right of the centre line of an edge, m; 0 off the roads."""
+    if edge < 0:
+        return 0.0
+    return float(ctx.par[0].side * ctx.roads.edges[edge].lane)
+
+
+@kernel
+def lane_sigma(ctx: Context, edge: int) -> float:
+    """Its sigma, m."""
+    if edge < 0:
+        return float(ctx.par[0].lane_sigma)
+    return lane_sigma_of(ctx.roads, edge, ctx.par[0].lane_sigma)
+
+
+@kernel
+def redraw(hyp: Record, state: int, mean: float, variance: float) -> None:
+    """Give one state a new mean and variance, independent of all others."""
+    for j in range(N):
+        hyp.cov[state, j] = 0.0
+        hyp.cov[j, state] = 0.0
+    hyp.cov[state, state] = variance
+    hyp.mu[state] = mean
+
+
+@kernel
+def enter(path: Path, edge: int, parent: int, time: float, along: float) -> int:
+    """Add an entry to the path tree; returns its number, the parent when it is full."""
+    new = int(path.size[0])
+    if new >= len(path.entry):
+        return parent
+    entry = path.entry[new]
+    entry.edge = edge
+    entry.parent = parent
+    entry.time = time
+    entry.along = along
+    path.size[0] = new + 1
+    return new

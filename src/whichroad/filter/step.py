@@ -1,0 +1,314 @@
+"""One epoch of the filter: Figure 7 of Smaili et al. 2007.
+
+Every kernel below takes the belief (what is estimated), the path tree and the history (what is
+kept of the past), the epoch (what the sensors measured) and the context (what is constant over
+the drive).  What is pending between them is a field of the belief's state.
+"""
+
+import math
+
+from .._compile import Record, entry, kernel
+from ..graph.network import plane_scale
+from . import paper
+from .births import exchange_off_road, turn_round, turn_with_heading
+from .branching import PASSED, advance_along, branch, forward_only
+from .estimate import Output, summarise
+from .gnss_noise import observe_across
+from .gnss_update import observe_fix, observe_standing, start_at_fix
+from .history import History, accumulate_motion, accumulate_noise, is_full, store
+from .motion import (
+    Increment,
+    Noise,
+    blind_noise,
+    extrapolated,
+    increment_of,
+    predict_plane,
+    wheel_noise,
+)
+from .reduction import reduce
+from .road import observe_map
+from .sparse import transit, truncate_to_edges
+from .state import (
+    CLOCK,
+    OFF_ROAD,
+    PLANE,
+    ROAD,
+    ROUTES,
+    STAND,
+    START,
+    WAIT,
+    WHEELS,
+    Belief,
+    Context,
+    Epochs,
+    K,
+    Path,
+    X,
+    Y,
+    normalise,
+)
+
+SPARSE = 2.5  # s; fixes farther apart are joined by routes
+_PIECE = 6.0  # m, longest piece in which wheels are followed
+_EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
+_SMOOTHING = 0.1  # s, time constant of the odometer's speed
+_STANDING = 0.5  # m/s; a receiver that reports less stands
+_STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
+_LONGEST = 1800.0  # s; a longer pause without odometry starts anew
+_ROOM = 2048  # entries of the path tree that one epoch may need
+
+
+@kernel
+def step(
+    belief: Belief, path: Path, history: History, epoch: Record, output: Output, ctx: Context,
+    k: int,
+) -> None:  # fmt: skip
+    """One epoch: predict, observe, branch, observe the map, weigh, merge and prune, summarise."""
+    state = belief.state[0]
+    dt = _begin_epoch(belief, ctx, epoch)
+    if state.motion == WAIT:
+        return
+    chi2 = 0.0
+    with_heading = ctx.par[0].mode == WHEELS
+    if state.motion == START:  # candidates about the fix, and none of them
+        with_heading = start_at_fix(belief, path, ctx, epoch) and ctx.par[0].mode != CLOCK
+        normalise(belief)
+    else:
+        _predict(belief, path, history, ctx, epoch, dt)  # eq. (1); along the road; by routes
+        if epoch.has_fix:
+            chi2 = _observe_gnss(belief, path, history, ctx, epoch)  # Y_1, Q^gps
+        _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
+    if state.motion == START or state.since_map >= ctx.par[0].map_spacing:
+        if state.motion != START:
+            _exchange(belief, ctx)  # on and off the roads, U-turns
+        history.since[0].map_aged += state.since_map
+        observe_map(belief, ctx, with_heading)  # Y_carto, Q^carto
+        state.since_map = 0.0
+        state.changed = 1
+    if state.changed:
+        reduce(belief, path, ctx)  # P(S_k | Y); merge within an edge, prune
+    _estimate_speed(belief, ctx, epoch, dt)
+    if len(history.steps) > 0:
+        store(belief, history, k, state.changed == 1, ctx.par[0].off_road_leave)
+    summarise(belief, ctx, output, k, chi2)
+
+
+@entry
+def run(
+    belief: Belief, path: Path, history: History, epochs: Epochs, output: Output, ctx: Context,
+    first: int, last: int,
+) -> int:  # fmt: skip
+    """Filter the epochs first … last − 1 of a drive; on line it is called for one at a time.
+
+    Args:
+        belief: In place; empty before the first fix.
+        path: Tree of edges entered.
+        history: What is stored for smoothing; of no length where nothing is.
+        epochs: What the sensors measured, (n,) EPOCH.
+        output: Filled for the same rows.
+        ctx: The drive's constants.
+        first: First epoch.
+        last: One past the last.
+
+    Returns:
+        The epoch it stopped before: `last`, or earlier when the path tree or the history
+        is full.
+    """
+    for k in range(first, last):
+        if len(path.entry) - path.size[0] < _ROOM and len(path.entry) > _ROOM:
+            return k
+        if len(history.steps) > 0 and is_full(history):
+            return k
+        if ctx.par[0].paper:
+            paper.step(belief, epochs[k], output, ctx, k)
+        else:
+            step(belief, path, history, epochs[k], output, ctx, k)
+    return last
+
+
+@kernel(inline=True)
+def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
+    """Advance the time and decide how motion is predicted; returns the epoch's duration, s."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    dt = epoch.time - state.time
+    state.time = epoch.time
+    state.changed = 0
+    state.observed = 0
+    state.motion = WAIT
+    if not state.started and not epoch.has_fix:
+        return float(dt)
+    x = belief.hyp[0].mu[X] if state.started else epoch.fix[0]
+    y = belief.hyp[0].mu[Y] if state.started else epoch.fix[1]
+    state.scale = plane_scale(ctx.roads, x, y)
+    if epoch.has_fix and (
+        not state.started
+        or state.misfits >= par.lost_after
+        or (par.mode == CLOCK and dt > _LONGEST)
+    ):
+        state.motion = START
+        state.changed = 1
+        return 0.0
+    stands = epoch.speed_sigma < 1.0 and epoch.speed < _STANDING and state.speed < 3.0 * _STANDING
+    if par.mode == WHEELS:
+        state.motion = PLANE
+    elif par.mode == CLOCK and stands:
+        state.motion = STAND
+    elif par.mode == CLOCK and epoch.has_fix and dt > SPARSE:
+        state.motion = ROUTES
+    else:
+        state.motion = ROAD
+    return float(dt)
+
+
+@kernel(inline=True)
+def _predict(
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
+) -> None:
+    """The process model, as the epoch's kind of motion asks for."""
+    mode = ctx.par[0].mode
+    state = belief.state[0]
+    if len(history.steps) > 0:
+        moving = 0.0 if state.motion == STAND else dt
+        accumulate_motion(history, epoch, moving, state.speed, mode)
+    if state.motion == PLANE:
+        _predict_wheels(belief, path, history, ctx, epoch, dt)
+    elif state.motion == STAND:
+        _count_motion(state, 0.0, dt)
+    elif state.motion == ROUTES:
+        moved = transit(belief, path, ctx, epoch.fix, dt)
+        history.since[0].jumped = 1
+        history.since[0].map_aged += moved
+        _count_motion(state, moved, dt)
+    else:
+        moved = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
+        odometer = dt if mode == CLOCK else epoch.arc
+        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), moved, mode)
+        if len(history.steps) > 0:
+            accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0), q)
+        turned = turn_round(belief, ctx, dt)
+        branched = advance_along(belief, path, ctx, odometer, q)
+        weighed = mode == CLOCK and forward_only(belief, ctx)
+        if turned or branched or weighed:
+            state.changed = 1
+        _count_motion(state, moved, dt)
+    if mode != CLOCK and dt > 1e-6:
+        behind = epoch.arc / dt - state.odometer_speed
+        state.odometer_speed += behind * dt / (_SMOOTHING + dt)
+        state.odometer_acceleration = behind / (_SMOOTHING + dt)
+
+
+@kernel(inline=True)
+def _predict_wheels(
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
+) -> None:
+    """Equation (1) in equal pieces of the arc, branching between them."""
+    state = belief.state[0]
+    pieces = max(1, math.ceil(abs(epoch.arc) / _PIECE))
+    move = increment_of(epoch, pieces)
+    metres = abs(epoch.arc) * (1.0 / pieces)
+    for piece in range(pieces):
+        if piece > 0:
+            if state.changed:
+                normalise(belief)
+            if branch(belief, path, ctx, epoch.arc / pieces, 0.0):
+                state.changed = 1
+            if state.changed:
+                reduce(belief, path, ctx)
+        q = _noise(state, epoch, wheel_noise(ctx.par[0], metres, move.turn), metres, WHEELS)
+        if len(history.steps) > 0:
+            accumulate_noise(history, move, q)
+        for i in range(state.count):
+            predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
+        _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
+    if dt > 1e-6:
+        state.turn_rate = epoch.turn / dt
+
+
+@kernel(inline=True)
+def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
+    """Process noise of an increment, more where the odometer did not measure it."""
+    if mode == CLOCK or epoch.odometry_valid == 1:
+        state.unmeasured = 0.0
+        return noise
+    before = state.unmeasured
+    state.unmeasured += metres
+    return extrapolated(noise, before, metres)
+
+
+@kernel(inline=True)
+def _count_motion(state: Record, moved: float, dt: float) -> None:
+    """Distances and times that slow states and the map's spacing are measured by."""
+    state.since_map += moved
+    state.since_fix += moved
+    state.since_exit += moved
+    if moved > 0.05 * dt:
+        state.moving += dt
+        state.standing = 0.0
+    else:
+        state.standing += dt
+
+
+@kernel(inline=True)
+def _observe_gnss(
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record
+) -> float:
+    """The epoch's fix, unless the vehicle stands; returns its chi-square."""
+    state = belief.state[0]
+    still = ctx.par[0].mode != CLOCK and state.since_fix <= _STILL
+    if state.motion == STAND or still:
+        observe_standing(belief, ctx, epoch)
+        return 0.0
+    if state.motion == ROUTES:
+        normalise(belief)
+    history.since[0].gnss_aged += state.moving
+    state.changed = 1
+    state.observed = 1
+    return observe_fix(belief, path, ctx, epoch)
+
+
+@kernel(inline=True)
+def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
+    """Weigh by what was observed, and pass on what has left its edge."""
+    state = belief.state[0]
+    if state.motion == ROUTES:
+        truncate_to_edges(belief, ctx.roads)
+        forward_only(belief, ctx)
+        state.since_map = 0.0
+    if state.changed:
+        normalise(belief)
+    if state.motion == ROUTES:
+        observe_across(belief, ctx, epoch)
+        state.since_exit = 0.0
+        return
+    wheels = state.motion == PLANE
+    arc = epoch.arc / max(1, math.ceil(abs(epoch.arc) / _PIECE)) if wheels else 0.0
+    if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, 0.0 if wheels else PASSED):
+        state.changed = 1
+
+
+@kernel(inline=True)
+def _exchange(belief: Belief, ctx: Context) -> None:
+    """The off-road mode, seldom where it does not matter, and U-turns by heading."""
+    state = belief.state[0]
+    matters = False
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        matters = matters or (hyp.edge == OFF_ROAD and hyp.weight > 1e-3)
+    if state.since_exit >= _EXCHANGE or matters:
+        exchange_off_road(belief, ctx)
+    if ctx.par[0].mode == WHEELS:
+        turn_with_heading(belief, ctx)
+
+
+@kernel(inline=True)
+def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
+    """Speed of M over ground, m/s, by the weighted κ."""
+    state = belief.state[0]
+    rate = 0.0
+    for i in range(state.count):
+        rate += belief.hyp[i].weight * belief.hyp[i].mu[K]
+    if ctx.par[0].mode == CLOCK:
+        state.speed = rate
+    elif dt > 1e-6:
+        state.speed = rate * epoch.arc / dt

@@ -1,0 +1,1 @@
+"""Degrees, planes and units: geodetic positions and the map's plane, bearings and headings."""

@@ -1,0 +1,80 @@
+"""A start from a given pose."""
+
+import math
+
+import numpy as np
+
+from ..filter.births import Start, cold_start
+from ..filter.reduction import reduce
+from ..filter.state import CLOCK, GX, GY, WHEELS, Belief, Context, Path, normalise
+from ..geodesy.angles import heading_of, radians
+from ..graph.network import plane_scale
+from ..observations import StartPose
+from ..roadmap import RoadMap
+from ..settings import Settings
+
+_BLIND_SPEED, _BLIND_SPEED_SIGMA = 6.0, 8.0  # m/s, at a start without odometry
+_WHITE = 0.01  # white sigma of a pose over the one given
+
+
+def initial_state(belief: Belief, time: float, settings: Settings) -> None:
+    """What all hypotheses share, at a start before any fix.
+
+    Args:
+        belief: Its state is set.
+        time: s.
+        settings: For the sigma of fixes that report none.
+    """
+    state = belief.state
+    state.time = time
+    state.factor_time = time
+    state.last_fix = -math.inf
+    state.started = 1
+    state.gnss_cov[0, [0, 2]] = settings.default_sigma_m**2
+    for factor in ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor"):
+        state[factor] = 1.0
+
+
+def start_at(
+    belief: Belief, roads: RoadMap, path: Path, ctx: Context, start: StartPose, time: float,
+    settings: Settings,
+) -> None:  # fmt: skip
+    """Begin from a given pose of M, before any fix.
+
+    Args:
+        belief: The filter's, empty.
+        roads: The map.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        start: The pose.
+        time: s.
+        settings: The model's numbers.
+    """
+    par = ctx.par.copy()
+    mode = int(par.mode[0])
+    par.mode = WHEELS  # a pose tells the heading: hypotheses are merged as with wheels
+    x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
+    turn = roads.plane.convergence(x, y)
+    known = Start(
+        bias=1.0,
+        white=_WHITE,
+        heading=heading_of(start.bearing_deg, float(turn[0])),
+        heading_sigma=radians(start.sigma_bearing_deg),
+        rate=_BLIND_SPEED if mode == CLOCK else 1.0,
+        rate_sigma=_BLIND_SPEED_SIGMA if mode == CLOCK else float(par.scale_sigma[0]),
+        drift_sigma=float(par.drift_sigma[0]) if mode == WHEELS else 0.0,
+        at_antenna=False,
+    )
+    fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
+    belief.state.scale = plane_scale(ctx.roads, float(x[0]), float(y[0]))
+    own = ctx._replace(par=par)
+    cold_start(belief, path, own, fix, known, 1.0)
+    n = int(belief.state[0].count)
+    cov = belief.hyp["cov"]
+    for state in (GX, GY):  # the pose owes nothing to the GNSS bias of later fixes
+        cov[:n, state, :] = 0.0
+        cov[:n, :, state] = 0.0
+        cov[:n, state, state] = 1.0
+    normalise(belief)
+    reduce(belief, path, own)
+    initial_state(belief, time, settings)

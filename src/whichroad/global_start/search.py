@@ -1,0 +1,409 @@
+"""The search: a population that follows the wheels until the ordinary belief holds it."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compile import Records
+from ..epochs import Timeline
+from ..errors import DriveError
+from ..filter.estimate import Output, summarise
+from ..filter.motion import Increment, arc_chord
+from ..filter.population import (
+    branch_all,
+    initialise,
+    match_moments,
+    merge_neighbours,
+    predict_all,
+)
+from ..filter.road import observe_map
+from ..filter.state import (
+    KEPT,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    Path,
+    X,
+    Y,
+    new_belief,
+    new_path,
+    new_work,
+    normalise,
+)
+from ..graph.network import plane_scale
+from ..observations import Array, StartPose
+from ..roadmap import RoadMap
+from ..settings import Settings, Vehicle, parameters
+from .pose import initial_state
+from .prior import DROP, KNOWN_BEARING, prior_components
+
+MAP = "map"
+"""The start that is anywhere on the map."""
+
+_LONGEST = 6.0  # m, longest piece in which wheels are followed
+_MERGE = 0.05  # nats, cost of a merge of neighbours
+_SWING = 10.0  # m, distance constant of the sum of recent turns
+_STRAIGHT = 0.15  # rad; a smaller recent turn is a bend that centre lines show
+_LOOSE = 3.0  # 1/rad, growth of the map's noise with recent turns
+_FEW = 500  # hypotheses that are followed epoch by epoch
+_DECIDED = 1e-3  # weight left out when the ordinary belief takes over
+_LANE, _LANE_LENGTH = 1.5, 60.0  # m; one evasion must not lose to 100,000 other roads
+_PROBATION = 500.0  # m for which the left-out weight must have been small
+_AGAIN = 25.0  # m until off-road hypotheses may first return to any road
+_LESS_OFTEN = 1.1  # growth of that distance from one return to the next
+_NEAR = 40.0  # m; a pose of a smaller sigma needs no search
+_FITS = 25.0  # chi-square of a fix that a hypothesis can explain
+
+
+class Step(NamedTuple):
+    """Wheel odometry since the step before, in the vehicle's frame at that step."""
+
+    epoch: int  # the last one that it holds, entirely if `whole`
+    whole: bool
+    forward: float
+    left: float
+    turn: float
+    arc: float
+    metres: float
+    measured: bool
+
+
+def is_vague(start: StartPose | str | None, mode: int) -> bool:
+    """Whether a start must be searched for on the map."""
+    if isinstance(start, StartPose):
+        vague = start.sigma_m > _NEAR or start.sigma_bearing_deg > KNOWN_BEARING
+        return mode == WHEELS and vague
+    return start == MAP
+
+
+def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
+    """Join epochs, or cut them, to steps, up to the first fix.
+
+    Args:
+        epochs: The drive, (n,) EPOCH.
+        least: Gives how many metres a step should have at least; 0: no epochs are joined.
+
+    Yields:
+        Steps in time order; the first epoch is where the wheels begin to count.
+    """
+    arcs, turns, measurements = epochs.arc, epochs.turn, epochs.odometry_valid
+    forwards, lefts = epochs.forward, epochs.left
+    x = y = turn = arc = metres = 0.0
+    measured = True
+    fixes = np.flatnonzero(epochs.has_fix)
+    last = int(fixes[0]) if len(fixes) else len(epochs)
+    for k in range(1, last):
+        pieces = max(1, math.ceil(abs(arcs[k]) / _LONGEST))
+        forward, left = float(forwards[k]), float(lefts[k])
+        piece_arc, piece_turn = float(arcs[k]) / pieces, float(turns[k]) / pieces
+        if pieces > 1:  # the same circle
+            forward, left = arc_chord(piece_arc, piece_turn)
+        for piece in range(pieces):
+            c, s = math.cos(turn), math.sin(turn)
+            x, y = x + c * forward - s * left, y + s * forward + c * left
+            turn, arc, metres = turn + piece_turn, arc + piece_arc, metres + abs(piece_arc)
+            measured = measured and bool(measurements[k])
+            whole = piece == pieces - 1
+            if metres >= least() or (whole and k == last - 1):
+                yield Step(k, whole, x, y, turn, arc, metres, measured)
+                x = y = turn = arc = metres = 0.0
+                measured = True
+
+
+class _Table(NamedTuple):
+    """A population, and its tables as plain arrays, which Python reads faster."""
+
+    belief: Belief
+    hyp: NDArray[np.void]
+    state: NDArray[np.void]
+
+
+def _new_table(capacity: int) -> _Table:
+    belief = new_belief(capacity=capacity)
+    return _Table(belief, belief.hyp.view(np.ndarray), belief.state.view(np.ndarray))
+
+
+class _Search:
+    """The population and what is done to it at each step."""
+
+    def __init__(
+        self, roads: RoadMap, vehicle: Vehicle, settings: Settings, start: StartPose | None,
+        time: float,
+    ) -> None:  # fmt: skip
+        self.settings = settings
+        par = parameters(settings, vehicle, WHEELS)
+        par.lane_sigma = max(settings.lane_sigma, _LANE)
+        par.lane_length = min(settings.lane_length, _LANE_LENGTH)
+        self.ctx = Context(par, roads.arrays, new_work())
+        self.prior = prior_components(roads, settings, start)
+        room = 3 * len(self.prior.edge) + 1000
+        self.table, self.spare = _new_table(room), _new_table(room)
+        self.part = new_belief()
+        self.path = new_path(max(1 << 16, 16 * len(self.prior.edge)))
+        self.since_beginning, self.again = 0.0, _AGAIN
+        self.swing = 0.0  # rad, sum of recent turns
+        initial_state(self.population, time, settings)
+        self._begin_off_road()
+        self._begin(1.0 - settings.off_road_start)
+        self._reduce()
+
+    @property
+    def population(self) -> Belief:
+        """The hypotheses."""
+        return self.table.belief
+
+    @property
+    def state(self) -> NDArray[np.void]:
+        """What all hypotheses share, (1,) FILTER."""
+        return self.table.state
+
+    @property
+    def size(self) -> int:
+        """Number of hypotheses."""
+        return int(self.table.state["count"][0])
+
+    def column(self, name: str) -> Array:
+        """A field of all hypotheses, as a view."""
+        rows: Array = self.table.hyp[name][: self.size]
+        return rows
+
+    @property
+    def off_road(self) -> int:
+        """The row of the off-road hypothesis."""
+        return int(np.flatnonzero(self.column("edge") == OFF_ROAD)[0])
+
+    def _begin_off_road(self) -> None:
+        """The row of a vehicle on no road: somewhere in the region, with any heading."""
+        p = self.prior
+        w = np.exp(p.log_weight)
+        x, y = float(w @ p.x), float(w @ p.y)
+        share = max(self.settings.off_road_start, 1e-300)
+        self.state["scale"] = plane_scale(self.ctx.roads, x, y)
+        initialise(
+            self.population, self.ctx, p.edge[:1], p.s[:1], p.sigma[:1],
+            np.array([math.log(share)]),
+        )  # fmt: skip
+        mean, cov = self.column("mu")[0], self.column("cov")[0]
+        mean[X], mean[Y], mean[H] = x, y, 0.0
+        cov[:3, :], cov[:, :3] = 0.0, 0.0
+        cov[:2, :2] = np.cov(np.stack([p.x, p.y]), aweights=w, ddof=0) + 50.0**2 * np.eye(2)
+        cov[H, H] = math.pi**2 / 3.0
+        self.column("edge")[0] = OFF_ROAD
+
+    def _begin(self, share: float) -> None:
+        """A vehicle begins somewhere on the roads, with that much of the weight."""
+        p = self.prior
+        log_weight = p.log_weight + math.log(max(share, 1e-300))
+        initialise(self.population, self.ctx, p.edge, p.s, p.sigma, log_weight)
+        self.since_beginning = 0.0
+
+    def step(self, step: Step) -> None:
+        """Predict, branch, observe the map, weigh, merge, prune."""
+        move = Increment(step.arc, step.turn, step.forward, step.left)
+        predict_all(self.population, self.ctx, move, step.measured)
+        self._branch(step.arc)
+        self.state["since_map"] += step.metres
+        self.swing = self.swing * math.exp(-step.metres / _SWING) + abs(step.turn)
+        if self.state["since_map"][0] >= self.settings.map_spacing:
+            self._observe()
+        self._reduce()
+
+    def _branch(self, arc: float) -> None:
+        self.ctx.par.prune = self._floor()
+        while not branch_all(
+            self.population, self.spare.belief, self.part, self.path, self.ctx, arc
+        ):
+            self._reduce(2 * self.size // 3)
+            self.ctx.par.prune = self._floor()
+        self.table, self.spare = self.spare, self.table
+
+    def _observe(self) -> None:
+        given, par = self.settings, self.ctx.par
+        self._exchange_off_road(float(self.state["since_map"][0]))
+        loose = min(max(_LOOSE * (self.swing - _STRAIGHT), 0.0), 1.0)
+        par.relative_sigma = math.hypot(given.relative_sigma, loose * given.node_sigma)
+        par.edge_heading_sigma = math.hypot(
+            given.edge_heading_sigma, loose * given.node_heading_sigma
+        )
+        observe_map(self.population, self.ctx, True)
+        self.state["since_map"] = 0.0
+
+    def least(self) -> float:
+        """How far to go in one step, m; 0: epoch by epoch."""
+        return self.settings.map_spacing if self.size > _FEW else 0.0
+
+    def _floor(self) -> float:
+        """Weight below which a hypothesis is dropped."""
+        return min(DROP / max(self.size, 1), 0.1 * self.settings.prune)
+
+    def _exchange_off_road(self, metres: float) -> None:
+        """Rates per metre, as in the filter; the off-road mode may return to any road."""
+        normalise(self.population)
+        off, log_weight = self.off_road, self.column("log_weight")
+        leave = min(self.settings.off_road_leave * metres, 0.5)
+        p_off = math.exp(log_weight[off])
+        log_weight += math.log1p(-leave)
+        p_off += leave * (1.0 - p_off)
+        self.since_beginning += metres
+        share = p_off * min(self.settings.off_road_return * self.since_beginning, 0.5)
+        if self.since_beginning >= self.again and share > 1e-3:
+            p_off -= share
+            self._begin(share)
+            self.again *= _LESS_OFTEN
+        log_weight[off] = math.log(max(p_off, 1e-300))
+        normalise(self.population)
+
+    def _reduce(self, most: int | None = None) -> None:
+        """Drop what is too light, or all but so many; merge what is close."""
+        normalise(self.population)
+        evidence = float(self.state["log_evidence"][0])
+        edge = self.column("edge")
+        keep = np.flatnonzero((self.column("weight") > self._floor()) | (edge == OFF_ROAD))
+        if most is not None:
+            keep = self.heaviest()[:most]
+        order = keep[np.lexsort((self.column("along")[keep], edge[keep]))]
+        merge_neighbours(self.population, self.spare.belief, self.path, order, _MERGE)
+        self.table, self.spare = self.spare, self.table
+        normalise(self.population)
+        self.state["log_evidence"] = evidence
+        if self.path.size[0] > 0.8 * len(self.path.entry):
+            self._compact_path()
+
+    def _compact_path(self) -> None:
+        """Keep the path entries that living hypotheses descend from."""
+        path, newest = self.path, self.column("path_entry")
+        keep = np.zeros(int(path.size[0]) + 1, bool)
+        front = np.unique(newest)
+        while len(front):
+            keep[front] = True
+            front = np.unique(path.entry.parent[front])
+            front = front[(front >= 0) & ~keep[front]]
+        kept = np.flatnonzero(keep[:-1])
+        number = np.full(len(keep), -1, np.int64)
+        number[kept] = np.arange(len(kept))
+        rows = path.entry[kept]
+        rows.parent = number[rows.parent]
+        path.entry[: len(kept)] = rows
+        path.size[0] = len(kept)
+        newest[:] = number[newest]
+
+    def heaviest(self) -> NDArray[np.int64]:
+        """All rows, the off-road one first, then those of most weight."""
+        p = self.column("weight").copy()
+        p[self.off_road] = 2.0
+        return np.argsort(-p)
+
+    def is_decided(self) -> bool:
+        """Whether the ordinary belief holds what is left, in few Gaussians on each edge."""
+        p, edge = self.column("weight"), self.column("edge")
+        if len(p) > _FEW or 1.0 - p[self.heaviest()[1:KEPT]].sum() > _DECIDED:
+            return False
+        counts = np.unique(edge[p > self.settings.prune], return_counts=True)[1]
+        return bool(counts.max() <= self.settings.components)
+
+    def summarise(self, output: Output, k: int) -> None:
+        """Write the estimate of epoch k."""
+        order = self.heaviest()
+        match_moments(self.population, self.part, order, min(KEPT - 1, len(order)))
+        summarise(self.part, self.ctx, output, k, 0.0)
+        output.rows.live[k] = self.size
+
+    def hand_over(self, belief: Belief, rows: NDArray[np.int64]) -> None:
+        """Give rows to the ordinary belief."""
+        match_moments(self.population, belief, rows, len(rows))
+        normalise(belief)
+        belief.state.log_evidence = self.state["log_evidence"]
+
+    def fitting(self, fix: Array, moved: float) -> NDArray[np.int64]:
+        """The rows that fit a GNSS fix best, none when no row does."""
+        c, s = math.cos(fix[4]), math.sin(fix[4])
+        turn = np.array([[c, -s], [s, c]])
+        noise = turn @ np.diag(4.0 * fix[2:4] ** 2) @ turn.T + moved**2 * np.eye(2)
+        cov = self.column("cov")[:, :2, :2] + noise
+        apart = (fix[:2] - self.column("mu")[:, :2]) / self.state["scale"]
+        chi2 = np.einsum("ni,ni->n", apart, np.linalg.solve(cov, apart[..., None])[..., 0])
+        weight = self.column("log_weight") - 0.5 * (chi2 + np.log(np.linalg.det(cov)))
+        best = np.argsort(-weight)[:KEPT]
+        if best[0] == self.off_road or chi2[best[0]] > _FITS:
+            return best[:0]
+        rows: NDArray[np.int64] = best[best != self.off_road]
+        return rows
+
+
+def search(
+    roads: RoadMap, timeline: Timeline, belief: Belief, output: Output, *, vehicle: Vehicle,
+    settings: Settings, start: StartPose | None, progress: Callable[[int], None] | None = None,
+) -> tuple[int, Path]:  # fmt: skip
+    """Follow the wheels from every road until the ordinary belief holds what is left.
+
+    Args:
+        roads: The map.
+        timeline: The drive in epochs, with wheels that tell turns.
+        belief: Empty; filled when the search ends with few hypotheses.
+        output: Rows of the epochs that the search estimates are filled.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: Where to look, roughly; None: the whole map.
+        progress: Called with the number of epochs that are done.
+
+    Returns:
+        The first epoch without an estimate, and the tree of edges entered.  The belief is
+        empty when the drive ends undecided, or a fix comes that fits nothing.
+
+    Raises:
+        DriveError: The odometry has no turns, or the map is too large to search.
+    """
+    if timeline.mode != WHEELS:
+        raise DriveError(
+            "the drive has no odometry that tells turns; both wheels, or speed and yaw rate, "
+            "were expected to start from the map alone; give a fix or a start pose"
+        )
+    epochs = timeline.epochs
+    time = epochs.time
+    n = len(epochs)
+    population = _Search(roads, vehicle, settings, start, float(time[0]))
+    if epochs.has_fix[0]:
+        return _meet_fix(population, belief, epochs, 0)
+    population.summarise(output, 0)
+    done, firm = 1, 0.0
+    for step in steps(epochs, population.least):
+        k = step.epoch
+        _repeat(output, done, k)
+        population.state["time"] = time[k]
+        population.state["speed"] = step.metres / max(time[k] - time[done - 1], 1e-3)
+        population.step(step)
+        if step.whole:
+            population.summarise(output, k)
+            done = k + 1
+            firm = firm + step.metres if population.is_decided() else 0.0
+            if firm > _PROBATION:
+                population.hand_over(belief, population.heaviest()[1:KEPT])
+                return done, population.path
+        if progress is not None:
+            progress(done)
+    if done < n:
+        return _meet_fix(population, belief, epochs, done)
+    rows = population.heaviest()[1:KEPT]
+    if population.column("weight")[rows].sum() > 0.5:
+        population.hand_over(belief, rows)
+    return n, population.path
+
+
+def _repeat(output: Output, first: int, last: int) -> None:
+    """Epochs first … last − 1 are less than a step later than the one before."""
+    output.rows[first:last] = output.rows[first - 1]
+    if len(output.alt_pose):
+        output.alt_pose[first:last] = output.alt_pose[first - 1]
+
+
+def _meet_fix(search: _Search, belief: Belief, epochs: Records, k: int) -> tuple[int, Path]:
+    """A fix at epoch k ends the search; where it fits nothing, it starts the filter."""
+    rows = search.fitting(epochs.fix[k], abs(float(epochs.arc[k])) + 1.0)
+    if len(rows):
+        search.hand_over(belief, rows)
+    return k, search.path

@@ -1,0 +1,1 @@
+"""The road graph as the kernels see it: tables of edges, turns and vertices, and their index."""

@@ -1,0 +1,597 @@
+"""Route search between sparse fixes: bounded A* over the road graph, and its edge costs.
+
+A route costs `per_metre` nats for each metre of a street of usual speed, more on slow roads,
+and for each turn -log(prior / the largest prior there).
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from .._compile import Array, Ints, Ints32, Records, Vector, kernel
+from .network import Roads, records
+
+LABEL_BITS = 14  # of a number in the queue; the others hold its key
+LABELS = 1 << LABEL_BITS  # of all searches of one step
+LAST = 2**63 - 1  # greater than every number in the queue
+USUAL_SPEED = 12.0  # m/s, of a street on which a metre costs a metre
+MIN_FACTOR, MAX_FACTOR = 0.75, 2.0  # cost of a metre on the fastest and the slowest roads
+
+_PER_NAT, _MAX_NATS = 2.0**30, 2.0**18  # resolution and limit of keys in the queue
+_TIME_SHARE = 0.6  # share of the time in the cost of an edge; the rest is its length
+_LEAST_PRIOR = 1e-12  # probability of a turn
+_ROUNDING = 0.1  # m, of the ends of edges, which are float32
+_SLOTS = 1 << 15  # of the hash table from edges to labels
+_GOALS = 1 << 9  # of the hash table of goals
+_PREFIX = 1 << 10  # of the hash table of the common prefix
+_MOST = 256  # goals hit in one search; pairs of a hypothesis and a goal
+_OPEN, _SETTLED, _COPIED = range(3)  # of a label; copied: its route to a goal is complete
+
+LABEL = np.dtype(
+    [
+        ("cost", "f8"),  # to the start of the edge, nats
+        ("length", "f8"),  # from the origin to the start of the edge, m
+        ("time", "f8"),  # at the usual speeds, s
+        ("turn", "f8"),  # sum of turns, rad
+        ("key", "f8"),  # cost and a lower bound of what is to come, nats
+        ("edge", "i4"),
+        ("parent", "i4"),  # label that it was reached from, -1: the origin
+        ("done", "u1"),
+    ],
+    align=True,
+)
+
+GOAL = np.dtype(
+    [
+        ("step", "i8"),  # that wrote it
+        ("edge", "i4"),
+        ("number", "i4"),  # of the goal
+    ],
+    align=True,
+)
+
+PAIR = np.dtype(
+    [
+        ("score", "f8"),  # log-weight of taking the route, nats
+        ("cost", "f8"),  # nats
+        ("source", "i4"),  # hypothesis
+        ("label", "i4"),  # -1: on along its own edge
+        ("goal", "i4"),
+    ],
+    align=True,
+)
+
+RUN = np.dtype(
+    [
+        ("searches", "i8"),  # ever begun; stamps the slots of edges
+        ("steps", "i8"),  # ever begun; stamps goals and the prefix
+        ("labels", "i8"),  # used in this step
+        ("goals", "i8"),  # of this step
+        ("suffixes", "i8"),  # goals that are reached behind the common prefix
+        ("prefix_step", "i8"),  # step that the prefix belongs to
+        ("queued", "i8"),  # labels in the queue
+        ("pairs", "i8"),
+        ("limit", "f8"),  # routes that cost more are not followed any more, nats
+        ("best_score", "f8"),  # of the pairs, nats
+        ("detour", "f8"),  # least cost of a detour in this step, nats
+    ],
+    align=True,
+)
+
+
+class Search(NamedTuple):
+    """Buffers of the route search; labels stay valid until the next step.
+
+    A label tells the cheapest known route to the start of an edge.  All routes of the first
+    search of a step begin with a common prefix; a later search that reaches an edge of the
+    prefix copies the rest of these routes, the suffixes.
+    """
+
+    run: Annotated[Records, Array(RUN, 1)]  # (1,)
+    label: Annotated[Records, Array(LABEL, 1)]  # (LABELS,)
+    goal: Annotated[Records, Array(GOAL, 1)]  # (_GOALS,), hash table by edge
+    pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse`
+    slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
+    prefix: Ints  # (_PREFIX,) step that wrote it, times LABELS, plus the label
+    suffix: Ints32  # (_MOST,) labels of the goals behind the prefix
+    queue: Ints  # (LABELS,) binary heap: key and label as one number
+    hit: Ints32  # (_MOST,) labels of goals, cheapest first
+    goal_mass: Vector  # (_MOST,) prior mass of each goal, for `filter.sparse`
+
+
+class Query(NamedTuple):
+    """What a search looks for, and its limits."""
+
+    x: float  # middle of the goals, m, plane
+    y: float
+    radius: float  # within which they lie, m, plane
+    per_metre: float  # nats/m
+    u_turn: float  # cost of turning round at once, nats; infinite: never
+    longest: float  # longer routes are not followed, m
+    limit: float  # nor those that cost more, nats
+    slack: float  # nor those to goals that cost this much more than the cheapest one, nats
+    most: int  # labels that may be used
+
+
+class Reach(NamedTuple):
+    """Cost, length, time and turn of a route."""
+
+    cost: float  # nats
+    length: float  # m
+    time: float  # s
+    turn: float  # rad
+
+
+def new_search() -> Search:
+    """Buffers for one thread."""
+    return Search(
+        records(1, RUN), records(LABELS, LABEL), records(_GOALS, GOAL), records(_MOST, PAIR),
+        np.zeros(_SLOTS, np.int64), np.zeros(_PREFIX, np.int64), np.zeros(_MOST, np.int32),
+        np.full(LABELS, LAST), np.zeros(_MOST, np.int32), np.zeros(_MOST),
+    )  # fmt: skip
+
+
+def edge_costs(edges: Records, vertices: Records) -> None:
+    """Fill where each edge ends, and what it takes to drive it.
+
+    The cost is in metres of a street of usual speed: drivers save time.
+
+    Args:
+        edges: (E,) EDGE with length, speed and last vertex; `end_x`, `end_y`,
+            `route_length`, `cost` and `time` are set.
+        vertices: (V,) VERTEX.
+    """
+    end, length = edges["last_vertex"], edges["length"]
+    speed = np.maximum(edges["speed"].astype(np.float64), 1.0)
+    factor = np.clip(1.0 + _TIME_SHARE * (USUAL_SPEED / speed - 1.0), MIN_FACTOR, MAX_FACTOR)
+    edges["end_x"] = vertices["x"][end]
+    edges["end_y"] = vertices["y"][end]
+    edges["route_length"] = length
+    edges["cost"] = length * factor
+    edges["time"] = length / speed
+
+
+def turn_costs(edges: Records, turns: Records) -> None:
+    """Fill the costs of turns: -log(prior / the largest prior there), nats.
+
+    Args:
+        edges: (E,) EDGE with `first_turn` and `end_turn`.
+        turns: (S,) TURN with `prior`, in the order of edges; `cost` is set.
+    """
+    prior = np.maximum(turns["prior"].astype(np.float64), _LEAST_PRIOR)
+    first = edges["first_turn"]
+    best = np.maximum.reduceat(np.append(prior, _LEAST_PRIOR), first)
+    turns["cost"] = np.log(np.repeat(best, edges["end_turn"] - first) / prior)
+
+
+@kernel
+def push(queue: Ints, n: int, label: int, key: float) -> int:
+    """Put a label into the queue of n; returns the new n.
+
+    Key and label are one whole number, so that they are compared and moved at once.
+    """
+    code = (int(min(key, _MAX_NATS) * _PER_NAT) << LABEL_BITS) | label
+    i = n
+    while i > 0:
+        up = (i - 1) >> 1
+        if queue[up] <= code:
+            break
+        queue[i] = queue[up]
+        i = up
+    queue[i] = code
+    return n + 1
+
+
+@kernel
+def pop(queue: Ints, n: int) -> int:
+    """Take the first label out of the queue of n, which then has n - 1."""
+    label = queue[0] & ((1 << LABEL_BITS) - 1)
+    n -= 1
+    code = queue[n]
+    queue[n] = LAST
+    i = 0
+    while True:
+        down = 2 * i + 1
+        if down >= n:
+            break
+        down += int(queue[down + 1] < queue[down])
+        if queue[down] >= code:
+            break
+        queue[i] = queue[down]
+        i = down
+    queue[i] = code
+    return int(label)
+
+
+@kernel
+def set_goals(search: Search, candidates: Records, n: int) -> None:
+    """Begin a step: forget all labels, and enter the edges that are looked for.
+
+    Args:
+        search: In place.
+        candidates: (..., ) CANDIDATE; the edges of the first n, each once, are the goals.
+        n: How many.
+    """
+    run = search.run[0]
+    run.steps += 1
+    run.labels = 0
+    run.goals = n
+    for c in range(n):
+        place = candidates[c].edge & (_GOALS - 1)
+        while search.goal[place].step == run.steps:
+            place = (place + 1) & (_GOALS - 1)
+        goal = search.goal[place]
+        goal.step = run.steps
+        goal.edge = candidates[c].edge
+        goal.number = c
+
+
+@kernel
+def goal_of(search: Search, edge: int) -> int:
+    """Number of the goal that an edge is, or -1."""
+    step = search.run[0].steps
+    place = edge & (_GOALS - 1)
+    while search.goal[place].step == step:
+        if search.goal[place].edge == edge:
+            return int(search.goal[place].number)
+        place = (place + 1) & (_GOALS - 1)
+    return -1
+
+
+@kernel
+def _slot_of(search: Search, edge: int) -> tuple[int, int]:
+    """The edge's slot in this search's table and its label; -1: the slot is free.
+
+    Neighbouring edges mostly have neighbouring numbers, and so neighbouring slots.
+    """
+    now = search.run[0].searches * LABELS
+    place = edge & (_SLOTS - 1)
+    while search.slot[place] >= now:
+        label = search.slot[place] - now
+        if search.label[label].edge == edge:
+            return place, label
+        place = (place + 1) & (_SLOTS - 1)
+    return place, -1
+
+
+@kernel(inline=True)
+def _new_label(search: Search, place: int) -> int:
+    """A new label for a free slot, -1 when there is none left."""
+    run = search.run[0]
+    label = int(run.labels)
+    if label >= LABELS:
+        return -1
+    run.labels = label + 1
+    search.slot[place] = run.searches * LABELS + label
+    return label
+
+
+@kernel(inline=True)
+def _set_label(search: Search, label: int, edge: int, reach: Reach, ahead: float) -> None:
+    """Write a label; at least `ahead` nats are to come."""
+    entry = search.label[label]
+    entry.edge = edge
+    entry.cost = reach.cost
+    entry.key = reach.cost + ahead
+    entry.length = reach.length
+    entry.time = reach.time
+    entry.turn = reach.turn
+
+
+@kernel(inline=True)
+def _enqueue(search: Search, label: int) -> None:
+    """Put a label into the queue."""
+    run = search.run[0]
+    run.queued = push(search.queue, int(run.queued), label, search.label[label].key)
+
+
+@kernel(inline=True)
+def _relax(search: Search, edge: int, parent: int, reach: Reach, ahead: float) -> None:
+    """Label an edge and queue it if this route to it is new or cheaper.
+
+    At least `ahead` nats are to come.
+    """
+    place, label = _slot_of(search, edge)
+    if search.run[0].queued >= LABELS - 1:
+        return
+    if label < 0:
+        label = _new_label(search, place)
+        if label < 0:
+            return
+    elif search.label[label].done == _SETTLED or search.label[label].cost <= reach.cost:
+        return
+    _set_label(search, label, edge, reach, ahead)
+    search.label[label].parent = parent
+    search.label[label].done = _OPEN
+    _enqueue(search, label)
+
+
+@kernel(inline=True)
+def _expand(
+    roads: Roads, search: Search, query: Query, current: int, label: int, end: Reach
+) -> None:
+    """Label the successors of an edge; `end` is the route to its end."""
+    edge = roads.edges[current]
+    dx = float(edge.end_x) - query.x
+    dy = float(edge.end_y) - query.y
+    away = max(math.sqrt(dx * dx + dy * dy) - (query.radius + _ROUNDING), 0.0)
+    ahead = MIN_FACTOR * query.per_metre * away
+    limit = search.run[0].limit
+    if end.cost + ahead > limit or end.length + away > query.longest:
+        return
+    for t in range(edge.first_turn, edge.end_turn):
+        turn = roads.turns[t]
+        cost = end.cost + float(turn.cost)
+        if cost + ahead <= limit:
+            reach = Reach(cost, end.length, end.time, end.turn + float(turn.angle))
+            _relax(search, turn.edge, label, reach, ahead)
+
+
+@kernel
+def _prefix_label(search: Search, edge: int) -> int:
+    """Label of an edge on the common prefix, or -1."""
+    step = search.run[0].steps * LABELS
+    place = edge & (_PREFIX - 1)
+    while search.prefix[place] >= step:
+        label = search.prefix[place] - step
+        if search.label[label].edge == edge:
+            return int(label)
+        place = (place + 1) & (_PREFIX - 1)
+    return -1
+
+
+@kernel
+def _add_to_prefix(search: Search, label: int) -> None:
+    """Enter a label into the table of the common prefix."""
+    step = search.run[0].steps * LABELS
+    place = search.label[label].edge & (_PREFIX - 1)
+    while search.prefix[place] >= step:
+        place = (place + 1) & (_PREFIX - 1)
+    search.prefix[place] = step + label
+
+
+@kernel
+def _common_prefix(search: Search, hits: int) -> tuple[int, bool]:
+    """Last label of the common prefix of all routes, and whether one turns round at once.
+
+    The label is -1 where the routes have none in common.  Their goals are written down.
+    """
+    end = int(search.hit[0])
+    top = end
+    up = end
+    while up >= 0:
+        search.label[up].done = _COPIED  # marks the first route
+        top = up
+        up = int(search.label[up].parent)
+    turned = bool(search.label[top].length <= 0.0)
+    for h in range(hits):
+        label = int(search.hit[h])
+        search.suffix[h] = label
+        while label >= 0 and search.label[label].done != _COPIED:
+            top = label
+            label = int(search.label[label].parent)
+        if label < 0:
+            turned = turned or bool(search.label[top].length <= 0.0)
+            end = -1
+        elif end >= 0 and search.label[label].cost < search.label[end].cost:
+            end = label
+    return end, turned
+
+
+@kernel(inline=True)
+def _store_prefix(
+    roads: Roads, search: Search, query: Query, edge: int, s: float, hits: int
+) -> None:
+    """Store the common prefix of a search's routes for the next searches of the step.
+
+    The origin belongs to it, with the values of the start of its edge.
+    """
+    run = search.run[0]
+    end, turned = _common_prefix(search, hits)
+    run.suffixes = hits
+    run.prefix_step = run.steps
+    room = _PREFIX // 2
+    while end >= 0 and room > 0:
+        _add_to_prefix(search, end)
+        end = int(search.label[end].parent)
+        room -= 1
+    label = int(run.labels)
+    if not turned and label < LABELS:
+        run.labels = label + 1
+        origin = roads.edges[edge]
+        share = s / origin.length
+        back = Reach(
+            -query.per_metre * share * float(origin.cost), -s, -share * float(origin.time), 0.0
+        )
+        _set_label(search, label, edge, back, 0.0)
+        search.label[label].parent = -1
+        _add_to_prefix(search, label)
+
+
+@kernel
+def _copy_route(
+    search: Search, found: int, prefix: int, origin: int, shift: Reach, ahead: float
+) -> bool:
+    """Copy the labels of a route from its goal up to the prefix; False: there is no room.
+
+    `shift` is what this search's route to the prefix has more than that of the first search.
+    """
+    run = search.run[0]
+    room = True
+    below = -1
+    while found != prefix and found >= 0:
+        entry = search.label[found]
+        cost = entry.cost + shift.cost
+        place, label = _slot_of(search, entry.edge)
+        if label < 0:
+            if run.queued >= LABELS - 1:
+                room = False
+                break
+            label = _new_label(search, place)
+            if label < 0:
+                room = False
+                break
+        elif search.label[label].done == _SETTLED or search.label[label].cost <= cost:
+            if below >= 0:
+                search.label[below].parent = label
+            return True
+        reach = Reach(
+            cost, entry.length + shift.length, entry.time + shift.time, entry.turn + shift.turn
+        )
+        _set_label(search, label, entry.edge, reach, ahead)
+        search.label[label].done = _COPIED
+        if below >= 0:
+            search.label[below].parent = label
+        else:
+            _enqueue(search, label)
+        below = label
+        found = int(entry.parent)
+    if below >= 0:
+        search.label[below].parent = origin
+    return room
+
+
+@kernel(inline=True)
+def _copy_suffixes(
+    roads: Roads, search: Search, query: Query, prefix: int, origin: int, end: Reach
+) -> None:
+    """Copy the routes that the first search found behind an edge of the prefix.
+
+    The label `origin` is this search's own of that edge; `end` is the route to its end.
+    """
+    run = search.run[0]
+    first = search.label[prefix]
+    edge = roads.edges[first.edge]
+    shift = Reach(
+        end.cost - (first.cost + query.per_metre * float(edge.cost)),
+        end.length - (first.length + float(edge.route_length)),
+        end.time - (first.time + float(edge.time)),
+        end.turn - first.turn,
+    )
+    for h in range(run.suffixes):
+        found = search.suffix[h]
+        entry = search.label[found]
+        ahead = entry.key - entry.cost
+        away = ahead / (MIN_FACTOR * query.per_metre)
+        if entry.key + shift.cost > run.limit:
+            continue
+        if entry.length + shift.length + away > query.longest:
+            continue
+        if not _copy_route(search, found, prefix, origin, shift, ahead):
+            return
+
+
+@kernel(inline=True)
+def _turn_round(roads: Roads, search: Search, query: Query, edge: int, left: float) -> None:
+    """Label the opposite of the edge on which the search begins, `left` metres before its end."""
+    limit = search.run[0].limit
+    other = roads.edges[edge].opposite
+    if other >= 0 and query.u_turn < limit:
+        v = roads.edges[other].first_vertex
+        away = math.hypot(roads.vertices[v].x - query.x, roads.vertices[v].y - query.y)
+        away = max(away - (query.radius + _ROUNDING), 0.0)
+        ahead = MIN_FACTOR * query.per_metre * away
+        if away <= query.longest + left and query.u_turn + ahead <= limit:
+            _relax(search, other, -1, Reach(query.u_turn, -left, 0.0, math.pi), ahead)
+
+
+@kernel(inline=True)
+def _next_label(search: Search) -> int:
+    """Take the open label of the least key out of the queue, -1: there is none."""
+    run = search.run[0]
+    while run.queued > 0:
+        label = pop(search.queue, int(run.queued))
+        run.queued -= 1
+        if search.label[label].done != _SETTLED:
+            return label
+    return -1
+
+
+@kernel(inline=True)
+def _end_of(roads: Roads, search: Search, query: Query, label: int) -> Reach:
+    """The route to the end of a label's edge."""
+    entry = search.label[label]
+    edge = roads.edges[entry.edge]
+    return Reach(
+        entry.cost + query.per_metre * float(edge.cost),
+        entry.length + float(edge.route_length),
+        entry.time + float(edge.time),
+        entry.turn,
+    )
+
+
+@kernel(inline=True)
+def _begin(roads: Roads, search: Search, query: Query, edge: int, s: float) -> Reach:
+    """Begin a search; returns the route to the end of its first edge."""
+    run = search.run[0]
+    run.searches += 1
+    run.queued = 0
+    run.limit = query.limit
+    origin = roads.edges[edge]
+    left = max(origin.length - s, 0.0)
+    share = left / origin.length
+    _turn_round(roads, search, query, edge, left)
+    return Reach(
+        query.per_metre * share * float(origin.cost), origin.length - s,
+        share * float(origin.time), 0.0,
+    )  # fmt: skip
+
+
+@kernel
+def find_routes(roads: Roads, search: Search, query: Query, edge: int, s: float) -> int:
+    """The cheapest routes from abscissa s of an edge to the goals around a point.
+
+    A* with the straight distance to the goals' circle as the lower bound.  Where a later
+    search of the same step reaches the common prefix of the first one's routes, it copies
+    the suffixes that the first one found.
+
+    Args:
+        roads: The network.
+        search: `hit` is filled with the labels of goals, cheapest first; the origin itself
+            has no label.
+        query: Costs and limits; the goals are those of `set_goals`.
+        edge: Where the search begins.
+        s: Abscissa there, m.
+
+    Returns:
+        How many goals were hit.
+    """
+    run = search.run[0]
+    first_label = int(run.labels)
+    hits = 0
+    shared = bool(run.prefix_step == run.steps)
+    complete = False  # whether all goals within the slack are found
+    copied = False
+    label = -1
+    current = edge
+    end = _begin(roads, search, query, edge, s)
+    while True:
+        prefix = _prefix_label(search, current) if shared and not copied else -1
+        if label < 0 and prefix == search.suffix[0]:
+            prefix = -1  # from a goal: the first search does not tell how far to look
+        if prefix >= 0:
+            _copy_suffixes(roads, search, query, prefix, label, end)
+        elif not copied:
+            _expand(roads, search, query, current, label, end)
+        label = _next_label(search)
+        if run.labels - first_label >= query.most:
+            return hits
+        if label < 0 or search.label[label].key > run.limit:
+            break
+        entry = search.label[label]
+        copied = bool(entry.done == _COPIED)
+        entry.done = _SETTLED
+        current = entry.edge
+        if hits < len(search.hit) and goal_of(search, current) >= 0:
+            if hits == 0:
+                complete = bool(entry.key + query.slack <= run.limit)
+                run.limit = min(run.limit, entry.key + query.slack)
+            search.hit[hits] = label
+            hits += 1
+            if hits == run.goals:
+                break
+        end = _end_of(roads, search, query, label)
+    if complete and not shared:
+        _store_prefix(roads, search, query, edge, s, hits)
+    return hits

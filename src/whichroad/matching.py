@@ -1,0 +1,319 @@
+"""One call from files to tables: read, localize, tell."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from .diagnosis.findings import Finding
+from .epochs import Timeline, build_timeline
+from .errors import DriveError, MapError, SettingError
+from .filter.estimate import Output
+from .filter.state import NO_EDGE, OFF_ROAD
+from .geodesy.angles import radians
+from .global_start import MAP
+from .observations import Array, Drive, Fixes, Observation, StartPose
+from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
+from .recorded import Recorded, localize_by_paper, localize_recorded
+from .roadmap import RoadMap, open_map
+from .settings import Settings, Vehicle
+from .smoothing import Lag
+from .tables.export import path_table, points_table, summary_of
+from .tables.result import Answered, Result
+from .traversals import Traversals, traversals
+
+Start = StartPose | tuple[float, float, float] | str | None
+Window = tuple[Any, Any]
+
+_USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
+_FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
+
+
+def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:
+    """The drives of whatever names them or holds them."""
+    if isinstance(drive, Drive):
+        return [drive]
+    if isinstance(drive, str | Path):
+        return read_drive([drive], vehicle=vehicle, settings=settings, crs=crs)
+    if isinstance(drive, list | tuple):
+        if all(isinstance(d, Drive) for d in drive):
+            return list(drive)
+        if all(isinstance(d, str | Path) for d in drive):
+            return read_drive(list(drive), vehicle=vehicle, settings=settings, crs=crs)
+        if any(isinstance(d, Observation) for d in drive):
+            return [drive_of_observations(drive, settings)]
+    return drive_from_table(drive, vehicle=vehicle, settings=settings, crs=crs)
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, int | float):
+        return float(value)
+    if isinstance(value, datetime):
+        return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
+    if hasattr(value, "timestamp"):
+        return float(value.timestamp())
+    try:
+        time = datetime.fromisoformat(str(value).replace("Z", "+00:00"))
+    except ValueError:
+        raise SettingError(
+            f"mask: {value!r} is not a time; seconds from the drive's start or an ISO 8601 "
+            "time were expected"
+        ) from None
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+
+
+def tuned_by(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
+    """The settings with what the vehicle's `[noise]` overrides.
+
+    Raises:
+        SettingError: One of them is of another type.
+    """
+    settings = settings or _USUAL
+    for given, kind in ((settings, Settings), (vehicle or _A_CAR, Vehicle)):
+        if not isinstance(given, kind):
+            name = kind.__name__
+            raise SettingError(
+                f"{name.lower()} is a {type(given).__name__}; whichroad.{name}(...) was expected, "
+                "its fields by name"
+            )
+    return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
+
+
+def _start(start: Start, model: str) -> StartPose | str | None:
+    if not isinstance(start, str):
+        return StartPose.of(start)
+    if start != MAP:
+        raise SettingError(f'start is {start!r}; a pose or "{MAP}" was expected')
+    if model == "paper":
+        raise SettingError(f'start is "{MAP}"; the paper\'s method needs a fix or a start pose')
+    return start
+
+
+def match(
+    drive: Any,
+    roads: RoadMap | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    settings: Settings | None = None,
+    model: str = "default",
+    start: Start = None,
+    mask: Sequence[Window] = (),
+    lag: float | str | None = None,
+    attributes: bool = False,
+    hypotheses: bool = False,
+    crs: Any = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Result:
+    """Say where a vehicle was at every epoch, on which road, and how sure that is.
+
+    Args:
+        drive: Paths of logs and tables, a DataFrame or Arrow table, `Drive` records, or a list
+            of observations (`GeoFix`, ...) or of dicts with the columns of a table.
+        roads: A `RoadMap`, the path of a compiled map, an OSM extract or an edge table, or a
+            GeoDataFrame of edges.
+        vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
+        settings: The model's numbers.
+        model: "default"; "paper" is the literal method, for comparison.
+        start: A known pose (lat, lon, bearing in degrees), or a vague one (a `StartPose` with
+            a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
+            both wheels tell; else the first fix starts.
+        mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
+        lag: By how much later knowledge an epoch is answered: seconds, "200m" driven, or "full"
+            for the drive's end.  None: by what was known then, as on line.
+        attributes: Whether the road's name, class and speed limit are added to the points.
+        hypotheses: Whether the alternatives' poses are kept for pictures.
+        crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
+        progress: Told (drive_id, epochs done, epochs in all).
+
+    Returns:
+        Tables of points and path, and a summary.
+
+    Raises:
+        ReadError: A file could not be understood.
+        MapError: The drive is nowhere near the map, or the map is not one.
+        DriveError: Nothing could be answered.
+        SettingError: A setting or the model's name is out of bounds.
+    """
+    if model not in MODELS:
+        raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
+    pose = _start(start, model)
+    later = Lag.of(lag)
+    if later is not None and model == "paper":
+        raise SettingError(f"lag is {lag!r}; None was expected: the paper's method looks at now")
+    if isinstance(vehicle, str | Path):
+        vehicle = read_vehicle(vehicle)
+    road_map = open_map(roads)
+    tuned = tuned_by(settings, vehicle)
+    windows = [(_seconds(a), _seconds(b)) for a, b in mask]
+    parts: list[Result] = []
+    failed: list[str] = []
+    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL, crs)
+    for one in drives:
+        try:
+            parts.append(
+                _match_one(
+                    one, road_map, vehicle or _A_CAR, tuned, model, pose, windows,
+                    attributes, hypotheses, progress, later,
+                )
+            )  # fmt: skip
+        except (DriveError, MapError) as error:
+            if len(drives) == 1:
+                raise
+            failed.append(str(error))
+    if not parts:
+        raise DriveError(failed[0] if failed else "there is no drive in the input")
+    return _together(parts, failed)
+
+
+MODELS = ("default", "paper")
+
+
+def _match_one(
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
+    start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
+    hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
+) -> Result:  # fmt: skip
+    timeline = timeline_of(drive, roads, vehicle, mask)
+    n = len(timeline.epochs)
+    localize: Callable[..., Recorded] = (
+        localize_by_paper if model == "paper" else partial(localize_recorded, lag=lag)
+    )
+    try:
+        recorded = localize(
+            roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
+            progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
+        )  # fmt: skip
+    except DriveError as error:  # what a reader noted may be why
+        raise DriveError("; ".join([str(error), *drive.notes])) from None
+    way = cache(partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays))
+    diagnosis = cache(lambda: recorded.diagnosis)
+    return Result(
+        partial(
+            points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
+            attributes=attributes,
+        ),
+        lambda: path_table([drive.drive_id], way(), roads),
+        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
+        _poses(recorded.output, timeline) if hypotheses else None,
+        diagnosis,
+        Answered(timeline.epochs, recorded.output, way),
+        None if recorded.past is None else recorded.past.ways,
+    )  # fmt: skip
+
+
+def _summary(
+    drive: Drive,
+    timeline: Timeline,
+    recorded: Recorded,
+    way: Traversals,
+    diagnosis: tuple[Finding, ...],
+) -> dict[str, Any]:
+    figures = summary_of(timeline.epochs, recorded.output, way, timeline.masked)
+    return figures | {
+        "drive_id": drive.drive_id,
+        "sources": list(drive.sources),
+        "skipped": dict(drive.skipped),
+        "notes": list(drive.notes),
+        "diagnosis": [asdict(finding) for finding in diagnosis],
+    }
+
+
+def _looked_back(recorded: Recorded) -> dict[str, Any]:
+    """What the summary says of the lag."""
+    past = recorded.past
+    return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
+
+
+def timeline_of(
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = ()
+) -> Timeline:
+    """A drive in epochs.
+
+    Raises:
+        MapError: It is nowhere near the map.
+        DriveError: There is neither a fix nor odometry.
+    """
+    if drive.fixes is not None and len(drive.fixes):
+        _check_distance(drive.drive_id, drive.fixes, roads)
+    return build_timeline(drive, roads.plane, vehicle, mask)
+
+
+def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
+    """Whether each of (n,) fixes is not too far from the map for its drive to be matched."""
+    return np.asarray(_away(lat_deg, lon_deg, roads) <= _FAR)
+
+
+def _away(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> Array:
+    """Metres from the circle around the map, negative inside, (n,)."""
+    return np.asarray(_ground_distance(roads, lat_deg, lon_deg) - roads.reach)
+
+
+def _check_distance(name: str, fixes: Fixes, roads: RoadMap) -> None:
+    """Refuse a drive that is wholly off the map, with the distance and a hint."""
+    away = _away(fixes.lat_deg, fixes.lon_deg, roads)
+    nearest = int(np.argmin(away))
+    if away[nearest] <= _FAR:
+        return
+    lat, lon = float(fixes.lat_deg[nearest]), float(fixes.lon_deg[nearest])
+    swapped = abs(lon) <= 90.0 and (
+        _ground_distance(roads, fixes.lon_deg[nearest], fixes.lat_deg[nearest]) < roads.reach + _FAR
+    )
+    hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
+    raise MapError(
+        f"{name}: position lat {lat:.4f}, lon {lon:.4f} is "
+        f"{away[nearest] / 1000:,.0f} km from the map; {hint}"
+    )
+
+
+def _ground_distance(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
+    """Great-circle distance from the middle of the map, m."""
+    lat0, lon0 = radians(roads.plane.lat0_deg), radians(roads.plane.lon0_deg)
+    lat, lon = radians(lat_deg), radians(lon_deg)
+    half = (
+        np.sin(0.5 * (lat - lat0)) ** 2
+        + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
+    )
+    return 2.0 * 6_371_000.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
+
+
+def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
+    poses, rows, epochs = output.alt_pose, output.rows, timeline.epochs
+    edge = np.where(rows.alt_edge == NO_EDGE, -2, rows.alt_edge)
+    edge = np.where(edge == OFF_ROAD, -1, edge)
+    return {
+        "time": epochs.time, "edge": edge.astype(np.int32), "p": rows.alt_p.astype(float),
+        "x": poses[..., 0], "y": poses[..., 1], "heading": poses[..., 2],
+        "cov_xx": poses[..., 3], "cov_xy": poses[..., 4], "cov_yy": poses[..., 5],
+        "has_fix": epochs.has_fix.astype(bool), "fix": epochs.fix,
+    }  # fmt: skip
+
+
+def _together(parts: list[Result], failed: list[str]) -> Result:
+    if len(parts) == 1 and not failed:
+        return parts[0]
+    return Result(
+        lambda: pa.concat_tables([p.to_arrow() for p in parts]),
+        lambda: pa.concat_tables([p.path_arrow() for p in parts]),
+        lambda: _pooled([p.summary for p in parts], failed),
+        parts[0].hypotheses if len(parts) == 1 else None,
+        lambda: tuple(finding for p in parts for finding in p.diagnosis),
+        ways=parts[0].ways if len(parts) == 1 else None,
+    )
+
+
+def _pooled(summaries: list[dict[str, Any]], failed: list[str]) -> dict[str, Any]:
+    return {
+        "drives": len(summaries),
+        "failed": failed,
+        "epochs": sum(s["epochs"] for s in summaries),
+        "epochs_without_answer": sum(s["epochs_without_answer"] for s in summaries),
+        "path_m": math.fsum(s["path_m"] for s in summaries),
+        "each": summaries,
+    }

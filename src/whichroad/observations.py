@@ -1,0 +1,274 @@
+"""What passes between modules: columns of a recorded drive, and single observations.
+
+Times are seconds since 1970-01-01 UTC.  Whatever is in degrees says so and stays
+outside the filter.  A quantity that a sensor did not report has an infinite sigma,
+never a NaN.
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SettingError
+
+Array = NDArray[np.float64]
+
+FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
+ASSUMED = 2  # covariance is the settings' default, nothing was reported
+NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
+
+
+@dataclass(frozen=True, slots=True)
+class Fixes:
+    """GNSS fixes, time-ordered, shape (n,) each."""
+
+    time: Array  # s since 1970 UTC
+    lat_deg: Array
+    lon_deg: Array
+    cov_ee: Array  # m², east-east
+    cov_en: Array  # m²
+    cov_nn: Array  # m²
+    speed: Array  # m/s; meaningless where sigma_speed is inf
+    sigma_speed: Array
+    bearing_deg: Array  # course over ground, clockwise from north
+    sigma_bearing_deg: Array
+    flags: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelCounts:
+    """Cumulative counts of the rear wheels, unwrapped, signed (reverse counts down)."""
+
+    time: Array
+    left: Array  # counts
+    right: Array
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSpeeds:
+    """Speeds of the rear wheels, negative in reverse."""
+
+    time: Array
+    left: Array  # m/s
+    right: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Odometer:
+    """Cumulative distance, without heading."""
+
+    time: Array
+    distance: Array  # m
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedYawRate:
+    """Speed of the rear axle's middle and yaw rate, counter-clockwise positive."""
+
+    time: Array
+    speed: Array  # m/s
+    yaw_rate: Array  # rad/s
+
+
+OdometryLog = WheelCounts | WheelSpeeds | Odometer | SpeedYawRate
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One recorded drive as the readers give it."""
+
+    drive_id: str
+    fixes: Fixes | None = None
+    odometry: OdometryLog | None = None
+    sources: tuple[str, ...] = ()
+    skipped: dict[str, int] = field(default_factory=dict)  # reason -> how many records
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GeoFix:
+    """One GNSS fix for the on-line filter."""
+
+    time: float
+    lat_deg: float
+    lon_deg: float
+    cov_ee: float = np.inf  # m²; infinite: the settings' default is used
+    cov_en: float = 0.0
+    cov_nn: float = np.inf
+    speed: float = 0.0
+    sigma_speed: float = np.inf
+    bearing_deg: float = 0.0
+    sigma_bearing_deg: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class WheelTicks:
+    """One reading of both rear wheel counters (cumulative, unwrapped)."""
+
+    time: float
+    left: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSpeed:
+    """One reading of both rear wheel speeds, m/s."""
+
+    time: float
+    left: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """One reading of a cumulative odometer, m."""
+
+    time: float
+    distance: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedYaw:
+    """One reading of speed (m/s) and yaw rate (rad/s, counter-clockwise)."""
+
+    time: float
+    speed: float
+    yaw_rate: float
+
+
+Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw
+
+
+@dataclass(frozen=True, slots=True)
+class StartPose:
+    """A known pose to start from."""
+
+    lat_deg: float
+    lon_deg: float
+    bearing_deg: float
+    sigma_m: float = 5.0
+    sigma_bearing_deg: float = 10.0
+
+    @classmethod
+    def of(cls, start: "StartPose | tuple[float, float, float] | None") -> "StartPose | None":
+        """A start pose from itself, from (lat, lon, bearing) in degrees, or none.
+
+        Raises:
+            SettingError: It is something else.
+        """
+        if isinstance(start, str):
+            raise SettingError(
+                f"start is {start!r}; a pose or (lat, lon, bearing) was expected: only a recorded "
+                "drive can start from the map"
+            )
+        if start is None or isinstance(start, StartPose):
+            return start
+        lat, lon, bearing = start
+        return cls(float(lat), float(lon), float(bearing))
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where M, the middle of the rear axle, is."""
+
+    x: float  # m, plane
+    y: float
+    heading: float  # rad, counter-clockwise from the plane's east
+    lat: float  # degrees
+    lon: float
+    bearing_deg: float  # clockwise from true north
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """The vehicle is on this edge (None: off the roads), with its own Gaussian."""
+
+    p: float
+    edge: int | None
+    pose: Pose
+    cov: Array  # (3, 3) x, y, heading; m², m rad, rad²
+    abscissa: float  # m from the edge's start; 0 off road
+    lateral: float  # m right of the centre line in the map's frame; 0 off road
+
+
+class Detail(Protocol):
+    """What an estimate puts into words only when asked."""
+
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All living hypotheses, most probable first."""
+
+    def reason(self) -> str:
+        """Why the status is what it is."""
+
+    def map_pose(self) -> Pose:
+        """The pose in the map's frame."""
+
+    def map_cov(self) -> Array:
+        """Covariance of the position there, (2, 2), m²."""
+
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude of the point on the most probable edge."""
+
+    def speed(self) -> float:
+        """m/s, negative in reverse."""
+
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What the localizer says of one epoch."""
+
+    time: float
+    pose: Pose
+    cov: Array  # (3, 3)
+    edge: int | None  # most probable edge, None: off the roads or lost
+    p_road: float
+    p_off_road: float
+    status: str
+    abscissa: float
+    lateral: float
+    protection_level: float  # m, at `Settings.protection_risk`; inf before the first answer
+    gnss_scale: float  # GNSS errors over what is reported, as learnt
+    detail: Detail = field(repr=False, compare=False)
+
+    @property
+    def reason(self) -> str:
+        """Why the status is what it is, for people; the competing roads where it is ambiguous."""
+        return self.detail.reason()
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All living hypotheses, most probable first; made when asked for."""
+        return self.detail.hypotheses()
+
+    @property
+    def map_pose(self) -> Pose:
+        """The pose in the map's frame: what to draw on the map."""
+        return self.detail.map_pose()
+
+    @property
+    def map_cov(self) -> Array:
+        """Covariance of the position in the map's frame, (2, 2), m²."""
+        return self.detail.map_cov()
+
+    @property
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
+        return self.detail.matched()
+
+    @property
+    def speed(self) -> float:
+        """Speed, m/s, negative in reverse."""
+        return self.detail.speed()
+
+    @property
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+        return self.detail.disbelieved()

@@ -1,0 +1,97 @@
+"""Checks shared by all readers: open the file, sort rows, count what is skipped.
+
+A `Skipped` counts records by reason; it ends as `Drive.skipped`.
+"""
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ReadError
+from ..sensors.validation import LATEST
+
+Skipped = Counter[str]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+LAST = LATEST  # s: no log has later times
+BACKWARDS = "time running backwards (put in order)"
+REPEATED = "repeated time"
+NO_TIME = "no time"
+
+
+def read_bytes(path: str | PathLike[str]) -> bytes:
+    """All bytes of a file.
+
+    Raises:
+        ReadError: It cannot be opened; the message says why.
+    """
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ReadError(
+            f"{path}: cannot be read ({reason}); a readable file was expected"
+        ) from None
+
+
+def listed(names: Iterable[str], most: int = 20) -> str:
+    """Names as one line of an error message."""
+    names = list(names)
+    shown = [name[:40] if name.isprintable() else ascii(name[:40]) for name in names[:most]]
+    return ", ".join(shown) + (", ..." if len(names) > most else "") if names else "none"
+
+
+@contextmanager
+def counted_warnings(library: str, reason: str, skipped: Skipped) -> Iterator[None]:
+    """Count the warnings that a library logs, and keep them from being printed."""
+
+    class Counting(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            skipped[reason] += 1
+
+    handler = Counting(logging.WARNING)
+    logging.getLogger(library).addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger(library).removeHandler(handler)
+
+
+def keep(good: Bools, reason: str, skipped: Skipped) -> Bools:
+    """Return `good`, and count the rows where it is false under `reason`."""
+    bad = int(good.size - np.count_nonzero(good))
+    if bad:
+        skipped[reason] += bad
+    return good
+
+
+def in_order(time: NDArray[Any], skipped: Skipped) -> Ints:
+    """The rows by strictly increasing time.
+
+    Rows that came late are put in order and counted; of several rows with one time
+    the first stays and the others are counted.
+
+    Args:
+        time: Finite times, shape (n,).
+        skipped: Where to count.
+
+    Returns:
+        Indices into `time`.
+    """
+    if len(time) == 0:
+        return np.zeros(0, np.int64)
+    late = int(np.count_nonzero(time[1:] < np.maximum.accumulate(time)[:-1]))
+    if late:
+        skipped[BACKWARDS] += late
+    order = np.argsort(time, kind="stable") if late else np.arange(len(time))
+    new = np.ones(len(time), np.bool_)
+    new[1:] = np.diff(time[order]) > 0
+    return order[keep(new, REPEATED, skipped)]

@@ -1,0 +1,154 @@
+"""The columns of one drive to its fixes and its odometry."""
+
+import numpy as np
+
+from ..observations import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..sensors.validation import FASTEST, SPINNING
+from ..settings import Settings, Vehicle
+from .checks import Skipped, in_order, keep
+from .reported_fixes import RADIUS_68, Reported, from_ellipse, make_fixes
+from .wheel_counters import Reversing, wheel_counts, wheel_speeds
+
+Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
+_TOO_FAST = f"speed beyond {FASTEST:g} m/s"
+_TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
+
+
+def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
+    """The drive, without name, that these columns describe.
+
+    Speed is odometry where a yaw rate stands beside it, or where there is no position;
+    else it is the receiver's.
+
+    Args:
+        columns: By the names of `names.NAMES`; `time` is finite everywhere.
+        vehicle: Gives the scale and width of wheel counters.
+        settings: Gives the sigma of fixes that report none.
+        skipped: Where to count.
+    """
+    notes: list[str] = []
+    has_position = {"lat", "lon"} <= columns.keys()
+    odometry = _odometry(columns, has_position, vehicle, skipped, notes)
+    fixes = None
+    if has_position:
+        blank = np.isnan(columns["lat"]) & np.isnan(columns["lon"])
+        if odometry is None:
+            keep(~blank, "no position", skipped)
+        own = dict(columns)
+        if blank.any():
+            rows = np.flatnonzero(~blank)
+            own = {k: v[rows] for k, v in columns.items()}
+        if isinstance(odometry, SpeedYawRate):
+            own.pop("speed", None)
+        elif "bearing" in own and "speed" not in own:
+            notes.append("bearings not used: there is no speed to tell whether they mean anything")
+        fixes = make_fixes(reported(own), settings, skipped)
+    return Drive("", fixes, odometry, notes=tuple(notes))
+
+
+def reported(columns: Columns) -> Reported:
+    """What columns of fixes say, by the most exact of their covariances."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is counted as no covariance
+        ee, en, nn = _covariance(columns)
+    return Reported(
+        time=columns["time"],
+        lat_deg=columns["lat"],
+        lon_deg=columns["lon"],
+        cov_ee=ee,
+        cov_en=en,
+        cov_nn=nn,
+        hdop=columns.get("hdop"),
+        speed=columns.get("speed"),
+        bearing_deg=columns.get("bearing"),
+    )
+
+
+def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | None]:
+    """The most that the columns say of the fixes' errors: matrix, ellipse, then circle."""
+    get = columns.get
+    ee, en, nn = get("cov_ee"), get("cov_en"), get("cov_nn")
+    if ee is not None and nn is not None:
+        return ee, np.zeros(len(ee)) if en is None else np.where(np.isnan(en), 0.0, en), nn
+    major, minor, bearing = get("sigma_major"), get("sigma_minor"), get("sigma_bearing")
+    if major is not None and minor is not None and bearing is not None:
+        return from_ellipse(major, minor, bearing)
+    east, north = get("sigma_e"), get("sigma_n")
+    if east is not None and north is not None:
+        return east**2, np.zeros(len(east)), north**2
+    circle, accuracy = get("sigma"), get("accuracy")
+    if circle is None and accuracy is not None:
+        circle = accuracy / RADIUS_68
+    if circle is None:
+        return None, None, None
+    # zero or less is what receivers write who do not know: a HDOP says more, or it is counted
+    unknown = np.nan if "hdop" in columns else -1.0
+    variance = np.where(circle <= 0, unknown, circle**2)
+    return variance, np.zeros(len(circle)), variance
+
+
+def _odometry(
+    columns: Columns,
+    has_position: bool,
+    vehicle: Vehicle,
+    skipped: Skipped,
+    notes: list[str],
+) -> OdometryLog | None:
+    """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance."""
+    time, has = columns["time"], columns.keys()
+    reversing = _reversing(columns)
+    if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
+        left, right = (time, columns["wheel_rl_ticks"]), (time, columns["wheel_rr_ticks"])
+        counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing)
+        return counts if len(counts.time) else None
+    if {"wheel_rl", "wheel_rr"} <= has:
+        left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
+        speeds = wheel_speeds(left, right, skipped, reversing=reversing)
+        return speeds if len(speeds.time) else None
+    if {"speed", "yaw_rate"} <= has:
+        return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
+    if "odometer" in has:
+        return odometer(time, columns["odometer"], skipped)
+    if "speed" in has and not has_position:
+        notes.append("distance integrated from speed")
+        return odometer_from_speed(time, columns["speed"], skipped)
+    return None
+
+
+def speed_yaw_rate(
+    time: Array, speed: Array, yaw_rate: Array, skipped: Skipped
+) -> SpeedYawRate | None:
+    """The possible readings where both are known, in order; None where there are none."""
+    known = np.isfinite(speed) & np.isfinite(yaw_rate) & np.isfinite(time)
+    known &= keep(~known | (np.abs(speed) <= FASTEST), _TOO_FAST, skipped)
+    known &= keep(~known | (np.abs(yaw_rate) <= SPINNING), _TOO_TURNING, skipped)
+    rows = np.flatnonzero(known)
+    rows = rows[in_order(time[rows], skipped)]
+    return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None
+
+
+def odometer(time: Array, distance: Array, skipped: Skipped) -> Odometer | None:
+    """The readings that say something, in order; None where there are none."""
+    known = np.flatnonzero(np.isfinite(distance) & np.isfinite(time))
+    rows = known[in_order(time[known], skipped)]
+    return Odometer(time[rows], distance[rows]) if len(rows) else None
+
+
+def odometer_from_speed(time: Array, speed: Array, skipped: Skipped) -> Odometer | None:
+    """Distance as the integral of speed (trapezoids)."""
+    known = np.isfinite(speed) & np.isfinite(time)
+    known &= keep(~known | (np.abs(speed) <= FASTEST), _TOO_FAST, skipped)
+    rows = np.flatnonzero(known)
+    rows = rows[in_order(time[rows], skipped)]
+    if len(rows) == 0:
+        return None
+    time, speed = time[rows], speed[rows]
+    steps = np.diff(time) * (speed[1:] + speed[:-1]) / 2
+    return Odometer(time, np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def _reversing(columns: Columns) -> Reversing | None:
+    if "reverse" not in columns:
+        return None
+    known = ~np.isnan(columns["reverse"])
+    order = np.argsort(columns["time"][known], kind="stable")
+    return columns["time"][known][order], columns["reverse"][known][order] > 0

@@ -1,0 +1,85 @@
+"""A recorded drive from single observations, as the on-line filter takes them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from ..errors import ReadError
+from ..observations import (
+    Array,
+    Distance,
+    Drive,
+    GeoFix,
+    Observation,
+    Odometer,
+    OdometryLog,
+    SpeedYaw,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeed,
+    WheelSpeeds,
+    WheelTicks,
+)
+from ..sensors.validation import validated
+from ..settings import Settings
+from .checks import Skipped, in_order
+from .reported_fixes import Reported, make_fixes
+
+_LOGS: dict[type, type[OdometryLog]] = {
+    WheelTicks: WheelCounts, WheelSpeed: WheelSpeeds, SpeedYaw: SpeedYawRate, Distance: Odometer
+}  # fmt: skip
+
+
+def drive_of_observations(
+    observations: Sequence[Observation], settings: Settings | None = None
+) -> Drive:
+    """The drive that consists of these observations, in any order.
+
+    Args:
+        observations: Fixes and readings of one kind of odometry.
+        settings: Gives the sigma of fixes that report none.
+
+    Raises:
+        ReadError: Odometry is of several kinds, or something is no observation.
+    """
+    skipped: Skipped = Counter()
+    possible = [o for o in (validated(said, skipped) for said in observations) if o is not None]
+    kinds = {type(o) for o in possible} - {GeoFix}
+    if len(kinds) > 1:
+        raise ReadError(
+            f"observations: {', '.join(sorted(kind.__name__ for kind in kinds))} together; one "
+            "kind of odometry was expected; leave the others out"
+        )
+    fixes = [o for o in possible if isinstance(o, GeoFix)]
+    odometry = None
+    for kind in kinds:
+        columns = _columns(kind, [o for o in possible if type(o) is kind])
+        rows = in_order(columns["time"], skipped)
+        odometry = _LOGS[kind](*(values[rows] for values in columns.values()))
+    settings = settings or Settings()
+    located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
+    return Drive("drive", located, odometry, skipped=dict(skipped))
+
+
+def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array]:
+    names = [f.name for f in fields(kind)]
+    return {n: np.array([getattr(o, n) for o in observations], np.float64) for n in names}
+
+
+def _reported(fixes: Sequence[GeoFix]) -> Reported:
+    """Fixes as a log says them: NaN for what a record says by an infinite sigma."""
+    c = _columns(GeoFix, fixes)
+    unknown = np.isinf(c["cov_ee"])
+    return Reported(
+        time=c["time"],
+        lat_deg=c["lat_deg"],
+        lon_deg=c["lon_deg"],
+        cov_ee=np.where(unknown, np.nan, c["cov_ee"]),
+        cov_en=c["cov_en"],
+        cov_nn=np.where(unknown, np.nan, c["cov_nn"]),
+        speed=np.where(np.isinf(c["sigma_speed"]), np.nan, c["speed"]),
+        sigma_speed=c["sigma_speed"],
+        bearing_deg=np.where(np.isinf(c["sigma_bearing_deg"]), np.nan, c["bearing_deg"]),
+    )

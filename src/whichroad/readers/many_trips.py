@@ -1,0 +1,321 @@
+"""Batches of whole trips from a table or a stream of any size.
+
+A trip of a stream is complete once enough rows of other trips have followed its last row.
+The fixes of regular trips (sorted, valid, without odometry) are read by one call per
+batch; the result is that of `drive_tables.drive_from_table` trip by trip.
+"""
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..errors import ReadError
+from ..observations import Array, Fixes
+from ..settings import Settings
+from .arrow_columns import LARGEST, numbers, texts, times
+from .checks import LAST, Bools, Ints, Skipped, listed
+from .drive_columns import Columns, reported
+from .drive_tables import in_memory, no_column
+from .names import NAMES, Column, find
+from .reported_fixes import completed, is_place
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+APART = 1 << 16  # rows of other trips after which a trip of a stream is complete
+BATCH_ROWS = 1 << 14  # rows of a batch of short trips
+_BATCH = 1 << 15  # rows read from a file at once
+_FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
+          ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
+_ODOMETRY = frozenset(
+    ["wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "odometer", "yaw_rate"]
+)
+
+
+class TripBatch(NamedTuple):
+    """Rows of whole trips, trip after trip."""
+
+    table: "pa.Table"
+    names: list[str]  # of the trips; empty: rows without one
+    first: list[int]  # where each begins, and the number of rows
+
+
+def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]:
+    """Cut a source into whole trips, in the order in which they begin (a stream: end).
+
+    Args:
+        source: An Arrow table, record batch, DataFrame or dict of columns; or a stream: the
+            path of a Parquet or Arrow file or a folder of them, a dataset, a
+            RecordBatchReader, or any iterator of batches or tables.
+        drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
+
+    Raises:
+        ReadError: The source is none of these, or has no such column.
+    """
+    if isinstance(source, str | PathLike):
+        yield from _of_stream(_of_path(Path(source), drive_id), drive_id)
+    elif hasattr(source, "to_batches") and hasattr(source, "scanner"):
+        yield from _of_stream(_of_dataset(source, drive_id), drive_id)
+    elif hasattr(source, "schema") or hasattr(source, "columns") or isinstance(source, dict):
+        if hasattr(source, "read_next_batch"):
+            yield from _of_stream(source, drive_id)
+        else:
+            yield from _parts(_named(*_table(source, drive_id), drive_id))
+    elif isinstance(source, Iterable):
+        yield from _of_stream(source, drive_id)
+    else:
+        raise ReadError(
+            f"table: {type(source).__name__} is no table of trips; an Arrow table, a path, a "
+            "dataset or an iterator of record batches was expected"
+        )
+
+
+def _of_path(path: Path, drive_id: str) -> Iterable[Any]:
+    """The batches of a Parquet or Arrow file, or of a folder of Parquet files."""
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+    kind = "parquet" if path.is_dir() else _FILES.get(path.suffix.lower())
+    if kind is None:
+        raise ReadError(
+            f"{path}: a file of this kind is not read as a stream of trips; .parquet or .arrow "
+            "was expected; read_drive takes the others"
+        )
+    try:
+        return _of_dataset(ds.dataset(path, format=kind), drive_id)
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise ReadError(f"{path}: cannot be read as {kind} ({reason})") from None
+
+
+def _of_dataset(data: Any, drive_id: str) -> Iterable[Any]:
+    names = data.schema.names
+    _check(names)
+    used = {column.name for column in find(names).values()} | ({drive_id} & set(names))
+    return data.to_batches(  # type: ignore[no-any-return]
+        columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
+    )
+
+
+def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
+    """Any table in memory as Arrow, and the names of all its columns."""
+    names = list(getattr(source, "columns", ()))
+    if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
+        source = source.rename(columns={drive_id: "drive_id"})
+        return in_memory(source)[0], [str(name) for name in names]
+    return in_memory(source)
+
+
+def _check(names: list[str]) -> None:
+    """Refuse a table none of whose trips could be matched."""
+    if "time" not in find(names):
+        raise ReadError(no_column("table", "no time", names, ("time",)))
+
+
+def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
+    """The table, of all whose columns are told, with its trips' names in a column `drive_id`."""
+    found = find(table.column_names)
+    if "time" not in found:
+        _check(names)
+    if drive_id in table.column_names:
+        place = table.column_names.index(drive_id)
+    elif "drive_id" in found and (drive_id == "drive_id" or "drive_id" in table.column_names):
+        place = found["drive_id"].place
+    else:
+        raise ReadError(
+            f"table: no column {drive_id!r} among {listed(names)}; one that names "
+            f"the trip of each row was expected, for example {', '.join(NAMES['drive_id'])}"
+        )
+    keep = [c.place for c in found.values() if c.place != place]
+    used = [table.column_names[i] for i in keep if table.column_names[i] != "drive_id"]
+    return table.select(used).append_column("drive_id", table.column(place))
+
+
+def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
+    """The rows trip after trip, in the order in which trips first appear.
+
+    Returns:
+        The table, the trips' names, and where the rows of each begin and all end.
+    """
+    import pyarrow as pa
+
+    column = table["drive_id"]
+    if column.num_chunks > 1 and pa.types.is_string(column.type):  # chunk by chunk it takes longer
+        column = pa.chunked_array(column.combine_chunks())
+    labels, codes = texts(column)
+    runs = np.flatnonzero(np.diff(codes, prepend=-1))
+    if len(np.unique(codes[runs])) < len(runs):  # rows of several trips are interleaved
+        _, first, code = np.unique(codes, return_index=True, return_inverse=True)
+        order = np.argsort(first[code], kind="stable")
+        table, codes = table.take(order), codes[order]
+        runs = np.flatnonzero(np.diff(codes, prepend=-1))
+    names = [labels[code] for code in codes[runs].tolist()]
+    return table, names, [*runs.tolist(), len(codes)]
+
+
+def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
+    """Each trip and its rows."""
+    table, names, first = _sorted(table)
+    for name, (low, high) in zip(names, pairwise(first), strict=True):
+        yield name, table.slice(low, high - low)
+
+
+def _parts(table: "pa.Table") -> Iterator[TripBatch]:
+    """Batches of a table in memory."""
+    table, names, first = _sorted(table)
+    trip = 0
+    while trip < len(names):
+        low = first[trip]
+        end = max(bisect_right(first, low + BATCH_ROWS) - 1, trip + 1)
+        rows = first[end] - low
+        begins = [row - low for row in first[trip : end + 1]]
+        yield TripBatch(table.slice(low, rows), names[trip:end], begins)
+        trip = end
+
+
+def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[TripBatch]:
+    yield from _packed(_whole(batches, drive_id))
+
+
+def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
+    """Each trip of a stream and its rows, once it is complete."""
+    waiting: dict[str, list[Any]] = {}
+    last: dict[str, int] = {}
+    rows = 0
+    for batch in batches:
+        table, names = _table(batch, drive_id)
+        for name, part in _cut(_named(table, names, drive_id)):
+            waiting.setdefault(name, []).append(part)
+            last[name] = rows
+        rows += table.num_rows
+        for name in [n for n, row in last.items() if row < rows - APART]:
+            del last[name]
+            yield name, _joined(waiting.pop(name))
+    for name, parts in waiting.items():
+        yield name, _joined(parts)
+
+
+def _joined(parts: "list[pa.Table]") -> "pa.Table":
+    """Parts of a trip as one table; columns whose types do not go together as text."""
+    import pyarrow as pa
+
+    try:
+        return pa.concat_tables(parts, promote_options="permissive")
+    except pa.ArrowException:
+        texts = [p.cast(pa.schema([(n, pa.string()) for n in p.column_names])) for p in parts]
+        return pa.concat_tables(texts, promote_options="permissive")
+
+
+def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[TripBatch]:
+    """Batches of consecutive trips with `BATCH_ROWS` rows or more."""
+    import pyarrow as pa
+
+    names: list[str] = []
+    parts: list[Any] = []
+    first = [0]
+    for name, part in trips:
+        full = first[-1] + part.num_rows > BATCH_ROWS
+        if parts and (full or not part.schema.equals(parts[0].schema)):
+            yield TripBatch(pa.concat_tables(parts), names, first)
+            names, parts, first = [], [], [0]
+        names.append(name)
+        parts.append(part)
+        first.append(first[-1] + part.num_rows)
+    if parts:
+        yield TripBatch(pa.concat_tables(parts), names, first)
+
+
+def are_many(path: str | PathLike[str]) -> bool:
+    """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips."""
+    path = Path(path)
+    if not path.is_dir() and path.suffix.lower() not in _FILES:
+        return False
+    seen: set[str] = set()
+    try:
+        for batch in _of_path(path, "drive_id"):
+            if "drive_id" not in find(batch.schema.names):
+                return False
+            column = batch.column(find(batch.schema.names)["drive_id"].place)
+            seen.update(map(str, column.unique().to_pylist()))
+            if len(seen) > 1:
+                return True
+    except (ReadError, OSError, ValueError):  # the reader of the file will report the error
+        return False
+    return False
+
+
+def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
+    """Read the fixes of the regular trips of a batch.
+
+    Args:
+        table: (n,) rows, trip after trip.
+        first: (d,) where each begins.
+        settings: Gives the sigma of fixes that report none.
+
+    Returns:
+        Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
+        same fixes, with nothing skipped or noted.  None: no trip can be read this way.
+    """
+    found = find(table.column_names)
+    found.pop("drive_id", None)
+    if not _is_regular(table, found):
+        return None
+    time = _in_one_unit(table, found["time"])
+    if time is None:
+        return None
+    skipped: Skipped = Counter()
+    columns: Columns = {"time": time}
+    for quantity, column in found.items():
+        if quantity not in ("time", "geometry"):
+            values = numbers(table.column(column.place), column.name, skipped)
+            columns[quantity] = values * column.factor
+    good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
+    later = np.diff(time, prepend=-np.inf) > 0.0
+    later[first] = True
+    regular = np.logical_and.reduceat(good & later, first)
+    if not regular.all():
+        rows = np.repeat(regular, np.diff(first, append=len(time)))
+        columns = {quantity: values[rows] for quantity, values in columns.items()}
+    fixes = completed(reported(columns), settings, skipped)
+    return None if skipped else (fixes, regular)
+
+
+def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
+    """Whether the table has numeric positions and no odometry."""
+    import pyarrow as pa
+
+    has = found.keys()
+    if not {"time", "lat", "lon"} <= has or not table.num_rows or _ODOMETRY & has:
+        return False
+    if "bearing" in has and "speed" not in has:  # the reader of single trips adds a note
+        return False
+    return all(
+        pa.types.is_floating(kind)
+        or pa.types.is_integer(kind)
+        or (quantity == "time" and pa.types.is_timestamp(kind))
+        for quantity, column in found.items()
+        if quantity != "geometry"
+        for kind in (table.schema.field(column.place).type,)
+    )
+
+
+def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
+    """Seconds since 1970; None where the sizes of bare numbers tell of several units."""
+    import pyarrow as pa
+
+    column = table.column(meaning.place)
+    if meaning.factor or pa.types.is_timestamp(column.type):
+        return times(column, meaning, "table", Counter())
+    values = numbers(column, meaning.name, Counter())
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
+        return values
+    bounds = [largest for largest, _ in LARGEST]
+    least, most = np.searchsorted(bounds, [sizes.min(), sizes.max()], side="right").tolist()
+    return values * LARGEST[least][1] if least == most else None

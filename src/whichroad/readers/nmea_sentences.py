@@ -1,0 +1,333 @@
+"""NMEA 0183 sentences: bytes to columns, a block at a time.
+
+A block may be one burst of a receiver or megabytes of a log.  Checksums of all sentences
+come from one running exclusive-or, numbers of all fields from one call.  This module
+knows neither epochs nor dates.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.units import KNOT
+from ..observations import Array
+from .checks import NO_TIME, Bools, Ints, Skipped, keep
+from .parsing import Bytes, decimal, hexadecimal
+
+LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it
+CHECKSUM = "wrong checksum"
+TRUNCATED = "sentence cut short"
+NUMBER = "unparsable number"
+PROPRIETARY = "proprietary sentence"
+SHORT = "too few fields"
+
+# What the sentences say: rows of a table of epochs.
+COLUMNS = (
+    *("lat", "lon", "quality", "hdop"),  # GGA
+    *("rmc_lat", "rmc_lon", "speed", "course", "day", "valid"),  # RMC; VTG, ZDA have some
+    *("major", "minor", "orientation", "sigma_lat", "sigma_lon"),  # GST
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Type:
+    """One type of sentence; field 0 is the address."""
+
+    code: int  # its three letters as one number
+    fewest: int  # fields that it must have
+    numbers: tuple[int, ...]  # fields that are numbers, the time of day first
+    letters: tuple[int, ...]  # fields of which the first letter is read
+    columns: tuple[int, ...]  # what it says, as rows of `COLUMNS`
+    timed: bool = True
+
+
+def _type(
+    name: str,
+    fewest: int,
+    numbers: Sequence[int],
+    letters: Sequence[int],
+    columns: str,
+    timed: bool = True,
+) -> _Type:
+    says = tuple(COLUMNS.index(column) for column in columns.split())
+    code = int.from_bytes(name.encode())
+    return _Type(code, fewest, tuple(numbers), tuple(letters), says, timed)
+
+
+# Later types overwrite: GGA's position is the finer one, RMC's date and speed the surer.
+TYPES = {
+    "ZDA": _type("ZDA", 5, (1, 2, 3, 4), (), "day"),
+    "VTG": _type("VTG", 8, (1, 5), (6,), "course speed", timed=False),
+    "RMC": _type(
+        "RMC", 10, (1, 3, 5, 7, 8, 9), (2, 4, 6), "rmc_lat rmc_lon speed course day valid"
+    ),
+    "GGA": _type("GGA", 9, (1, 2, 4, 6, 8), (3, 5), "lat lon quality hdop"),
+    "GST": _type("GST", 9, (1, 3, 4, 5, 6, 7), (), "major minor orientation sigma_lat sigma_lon"),
+}
+
+
+@dataclass(slots=True)
+class Sentences:
+    """Good sentences in the order of the log.
+
+    Attributes:
+        code: Three letters of the type as one number, shape (n,); all types.
+        tod: Time of day, ms (whole numbers), shape (n,); NaN: none, or not read.
+        values: By type, what its sentences say, (columns of the type, sentences of the
+            type); NaN where a field is empty.
+    """
+
+    code: Ints
+    tod: Array
+    values: dict[str, Array]
+
+    def __len__(self) -> int:
+        """How many sentences."""
+        return len(self.code)
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is a sentence of this type."""
+        return bool(self.values[name].shape[1])
+
+    def split(self, n: int) -> tuple["Sentences", "Sentences"]:
+        """The first `n` sentences, and the others."""
+        first, others = {}, {}
+        for name, values in self.values.items():
+            m = int(np.count_nonzero(self.code[:n] == TYPES[name].code))
+            first[name], others[name] = values[:, :m], values[:, m:]
+        return (
+            Sentences(self.code[:n], self.tod[:n], first),
+            Sentences(self.code[n:], self.tod[n:], others),
+        )
+
+
+def joined(batches: Sequence[Sentences]) -> Sentences:
+    """Batches of sentences, one behind the other; at least one."""
+    if len(batches) == 1:
+        return batches[0]
+    return Sentences(
+        np.concatenate([b.code for b in batches]),
+        np.concatenate([b.tod for b in batches]),
+        {name: np.concatenate([b.values[name] for b in batches], axis=1) for name in TYPES},
+    )
+
+
+def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences, int]:
+    """Find and read the sentences of a block of bytes.
+
+    Args:
+        data: Whole lines; anything may stand between sentences.
+        skipped: Counts what is not used, by reason.
+        others: Counts good sentences of types that are not needed.
+
+    Returns:
+        The sentences, and how many bytes look like no sentence.
+    """
+    text = np.frombuffer(data, np.uint8)
+    start, star, foreign = _frames(text, skipped)
+    code = np.zeros(len(start), np.int64)
+    for letter in (3, 4, 5):
+        code = code * 256 + text[start + letter]
+    commas = np.append(np.flatnonzero(text == ord(",")), len(text))
+    first = np.searchsorted(commas, start)
+    count = np.searchsorted(commas, star) - first
+    good = np.ones(len(start), np.bool_)
+    needed = np.zeros(len(start), np.bool_)
+    rows: dict[str, Ints] = {}
+    for name, kind in TYPES.items():
+        mine = np.flatnonzero(code == kind.code)
+        needed[mine] = True
+        whole = count[mine] + 1 >= kind.fewest
+        if not keep(whole, SHORT, skipped).all():
+            good[mine[~whole]] = False
+            mine = mine[whole]
+        rows[name] = mine
+    if not needed.all():
+        codes, counts = np.unique(code[~needed], return_counts=True)
+        for other, number in zip(codes.tolist(), counts.tolist(), strict=True):
+            others[other.to_bytes(3).decode("ascii")] += number
+
+    fields = _Fields(text, commas, first, star)
+    tod, values = _read(fields, rows, good, skipped)
+    return Sentences(code[good], tod[good], values), foreign
+
+
+def _read(
+    fields: "_Fields", rows: dict[str, Ints], good: Bools, skipped: Skipped
+) -> tuple[Array, dict[str, Array]]:
+    """Times of all sentences, and what those of `rows` say; bad ones leave `good`."""
+    spans = [fields.spans(rows[name], kind.numbers) for name, kind in TYPES.items()]
+    begin = np.concatenate([s[0].ravel() for s in spans])
+    number, wrong = decimal(fields.text, begin, np.concatenate([s[1].ravel() for s in spans]))
+    tod = np.full(len(good), np.nan)
+    values = {}
+    at = 0
+    for name, kind in TYPES.items():
+        mine = rows[name]
+        shape = (len(kind.numbers), len(mine))
+        numbers = number[at : at + shape[0] * shape[1]].reshape(shape)
+        bad: Bools = np.any(wrong[at : at + shape[0] * shape[1]].reshape(shape), axis=0)
+        at += shape[0] * shape[1]
+        if not len(mine):
+            values[name] = np.empty((len(kind.columns), 0))
+            continue
+        if kind.timed:
+            tod[mine] = _time_of_day(numbers[0], bad)
+        said = _MEANING[name](numbers, fields.letters(mine, kind.letters), bad)
+        fine = keep(~bad, NUMBER, skipped)
+        if kind.timed:
+            fine = fine & keep(bad | ~np.isnan(tod[mine]), NO_TIME, skipped)
+        if not fine.all():
+            good[mine[~fine]] = False
+            said = said[:, fine]
+        values[name] = said
+    return tod, values
+
+
+def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
+    """Where good sentences begin (`$`) and end (`*`), and the bytes outside of any sentence."""
+    dollar = np.flatnonzero(text == ord("$"))
+    breaks = np.flatnonzero((text == ord("\n")) | (text == ord("\r")))
+    stars = np.flatnonzero(text == ord("*"))
+    end = np.append(dollar[1:], len(text))[: len(dollar)]
+    end = np.minimum(end, _next(breaks, dollar, len(text)))
+    capital = (text >= ord("A")) & (text <= ord("Z")) | (text >= ord("0")) & (text <= ord("9"))
+    proprietary = _at(text, dollar + 1) == ord("P")
+    address = end - dollar > 6
+    for k in (1, 2, 3, 4, 5):
+        address &= _at(capital, dollar + k)
+    address &= (_at(text, dollar + 6) == ord(",")) | proprietary
+    # a $ that begins a line begins a sentence, elsewhere it may be any byte of a binary message
+    at_line = (dollar == 0) | (text[dollar - 1] == ord("\n"))
+    star = _next(stars, dollar, len(text))
+    keep(address | ~at_line | (star < end), TRUNCATED, skipped)
+    keep(address | ~at_line | (star >= end), PROPRIETARY, skipped)
+    used = int((end - dollar)[address | at_line].sum())
+    dollar, end, proprietary, star = (x[address] for x in (dollar, end, proprietary, star))
+
+    whole = (star + 3 <= end) & (star - dollar < LONGEST)
+    if not keep(whole, TRUNCATED, skipped).all():
+        dollar, star, proprietary = dollar[whole], star[whole], proprietary[whole]
+
+    running = np.bitwise_xor.accumulate(text) if len(text) else text
+    said, bad = hexadecimal(text, star + 1, 2)
+    good = ~bad & ((running[star - 1] ^ running[dollar]) == said)
+    keep(good, CHECKSUM, skipped)
+    keep(~(good & proprietary), PROPRIETARY, skipped)
+    good &= ~proprietary
+    return dollar[good], star[good], len(text) - used - len(breaks)
+
+
+def _at(values: NDArray[np.generic], index: Ints) -> NDArray[np.generic]:
+    return values[np.minimum(index, len(values) - 1)]
+
+
+def _next(places: Ints, start: Ints, otherwise: int) -> Ints:
+    """The first of `places` behind each start."""
+    found = np.append(places, otherwise)
+    return found[np.searchsorted(places, start, side="right")]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fields:
+    """The comma-separated fields of all sentences of a block.
+
+    Attributes:
+        text: The block.
+        commas: Places of all commas, and one behind the end of the text.
+        first: Number of each sentence's first comma.
+        star: Place of each sentence's star.
+    """
+
+    text: Bytes
+    commas: Ints
+    first: Ints
+    star: Ints
+
+    def spans(self, rows: Ints, numbers: tuple[int, ...]) -> tuple[Ints, Ints]:
+        """Where the fields `numbers` of the sentences `rows` begin and end, (fields, rows)."""
+        comma = self.first[rows] + np.array(numbers, np.int64)[:, None]
+        return self.commas[comma - 1] + 1, np.minimum(self.commas[comma], self.star[rows])
+
+    def letters(self, rows: Ints, numbers: tuple[int, ...]) -> Bytes:
+        """First letters of those fields, 0 where a field is empty, shape (fields, rows)."""
+        begin, end = self.spans(rows, numbers)
+        return np.where(end > begin, self.text[begin], 0).astype(np.uint8)
+
+
+# What the fields mean: numbers (fields, n), letters (fields, n), and which of the n
+# sentences have a field that cannot be; gives (columns, n).
+
+
+def _time_of_day(value: Array, bad: Bools) -> Array:
+    """Milliseconds since midnight from `hhmmss.sss`."""
+    hour = np.floor(value / 1e4)
+    minute = np.floor(value / 100) - 100 * hour
+    second = value - 1e4 * hour - 100 * minute
+    possible = (hour < 24) & (minute < 60) & (second < 61) & (value >= 0)
+    np.logical_or(bad, ~np.isnan(value) & ~possible, out=bad)
+    return np.asarray(np.round(3.6e6 * hour + 6e4 * minute + 1e3 * second))
+
+
+_POSITIVE = np.frombuffer(b"NE", np.uint8)[:, None]
+_NEGATIVE = np.frombuffer(b"SW", np.uint8)[:, None]
+
+
+def _place(value: Array, letter: Bytes, bad: Bools) -> Array:
+    """Latitude and longitude in degrees from `dddmm.mmm` and hemispheres, shape (2, n)."""
+    degrees = np.floor(value / 100)
+    minutes = value - 100 * degrees
+    negative = letter == _NEGATIVE
+    possible = (negative | (letter == _POSITIVE)) & (minutes < 60) & (value >= 0)
+    np.logical_or(bad, (~np.isnan(value) & ~possible).any(axis=0), out=bad)
+    angle = degrees + minutes / 60
+    return np.asarray(np.where(negative, -angle, angle))
+
+
+def _gga(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    return np.concatenate([_place(numbers[1:3], letters, bad), numbers[3:]])
+
+
+def _rmc(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    valid = letters[0] == ord("A")
+    place = _place(numbers[1:3], letters[1:], bad)
+    said = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
+    said[:5, ~valid] = np.nan  # receivers that search write anything
+    return said
+
+
+def _gst(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    return numbers[1:]
+
+
+def _vtg(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    # units stand behind the numbers; sentences before version 2.3 have none
+    lettered = (letters[0] == ord("N")) | (letters[0] == 0)
+    return np.where(lettered, np.stack([numbers[0], KNOT * numbers[1]]), np.nan)
+
+
+def _zda(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    return _date(numbers[3], numbers[2], numbers[1])[None]
+
+
+_MEANING = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "VTG": _vtg, "ZDA": _zda}
+
+
+def _day(date: Array) -> Array:
+    """Days since 1970 from `ddmmyy`."""
+    day = np.floor(date / 1e4)
+    month = np.floor(date / 100) - 100 * day
+    year = date - 1e4 * day - 100 * month
+    return _date(np.where(year >= 80, 1900 + year, 2000 + year), month, day)
+
+
+def _date(year: Array, month: Array, day: Array) -> Array:
+    """Days since 1970, NaN for a date that cannot be."""
+    known = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12)
+    known &= (day >= 1) & (day <= 31)
+    months = np.where(known, 12 * (year - 1970) + month - 1, 0).astype(np.int64)
+    first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    return np.where(known, first + day - 1, np.nan)

@@ -1,0 +1,203 @@
+"""From what a receiver reported to `Fixes`: places checked, covariances chosen, rows in order.
+
+All formats that give positions end here, so that a covariance means the same from
+each.  NaN marks what a row does not say; none leaves this module.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.angles import degrees, radians, wrap_bearing
+from ..observations import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, GeoFix
+from ..settings import Settings
+from .checks import Bools, Skipped, in_order, keep
+
+SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that does not say
+MOVING = 1.0  # m/s, below it a course over ground means nothing
+# A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
+# two digits moves the ratio by up to a quarter.
+CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
+RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
+IMPOSSIBLE = "impossible position"
+NO_SPEED = "negative speed of a receiver (taken as none)"
+NO_COURSE = "course of -1 (taken as none)"
+NOT_A_COVARIANCE = "covariance that is not one (settings' default used)"
+
+
+@dataclass(slots=True)
+class Reported:
+    """What the rows of a log say, NaN where they say nothing; shape (n,) each."""
+
+    time: Array  # s since 1970 UTC
+    lat_deg: Array
+    lon_deg: Array
+    cov_ee: Array | None = None  # m²
+    cov_en: Array | None = None
+    cov_nn: Array | None = None
+    no_correlation: Bools | None = None  # the reported ellipse was not credible
+    hdop: Array | None = None
+    speed: Array | None = None  # m/s
+    sigma_speed: Array | None = None
+    bearing_deg: Array | None = None
+
+    def rows(self, index: NDArray[np.int64]) -> "Reported":
+        """The rows at `index`, each at most once."""
+        if len(index) == len(self.time) and (np.diff(index) > 0).all():
+            return self
+        chosen: dict[str, Any] = {
+            f.name: None if (column := getattr(self, f.name)) is None else column[index]
+            for f in fields(self)
+        }
+        return Reported(**chosen)
+
+
+def from_ellipse(major: Array, minor: Array, bearing_deg: Array) -> tuple[Array, Array, Array]:
+    """Covariance (ee, en, nn) of an ellipse whose major axis lies `bearing_deg` from north."""
+    sin, cos = np.sin(radians(bearing_deg)), np.cos(radians(bearing_deg))
+    a, b = major * major, minor * minor
+    return a * sin * sin + b * cos * cos, (a - b) * sin * cos, a * cos * cos + b * sin * sin
+
+
+def from_gst(
+    sigma_lat: Array, sigma_lon: Array, major: Array, minor: Array, bearing_deg: Array
+) -> tuple[Array, Array, Array, Bools]:
+    """Covariance of a GST sentence: sigmas set the scale, the ellipse the correlation.
+
+    Receivers differ in what they call the axes (one sigma, 95 %, nonsense), not in what
+    they call sigmas.
+
+    Args:
+        sigma_lat: Standard deviation of latitude, m, shape (n,); zero or NaN: not reported.
+        sigma_lon: That of longitude.
+        major: Semi-major axis of the ellipse, m.
+        minor: Semi-minor axis.
+        bearing_deg: Direction of the major axis, degrees clockwise from north.
+
+    Returns:
+        cov_ee, cov_en, cov_nn in m², NaN where the sigmas are missing, and whether the
+        ellipse was missing or not credible, so that the correlation is 0.
+    """
+    good = (sigma_lat > 0) & (sigma_lon > 0)
+    nn, ee = np.where(good, sigma_lat**2, np.nan), np.where(good, sigma_lon**2, np.nan)
+    e_ee, e_en, e_nn = from_ellipse(major, minor, bearing_deg)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        ratio = (e_ee + e_nn) / (ee + nn)
+        correlation = e_en / np.sqrt(e_ee * e_nn)
+    credible = np.zeros(ratio.shape, np.bool_)
+    for low, high in CREDIBLE:
+        credible |= (ratio > low) & (ratio < high)
+    credible &= np.abs(correlation) < 0.9999  # a needle is no ellipse
+    en = np.where(credible, np.where(credible, correlation, 0.0) * np.sqrt(ee * nn), 0.0)
+    return ee, np.where(good, en, np.nan), nn, good & ~credible
+
+
+def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixes:
+    """Check, order and complete what a log reported.
+
+    Impossible places are skipped, late rows put in order, repeated times dropped, all
+    counted.  A fix without covariance gets HDOP times the range error, or the
+    settings' default, and a flag that says so.
+
+    Args:
+        reported: The rows that carry a position.
+        settings: Gives `default_sigma_m` and `user_range_error_m`.
+        skipped: Where to count.
+    """
+    lat, lon = reported.lat_deg, reported.lon_deg
+    possible = np.isfinite(reported.time) & is_place(lat, lon)
+    r = reported.rows(np.flatnonzero(keep(possible, IMPOSSIBLE, skipped)))
+    return completed(r.rows(in_order(r.time, skipped)), settings, skipped)
+
+
+def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
+    """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked."""
+    cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
+    # phones write -1 for what they do not know
+    speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
+    course = r.bearing_deg
+    course = _without(course, None if course is None else course == -1.0, NO_COURSE, skipped)
+    speed, sigma_speed = _or_unknown(speed, r.sigma_speed, len(r.time))
+    bearing, sigma_bearing = _course(course, speed, sigma_speed)
+    return Fixes(
+        time=r.time,
+        lat_deg=r.lat_deg,
+        lon_deg=r.lon_deg,
+        cov_ee=cov_ee,
+        cov_en=cov_en,
+        cov_nn=cov_nn,
+        speed=speed,
+        sigma_speed=sigma_speed,
+        bearing_deg=bearing,
+        sigma_bearing_deg=sigma_bearing,
+        flags=flags,
+    )
+
+
+def is_place(lat: Array, lon: Array) -> Bools:
+    """Whether degrees (n,) can be where a vehicle is."""
+    # receivers without a fix write 0, 0: in the Gulf of Guinea there is no road
+    possible: Bools = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & ((lat != 0) | (lon != 0))
+    return possible
+
+
+def _column(values: Array | None, n: int) -> Array:
+    return np.full(n, np.nan) if values is None else values
+
+
+def _covariance(
+    r: Reported, settings: Settings, skipped: Skipped
+) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
+    n = len(r.time)
+    ee, nn, hdop = _column(r.cov_ee, n), _column(r.cov_nn, n), _column(r.hdop, n)
+    en = np.zeros(n) if r.cov_en is None else r.cov_en
+    said = ~(np.isnan(ee) & np.isnan(nn))
+    with np.errstate(over="ignore", invalid="ignore"):
+        good = (ee > 0) & (nn > 0) & (ee * nn > en * en) & np.isfinite(ee * nn)
+    keep(good | ~said, NOT_A_COVARIANCE, skipped)
+    by_hdop = ~said & (hdop > 0) & np.isfinite(hdop)
+    sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
+    flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
+    if r.no_correlation is not None:
+        flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint8)
+    ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)
+    return ee, np.where(good, en, 0.0), nn, flags
+
+
+def _without(
+    values: Array | None, wrong: Bools | None, reason: str, skipped: Skipped
+) -> Array | None:
+    """Values, NaN where they are wrong; those are counted."""
+    if values is None or wrong is None or not wrong.any():
+        return values
+    return np.where(keep(~wrong, reason, skipped), values, np.nan)
+
+
+def _or_unknown(value: Array | None, sigma: Array | None, n: int) -> tuple[Array, Array]:
+    """Speeds and their sigmas; infinite where there is none."""
+    if value is None:
+        return np.zeros(n), np.full(n, np.inf)
+    sigma = _column(sigma, n)
+    known = np.isfinite(value) & (np.abs(value) < 1e3)
+    sigma = np.where(np.isfinite(sigma) & (sigma > 0), sigma, SIGMA_SPEED)
+    return np.where(known, value, 0.0), np.where(known, sigma, np.inf)
+
+
+def _course(bearing: Array | None, speed: Array, sigma_speed: Array) -> tuple[Array, Array]:
+    """Courses over ground and their sigmas; only a moving receiver has one."""
+    if bearing is None:
+        return np.zeros(len(speed)), np.full(len(speed), np.inf)
+    known = np.isfinite(bearing) & (np.abs(bearing) <= 720)
+    known &= np.isfinite(sigma_speed) & (speed > MOVING)
+    angle = degrees(np.arctan2(np.where(known, sigma_speed, 1.0), speed))
+    return wrap_bearing(np.where(known, bearing, 0.0)), np.where(known, angle, np.inf)
+
+
+def as_records(fixes: Fixes) -> list[GeoFix]:
+    """One `GeoFix` per row, for the on-line filter."""
+    columns = [
+        getattr(fixes, f.name).tolist() for f in fields(GeoFix)
+    ]  # fields of the two share their names
+    return [GeoFix(*row) for row in zip(*columns, strict=True)]

@@ -1,0 +1,201 @@
+"""A recorded drive through the filter: `model="default"`, smoothed or not, and `model="paper"`."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from .diagnosis.findings import Finding, findings_of
+from .epochs import Timeline
+from .errors import DriveError
+from .filter.estimate import Output, new_output
+from .filter.history import is_full, new_history
+from .filter.state import (
+    CLOCK,
+    NO_EDGE,
+    Belief,
+    Context,
+    H,
+    K,
+    X,
+    Y,
+    new_belief,
+    new_path,
+    new_work,
+)
+from .filter.step import run
+from .geodesy.angles import heading_of, radians
+from .global_start import is_vague, search, start_at
+from .observations import StartPose
+from .path import Chain, best_chain, heaviest_chain, tidied
+from .roadmap import RoadMap
+from .settings import Settings, Vehicle, parameters
+from .smoothing import Lag, Past, entries_in_use, smooth
+from .workspace import Workspace, entries_of, without_states
+
+_CHUNK = 20_000  # epochs between two looks at the path tree and the progress bar
+_ROOM = 4096  # entries of the path tree below which it is tidied
+_WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
+
+
+class Recorded(NamedTuple):
+    """A recorded drive, localized."""
+
+    output: Output
+    chain: Chain  # edges of the most probable path, OFF_ROAD between
+    diagnose: Callable[[], tuple[Finding, ...]] = tuple
+    past: Past | None = None  # what it can be smoothed with, where that was asked for
+
+    @property
+    def diagnosis(self) -> tuple[Finding, ...]:
+        """Settings that do not fit the data; looked for when asked."""
+        return self.diagnose()
+
+
+def localize_recorded(
+    roads: RoadMap,
+    timeline: Timeline,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    start: StartPose | str | None = None,
+    poses: bool = False,
+    progress: Callable[[int], None] | None = None,
+    lag: Lag | None = None,
+) -> Recorded:
+    """Localize a recorded drive.
+
+    Args:
+        roads: The map.
+        timeline: The drive in epochs.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: A known pose at the first epoch, or "map": anywhere on it (also a pose with
+            a sigma of more than 40 m or 45 degrees is searched for by wheels and map); else
+            the first fix starts the filter.
+        poses: Whether the poses of the alternatives are kept too, for pictures.
+        progress: Told how many epochs are done, now and then.
+        lag: By how much later knowledge epochs are answered; None: by what was known then.
+
+    Returns:
+        One estimate per epoch, and the most probable path.
+
+    Raises:
+        DriveError: Nothing can start the filter.
+    """
+    vehicle, settings = vehicle or Vehicle(), settings or Settings()
+    epochs = timeline.epochs
+    n = len(epochs)
+    _check_start(timeline, start, 'or start="map" where both wheels were recorded')
+    workspace = Workspace.taken()
+    belief, path = workspace.belief(lag is not None), workspace.path()
+    ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode)
+    history, lookback = (new_history(0), None) if lag is None else workspace.smoothing()
+    output = new_output(n, poses)
+    done = 0
+    if is_vague(start, timeline.mode):
+        done, path = search(
+            roads, timeline, belief, output, vehicle=vehicle, settings=settings,
+            start=start if isinstance(start, StartPose) else None, progress=progress,
+        )  # fmt: skip
+    elif isinstance(start, StartPose):
+        start_at(belief, roads, path, ctx, start, float(epochs.time[0]), settings)
+    while done < n:
+        target = min(done + _CHUNK, n)
+        done = run(belief, path, history, epochs, output, ctx, done, target)
+        if lag is not None and is_full(history):
+            history = workspace.enlarged(history)
+        elif done < target or len(path.entry) - path.size[0] < _ROOM:
+            path = tidied(path, *entries_in_use(belief, history))
+        if progress is not None:
+            progress(done)
+    diagnose = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
+    heaviest = heaviest_chain(path, belief)
+    if lag is None or not history.count[0].steps:
+        workspace.give_back()
+        return Recorded(output, heaviest, diagnose)
+    past = Past(roads, history, path, epochs, output, lag)
+    whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
+    smoothed = smooth(past, ctx, lookback)  # first: the path is chosen by smoothed probabilities
+    # between fixes far apart the heaviest path is chosen as a whole, which single epochs do not see
+    chain = heaviest if whole else best_chain(history, path, roads.arrays)
+    past = past._replace(history=without_states(history), path=entries_of(path))
+    workspace.give_back()
+    return Recorded(smoothed, chain, diagnose, past)
+
+
+def localize_by_paper(
+    roads: RoadMap,
+    timeline: Timeline,
+    *,
+    vehicle: Vehicle | None = None,
+    settings: Settings | None = None,
+    start: StartPose | None = None,
+    poses: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Recorded:
+    """Localize a recorded drive by the paper's method, taken literally (`filter.paper`).
+
+    Args:
+        roads: The map.
+        timeline: The drive in epochs.
+        vehicle: The car.
+        settings: The noise of odometry, and the numbers named `paper_`.
+        start: A known pose at the first epoch; else the first fix starts the filter.
+        poses: Whether the poses of the alternatives are kept too, for pictures.
+        progress: Told how many epochs are done, now and then.
+
+    Returns:
+        One estimate per epoch, its pose that of the most probable hypothesis, and the
+        most probable edges one after the other: nothing makes them join.
+
+    Raises:
+        DriveError: Nothing can start the filter.
+    """
+    epochs = timeline.epochs
+    n = len(epochs)
+    _check_start(timeline, start, "")
+    par = parameters(settings or Settings(), vehicle or Vehicle(), timeline.mode, paper=True)
+    ctx = Context(par, roads.arrays, new_work(paper=True))
+    belief, path, history = new_belief(), new_path(0), new_history(0)
+    output = new_output(n, poses)
+    if start is not None:
+        _paper_start(belief, roads, start, float(epochs.time[0]), timeline.mode)
+    for first in range(0, n, _CHUNK):
+        last = min(first + _CHUNK, n)
+        run(belief, path, history, epochs, output, ctx, first, last)
+        if progress is not None:
+            progress(last)
+    rows = output.rows
+    on = np.flatnonzero(rows.edge >= 0)
+    new = on[np.diff(rows.edge[on], prepend=-1) != 0]
+    chain = Chain(rows.edge[new], np.asarray(epochs.time[new]), rows.s[new])
+    return Recorded(output, chain)
+
+
+def _check_start(timeline: Timeline, start: StartPose | str | None, more: str) -> None:
+    """Refuse a drive that nothing can start."""
+    if start is None and not timeline.epochs.has_fix.any():
+        raise DriveError(
+            "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
+            f"give start=(lat, lon, bearing){', ' if more else ''}{more}"
+        )
+
+
+def _paper_start(belief: Belief, roads: RoadMap, start: StartPose, time: float, mode: int) -> None:
+    """Begin from a given pose of M, as the paper does; the first epoch looks for roads."""
+    x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
+    turn = roads.plane.convergence(x, y)
+    hyp, state = belief.hyp[0], belief.state[0]
+    hyp.mu[X], hyp.mu[Y] = x[0], y[0]
+    hyp.mu[H] = heading_of(start.bearing_deg, float(turn[0]))
+    hyp.mu[K] = 6.0 if mode == CLOCK else 1.0
+    hyp.cov[X, X] = hyp.cov[Y, Y] = start.sigma_m**2
+    hyp.cov[H, H] = radians(start.sigma_bearing_deg) ** 2
+    hyp.cov[K, K] = 64.0 if mode == CLOCK else 0.0
+    hyp.edge, hyp.weight = NO_EDGE, 1.0
+    state.count = 1
+    state.time, state.started = time, 1
+    state.last_fix = state.map_time = -math.inf

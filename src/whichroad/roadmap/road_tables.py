@@ -1,0 +1,293 @@
+"""Anyone's own table of roads: columns found by their usual names, rows to streets."""
+
+from collections import Counter
+from collections.abc import Callable, Hashable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.units import mps_of_kmh
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
+from . import tags as meaning
+from .lines import Lines, read_lines
+from .link import Links, link
+from .sheet import Sheet, open_sheet, plain
+from .streets import Column, Streets, Texts, take
+
+T = TypeVar("T", bound=Hashable)
+
+# what is looked for under which names, the first that is there wins; case does not matter
+NAMES = {
+    "source_id": ("id", "edge_id", "link_id", "osmid", "osm_id", "way_id", "fid", "gid", "ogc_fid"),
+    "from": ("from", "from_node", "u", "source", "from_id", "from_node_id", "node_from"),
+    "to": ("to", "to_node", "v", "target", "to_id", "to_node_id", "node_to"),
+    "oneway": ("oneway", "one_way"),
+    "cost": ("cost",),
+    "reverse_cost": ("reverse_cost", "reverse_co"),
+    "name": ("name", "street", "street_name", "road_name", "osm_name", "link_label"),
+    "highway": ("highway", "fclass", "class", "road_class", "clazz"),
+    "speed_limit_kmh": ("speed_limit_kmh", "maxspeed", "speed_limit"),
+    "lanes": ("lanes",),
+    "width": ("width",),
+    "layer": ("layer",),
+    "bridge": ("bridge",),
+    "tunnel": ("tunnel",),
+    "junction": ("junction", "roundabout"),
+    "access": ("access",),
+}
+_DIRECTED_SHARE = 0.1  # of rows that have an opposite row: then rows are directions
+# osm2po's numbers for the classes of OpenStreetMap
+_NUMBERED = {
+    "11": "motorway", "12": "motorway_link", "13": "trunk", "14": "trunk_link",
+    "15": "primary", "16": "primary_link", "21": "secondary", "22": "secondary_link",
+    "31": "tertiary", "32": "tertiary_link", "41": "residential", "42": "road",
+    "43": "unclassified", "51": "service", "63": "living_street",
+}  # fmt: skip
+_NOT_FOR_CARS = frozenset(
+    {"footway", "path", "cycleway", "steps", "pedestrian", "bridleway", "corridor", "track",
+     "track_grade1", "track_grade2", "track_grade3", "track_grade4", "track_grade5", "platform",
+     "elevator", "proposed", "construction"}
+)  # fmt: skip
+
+
+def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, str]:
+    """Streets of a table of roads.
+
+    Args:
+        table: GeoDataFrame, Arrow table, or path.
+        crs: Coordinate system where the table does not tell.
+        directed: Whether a row is one direction only; None: found out.
+
+    Returns:
+        The streets, and what to call the table.
+
+    Raises:
+        MapError: No geometry was found, or its coordinate system is unknown.
+    """
+    sheet = _known(open_sheet(table))
+    skipped: Counter[str] = Counter()
+    lines = read_lines(sheet, crs, skipped)
+    lines = _for_cars(sheet, lines, skipped)
+    origin, target = _find(sheet, "from"), _find(sheet, "to")
+    links = link(lines, origin, target, _layers(sheet, lines), sheet.where)
+    skipped.update(links.skipped)
+    rows = links.row
+    along = _one_way(sheet, rows, skipped)
+    if along is None:
+        twins = (links.leader != np.arange(len(rows))).sum()
+        if directed is None:
+            directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
+        along = np.full(len(rows), int(directed), dtype=np.int8)
+    elif directed:
+        along = np.where(along == 0, 1, along).astype(np.int8)
+    return _streets(sheet, links, along, skipped), sheet.where
+
+
+def _known(sheet: Sheet) -> Sheet:
+    """The table with the columns that are understood here only."""
+    used = {name for names in NAMES.values() for name in names}
+    columns = {name: plain(column) for name, column in sheet.columns.items() if name in used}
+    return replace(sheet, columns=columns)
+
+
+def _find(sheet: Sheet, what: str) -> NDArray[Any] | None:
+    """The column that has one of a thing's usual names."""
+    return next((sheet.columns[n] for n in NAMES[what] if n in sheet.columns), None)
+
+
+def _each(values: NDArray[Any], function: Callable[[Any], T]) -> list[T]:
+    """A function of every value, worked out once for each different one."""
+    known: dict[Any, T] = {}
+    out = []
+    for value in values.tolist():
+        key = value if isinstance(value, Hashable) else str(value)
+        if key not in known:
+            known[key] = function(value)
+        out.append(known[key])
+    return out
+
+
+def _word(value: object) -> str:
+    """A cell as a word, empty where there is nothing."""
+    if value is None or (isinstance(value, float) and value != value):
+        return ""
+    if isinstance(value, (list, tuple, np.ndarray)):  # OSMnx joins streets and lists their tags
+        return _word(value[0]) if len(value) else ""
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value).strip()
+
+
+def _class(value: object) -> str:
+    """A road class in OpenStreetMap's word, or the table's own."""
+    word = _word(value).lower()
+    return _NUMBERED.get(word, word)
+
+
+def _for_cars(sheet: Sheet, lines: Lines, skipped: Counter[str]) -> Lines:
+    """Without rows whose class is known not to be for cars."""
+    column = _find(sheet, "highway")
+    if column is None:
+        return lines
+    foot = np.array(_each(column[lines.row], lambda v: _class(v) in _NOT_FOR_CARS), dtype=bool)
+    if foot.any():
+        skipped["rows of classes not for cars"] += int(foot.sum())
+        lines = lines.take(~foot)
+    return lines
+
+
+def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
+    """Level of each line: lines of different levels may cross without meeting."""
+    level = np.zeros(len(lines.row), dtype=np.int64)
+    for i, what in enumerate(("layer", "bridge", "tunnel")):
+        column = _find(sheet, what)
+        if column is not None:
+            read: Callable[[Any], int] = meaning.whole if i == 0 else meaning.truth
+            level = level * 1000 + np.array(_each(column[lines.row], read), dtype=np.int64)
+    return level
+
+
+def _one_way(
+    sheet: Sheet, rows: NDArray[np.int64], skipped: Counter[str]
+) -> NDArray[np.int8] | None:
+    """1 where a row may be driven as drawn only, -1 the other way only, 0 both; None: unsaid."""
+    column = _find(sheet, "oneway")
+    if column is not None:
+        said = _each(column[rows], meaning.oneway_word)
+        if unknown := said.count(None):
+            skipped["one-way words that were not understood (taken as two-way)"] += unknown
+        return np.array([word or 0 for word in said], dtype=np.int8)
+    back = _find(sheet, "reverse_cost")
+    if back is None:
+        return None
+    forth = _find(sheet, "cost")
+    there = np.ones(len(rows)) if forth is None else _costs(forth[rows], skipped)
+    back = _costs(back[rows], skipped)
+    # routers close a direction by a negative or an absurd cost
+    closed_back = (back < 0) | (back >= 1e5) & (back > 100 * np.abs(there))
+    closed = (there < 0) | (there >= 1e5) & (there > 100 * np.abs(back))
+    return np.where(closed_back, 1, np.where(closed, -1, 0)).astype(np.int8)
+
+
+def _costs(column: NDArray[Any], skipped: Counter[str]) -> NDArray[np.float64]:
+    """Costs as numbers; NaN, which closes nothing, where there is none."""
+    costs = np.array(_each(column, _number), dtype=np.float64)
+    unknown = sum(c != c and v is not None for c, v in zip(costs, column.tolist(), strict=True))
+    if unknown:
+        skipped["costs that were not understood (taken as open)"] += int(unknown)
+    return costs
+
+
+def _number(value: Any) -> float:
+    """A cell as a number, NaN where it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
+
+
+def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Counter[str]) -> Streets:
+    """One street for each road; rows that draw it again only add a direction or an id."""
+    number = np.arange(len(links.row))
+    kept = np.flatnonzero(links.leader == number)
+    forth, back = along >= 0, along <= 0
+    turned = links.back > 0
+    legal = np.zeros((len(number), 2), dtype=bool)
+    np.logical_or.at(legal[:, 0], links.leader, np.where(turned, back, forth))
+    np.logical_or.at(legal[:, 1], links.leader, np.where(turned, forth, back))
+    if repeated := int(((links.leader != number) & ~turned).sum()):
+        skipped["rows that repeat another"] += repeated
+    opposite = np.full(len(number), -1)
+    turned_rows = number[turned][::-1]  # the first of several wins
+    opposite[links.leader[turned_rows]] = turned_rows
+    tags = _Tags(sheet, links.row[kept])
+    closed = np.where(tags.access == meaning.CLOSED, NO_ACCESS, 0)
+    rules = np.where(legal[kept], 0, AGAINST_ONE_WAY) | closed[:, None]
+    first, node = links.of(kept)
+    ids = _ids(sheet)
+    columns: dict[str, Column] = {"source_id": take(ids, links.row[kept])}
+    if turned.any():
+        other = np.where(opposite[kept] >= 0, opposite[kept], 0)
+        columns["back_id"] = take(ids, links.row[other])
+        columns["paired"] = (opposite[kept] >= 0).astype(np.uint8)
+    oneway = legal[kept, 0].astype(np.int8) - legal[kept, 1].astype(np.int8)
+    columns |= tags.columns(oneway)
+    return Streets(
+        links.lat_deg, links.lon_deg, links.node_id, first, node,
+        rule_forward=rules[:, 0].astype(np.uint8), rule_backward=rules[:, 1].astype(np.uint8),
+        speed=tags.speed, lane=tags.lane(oneway),
+        lane_spread=tags.lane_spread(oneway), service=(tags.service).astype(np.uint8),
+        highway=Texts.of(tags.highway), columns=columns, skipped=dict(skipped),
+    )  # fmt: skip
+
+
+def _ids(sheet: Sheet) -> Column:
+    """The rows' ids: their own, or their numbers from 0."""
+    column = _find(sheet, "source_id")
+    if column is None:
+        return np.arange(sheet.rows)
+    if column.dtype.kind in "iu":
+        return column.astype(np.int64)
+    return Texts.of([_word(value) for value in column.tolist()])
+
+
+class _Tags:
+    """The attributes of some rows."""
+
+    def __init__(self, sheet: Sheet, rows: NDArray[np.int64]) -> None:
+        self._sheet, self._rows = sheet, rows
+        self.highway = self._read("highway", _class, "")
+        self.limit = np.array(self._read("speed_limit_kmh", _limit, 0.0))
+        self.lanes = np.array(self._read("lanes", lambda v: meaning.number(_word(v)), 0.0))
+        self.width = np.array(self._read("width", lambda v: meaning.number(_word(v)), 0.0))
+        self.ring = np.array(self._read("junction", _is_ring, False))
+        words = self._read("access", lambda v: meaning.access({"access": _word(v)}), meaning.OPEN)
+        self.access = np.array(words, dtype=np.uint8)
+        self.service = np.array([name == "service" for name in self.highway], dtype=bool)
+        usual = np.array(
+            [meaning.CLASS_SPEED_KMH.get(h, meaning.DEFAULT_SPEED_KMH) for h in self.highway]
+        )
+        self.speed = mps_of_kmh(np.maximum(np.where(self.limit > 0, self.limit, usual), 5.0))
+
+    def _read(self, what: str, function: Callable[[Any], T], absent: T) -> list[T]:
+        column = _find(self._sheet, what)
+        if column is None:
+            return [absent] * len(self._rows)
+        return _each(column[self._rows], function)
+
+    def lane(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
+        """Usual offset right of the centre line, m."""
+        values = zip(self.highway, oneway == 0, self.lanes, self.width, self.ring, strict=True)
+        return np.array([meaning.lane_offset(*v) for v in values], dtype=np.float64)
+
+    def lane_spread(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
+        """Sigma of the lane driven in, m."""
+        values = zip(self.highway, oneway == 0, self.lanes, strict=True)
+        return np.array([meaning.lane_spread(*v) for v in values], dtype=np.float64)
+
+    def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
+        """The attributes that tables of edges show."""
+        layer = self._read("layer", meaning.whole, 0)
+        return {
+            "name": Texts.of(self._read("name", _word, "")),
+            "speed_limit_kmh": self.limit.astype(np.float32),
+            "lanes": np.minimum(self.lanes, 255).astype(np.uint8),
+            "width": self.width.astype(np.float32),
+            "layer": np.array(layer, dtype=np.int8),
+            "bridge": np.array(self._read("bridge", meaning.truth, False), dtype=np.uint8),
+            "tunnel": np.array(self._read("tunnel", meaning.truth, False), dtype=np.uint8),
+            "oneway": oneway,
+            "roundabout": self.ring.astype(np.uint8),
+            "access": self.access,
+        }
+
+
+def _limit(value: object) -> float:
+    return meaning.speed_limit_kmh(_word(value))
+
+
+def _is_ring(value: object) -> bool:
+    word = _word(value).lower()
+    return meaning.roundabout({"junction": word}) or word in {"true", "1", "yes", "t"}

@@ -1,0 +1,103 @@
+"""Validation of single observations for the on-line filter.
+
+One value that is not finite would corrupt the filter state for good.  Recorded logs are
+checked by the readers.
+"""
+
+import math
+from dataclasses import replace
+
+from ..errors import ReadError
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelSpeed,
+    WheelTicks,
+)
+
+FASTEST = 90.0  # m/s, of a vehicle and of its wheels
+SPINNING = 10.0  # rad/s
+LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
+Skipped = dict[str, int]
+
+
+def validated(said: Observation, skipped: Skipped) -> Observation | None:
+    """The observation without impossible parts; None: it is impossible altogether.
+
+    Args:
+        said: The observation.
+        skipped: Counts what is impossible, by reason.
+
+    Raises:
+        ReadError: It is no observation, holds what is no number, or its time is not in
+            seconds since 1970.
+    """
+    try:
+        if not math.isfinite(said.time):
+            _count("no time", skipped)
+            return None
+        if said.time >= LATEST:
+            raise ReadError(
+                f"observation: time is {said.time:g}; seconds since 1970 were expected; are these "
+                "milliseconds?"
+            )
+        if isinstance(said, GeoFix):
+            return _fix(said, skipped)
+        why = _wrong(said)
+        if why is None:
+            return said
+        _count(why, skipped)
+        return None
+    except (AttributeError, TypeError):
+        raise ReadError(
+            f"observation: {str(said)[:80]} was given; a GeoFix, WheelTicks, WheelSpeed, SpeedYaw "
+            "or Distance of numbers was expected, its time in seconds since 1970 "
+            "(datetime.timestamp())"
+        ) from None
+
+
+def _count(why: str, skipped: Skipped) -> None:
+    skipped[why] = skipped.get(why, 0) + 1
+
+
+def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
+    """A fix without impossible values; None: its position is impossible."""
+    lat, lon = fix.lat_deg, fix.lon_deg
+    # receivers without a fix write 0, 0
+    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and (lat != 0.0 or lon != 0.0)):
+        _count("impossible position", skipped)
+        return None
+    ee, en, nn = fix.cov_ee, fix.cov_en, fix.cov_nn
+    unsaid = ee == math.inf and nn == math.inf
+    if not unsaid and not (0.0 < ee < math.inf and 0.0 < nn < math.inf and en * en < ee * nn):
+        _count("covariance that is not one (settings' default used)", skipped)
+        fix = replace(fix, cov_ee=math.inf, cov_en=0.0, cov_nn=math.inf)
+    if fix.sigma_speed != math.inf and not (fix.sigma_speed > 0.0 and abs(fix.speed) < 1e3):
+        _count("speed that cannot be (not used)", skipped)
+        fix = replace(fix, speed=0.0, sigma_speed=math.inf)
+    if fix.sigma_bearing_deg != math.inf and not (
+        fix.sigma_bearing_deg > 0.0 and abs(fix.bearing_deg) <= 720.0
+    ):
+        _count("course that cannot be (not used)", skipped)
+        fix = replace(fix, bearing_deg=0.0, sigma_bearing_deg=math.inf)
+    return fix
+
+
+def _wrong(said: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | None:
+    """Why an odometry reading is impossible; None: it is valid."""
+    if isinstance(said, WheelSpeed):
+        if not (abs(said.left) <= FASTEST and abs(said.right) <= FASTEST):
+            return f"wheel speed beyond {FASTEST:g} m/s"
+    elif isinstance(said, SpeedYaw):
+        if not abs(said.speed) <= FASTEST:
+            return f"speed beyond {FASTEST:g} m/s"
+        if not abs(said.yaw_rate) <= SPINNING:
+            return f"yaw rate beyond {SPINNING:g} rad/s"
+    elif isinstance(said, WheelTicks):
+        if not (math.isfinite(said.left) and math.isfinite(said.right)):
+            return "no wheel count"
+    elif not math.isfinite(said.distance):
+        return "no distance"
+    return None

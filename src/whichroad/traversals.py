@@ -1,0 +1,71 @@
+"""From a chain of edges to traversals: edges with times of entry and exit."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._compile import Records
+from .filter.edge_timing import TRAVERSAL, broken_rules, first_epochs, time_edges
+from .filter.estimate import Output
+from .filter.state import OFF_ROAD
+from .graph.network import Roads, records
+from .path import Chain
+
+Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
+
+
+class Traversal(NamedTuple):
+    """One edge of the path."""
+
+    edge: int
+    enter_time: float  # s
+    exit_time: float
+    enter_m: float  # abscissa
+    exit_m: float
+    p: float  # mean probability of the edge while it was driven
+    gap: bool  # does not follow from the edge before
+    rules: int = 0  # that driving into it and along it broke, see `graph.network`
+
+
+def traversal_rows(way: Traversals) -> list[Traversal]:
+    """Traversals one by one."""
+    columns = (way[name].tolist() for name in Traversal._fields)
+    return [Traversal(*row) for row in zip(*columns, strict=True)]
+
+
+def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Places of a chain's edges, repeats joined.
+
+    An edge left for off-road and entered again further on is one edge.
+    """
+    on = np.flatnonzero(chain != OFF_ROAD)
+    edge = chain[on]
+    return np.asarray(on[np.append(True, edge[1:] != edge[:-1])[: len(on)]])
+
+
+def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
+    """The edges of a path, timed by the positions on them.
+
+    Args:
+        epochs: (n,) EPOCH of the drive.
+        output: (n,) the estimates.
+        chain: The edges.
+        roads: The network.
+
+    Returns:
+        One row per edge, in driving order.
+    """
+    at = _joined(chain.edge)
+    way = records(len(at), TRAVERSAL)
+    if not len(at):
+        return way
+    way.edge, way.entered, way.along = chain.edge[at], chain.time[at], chain.along[at]
+    first = np.zeros(len(at) + 1, np.int64)
+    first_epochs(way, epochs, first)
+    broken_rules(roads, way)
+    estimates = output.rows
+    known = np.flatnonzero(estimates.live > 0)
+    last = int(known[-1]) if len(known) else len(epochs) - 1
+    time_edges(roads, way, first, epochs, estimates, last)
+    return way

@@ -1,0 +1,95 @@
+"""Buffers that recorded drives are filtered with: allocated once per thread, reset per drive.
+
+Allocating them takes as long as filtering some thirty fixes.
+"""
+
+import threading
+
+from .filter.history import History, enlarged, new_history
+from .filter.many import clear
+from .filter.smoother import Lookback, new_lookback
+from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
+from .graph.network import Roads
+from .settings import Settings, Vehicle, parameters
+
+_ENTRIES = 1 << 15  # of the path tree, for which there is room at first
+_STEPS = 1 << 10  # of the history, likewise
+_MOST_STEPS = 1 << 12  # of a history that is kept for the next drive: 10 MiB
+_free = threading.local()  # `workspace`: each thread's, while no drive uses it
+
+
+class Workspace:
+    """Buffers for the kernels."""
+
+    def __init__(self) -> None:
+        self._empty = new_belief()
+        self._beliefs = {lineage: new_belief(lineage) for lineage in (False, True)}
+        self._work, self._path = new_work(), new_path(_ENTRIES)
+        self._lookback: Lookback | None = None
+        self._history = new_history(0)
+
+    @classmethod
+    def taken(cls) -> "Workspace":
+        """This thread's; whoever asks before it is given back gets another."""
+        return _free.__dict__.pop("workspace", None) or cls()
+
+    def give_back(self) -> None:
+        """Leave it to the next drive; none of its arrays may be used any more."""
+        _free.workspace = self
+
+    @property
+    def empty(self) -> Belief:
+        """A belief that nobody writes to."""
+        return self._empty
+
+    def belief(self, lineage: bool) -> Belief:
+        """An empty belief, with lineage where its history is stored."""
+        belief = self._beliefs[lineage]
+        clear(belief, self._empty)
+        return belief
+
+    def path(self) -> Path:
+        """An empty path tree."""
+        self._path.size[0] = 0
+        return self._path
+
+    def context(self, roads: Roads, settings: Settings, vehicle: Vehicle, mode: int) -> Context:
+        """What is constant over a drive, with cleared buffers."""
+        self._work.row[:] = 0.0
+        return Context(parameters(settings, vehicle, mode), roads, self._work)
+
+    def smoothing(self) -> tuple[History, Lookback]:
+        """An empty history, and buffers to smooth it."""
+        if self._lookback is None:
+            self._history, self._lookback = new_history(_STEPS), new_lookback()
+        clear(self._lookback.belief, self._empty)
+        self._history.count.fill(0)
+        self._history.since.fill(0)
+        self._history.reference.fill(0)
+        return self._history, self._lookback
+
+    def enlarged(self, history: History) -> History:
+        """The same history with room for more, kept for the drives to come unless it is huge."""
+        larger = enlarged(history)
+        if len(larger.steps) <= _MOST_STEPS:
+            self._history = larger
+        return larger
+
+
+def entries_of(path: Path) -> Path:
+    """The entries in use, as arrays of their own."""
+    size = max(int(path.size[0]), 1)
+    return Path(path.entry[:size].copy(), path.size.copy())
+
+
+def without_states(history: History) -> History:
+    """The rows in use, as arrays of their own, without the Gaussians.
+
+    These are nine tenths of it, and a smoothed history needs them no more.
+    """
+    steps, nodes, links = history.count[0].tolist()
+    return History(
+        history.steps[:steps].copy(), history.nodes[:nodes].copy(), history.states[:0].copy(),
+        history.links[:links].copy(), history.since.copy(), history.reference.copy(),
+        history.count.copy(),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Value oracles: every column of every table computed again from independent ingredients."""

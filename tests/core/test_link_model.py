@@ -1,0 +1,106 @@
+"""F and Q of a link of the smoother are those of the filter.
+
+F of the filter is the derivative of its mean over all epochs of the link, by central differences;
+its Q is the covariance that a state without a variance has afterwards.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from scenes import network
+from scenes.links import Link, Motion, Moved, motion
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+
+STRAIGHT = [[0.0, 0.0], [1000.0, 0.0]]
+BENT = [[x, 1e-3 * (x - 250.0) ** 2] for x in np.linspace(0.0, 600.0, 61)]  # radius 500 m
+CURVATURE = 1e-7  # 1/m²; the plane's scale is 1.009 where the link begins
+#               X     Y     H     K      B     D    MX   MY   GX   GY
+START = [300.0, -1.75, 0.02, 1.0, 1e-4, 1.75, 0.5, -0.3, 0.1, -0.2, 0.0, 0.0]
+SIGMAS = np.array([1.0, 1.0, 0.02, 0.01, 3e-4, *[1.0] * 7])
+RATE, DRIFT, SPARE = 3, 4, 10
+
+HALF = np.arange(10) < 5
+
+
+class Case(NamedTuple):
+    """A link."""
+
+    mode: int
+    motion: Motion
+    off_road: bool = False
+    line: object = STRAIGHT
+    curvature: float = 0.0
+
+
+def both(case: Case) -> tuple[Moved, Moved, np.ndarray]:
+    """The link by the filter, by the smoother, and sigmas of the state."""
+    mean = np.array(START)
+    if case.mode == CLOCK:
+        mean[RATE] = 9.0  # m/s
+    if case.mode != WHEELS:
+        mean[DRIFT] = 0.0  # no heading drift without a heading sensor
+    if case.line is BENT:
+        mean[:3] = 300.0, 2.5 - 1.75, 0.1
+    scale = 1.0 + case.curvature * float(mean[0] ** 2 + mean[1] ** 2)
+    link = Link(
+        network([case.line], curvature=case.curvature), case.motion, case.mode, mean,
+        off_road=case.off_road, scale=scale,
+    )  # fmt: skip
+    sigmas = SIGMAS.copy()
+    if case.mode == CLOCK:
+        sigmas[RATE] = 1.0
+    step = 0.05 * sigmas
+    if case.mode != WHEELS:
+        sigmas[DRIFT] = 0.0
+    sigmas[SPARE:] = 0.0
+    return link.filtered(step), link.retraced(step), sigmas
+
+
+AT_10_HZ, AT_1_HZ = (10, 0.1, 1.0), (1, 1.0, 10.0)
+CASES = {
+    "wheels": Case(WHEELS, motion(*AT_10_HZ)),
+    "wheels in a turn": Case(WHEELS, motion(*AT_10_HZ, 0.05)),
+    "wheels once a second": Case(WHEELS, motion(*AT_1_HZ)),
+    "wheels in a wide plane": Case(WHEELS, motion(*AT_10_HZ, 0.05), curvature=CURVATURE),
+    "silent wheels": Case(WHEELS, motion(*AT_10_HZ, valid=False)),
+    "silent wheels in a turn": Case(WHEELS, motion(*AT_10_HZ, 0.05, valid=False)),
+    "silent wheels, one epoch": Case(WHEELS, motion(*AT_1_HZ, valid=False)),
+    "wheels that fall silent": Case(WHEELS, motion(*AT_10_HZ, valid=HALF)),
+    "distance": Case(DISTANCE, motion(*AT_10_HZ)),
+    "distance in a bend": Case(DISTANCE, motion(*AT_10_HZ), line=BENT),
+    "distance off the roads": Case(DISTANCE, motion(*AT_10_HZ), off_road=True),
+    "distance in a wide plane": Case(DISTANCE, motion(*AT_10_HZ), curvature=CURVATURE),
+    "silent odometer": Case(DISTANCE, motion(*AT_10_HZ, valid=False)),
+    "time": Case(CLOCK, motion(10, 0.1, 0.0, valid=False)),
+    "time in one step": Case(CLOCK, motion(1, 1.0, 0.0, valid=False)),
+    "time in a bend": Case(CLOCK, motion(10, 0.1, 0.0, valid=False), line=BENT),
+    "time off the roads": Case(CLOCK, motion(10, 0.1, 0.0, valid=False), off_road=True),
+}
+
+
+EACH = pytest.mark.parametrize("name", CASES)
+
+
+@EACH
+def test_the_mean_of_a_link_is_the_filter_s(name: str):
+    filtered, retraced, _ = both(CASES[name])
+    assert np.abs((retraced.mean - filtered.mean) / SIGMAS).max() <= 0.02
+
+
+@EACH
+def test_f_of_a_link_is_the_product_of_the_filter_s(name: str):
+    """To 1 % in units of the states' sigmas."""
+    filtered, retraced, sigmas = both(CASES[name])
+    off = (retraced.f - filtered.f) * sigmas[None, :] / SIGMAS[:, None]
+    assert np.abs(off).max() <= 0.01
+
+
+@EACH
+def test_q_of_a_link_is_what_the_filter_adds_over_it(name: str):
+    """To 5 % of the standard deviations added."""
+    filtered, retraced, _ = both(CASES[name])
+    sigma = np.sqrt(np.diag(filtered.q)) + 1e-6 * SIGMAS
+    off = (retraced.q - filtered.q) / np.outer(sigma, sigma)
+    assert np.abs(off).max() <= 0.05

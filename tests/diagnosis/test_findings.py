@@ -1,0 +1,225 @@
+"""Settings that do not fit the data are found out and named; those that fit are left in peace."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import whichroad
+from whichroad.diagnosis.findings import Finding, findings
+from whichroad.diagnosis.statistics import Row, Watch
+from whichroad.observations import Array
+from whichroad.settings import Settings, Vehicle
+
+FITS = Settings()
+CAR = Vehicle()
+SECONDS = 9000
+
+
+def gauss_markov(random: np.random.Generator, n: int, sigma: float, time: float) -> Array:
+    """Two axes of an error that lasts, once a second, (n, 2)."""
+    keep = math.exp(-1.0 / time)
+    noise = random.normal(0.0, sigma * math.sqrt(1.0 - keep * keep), (n, 2))
+    out = np.empty((n, 2))
+    out[0] = random.normal(0.0, sigma, 2)
+    for k in range(1, n):
+        out[k] = keep * out[k - 1] + noise[k]
+    return out
+
+
+def drive(
+    seed: int, *, sigma: float = 1.0, time: float = FITS.gnss_time, seconds: int = SECONDS,
+    learnt: float | None = None, scale: float = 1.0, gain: float = 1.0, drift: float = 0.0,
+    map_error: float = 2.0, rate: int = 1, late: float = 0.0, antenna: complex = 0j,
+) -> Array:  # fmt: skip
+    """Rows of a drive at 5 to 15 m/s through bends, wheels and the filter being exact.
+
+    GNSS errors are `sigma` times what is reported and last `time`; the filter corrects the
+    odometer by `scale`, its turns by `gain` and `drift` (rad/m).  Fixes are `late` (s), their
+    `antenna` elsewhere (m ahead + i left).
+    """
+    random = np.random.default_rng(seed)
+    n = rate * seconds
+    when = np.arange(n) / rate
+    heading = 1.5 * np.sin(when / 20.0)
+    swing = np.diff(heading, prepend=heading[0])
+    speed = 10.0 + 5.0 * np.sin(when / 13.0)
+    arc = speed / rate / scale
+    middle = heading - 0.5 * swing
+    x = np.cumsum(speed / rate * np.cos(middle))
+    y = np.cumsum(speed / rate * np.sin(middle))
+    errors = np.repeat(gauss_markov(random, seconds, 3.0 * sigma, time), rate, axis=0)
+    errors += random.normal(0.0, 3.0 * sigma * FITS.gnss_white_ratio, errors.shape)
+    aside = antenna * np.exp(1j * heading) - late * speed * np.exp(1j * heading)
+    row = Row(
+        time=when, arc=arc, turn=(swing - drift * arc) / gain, speed=speed,
+        heading=heading, scale=np.full(n, sigma if learnt is None else learnt), x=x, y=y,
+        map_x=x + map_error, map_y=y - map_error, has_fix=np.arange(n) % rate == 0,
+        fix_x=x + errors[:, 0] + aside.real, fix_y=y + errors[:, 1] + aside.imag,
+        major=np.full(n, 3.0), minor=np.full(n, 3.0),
+    )  # fmt: skip
+    return np.column_stack(row)
+
+
+def found(rows: Array, settings: Settings = FITS) -> dict[str, Finding]:
+    """The findings by name."""
+    watch = Watch(settings, CAR)
+    watch.take(rows)
+    return {f.what: f for f in findings(watch)}
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_settings_that_fit_are_left_in_peace(seed: int):
+    assert found(drive(seed)) == {}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_larger_than_reported_are_named(seed: int):
+    named = found(drive(seed, sigma=1.5))
+    assert set(named) == {"gnss sigma"}
+    assert named["gnss sigma"].level == "warning"
+    assert named["gnss sigma"].statistic == pytest.approx(1.5, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_that_last_longer_than_set_are_named_with_the_time_that_they_last(seed: int):
+    named = found(drive(seed, time=3.0 * FITS.gnss_time))
+    assert set(named) == {"gnss_time"}
+    assert 1.7 < named["gnss_time"].statistic / FITS.gnss_time < 5.5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_that_are_both_larger_and_slower_are_named_as_both(seed: int):
+    named = found(drive(seed, sigma=1.5, time=3.0 * FITS.gnss_time))
+    assert set(named) == {"gnss sigma", "gnss_time"}
+
+
+def test_what_the_advice_sets_is_then_at_peace():
+    rows = drive(3, time=3.0 * FITS.gnss_time)
+    right = found(rows)["gnss_time"].statistic
+    assert found(rows, replace(FITS, gnss_time=right)) == {}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_smaller_than_reported_are_an_information_only(seed: int):
+    named = found(drive(seed, sigma=0.5, learnt=1.0))
+    assert set(named) == {"gnss sigma"}
+    assert named["gnss sigma"].level == "information"
+
+
+def test_a_false_fix_now_and_then_is_not_the_sigma_s_fault():
+    rows = drive(1)
+    rows[np.arange(500, len(rows), 900), Row._fields.index("fix_x")] += 200.0
+    assert found(rows) == {}
+
+
+def test_a_false_odometer_is_named_and_nothing_is_said_of_fixes_judged_by_it():
+    named = found(drive(1, scale=0.92, sigma=1.5))
+    assert set(named) == {"wheels: scale"}
+    assert named["wheels: scale"].statistic == pytest.approx(0.92, abs=1e-6)
+
+
+def test_a_false_track_width_is_named_with_the_right_one():
+    named = found(drive(1, gain=0.9))
+    assert set(named) == {"wheels: track width"}
+    assert f"{CAR.track_width / 0.9:.2f} m" in named["wheels: track width"].advice
+
+
+def test_wheels_that_pull_aside_are_named():
+    assert set(found(drive(1, drift=2e-3))) == {"wheels: left against right"}
+
+
+@pytest.mark.parametrize("late", [-0.6, 0.4])
+def test_clocks_that_do_not_agree_are_named_with_the_difference(late: float):
+    named = found(drive(1, late=late, sigma=1.5))
+    assert set(named) == {"clock"}
+    assert named["clock"].statistic == pytest.approx(late, abs=0.1)
+    assert f"add {-late:.1f} s" in named["clock"].advice
+
+
+def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
+    named = found(drive(1, antenna=3.0 - 1.0j))
+    assert set(named) == {"antenna"}
+    assert named["antenna"].statistic == pytest.approx(math.hypot(3.0, 1.0), abs=0.5)
+    car = Vehicle(antenna_forward=3.0, antenna_left=-1.0)
+    watch = Watch(FITS, car)
+    watch.take(drive(1, antenna=3.0 - 1.0j))
+    assert findings(watch) == ()
+
+
+def test_a_map_farther_off_than_set_is_named():
+    assert set(found(drive(1, map_error=8.0))) == {"map_sigma"}
+
+
+@pytest.mark.parametrize("lost", [4000, 4001])
+def test_a_heading_that_is_thought_to_be_another_spoils_nothing(lost: int):
+    """For ten seconds the filter believes it drives the other way."""
+    rows = drive(2)
+    rows[lost : lost + 10, Row._fields.index("heading")] += math.pi
+    assert found(rows) == {}
+
+
+def test_too_short_a_drive_is_not_judged():
+    assert found(drive(1, sigma=3.0, seconds=500)) == {}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_quarter_of_an_hour_is_judged_with_more_patience(seed: int):
+    assert found(drive(seed, seconds=900)) == {}
+    assert "gnss sigma" in found(drive(seed, sigma=2.0, seconds=900))
+
+
+def test_standing_says_nothing():
+    moving = drive(1, seconds=2000)
+    stands = np.repeat(moving[-1:], 20_000, axis=0)
+    stands[:, 0] += np.arange(1, 20_001)
+    stands[:, [1, 2, 3]] = 0.0
+    watch, alone = Watch(FITS, CAR), Watch(FITS, CAR)
+    watch.take(np.vstack([moving, stands]))
+    alone.take(moving)
+    np.testing.assert_allclose(watch._pairs, alone._pairs)
+    np.testing.assert_allclose(watch._errors, alone._errors)
+
+
+@pytest.mark.parametrize("cut", [1, 7, 500])
+def test_piece_by_piece_it_finds_what_it_finds_at_once(cut: int):
+    rows = drive(4, sigma=1.2, seconds=1500, drift=1e-4)
+    once, pieces = Watch(FITS, CAR), Watch(FITS, CAR)
+    once.take(rows)
+    for first in range(0, len(rows), cut):
+        pieces.take(rows[first : first + cut])
+    np.testing.assert_allclose(pieces._pairs, once._pairs, rtol=1e-9)
+    np.testing.assert_allclose(pieces._turning, once._turning, rtol=1e-9)
+    np.testing.assert_allclose(pieces._errors, once._errors, rtol=1e-9)
+    np.testing.assert_allclose(pieces._metres, once._metres, rtol=1e-9)
+
+
+def test_ten_readings_a_second_say_what_one_says():
+    slow, quick = Watch(FITS, CAR), Watch(FITS, CAR)
+    slow.take(drive(5, seconds=3000))
+    quick.take(drive(5, seconds=3000, rate=10))
+    assert quick._pairs[:, 0] == pytest.approx(slow._pairs[:, 0], rel=0.02)
+    assert quick.errors().size_if_right == pytest.approx(slow.errors().size_if_right, rel=0.2)
+
+
+def test_what_is_remembered_does_not_grow():
+    watch = Watch(FITS, CAR)
+    rows = drive(1, seconds=4000)
+    for first in range(0, len(rows), 100):
+        watch.take(rows[first : first + 100])
+        assert len(watch._recent.moving) <= 155
+
+
+def test_a_finding_says_what_was_seen_what_was_expected_and_what_to_do():
+    text = str(found(drive(1, time=400.0))["gnss_time"])
+    assert text.startswith("gnss_time: ")
+    assert "was expected; GNSS errors last " in text
+    assert "set gnss_time" in text
+
+
+def test_diagnose_takes_whatever_has_a_diagnosis():
+    class Answer:
+        diagnosis = (Finding("gnss sigma", "warning", 1.5, 0.7, 1.2, "look"),)
+
+    assert whichroad.diagnose(Answer()) == list(Answer.diagnosis)

@@ -1,0 +1,167 @@
+"""One call: every way to say what was driven and where gives one answer, or says what is wrong."""
+
+import sys
+
+import geopandas
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+
+import whichroad
+from whichroad import cli
+from whichroad.errors import DriveError, MapError, ReadError, SettingError
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import Distance, GeoFix, WheelSpeed
+
+PLANE = Plane(49.4, 8.7)
+UTM = "EPSG:32632"
+N = 40
+
+
+@pytest.fixture(scope="module")
+def edges() -> geopandas.GeoDataFrame:
+    """A street of two rows, and one that crosses its end."""
+    lines = []
+    for line in ([(0, 0), (250, 0)], [(250, 0), (500, 0)], [(500, 0), (500, 200)],
+                 [(500, 0), (500, -200)]):  # fmt: skip
+        lat, lon = PLANE.to_geodetic(*np.array(line, float).T)
+        lines.append(shapely.LineString(np.column_stack([lon, lat])))
+    return geopandas.GeoDataFrame({"id": [1, 2, 3, 4]}, geometry=lines, crs="EPSG:4326")
+
+
+@pytest.fixture(scope="module")
+def roads(edges) -> whichroad.RoadMap:
+    return whichroad.RoadMap.from_edges(edges)
+
+
+@pytest.fixture(scope="module")
+def fixes() -> pd.DataFrame:
+    """A drive of half a kilometre to the east."""
+    lat, lon = PLANE.to_geodetic(5.0 + 12.0 * np.arange(N), np.zeros(N))
+    return pd.DataFrame({"time": 1.6e9 + np.arange(N), "lat": lat, "lon": lon})
+
+
+@pytest.fixture(scope="module")
+def answer(fixes, roads) -> pd.DataFrame:
+    return whichroad.match(fixes, roads).points
+
+
+def observed(fixes: pd.DataFrame) -> list[GeoFix]:
+    rows = zip(fixes.time, fixes.lat, fixes.lon, strict=True)
+    return [GeoFix(time=float(t), lat_deg=a, lon_deg=o) for t, a, o in rows]
+
+
+def same(one, two) -> None:
+    np.testing.assert_allclose(one.lat, two.lat, atol=1e-9)
+    np.testing.assert_allclose(one.p_road, two.p_road, atol=1e-6)
+    assert one.edge_id.tolist() == two.edge_id.tolist()
+
+
+def test_observations_and_rows_are_matched_like_the_table_of_them(fixes, roads, answer):
+    seen = observed(fixes)
+    same(whichroad.match(seen, roads).points, answer)
+    same(whichroad.match(seen[::-1], roads).points, answer)  # in any order
+    same(whichroad.match(fixes.to_dict("records"), roads).points, answer)
+    stamped = fixes.assign(time=pd.to_datetime(fixes.time, unit="s", utc=True))
+    same(whichroad.match(stamped.to_dict("records"), roads).points, answer)
+
+
+def test_observations_of_wheels_are_odometry_and_what_cannot_be_is_counted(fixes, roads):
+    seen = observed(fixes)
+    wheels = [WheelSpeed(1.6e9 + 0.1 * k, 12.0, 12.0) for k in range(10 * N)]
+    wrong = [WheelSpeed(1.6e9 + 3.05, np.nan, 12.0), GeoFix(1.6e9 + 7.5, np.nan, 8.7)]
+    result = whichroad.match([*seen, *wheels, *wrong], roads)
+    assert result.summary["epochs"] == 10 * N
+    assert result.summary["fixes"] == N
+    skipped = {"wheel speed beyond 90 m/s": 1, "impossible position": 1}
+    assert result.summary["skipped"] == skipped
+    with pytest.raises(ReadError, match=r"Distance, WheelSpeed together; one kind"):
+        whichroad.match([*seen, *wheels, Distance(1.6e9, 0.0)], roads)
+
+
+def test_columns_x_and_y_are_places_in_the_system_that_is_told(fixes, roads, answer):
+    points = geopandas.GeoSeries(geopandas.points_from_xy(fixes.lon, fixes.lat, crs=4326))
+    plane = points.to_crs(UTM)
+    table = pd.DataFrame({"time": fixes.time, "X": plane.x, "Y": plane.y})
+    same(whichroad.match(table, roads, crs=UTM).points, answer)
+    with pytest.raises(ReadError, match=r"crs= \(--crs\)"):
+        whichroad.match(table, roads)
+    with pytest.raises(DriveError, match=r"columns x, y not used: no crs \(--crs\) was given"):
+        whichroad.match(table.assign(odo=12.0 * np.arange(N)), roads)
+
+
+def test_a_frame_of_edges_is_a_map(fixes, edges, answer):
+    same(whichroad.match(fixes, edges).points, answer)
+
+
+@pytest.mark.parametrize("name", ["town.gpkg", "town.shp", "town.fgb", "town.geojson"])
+def test_what_geopandas_reads_is_a_map(fixes, edges, answer, tmp_path, name: str):
+    edges.to_file(tmp_path / name)
+    points = whichroad.match(fixes, tmp_path / name).points
+    np.testing.assert_allclose(points.lat, answer.lat, atol=1e-6)  # GeoJSON has seven digits
+    # which way it goes is even at the first fix
+    assert points.source_id.iloc[1:].tolist() == answer.source_id.iloc[1:].tolist()
+
+
+def test_what_is_no_map_and_no_settings_is_refused(fixes, roads):
+    with pytest.raises(MapError, match="roads: NoneType was given; a RoadMap"):
+        whichroad.match(fixes, None)
+    with pytest.raises(SettingError, match=r"settings is a dict; whichroad\.Settings"):
+        whichroad.match(fixes, roads, settings={"default_sigma_m": 3.0})
+    with pytest.raises(SettingError, match=r"vehicle is a dict; whichroad\.Vehicle"):
+        whichroad.match(fixes, roads, vehicle={"track_width": 1.5})
+
+
+def test_a_result_says_what_it_is_of(fixes, roads):
+    assert repr(whichroad.match(fixes, roads)) == "Result('drive', 40 epochs, 0.5 km)"
+    both = pd.concat([fixes.assign(trip="a"), fixes.assign(trip="b")])
+    assert repr(whichroad.match(both, roads)) == "Result(2 drives, 80 epochs, 0.9 km)"
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Run `whichroad match` in an empty folder: exit code, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["whichroad", "match", *arguments])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code, said.out, said.err
+
+    return call
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])  # of many trips, each its own way
+def test_a_path_is_told_by_source_roads_where_that_is_asked(run, fixes, roads, suffix: str):
+    roads.save("town.map")
+    both = pd.concat([fixes.assign(trip="a"), fixes.assign(trip="b")])
+    both.to_csv("d.csv", index=False)
+    both.to_parquet("d.parquet")
+    drive = f"d.{suffix}"
+    assert run(drive, "--map", "town.map", "--path-out", "edges.csv")[0] == 0
+    assert run(drive, "--map", "town.map", "--path-out", "roads.csv", "--by-source")[0] == 0
+    assert pd.read_csv("edges.csv").groupby("drive_id").source_id.nunique().tolist() == [1, 1]
+    told = pd.read_csv("roads.csv")
+    assert told.groupby("drive_id").source_id.agg(list).tolist() == [[1, 2], [1, 2]]
+
+
+def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
+    roads.save("town.map")
+    drives = [fixes.assign(trip=f"trip {k}", accuracy=-1.0) for k in range(6)]
+    far = fixes.assign(trip="far", lat=fixes.lat + 20.0)
+    pd.concat([*drives, far]).to_csv("d.csv", index=False)
+    code, out, err = run("d.csv", "--map", "town.map", "-o", "points.csv")
+    assert code == 0
+    assert out.splitlines() == [
+        "all",
+        "  drives                 6",
+        "  epochs                 240",
+        "  epochs without answer  0",
+        "  path m                 2,8" + out.partition("2,8")[2].strip(),
+    ]
+    assert err.count("covariance that is not one (settings' default used)") == 1
+    assert "skipped: 240 covariance" in err
+    assert "skipped: far: position lat" in err

@@ -1,0 +1,346 @@
+"""The on-line filter: what it says is what the recorded drive gives, and it refuses openly."""
+
+import math
+import pickle
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from scenes import Town, Truth, columns, drive_along, gnss, network
+from whichroad import path, recorded, workspace
+from whichroad.epochs import build_timeline
+from whichroad.errors import DriveError, MapError, ReadError
+from whichroad.filter.state import Path, new_path
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import (
+    Distance,
+    Drive,
+    Estimate,
+    Fixes,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    StartPose,
+    WheelCounts,
+    WheelSpeed,
+    WheelTicks,
+)
+from whichroad.online import STATUS, Localizer
+from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
+from whichroad.recorded import localize_recorded
+from whichroad.settings import Vehicle
+
+FIELDS = Fixes.__slots__
+PLANE = Plane(49.4, 8.7)
+CAR = Vehicle(track_width=1.5, metres_per_tick_left=0.01, metres_per_tick_right=0.01)
+
+
+def avenue() -> list[np.ndarray]:
+    """A street of 100 m blocks along x, crossed at each corner by a street of 200 m."""
+    ahead = [np.array([[x, 0.0], [x + 100.0, 0.0]]) for x in np.arange(0.0, 1500.0, 100.0)]
+    across = [
+        np.array([[x, 0.0], [x, side * 100.0]])
+        for x in np.arange(100.0, 1500.0, 100.0)
+        for side in (1.0, -1.0)
+    ]
+    return [*ahead, *across]
+
+
+TOWN = Town(network(avenue(), curvature=PLANE.curvature), PLANE)
+STRAIGHT = drive_along([[20.0, -1.75], [1400.0, -1.75]])
+
+
+def wheels(truth: Truth) -> WheelCounts:
+    half = 0.75 * (truth.heading - truth.heading[0])
+    return WheelCounts(truth.time, 100.0 * (truth.s - half), 100.0 * (truth.s + half))
+
+
+def fixes(truth: Truth, at: np.ndarray, delay: float = 0.0, sigma: float = 3.0) -> Fixes:
+    """Fixes at epochs `at`, made and stamped `delay` seconds later, at constant speed."""
+    rows = gnss(truth, sigma=sigma)[at]
+    heading = truth.heading[at]
+    x = rows[:, 0] + 10.0 * delay * np.cos(heading)
+    y = rows[:, 1] + 10.0 * delay * np.sin(heading)
+    n = len(at)
+    course_sigma = np.full(n, np.inf)
+    course_sigma[0] = 6.0
+    return Fixes(
+        truth.time[at] + delay, *PLANE.to_geodetic(x, y), np.full(n, 9.0), np.full(n, 2.0),
+        np.full(n, 6.0), np.full(n, 10.0), np.full(n, np.inf), np.degrees(np.pi / 2 - heading),
+        course_sigma, np.zeros(n, np.uint8),
+    )  # fmt: skip
+
+
+def ticks(log: WheelCounts) -> list[WheelTicks]:
+    columns = (log.time.tolist(), log.left.tolist(), log.right.tolist())
+    return [WheelTicks(*row) for row in zip(*columns, strict=True)]
+
+
+def records(log: WheelCounts, gnss_log: Fixes) -> Iterator[Observation]:
+    """All readings in time order, wheels first."""
+    columns = [getattr(gnss_log, name).tolist() for name in FIELDS if name != "flags"]
+    fixed = [GeoFix(*row) for row in zip(*columns, strict=True)]
+    yield from sorted([*ticks(log), *fixed], key=lambda r: r.time)
+
+
+def said(estimates: dict[float, Estimate]) -> np.ndarray:
+    return np.array(
+        [
+            (e.pose.x, e.pose.y, e.pose.heading, e.cov[0, 0], e.cov[1, 1], e.p_road, e.p_off_road,
+             e.abscissa)
+            for e in estimates.values()
+        ]
+    )  # fmt: skip
+
+
+def both_ways(log: WheelCounts, gnss_log: Fixes) -> tuple[dict[float, Estimate], np.ndarray, list]:
+    """On-line estimates by time, the recorded drive's values and its edges and status."""
+    online = Localizer(TOWN, vehicle=CAR)
+    estimates = {r.time: online.update(r) for r in records(log, gnss_log)}
+    assert online.skipped == {}
+    timeline = build_timeline(Drive("d", gnss_log, log), PLANE, CAR)
+    output = localize_recorded(TOWN, timeline, vehicle=CAR).output
+    assert len(timeline.epochs) == len(estimates)
+    edges = [
+        (int(e) if e >= 0 else None, STATUS[s])
+        for e, s in zip(output.rows.edge, output.rows.status, strict=True)
+    ]
+    return estimates, columns(output, "x y heading xx yy p_edge p_off_road s"), edges
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.03])
+def test_on_line_says_what_the_recorded_drive_gives(delay: float):
+    """Fixes between wheel readings: every epoch is one record, the speed is constant."""
+    at = np.arange(10, len(STRAIGHT.time), 10)
+    first = fixes(STRAIGHT, np.array([0]))
+    rest = fixes(STRAIGHT, at, delay)
+    together = Fixes(*(np.concatenate([getattr(f, n) for f in (first, rest)]) for n in FIELDS))
+    estimates, values, edges = both_ways(wheels(STRAIGHT), together)
+    np.testing.assert_allclose(said(estimates), values, atol=1e-9)
+    assert [(e.edge, e.status) for e in estimates.values()] == edges
+
+
+def test_on_line_a_first_fix_between_two_wheel_readings_starts_there():
+    """Half of the arc between the readings lies before the start."""
+    at = np.arange(10, len(STRAIGHT.time), 10)
+    estimates, values, _ = both_ways(wheels(STRAIGHT), fixes(STRAIGHT, at, 0.05))
+    started = values[:, 3] > 0
+    np.testing.assert_allclose(said(estimates)[started], values[started], atol=1e-9)
+
+
+def test_of_a_fix_and_a_wheel_reading_of_one_moment_either_may_come_first():
+    """On one road, between two looks at the map, at constant speed."""
+    road = Town(network([[[0.0, 0.0], [1500.0, 0.0]]], curvature=PLANE.curvature), PLANE)
+    at = np.concatenate([[0], np.arange(13, 1000, 10)])
+    drive = list(records(wheels(STRAIGHT), fixes(STRAIGHT, at)))
+    other_way = sorted(drive[2:], key=lambda r: (r.time, isinstance(r, WheelTicks)))
+    a, b = Localizer(road, vehicle=CAR), Localizer(road, vehicle=CAR)
+    first = {r.time: a.update(r) for r in drive}
+    second = {r.time: b.update(r) for r in [*drive[:2], *other_way]}
+    np.testing.assert_allclose(said(second), said(first), atol=1e-9)
+
+
+def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a_trace(monkeypatch):
+    at = np.arange(0, len(STRAIGHT.time), 10)
+    timeline = build_timeline(Drive("d", fixes(STRAIGHT, at), wheels(STRAIGHT)), PLANE, CAR)
+    whole = localize_recorded(TOWN, timeline, vehicle=CAR)
+    monkeypatch.setattr(recorded, "_CHUNK", 137)
+    trees = []
+
+    def small_tree(_: int) -> Path:
+        """52 entries, then the kernel asks for more room."""
+        trees.append(new_path(2100))
+        return trees[-1]
+
+    monkeypatch.setattr(workspace, "_free", threading.local())
+    monkeypatch.setattr(workspace, "new_path", small_tree)
+    monkeypatch.setattr(path, "new_path", small_tree)
+    cut = localize_recorded(TOWN, timeline, vehicle=CAR)
+    assert len(trees) > 2
+    for a, b in zip(cut.output, whole.output, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert len(whole.chain.edge) > 10
+    for a, b in zip(cut.chain, whole.chain, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def town_fix(x: float, y: float, time: float, **more: float) -> GeoFix:
+    lat, lon = PLANE.to_geodetic(x, y)
+    return GeoFix(time, lat, lon, 9.0, 0.0, 9.0, **more)
+
+
+def driven_to(k: int) -> Localizer:
+    """A localizer that has seen the straight drive up to epoch k, a fix each second."""
+    online = Localizer(TOWN, vehicle=CAR)
+    course = {"bearing_deg": 90.0, "sigma_bearing_deg": 6.0}
+    for i, reading in enumerate(ticks(wheels(STRAIGHT))[: k + 1]):
+        online.update(reading)
+        if i % 10 == 0:
+            online.update(town_fix(STRAIGHT.x[i], STRAIGHT.y[i], reading.time, **course))
+    return online
+
+
+def test_predicting_changes_nothing():
+    online = driven_to(205)
+    before = online.predict(float(STRAIGHT.time[205]))
+    ahead = online.predict(float(STRAIGHT.time[205]) + 4.0)
+    again = online.predict(float(STRAIGHT.time[205]))
+    np.testing.assert_array_equal(said({0.0: again}), said({0.0: before}))
+    assert ahead.pose.x - before.pose.x == pytest.approx(40.0, rel=0.05)
+    assert ahead.cov[0, 0] > before.cov[0, 0]
+
+
+def test_the_hypotheses_are_a_distribution_and_the_road_s_share_is_theirs():
+    estimate = driven_to(300).predict(30.0)
+    assert sum(h.p for h in estimate.hypotheses) == pytest.approx(1.0, abs=1e-12)
+    on = sum(h.p for h in estimate.hypotheses if h.edge == estimate.edge)
+    assert estimate.p_road == pytest.approx(on, abs=1e-12)
+    off = sum(h.p for h in estimate.hypotheses if h.edge is None)
+    assert estimate.p_off_road == pytest.approx(off, abs=1e-12)
+    assert sorted((h.p for h in estimate.hypotheses), reverse=True) == [
+        h.p for h in estimate.hypotheses
+    ]
+    np.testing.assert_allclose(estimate.cov, estimate.cov.T)
+
+
+def test_a_fix_more_than_a_second_late_is_refused_and_counted():
+    online = driven_to(100)
+    before = online.predict(10.0)
+    after = online.update(town_fix(50.0, -1.75, 8.5))
+    np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
+    assert online.skipped == {"late": 1}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"lat_deg": math.nan}, "impossible position"),
+        ({"lat_deg": 91.0}, "impossible position"),
+        ({"lon_deg": math.inf}, "impossible position"),
+        ({"lat_deg": 0.0, "lon_deg": 0.0}, "impossible position"),
+        ({"time": math.nan}, "no time"),
+        ({"time": math.inf}, "no time"),
+        ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),
+        ({"cov_ee": 1.0, "cov_nn": 1.0, "cov_en": 2.0}, NOT_A_COVARIANCE),
+        ({"speed": math.nan, "sigma_speed": 0.3}, "speed that cannot be (not used)"),
+        ({"bearing_deg": math.nan, "sigma_bearing_deg": 3.0}, "course that cannot be (not used)"),
+    ],
+)
+def test_a_fix_that_cannot_be_is_counted_and_spoils_nothing(wrong, reason: str):
+    online, unaware = driven_to(100), driven_to(100)
+    fix = town_fix(STRAIGHT.x[100], STRAIGHT.y[100], float(STRAIGHT.time[100]))
+    online.update(replace(fix, **wrong))
+    assert online.skipped == {reason: 1}
+    a = online.predict(float(STRAIGHT.time[100]) + 1.0)
+    assert a.status == "on_road"
+    b = unaware.predict(a.time)
+    assert math.hypot(a.pose.x - b.pose.x, a.pose.y - b.pose.y) < 3.0  # m, one sigma of a fix
+
+
+@pytest.mark.parametrize(
+    ("reading", "reason"),
+    [
+        (WheelSpeed(10.2, math.nan, 10.0), "wheel speed beyond 90 m/s"),
+        (WheelSpeed(10.2, 1e9, 1e9), "wheel speed beyond 90 m/s"),
+        (SpeedYaw(10.2, math.inf, 0.0), "speed beyond 90 m/s"),
+        (SpeedYaw(10.2, 10.0, 1e9), "yaw rate beyond 10 rad/s"),
+        (WheelTicks(10.2, math.nan, 0.0), "no wheel count"),
+        (Distance(10.2, math.inf), "no distance"),
+    ],
+)
+def test_a_reading_of_wheels_that_cannot_be_is_counted_and_changes_nothing(reading, reason: str):
+    online = driven_to(100)
+    before = online.estimate()
+    after = online.update(reading)
+    np.testing.assert_array_equal(said({0.0: after}), said({0.0: before}))
+    assert online.skipped == {reason: 1}
+
+
+def test_a_wheel_counter_that_jumps_on_line_is_bridged_at_the_speed_before_and_counted():
+    online, unaware = driven_to(100), driven_to(100)
+    at = float(STRAIGHT.time[100])
+    log = wheels(STRAIGHT)
+    a = online.update(WheelTicks(at, log.left[100] - 65536.0, log.right[100]))
+    b = unaware.update(WheelTicks(at, log.left[100], log.right[100]))
+    assert online.skipped == {"odometry jumped (bridged)": 1}
+    np.testing.assert_allclose(said({0.0: a}), said({0.0: b}), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ((0.0, 49.4, 8.7), "a GeoFix, WheelTicks"),
+        (None, "a GeoFix, WheelTicks"),
+        (GeoFix(datetime(2026, 6, 1), 49.4, 8.7), "datetime.timestamp"),
+        (GeoFix(1.78e12, 49.4, 8.7), "milliseconds"),
+    ],
+)
+def test_what_is_no_observation_is_refused_with_what_was_expected(told, message: str):
+    with pytest.raises(ReadError, match=message):
+        Localizer(TOWN).update(told)
+
+
+@pytest.mark.parametrize("lag", [None, 5.0])
+def test_a_localizer_out_of_a_pickle_goes_on_as_if_nothing_had_been(lag: float | None):
+    online = Localizer(TOWN, vehicle=CAR, lag=lag)
+    at = np.arange(0, 600, 10)
+    seen = list(records(wheels(STRAIGHT), fixes(STRAIGHT, at)))
+    for one in seen[:300]:
+        online.take(one)
+    again = pickle.loads(pickle.dumps(online))
+    for one in seen[300:600]:
+        online.take(one)
+        again.take(one)
+    np.testing.assert_array_equal(said({0.0: online.estimate()}), said({0.0: again.estimate()}))
+    if lag is not None:
+        pair = online.lagged(), again.lagged()
+        np.testing.assert_array_equal(*[said({0.0: estimate}) for estimate in pair])
+
+
+def test_on_line_a_map_that_is_none_is_refused():
+    with pytest.raises(MapError, match="NoneType was given; a RoadMap"):
+        Localizer(None)
+
+
+def test_a_fix_half_a_second_late_says_what_it_would_have_said_in_time():
+    late, in_time = driven_to(105), driven_to(105)
+    now = float(STRAIGHT.time[105])
+    a = late.update(town_fix(STRAIGHT.x[100], STRAIGHT.y[100] + 2.0, STRAIGHT.time[100] + 1e-3))
+    b = in_time.update(town_fix(STRAIGHT.x[105], STRAIGHT.y[105] + 2.0, now))
+    assert a.time == now
+    assert a.pose.x == pytest.approx(b.pose.x, abs=0.1)
+    assert a.pose.y == pytest.approx(b.pose.y, abs=0.1)
+
+
+def test_before_the_first_fix_the_localizer_is_lost():
+    estimate = Localizer(TOWN, vehicle=CAR).update(WheelTicks(0.0, 0.0, 0.0))
+    assert estimate.status == "lost"
+    assert estimate.edge is None
+    assert estimate.hypotheses == ()
+
+
+def test_a_start_pose_stands_in_for_the_first_fix():
+    lat, lon = PLANE.to_geodetic(150.0, -1.75)
+    online = Localizer(TOWN, vehicle=CAR, start=StartPose(lat, lon, 90.0, 2.0, 5.0))
+    for reading in ticks(wheels(STRAIGHT))[:101]:
+        estimate = online.update(reading)
+    assert estimate.pose.x == pytest.approx(250.0, abs=3.0 * 2.0)
+    assert estimate.edge == 4  # the third block, eastwards
+    assert estimate.p_road > 0.9
+    assert estimate.pose.bearing_deg == pytest.approx(90.0, abs=3.0)
+
+
+def test_a_recorded_drive_that_nothing_can_start_is_refused():
+    timeline = build_timeline(Drive("d", None, wheels(STRAIGHT)), PLANE, CAR)
+    with pytest.raises(DriveError, match="no usable GNSS fix"):
+        localize_recorded(TOWN, timeline, vehicle=CAR)
+
+
+def test_speed_is_what_the_wheels_say():
+    online = driven_to(100)
+    assert online._output.rows.speed[0] == pytest.approx(10.0, rel=0.03)
+    assert math.isfinite(online.predict(11.0).pose.x)
