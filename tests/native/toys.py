@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad._compile import Cube, Ints32, Matrix, Vector, entry, kernel, part
+from whichroad._compile import Cube, Ints32, Matrix, Vector, entry, kernel
 from whichroad.native.layout import Array
 
 TRACK = np.dtype(
@@ -43,7 +43,7 @@ def _sum_of(values: Vector, factor: float) -> float:
     return total
 
 
-@part
+@kernel(inline=True)
 def _inlined(table: Matrix) -> float:
     return table[0, 1] - table[1, 0]
 
