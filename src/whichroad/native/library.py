@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from ..errors import WhichroadError
 from . import cache
 from .layout import NUMBERS, Array, Fields, Kind, Layout
 
+_dtype_of: Any = np.ndarray.dtype.__get__  # past recarray's own
+_shape_of: Any = np.ndarray.shape.__get__  # lookup of names
+_MET = 64  # dtypes that are remembered for each array
+Put = Callable[[Any, list[Any]], None]
 _byte_of, _address_of = ctypes.c_char.from_buffer, ctypes.addressof
 _LOCK = threading.RLock()
 _FAILED = "the kernel {} failed; this is a bug; please report it"
@@ -144,6 +148,7 @@ class Call:
     def __init__(self, layout: Layout, function: Any) -> None:
         self._name, self._function = layout.name, function
         self._kinds = list(layout.arguments.items())
+        self._puts = [_putter(name, kind) for name, kind in self._kinds]
         leaves = layout.leaves()
         codes = "".join(
             "q" * leaf.words if isinstance(leaf.kind, Array) else NUMBERS[leaf.kind]
@@ -164,25 +169,23 @@ class Call:
         return self._result(block, self._result_at)
 
     def _words(self, args: Sequence[Any]) -> list[Any]:
-        if len(args) != len(self._kinds):
-            raise TypeError(
-                f"{self._name}: {len(args)} arguments; {len(self._kinds)} were expected"
-            )
+        if len(args) != len(self._puts):
+            raise TypeError(f"{self._name}: {len(args)} arguments; {len(self._puts)} were expected")
         words: list[Any] = []
-        for (name, kind), arg in zip(self._kinds, args, strict=True):
-            _flatten(name, kind, arg, words)
+        for put, arg in zip(self._puts, args, strict=True):
+            put(arg, words)
         return words
 
     def bind(self, args: Sequence[Any]) -> Callable[..., Any]:
         """The call with its pointers taken; `...` where each call will give a number."""
         values, at, free = [], 0, []
-        for (name, kind), arg in zip(self._kinds, args, strict=True):
+        for (_, kind), put, arg in zip(self._kinds, self._puts, args, strict=True):
             words: list[Any] = []
             if arg is ... and not isinstance(kind, Array | Fields):
                 free.append((struct.Struct(NUMBERS[kind]).pack_into, 8 * at))
                 words = [0]
             else:
-                _flatten(name, kind, arg, words)
+                put(arg, words)
             values += words
             at += len(words)
         block = self._block()
@@ -201,37 +204,63 @@ class Call:
         return call
 
 
-def _flatten(name: str, kind: Kind, value: Any, words: list[Any]) -> None:
-    """The words of a value, checked: a wrong array would be a wrong pointer."""
-    if isinstance(kind, Fields):
-        for part, one, inner in zip(kind.names, kind.types, value, strict=True):
-            _flatten(part, one, inner, words)
-    elif isinstance(kind, Array):
-        dtype, shape = value.dtype, value.shape
-        if (
-            (dtype is not kind.dtype and dtype != kind.dtype)
-            or len(shape) != kind.ndim
-            or not (value.flags.c_contiguous and value.flags.aligned)
-        ):
-            raise TypeError(
-                f"{name}: an array of {dtype} and shape {shape}, strides "
-                f"{getattr(value, 'strides', None)}; {kind.ndim} dimensions of {kind.dtype} in C "
-                "order were expected"
-            )
-        words.append(_address(value))
+def _putter(name: str, kind: Kind) -> Put:
+    """What appends the words of a value, checked: a wrong array would be a wrong pointer."""
+    if isinstance(kind, Array):
+        return _array_putter(name, kind)
+    if not isinstance(kind, Fields):
+        return lambda value, words: words.append(value)
+    count = len(kind.types)
+    if not any(isinstance(one, Array | Fields) for one in kind.types):
+
+        def put_numbers(value: Any, words: list[Any]) -> None:
+            if len(value) != count:
+                raise TypeError(f"{name}: {len(value)} numbers; {count} were expected")
+            words.extend(value)
+
+        return put_numbers
+    puts = [_putter(part, one) for part, one in zip(kind.names, kind.types, strict=True)]
+
+    def put_fields(value: Any, words: list[Any]) -> None:
+        for put, inner in zip(puts, value, strict=True):
+            put(inner, words)
+
+    return put_fields
+
+
+def _array_putter(name: str, kind: Array) -> Put:
+    expected, ndim, alignment = kind.dtype, kind.ndim, kind.dtype.alignment
+    known = {id(expected): expected}  # equal ones that were met: comparing fields takes time
+
+    def put(value: Any, words: list[Any]) -> None:
+        dtype, shape = (_dtype_of(value), _shape_of(value)) if ndim else (value.dtype, value.shape)
+        if id(dtype) not in known:
+            if dtype != expected:
+                refuse(value)
+            if len(known) < _MET:
+                known[id(dtype)] = dtype
+        try:
+            address = _address_of(_byte_of(value))
+        except ValueError:  # nothing is in it, so that nobody looks
+            address = 0
+        except TypeError:
+            if not value.flags.c_contiguous:
+                refuse(value)
+            # read-only: an entry writes only to what its docstring says
+            address = int(np.asarray(value).ctypes.data)
+        if len(shape) != ndim or address % alignment:
+            refuse(value)
+        words.append(address)
         words.extend(shape)
-    else:
-        words.append(value)
 
+    def refuse(value: Any) -> NoReturn:
+        raise TypeError(
+            f"{name}: an array of {value.dtype} and shape {value.shape}, strides "
+            f"{getattr(value, 'strides', None)}; {ndim} dimensions of {expected} in C order were "
+            "expected"
+        )
 
-def _address(value: Any) -> int:
-    """Where the memory of an array or a record begins."""
-    try:
-        return _address_of(_byte_of(value))
-    except ValueError:  # nothing is in it, so that nobody looks
-        return 0
-    except TypeError:  # read-only: an entry writes only to what its docstring says
-        return int(np.asarray(value).ctypes.data)
+    return put
 
 
 def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
@@ -241,6 +270,9 @@ def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
     unpack = struct.Struct(codes).unpack_from
     if kind in {int, float}:
         return lambda block, at: unpack(block, at)[0]
+    if isinstance(kind, Fields) and set(kind.types) <= {int, float}:
+        make = kind.make if isinstance(kind.make, type) else None
+        return (lambda block, at: make(*unpack(block, at))) if make else unpack
     return lambda block, at: _made(kind, iter(unpack(block, at)))
 
 
