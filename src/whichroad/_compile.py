@@ -228,10 +228,10 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     """A kernel compiled by numba, for those who call one that is no entry."""
     import numba
 
-    from .native.cache import cache_folder
+    from .native.cache import jit_folder
 
     config: Any = numba.config  # its attributes are made at run time
-    folder = cache_folder()
+    folder = jit_folder()
     before = config.CACHE_DIR
     if folder is not None:
         config.CACHE_DIR = str(folder)

@@ -101,6 +101,18 @@ def cache_folder() -> Path | None:
     return None
 
 
+@functools.cache
+def jit_folder() -> Path | None:
+    """Where numba keeps what it compiles of these sources; None: nowhere.
+
+    numba sees a change of a kernel's own file, but not of the files that it calls.
+    """
+    folder = cache_folder()
+    if folder is None or not _writable(folder / f"{source_digest()}-jit"):
+        return None
+    return folder / f"{source_digest()}-jit"
+
+
 def _writable(base: Path) -> bool:
     try:
         base.mkdir(parents=True, exist_ok=True)
@@ -111,11 +123,12 @@ def _writable(base: Path) -> bool:
 
 
 def _delete_stale(folder: Path) -> None:
-    """Delete what nobody has used for a month."""
+    """Delete what nobody has used for a month, and is not of these sources."""
     limit = time.time() - _KEEP_DAYS * 86400.0
+    ours = source_digest()
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            if path.stat().st_mtime < limit:
+            if path.stat().st_mtime < limit and not path.name.startswith(ours):
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
                 else:
