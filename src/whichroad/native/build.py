@@ -153,8 +153,10 @@ def _objects(
     said: list[list[str]] = [[] for _ in running]
 
     def listen(number: int) -> None:
-        for line in running[number].stdout or ():
-            lines.put((number, line.rstrip()))
+        if (stdout := running[number].stdout) is not None:
+            with stdout:
+                for line in stdout:
+                    lines.put((number, line.rstrip()))
         lines.put((number, None))
 
     for number in range(len(running)):
