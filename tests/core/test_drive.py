@@ -227,7 +227,7 @@ def test_ten_minutes_of_standing_teach_nothing(seed: int, mode: int):
         speed = np.gradient(stood.s, stood.time)
         epochs = epochs._replace(speed=speed, speed_sigma=np.full(len(rows), 0.3))
         every = ONCE_A_SECOND
-        epochs = Epochs(*(column[::every] for column in epochs))
+        epochs = Epochs(*(column[::every].copy() for column in epochs))
     output = localize(PARALLEL, epochs, mode=mode).output
     before, after = (at + 100) // every, (at + 5990) // every
     for p in (p_of(output, 0), output.value[:, V_OFF]):

@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -93,12 +92,3 @@ def test_compiling_leaves_the_cache_folder_of_other_libraries_alone(package: Pat
     said = run(package, code, NUMBA_CACHE_DIR=theirs, WHICHROAD_CACHE_DIR=ours)
     assert said.split() == ["20", theirs]
     assert not Path(theirs).exists()
-
-
-def test_kernels_in_use_are_kept_however_old(package: Path, tmp_path: Path):
-    cache = str(tmp_path / "cache")
-    run(package, ANSWER, WHICHROAD_CACHE_DIR=cache)
-    then = time.time() - 40 * 86400
-    for path in (tmp_path / "cache" / "kernels").iterdir():
-        os.utime(path, (then, then))
-    assert run(package, CACHED, WHICHROAD_CACHE_DIR=cache) == "1"

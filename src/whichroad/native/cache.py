@@ -24,6 +24,7 @@ _COMPILER = (
     "native/layout.py",
     "native/lower.py",
 )  # also change what comes out
+_ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
 TOOLS = ("numba", "llvmlite")
 
 _KEEP_DAYS = 30
@@ -35,7 +36,7 @@ def kernel_files(package: Path = PACKAGE) -> list[Path]:
 
 
 def kernel_modules() -> list[str]:
-    """Names of the modules that hold kernels."""
+    """Names of the modules that hold kernels; those that teach the compiler are none."""
     names = []
     for path in kernel_files():
         if not path.stem.endswith("_llvm"):
@@ -101,16 +102,18 @@ def cache_folder() -> Path | None:
     return None
 
 
-@functools.cache
 def jit_folder() -> Path | None:
-    """Where numba keeps what it compiles of these sources; None: nowhere.
+    """Where numba keeps what it compiles of these very sources, or None.
 
-    numba sees a change of a kernel's own file, but not of the files that it calls.
+    It stamps a kept function with its own file alone, so a callee that changed in another
+    file would go on running as it was: the folder is named by all of them.
     """
-    folder = cache_folder()
-    if folder is None or not _writable(folder / f"{source_digest()}-jit"):
+    base = cache_folder()
+    if base is None:
         return None
-    return folder / f"{source_digest()}-jit"
+    text = source_digest() + "".join(p.read_text("utf-8") for p in PACKAGE.glob(_ALSO_BY_NUMBA))
+    folder = base / f"jit-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+    return folder if _writable(folder) else None
 
 
 def _writable(base: Path) -> bool:
@@ -123,12 +126,11 @@ def _writable(base: Path) -> bool:
 
 
 def _delete_stale(folder: Path) -> None:
-    """Delete what nobody has used for a month, and is not of these sources."""
+    """Delete what nobody has used for a month."""
     limit = time.time() - _KEEP_DAYS * 86400.0
-    ours = source_digest()
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            if path.stat().st_mtime < limit and not path.name.startswith(ours):
+            if path.stat().st_mtime < limit:
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
                 else:
