@@ -1,4 +1,4 @@
-"""What is said of an epoch is true of the mixture that is believed."""
+"""The estimate of an epoch describes the mixture that the filter holds."""
 
 import math
 
@@ -6,32 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from whichroad.core.angles import wrap
-from whichroad.core.belief import GNSS_SCALE, MX, MY, OFF_ROAD, Belief, H, X, Y, new_belief
-from whichroad.core.output import (
-    V_GNSS_SCALE,
-    V_H,
-    V_HH,
-    V_MAP_X,
-    V_MAP_XX,
-    V_MAP_XY,
-    V_MAP_Y,
-    V_MAP_YY,
-    V_PROTECTION,
-    V_X,
-    V_XX,
-    V_XY,
-    V_Y,
-    V_YY,
-    new_output,
-    say,
-)
 
 from oracles import textbook
-from scenes import call, network, straight_road
+from scenes import context, living, network, straight_road
 from strategies import random_gaussian, seeds
+from whichroad._compile import Record
+from whichroad.filter.estimate import new_output, summarise
+from whichroad.filter.state import MX, MY, OFF_ROAD, Belief, H, N, X, Y, new_belief
+from whichroad.graph.geometry import wrap
 
 ROAD = network(straight_road())
+HH = 5  # the heading's variance in `cov`
 
 
 def mixture(seed: int, n: int, apart: float = 1.0) -> Belief:
@@ -39,96 +24,101 @@ def mixture(seed: int, n: int, apart: float = 1.0) -> Belief:
     rng = np.random.default_rng(seed)
     belief = new_belief()
     for i in range(n):
-        belief.mean[i], belief.cov[i] = random_gaussian(rng)
-        belief.mean[i, [X, Y]] *= apart
+        belief.hyp["mu"][i], belief.hyp["cov"][i] = random_gaussian(rng)
+        belief.hyp["mu"][i, [X, Y]] *= apart
     weight = rng.dirichlet(np.full(n, 0.5)) + 1e-12
-    belief.probability[:n] = weight / weight.sum()
-    belief.log_weight[:n] = np.log(belief.probability[:n])
-    belief.edge[:n] = OFF_ROAD
-    belief.size[0] = n
+    belief.hyp.edge[:n] = OFF_ROAD
+    belief.state[0].count, belief.state[0].scale = n, 1.0
+    weigh(belief, weight / weight.sum())
     return belief
 
 
-def said(belief: Belief, risk: float = 1e-3, scale: float = 1.0) -> np.ndarray:
-    """The values that are written for one epoch."""
+def weigh(belief: Belief, weight: object) -> None:
+    """Set normalised weights."""
+    alive = living(belief)
+    alive.weight = weight
+    alive.log_weight = np.log(alive.weight)
+
+
+def estimate(belief: Belief, risk: float = 1e-3, scale: float = 1.0) -> Record:
+    """The estimate of one epoch."""
     output = new_output(1, False)
-    call(
-        say, belief=belief, roads=ROAD, output=output, k=0, outage_after=3.0, ambiguous_below=0.95,
-        risk=risk, chi2=0.0, scale=scale,
-    )  # fmt: skip
-    return output.value[0]
+    belief.state[0].scale = scale
+    summarise(belief, context(ROAD, protection_risk=risk), output, 0, 0.0)
+    return output.rows[0]
 
 
 def moments(belief: Belief, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of linear functions of the state, under the mixture."""
-    n = belief.size[0]
-    cov = np.array([rows @ c @ rows.T for c in belief.cov[:n]])
-    return textbook.mixture_moments(belief.probability[:n], belief.mean[:n] @ rows.T, cov)
+    alive = living(belief)
+    cov = np.array([rows @ c @ rows.T for c in alive["cov"]])
+    return textbook.mixture_moments(alive.weight, alive["mu"] @ rows.T, cov)
 
 
 @given(seeds, st.integers(1, 12), st.floats(0.0, 20.0))
 def test_both_places_have_the_moments_of_the_whole_mixture(seed, n, apart):
     """In the world, p, and in the map's frame, p + m."""
     belief = mixture(seed, n, apart)
-    value = said(belief)
-    rows = np.zeros((2, 10))
+    value = estimate(belief)
+    rows = np.zeros((2, N))
     rows[0, X] = rows[1, Y] = 1.0
-    for named, extra in (
-        ([V_X, V_Y, V_XX, V_XY, V_YY], 0.0),
-        ([V_MAP_X, V_MAP_Y, V_MAP_XX, V_MAP_XY, V_MAP_YY], 1.0),
+    for found, extra in (
+        ([value.x, value.y, *value["cov"][[0, 1, 3]]], 0.0),
+        ([value.map_x, value.map_y, *value.map_cov], 1.0),
     ):
         rows[0, MX] = rows[1, MY] = extra
         mean, cov = moments(belief, rows)
         expected = [*mean, cov[0, 0], cov[0, 1], cov[1, 1]]
-        np.testing.assert_allclose(value[named], expected, rtol=1e-9, atol=1e-8)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-8)
 
 
 @given(seeds, st.integers(1, 8), st.floats(0.999, 1.001))
 def test_the_plane_s_scale_stretches_the_places_and_not_their_covariances(seed, n, scale):
     flat, stretched = mixture(seed, n), mixture(seed, n)
-    stretched.mean[:n, [X, Y]] *= scale
-    one, other = said(flat), said(stretched, scale=scale)
-    for v in (V_X, V_Y, V_MAP_X, V_MAP_Y):
-        assert other[v] == pytest.approx(scale * one[v], abs=1e-9)
-    same = [V_XX, V_XY, V_YY, V_MAP_XX, V_MAP_XY, V_MAP_YY, V_PROTECTION, V_H]
-    np.testing.assert_allclose(other[same], one[same], rtol=1e-9, atol=1e-9)
+    stretched.hyp["mu"][:n, [X, Y]] *= scale
+    one, other = estimate(flat), estimate(stretched, scale=scale)
+    for name in ("x", "y", "map_x", "map_y"):
+        assert other[name] == pytest.approx(scale * one[name], abs=1e-9)
+    for name in ("cov", "map_cov", "protection_level", "heading"):
+        np.testing.assert_allclose(other[name], one[name], rtol=1e-9, atol=1e-9)
 
 
 @given(seeds, st.integers(1, 8), st.floats(-math.pi, math.pi))
-def test_turning_all_headings_turns_the_one_that_is_said(seed, n, angle):
+def test_turning_all_headings_turns_the_estimate(seed, n, angle):
     """Also where some are opposed, unless they cancel."""
     belief = mixture(seed, n)
-    p, headings = belief.probability[:n], belief.mean[:n, H]
+    p, headings = living(belief).weight, living(belief)["mu"][:, H]
     assume(abs(p @ np.exp(1j * headings)) > 1e-3)
-    before = said(belief)
-    belief.mean[:n, H] = [wrap(h + angle) for h in headings]
-    after = said(belief)
-    assert wrap(after[V_H] - before[V_H] - angle) == pytest.approx(0.0, abs=1e-9)
-    assert after[V_HH] == pytest.approx(before[V_HH], rel=1e-9)
+    before = estimate(belief)
+    belief.hyp["mu"][:n, H] = [wrap(h + angle) for h in headings]
+    after = estimate(belief)
+    assert wrap(after.heading - before.heading - angle) == pytest.approx(0.0, abs=1e-9)
+    assert after["cov"][HH] == pytest.approx(before["cov"][HH], rel=1e-9)
 
 
 @given(seeds, st.integers(1, 8))
 def test_headings_within_a_radian_have_the_moments_of_the_mixture(seed, n):
     belief = mixture(seed, n)
-    belief.mean[:n, H] = np.random.default_rng(seed).uniform(-0.5, 0.5, n)
-    row = np.zeros((1, 10))
+    belief.hyp["mu"][:n, H] = np.random.default_rng(seed).uniform(-0.5, 0.5, n)
+    row = np.zeros((1, N))
     row[0, H] = 1.0
     mean, cov = moments(belief, row)
-    value = said(belief)
-    assert value[V_H] == pytest.approx(mean[0], abs=1e-12)
-    assert value[V_HH] == pytest.approx(cov[0, 0])
+    value = estimate(belief)
+    assert value.heading == pytest.approx(mean[0], abs=1e-12)
+    assert value["cov"][HH] == pytest.approx(cov[0, 0])
 
 
 @given(seeds, st.integers(1, 12), st.floats(0.0, 20.0), st.sampled_from([0.3, 0.05, 0.01]))
 def test_the_protection_level_bounds_the_error_at_its_risk(seed, n, apart, risk):
     """20,000 draws of the mixture; six standard errors of their share, so as never to fail."""
     belief = mixture(seed, n, apart)
-    value = said(belief, risk)
+    value = estimate(belief, risk)
     rng = np.random.default_rng(seed)
     beyond, draws = 0, 20_000
-    for i, count in enumerate(rng.multinomial(draws, belief.probability[:n])):
-        place = rng.multivariate_normal(belief.mean[i, :2], belief.cov[i, :2, :2], count)
-        beyond += (np.hypot(*(place - value[[V_X, V_Y]]).T) > value[V_PROTECTION]).sum()
+    alive = living(belief)
+    for hyp, count in zip(alive, rng.multinomial(draws, alive.weight), strict=True):
+        place = rng.multivariate_normal(hyp["mu"][:2], hyp["cov"][:2, :2], count)
+        beyond += (np.hypot(*(place - [value.x, value.y]).T) > value.protection_level).sum()
     assert beyond / draws <= risk + 6.0 * math.sqrt(risk / draws)
 
 
@@ -136,32 +126,31 @@ def test_the_protection_level_bounds_the_error_at_its_risk(seed, n, apart, risk)
 def test_of_a_single_gaussian_the_protection_level_is_that_of_its_longer_axis(seed, risk):
     """A circle's exact radius, sigma sqrt(-2 log risk), is at least that of any ellipse in it."""
     belief = mixture(seed, 1)
-    major = math.sqrt(np.linalg.eigvalsh(belief.cov[0, :2, :2])[-1])
+    major = math.sqrt(np.linalg.eigvalsh(belief.hyp["cov"][0, :2, :2])[-1])
     exact = major * math.sqrt(-2.0 * math.log(risk))
-    assert said(belief, risk)[V_PROTECTION] == pytest.approx(exact, rel=1e-9)
+    assert estimate(belief, risk).protection_level == pytest.approx(exact, rel=1e-9)
 
 
 @given(seeds, st.integers(1, 12), st.floats(0.0, 20.0))
 def test_less_risk_asks_for_more_room(seed, n, apart):
     belief = mixture(seed, n, apart)
-    levels = [said(belief, risk)[V_PROTECTION] for risk in (0.1, 1e-2, 1e-4, 1e-7)]
+    levels = [estimate(belief, risk).protection_level for risk in (0.1, 1e-2, 1e-4, 1e-7)]
     assert (np.diff(levels) > 0.0).all()
 
 
 def test_two_places_far_apart_are_both_protected_against():
     """The lighter place, of more than the risk, lies inside; one of less need not."""
     belief = mixture(0, 2)
-    belief.cov[:2, :2, :2] = np.eye(2)
-    belief.mean[:2, :2] = [[0.0, 0.0], [300.0, 0.0]]
+    belief.hyp["cov"][:2, :2, :2] = np.eye(2)
+    belief.hyp["mu"][:2, :2] = [[0.0, 0.0], [300.0, 0.0]]
     for light, inside in ((0.01, True), (1e-5, False)):
-        belief.probability[:2] = 1.0 - light, light
-        belief.log_weight[:2] = np.log(belief.probability[:2])
-        value = said(belief)
-        assert (value[V_PROTECTION] > 300.0 - value[V_X]) == inside
+        weigh(belief, [1.0 - light, light])
+        value = estimate(belief)
+        assert (value.protection_level > 300.0 - value.x) == inside
 
 
 @given(st.floats(1.0, 400.0))
-def test_the_scale_of_fixes_is_said_of_their_sigmas(factor):
+def test_the_gnss_scale_is_the_root_of_the_factor_on_variances(factor):
     belief = mixture(0, 1)
-    belief.clock[GNSS_SCALE] = factor
-    assert said(belief)[V_GNSS_SCALE] == pytest.approx(math.sqrt(factor))
+    belief.state[0].gnss_factor = factor
+    assert estimate(belief).gnss_scale == pytest.approx(math.sqrt(factor))
