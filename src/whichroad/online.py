@@ -5,6 +5,7 @@ epoch at a time.  The localizer owns the belief; nothing else remembers.
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,7 @@ class Localizer:
         par = parameters(self.settings, self.vehicle, CLOCK)
         self._ctx = Context(par, self.roads.arrays, new_work())
         self._set_records()
+        self._bound: tuple[tuple[Any, ...], Callable[[], int]] | None = None  # one epoch of these
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._interval = 0.0  # s, usually between odometry readings
@@ -119,11 +121,12 @@ class Localizer:
         self._state = _record(self._belief.state, FILTER)
 
     def __getstate__(self) -> dict[str, Any]:
-        views = ("_epoch", "_answer", "_par", "_state")
+        views = ("_epoch", "_answer", "_par", "_state", "_bound")
         return {name: value for name, value in self.__dict__.items() if name not in views}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._bound = None
         self._set_records()
 
     @property
@@ -195,7 +198,7 @@ class Localizer:
         Returns:
             The estimate expected there.
         """
-        real, past = self._belief, self._past
+        real, past, bound = self._belief, self._past, self._bound
         ahead = max(time - float(self._state["time"]), 0.0)
         self._set_belief(Belief._make(table.copy() for table in real))
         self._past = None
@@ -206,7 +209,7 @@ class Localizer:
             return self.estimate()
         finally:
             self._set_belief(real)
-            self._past = past
+            self._past, self._bound = past, bound
 
     def _take_odometry(self, reading: WheelTicks | WheelSpeed | Distance | SpeedYaw) -> None:
         arc, turn = self._increment(reading)
@@ -298,7 +301,12 @@ class Localizer:
         if self._past is not None:
             self._path = self._past.make_room(self._belief, self._path)
         history = _NO_HISTORY if self._past is None else self._past.history
-        run(self._belief, self._path, history, self._epochs, self._output, self._ctx, 0, 1)
+        tables = self._belief, self._path, history
+        bound = self._bound
+        if bound is None or any(a is not b for a, b in zip(bound[0], tables, strict=True)):
+            step = run.bind(*tables, self._epochs, self._output, self._ctx, 0, 1)
+            self._bound = bound = tables, step
+        bound[1]()
 
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""

@@ -140,8 +140,7 @@ class Plane:
     def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
         if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
-            lat_rad, lon_rad = kernels.to_geodetic(self.sphere, x, y)
-            turn = kernels.convergence(self.sphere, x, y)
+            lat_rad, lon_rad, turn = kernels.place_on_earth(self.sphere, x, y)
             return degrees(lat_rad), degrees(lon_rad), bearing_of(heading, turn)
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
