@@ -263,7 +263,8 @@ class Localizer:
         e = self._epoch
         e["has_fix"] = 1
         if late and self._state["count"]:
-            heading_now = float(self._belief.hyp[0]["mu"][H])
+            hyp = self._belief.hyp[: int(self._state["count"])]
+            heading_now = float(hyp["mu"][int(np.argmax(hyp["weight"])), H])
             speed = float(self._state["speed"])
             row[0] += speed * late * math.cos(heading_now)
             row[1] += speed * late * math.sin(heading_now)
