@@ -7,16 +7,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from whichroad.fleet import localize_fleet
-from whichroad.parcel import Tables
 
 import whichroad
-from whichroad import columns, parcel
-from whichroad import fleet as fleets
-from whichroad.batch import match_many, match_stream
+from whichroad.batch import Tables, filtering, match_many, match_stream, trips
+from whichroad.batch.filtering import filter_batch
 from whichroad.geodesy.plane import Plane
 from whichroad.readers import many_trips
 from whichroad.recorded import localize_recorded
+from whichroad.tables import export
 from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 
 PLANE = Plane(49.4, 8.7)
@@ -153,7 +151,7 @@ def test_there_is_one_row_for_every_trip_in_the_order_in_which_they_begin(roads,
 
 
 def test_the_number_of_threads_changes_nothing(roads, fleet, monkeypatch):
-    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)  # a trip a parcel
+    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)  # a trip a chunk
     assert same(match_many(fleet, roads, threads=1), match_many(fleet, roads, threads=3))
 
 
@@ -217,10 +215,10 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
     def localize_all(roads, epochs, *more):
         if (epochs.time == 1.6e9 + 100).any():
             raise ZeroDivisionError("oops")
-        return localize_fleet(roads, epochs, *more)
+        return filter_batch(roads, epochs, *more)
 
-    monkeypatch.setattr(parcel, "localize_recorded", localize)
-    monkeypatch.setattr(parcel, "localize_fleet", localize_all)
+    monkeypatch.setattr(trips, "localize_recorded", localize)
+    monkeypatch.setattr(trips, "filter_batch", localize_all)
     rows = match_many(fleet, roads).drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 2 for i in range(7)]
     assert "ZeroDivisionError: oops" in rows[2]["reason"]
@@ -229,8 +227,8 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
 @pytest.mark.parametrize("room", [0, 5, 12])
 def test_trips_that_need_more_room_are_matched_alone(roads, fleet, monkeypatch, room):
     whole = match_many(fleet, roads)
-    monkeypatch.setattr(fleets, "_EDGES", 0)
-    monkeypatch.setattr(fleets, "_MORE_EDGES", room)  # a trip drives some four edges
+    monkeypatch.setattr(filtering, "_EDGES", 0)
+    monkeypatch.setattr(filtering, "_MORE_EDGES", room)  # a trip drives some four edges
     assert same(whole, match_many(fleet, roads))
 
 
@@ -238,9 +236,9 @@ def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatc
     def path_table(names, *args):
         if "car 3" in names:
             raise ZeroDivisionError("oops")
-        return columns.path_table(names, *args)
+        return export.path_table(names, *args)
 
-    monkeypatch.setattr(parcel, "path_table", path_table)
+    monkeypatch.setattr(trips, "path_table", path_table)
     many = match_many(fleet, roads)
     rows = many.drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 3 for i in range(7)]
@@ -324,7 +322,7 @@ def test_only_what_is_worked_on_is_taken_from_a_stream(roads, monkeypatch):
 
     for i, part in enumerate(match_stream(endless(), roads, threads=2)):
         assert part.drives["drive_id"].to_pylist() == [f"car {i}"]
-        assert last - i <= 2 * 2 + 4  # parcels ahead, and trips that may not be whole
+        assert last - i <= 2 * 2 + 4  # chunks ahead, and trips that may not be whole
         if i == 20:
             break
 

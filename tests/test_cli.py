@@ -40,18 +40,6 @@ def test_help_loads_nothing_that_takes_time(command):
     assert HEAVY & {name.partition(".")[0] for name in done.stdout.split()} == set()
 
 
-def test_who_waits_for_the_compiler_is_told_so(monkeypatch, tmp_path):
-    from whichroad import _compile
-    from whichroad.cli.arguments import at_work
-
-    monkeypatch.setattr(_compile, "cache_folder", lambda: tmp_path)
-    assert at_work("step.run") == "compiling, this once: a minute or two"
-    (tmp_path / "filter").mkdir()
-    (tmp_path / "filter" / "step.run-7.py311.nbi").touch()
-    assert at_work("step.run") == "localizing"
-    assert at_work("many.localize_each").startswith("compiling")
-
-
 def test_the_version_is_said(run):
     assert run("--version") == (0, f"whichroad {__version__}\n", "")
 

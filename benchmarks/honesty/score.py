@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whichroad._compile import Ints32, Matrix, Records, Vector, kernel
+from whichroad._compile import Ints32, Matrix, Records, Vector, by_numba, kernel
 from whichroad.filter.estimate import ALTERNATIVES
 from whichroad.simulate.vectorised import Line, Truth
 
@@ -151,7 +151,7 @@ def _pose(row: Vector, at: int, ex: float, ey: float, xx: float, xy: float, yy: 
     row[at + 6] += ex * ex + ey * ey
 
 
-@kernel
+@by_numba
 def score_drive(
     row: Vector, rows: Records, truth: Truth, time: Vector, line: Line, road_of: Ints32,
     decision: float, watch: float, roads: Ints32, chances: Vector,

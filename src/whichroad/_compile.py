@@ -77,8 +77,9 @@ def _known(function: Callable[P, R], inlined: bool) -> Callable[P, R]:
 class Entry(Generic[P, R]):
     """A kernel that Python code calls: by the library, by numba, or as it is."""
 
-    def __init__(self, function: Callable[P, R]) -> None:
+    def __init__(self, function: Callable[P, R], ahead: bool = True) -> None:
         functools.update_wrapper(self, function)
+        self._ahead = ahead  # of time: the library holds it
         self.function = function
         self._run: Callable[..., R] = self._first
 
@@ -99,7 +100,7 @@ class Entry(Generic[P, R]):
         """
         from .native import library
 
-        if way() == "native":
+        if way() == "native" and self._ahead:
             return library.call_of(self.layout).bind(args)
         free = [k for k, arg in enumerate(args) if arg is ...]
         values = list(args)
@@ -123,8 +124,8 @@ class Entry(Generic[P, R]):
     def _first(self, *args: Any) -> R:
         """Find out how to run, when called for the first time."""
         with _LOCK:
-            how = way()
-            run: Callable[..., R] = self.function
+            how = way() if self._ahead or way() == "python" else "jit"
+            run: Callable[..., R] = np.errstate(all="ignore")(self.function)  # as compiled code
             if how == "native":
                 from .native import library
 
@@ -153,6 +154,11 @@ def entry(function: Callable[P, R]) -> Entry[P, R]:
         raise TypeError(f"two entries are called {name}: one name each was expected")
     _ENTRIES[name] = made
     return made
+
+
+def by_numba(function: Callable[P, R]) -> Entry[P, R]:
+    """A kernel outside of the core, for developers: compiled by numba, never ahead of time."""
+    return Entry(_known(function, False), ahead=False)
 
 
 def entries() -> "dict[str, Entry[..., Any]]":
@@ -228,10 +234,10 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     """A kernel compiled by numba, for those who call one that is no entry."""
     import numba
 
-    from .native.cache import cache_folder
+    from .native.cache import jit_folder
 
     config: Any = numba.config  # its attributes are made at run time
-    folder = cache_folder()
+    folder = jit_folder()
     before = config.CACHE_DIR
     if folder is not None:
         config.CACHE_DIR = str(folder)

@@ -6,10 +6,8 @@ road beside the road, a fork.  Once the files are written, they are all that is 
 
 import json
 import os
-import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +16,12 @@ import numpy as np
 from .errors import WriteError
 from .evaluate import evaluate
 from .matching import match
-from .observations import Odometer
 from .plots import Window, plot_drive
 from .readers import read_drive, read_vehicle
 from .roadmap import RoadMap
 from .sensors.odometry import motion_of
 from .settings import Vehicle
-from .simulate import demo_scenes, draw_town, simulate_drive, write_demo
+from .simulate import demo_scenes, write_demo
 from .tables.schema import times
 
 if TYPE_CHECKING:
@@ -101,22 +98,6 @@ def run_demo(
     }
     (out / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return summary
-
-
-def warm_up(tell: Tell = _silent) -> None:
-    """Compile every kernel: answer a short drive with wheels, with an odometer, with GNSS alone."""
-    tell("compiling the map's kernels", 0, 0)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.osm"
-        path.write_text(draw_town(), encoding="utf-8")
-        roads = RoadMap.from_osm(path)
-    tell("compiling the simulator's kernels", 0, 0)
-    drive = simulate_drive(roads, seed=1, length_m=200.0).drive
-    assert drive.odometry is not None
-    motion = motion_of(drive.odometry, Vehicle())
-    tell("compiling the filter's kernels", 0, 0)
-    for odometry in (drive.odometry, Odometer(motion.time, motion.distance), None):
-        match(replace(drive, odometry=odometry), roads)
 
 
 class _Watch:

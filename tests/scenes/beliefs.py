@@ -47,7 +47,7 @@ def roomy_belief(spare: int = 100) -> Belief:
 def untouched(belief: Belief) -> bool:
     """Whether the spare rows are as they were."""
     spare = belief.hyp[CAPACITY:]
-    written = any(spare[name].any() for name in ("mean", "cov", "log_weight"))
+    written = any(spare[name].any() for name in ("mu", "cov", "log_weight"))
     return not written and bool((spare["edge"] == NO_EDGE).all())
 
 

@@ -110,16 +110,6 @@ def _moment(text: str) -> Moment | None:
     return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
-def at_work(kernel: str) -> str:
-    """What to say while a kernel runs, which is compiled before if it never was."""
-    from ..native.cache import cache_folder
-
-    folder = cache_folder()
-    if folder is not None and any(folder.rglob(f"{kernel}-*.nbi")):
-        return "localizing"
-    return "compiling, this once: a minute or two"
-
-
 @contextmanager
 def extra_live(command: str) -> Iterator[None]:
     """What is imported within comes with the extra `live`.

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
-from .arguments import at_work
 from .console import progress_line, say_table
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def match_trips(
         path = path_out and files.enter_context(growing(path_out, force=force))
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("many.localize_each"), 0, 0)
+        progress("localizing", 0, 0)
         for part in match_stream(table, network, progress=progress, **options):
             if points:
                 points(thinned(part.points, every) if every else part.points)

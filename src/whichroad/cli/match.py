@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
-from .arguments import Force, MapOption, Model, at_work, read_start, read_window
+from .arguments import Force, MapOption, Model, read_start, read_window
 from .console import progress_line, say_table
 from .many import match_trips
 
@@ -117,7 +117,7 @@ def match(
             )
         progress("reading the map", 0, 0)
         network = open_map(roads)
-        progress(at_work("step.run"), 0, 0)
+        progress("localizing", 0, 0)
         result = matching.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,

@@ -95,9 +95,10 @@ def experiments(
 
 
 def warmup() -> None:
-    """Compile the kernels now rather than at the first drive."""
-    from ..demo import warm_up
+    """Compile the kernels now rather than at the first drive, where that is still to be done."""
+    from ..native import library
 
-    with progress_line() as progress:
-        warm_up(progress)
-    typer.echo("ready")
+    if (ready := library.ready()) is not None:
+        typer.echo(f"nothing is to be done: the kernels are compiled, {ready}")
+    else:
+        typer.echo(f"compiled: {library.found()}")

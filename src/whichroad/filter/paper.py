@@ -1,4 +1,4 @@
-"""The paper's Switching Kalman Filter, taken literally: Figure 7 with other verbs.
+"""The paper's Switching Kalman Filter, taken literally: what `filter.step` does otherwise.
 
 It is there to be seen beside ours: docs/model.md tells what follows from each line.  The
 state is (x, y, θ): hypotheses are those of `filter.state`, with K at 1 and the slow
@@ -26,10 +26,9 @@ import math
 from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
 from ..graph.index import near, vertex_at
-from ..graph.network import plane_scale
 from ._simd import copy_record
 from .branching import forward_only
-from .estimate import LOST, OUTAGE, Output, summarise
+from .estimate import LOST, OUTAGE, Output
 from .gaussian import condition, merge_moments
 from .gnss import Axes, has_course, observe_position, observe_state
 from .motion import Increment, Noise, blind_noise, extrapolated, predict_plane, wheel_noise
@@ -56,37 +55,7 @@ _HELD = 0  # scratch of a hypothesis: 1 where its road is still a candidate
 
 
 @kernel
-def step(belief: Belief, epoch: Record, output: Output, ctx: Context, k: int) -> None:
-    """One epoch: predict, Y₁, Y_carto, the most probable hypothesis."""
-    par = ctx.par[0]
-    state = belief.state[0]
-    dt = epoch.time - state.time
-    state.time = epoch.time
-    chi2 = 0.0
-    if not state.started:
-        if not epoch.has_fix or not _start(belief, ctx, epoch):
-            return
-        dt = 0.0
-    else:
-        mean = belief.hyp[0].mu
-        state.scale = plane_scale(ctx.roads, mean[X], mean[Y])
-        _predict(belief, ctx, epoch, dt)  # eq. (1)
-        if epoch.has_fix:
-            chi2 = _observe_gnss(belief, ctx, epoch)  # Y_1, Q^gps
-        if state.time - state.map_time > par.paper_step - 1e-3:
-            switch(belief, ctx)  # S_k, B(i, j); Y_carto; P(S_k | Y)
-        if state.misfits >= par.lost_after and epoch.has_fix:
-            _start(belief, ctx, epoch)
-    if par.mode == CLOCK:
-        state.speed = belief.hyp[heaviest(belief)].mu[K]
-    elif dt > 1e-6:
-        state.speed = epoch.arc / dt
-    state.standing = state.standing + dt if abs(state.speed) < _STILL else 0.0
-    _summarise(belief, ctx, output, k, chi2)
-
-
-@kernel
-def _predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
+def predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     """Equation (1) for every hypothesis, and its Jacobian for the covariance.
 
     δs and δθ come from the wheels.  With a mere odometer δθ = 0 and the heading walks;
@@ -143,7 +112,7 @@ def _candidates(ctx: Context, x: float, y: float) -> int:
 
 
 @kernel
-def _start(belief: Belief, ctx: Context, epoch: Record) -> bool:
+def start(belief: Belief, ctx: Context, epoch: Record) -> bool:
     """Start, or start anew, from the epoch's fix.
 
     Without a course every candidate starts a hypothesis of its own heading.
@@ -175,16 +144,32 @@ def _start(belief: Belief, ctx: Context, epoch: Record) -> bool:
             _anywhere(belief.hyp[j], fix, heading, sigma, rate, rate_sigma)
     if count == 0:
         return False
-    if not state.started:
-        state.scale = plane_scale(ctx.roads, fix[0], fix[1])
     state.count = count
     state.started = 1
     state.misfits = 0.0
     state.last_fix = epoch.time
     normalise(belief)
     observe_position(belief, ctx, fix, _axes(fix), math.inf, False, 0.0)
-    switch(belief, ctx)
     return True
+
+
+@kernel
+def restart_if_lost(belief: Belief, ctx: Context, epoch: Record) -> None:
+    """Start anew after fixes that fit nothing for long."""
+    lost = belief.state[0].misfits >= ctx.par[0].lost_after
+    if lost and epoch.has_fix and start(belief, ctx, epoch):
+        switch(belief, ctx)
+
+
+@kernel
+def estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
+    """Speed by the odometer, or of the most probable hypothesis; how long it stands."""
+    state = belief.state[0]
+    if ctx.par[0].mode == CLOCK:
+        state.speed = belief.hyp[heaviest(belief)].mu[K]
+    elif dt > 1e-6:
+        state.speed = epoch.arc / dt
+    state.standing = state.standing + dt if abs(state.speed) < _STILL else 0.0
 
 
 @kernel
@@ -194,7 +179,7 @@ def _axes(fix: Vector) -> Axes:
 
 
 @kernel
-def _observe_gnss(belief: Belief, ctx: Context, epoch: Record) -> float:
+def observe_gnss(belief: Belief, ctx: Context, epoch: Record) -> float:
     """Y₁ with the covariance Q^gps that the receiver reports, independent from fix to fix.
 
     Without wheels the course, and without any odometer the speed, are observed as well.
@@ -334,9 +319,8 @@ def switch(belief: Belief, ctx: Context) -> None:
 
 
 @kernel
-def _summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
-    """Write epoch k: as `estimate.summarise`, but the pose of the most probable hypothesis."""
-    summarise(belief, ctx, output, k, chi2)
+def keep_most_probable(belief: Belief, ctx: Context, output: Output, k: int) -> None:
+    """Make the pose of epoch k that of the most probable hypothesis."""
     state = belief.state[0]
     hyp = belief.hyp[heaviest(belief)]
     out = output.rows[k]

@@ -70,6 +70,7 @@ FILTER = np.dtype(
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
+        ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
         ("time", "f8"),  # of the last epoch, s
         ("scale", "f8"),  # plane metres per true metre here
         ("log_evidence", "f8"),  # log-likelihood of all observations

@@ -66,31 +66,23 @@ def step(
     """One epoch: predict, observe, branch, observe the map, weigh, merge and prune, summarise."""
     state = belief.state[0]
     dt = _begin_epoch(belief, ctx, epoch)
+    chi2 = 0.0
+    if state.motion == START:
+        _start(belief, path, ctx, epoch)  # candidates about the fix, and none of them
     if state.motion == WAIT:
         return
-    chi2 = 0.0
-    with_heading = ctx.par[0].mode == WHEELS
-    if state.motion == START:  # candidates about the fix, and none of them
-        with_heading = start_at_fix(belief, path, ctx, epoch) and ctx.par[0].mode != CLOCK
-        normalise(belief)
-    else:
+    if state.motion != START:
         _predict(belief, path, history, ctx, epoch, dt)  # eq. (1); along the road; by routes
         if epoch.has_fix:
             chi2 = _observe_gnss(belief, path, history, ctx, epoch)  # Y_1, Q^gps
         _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
-    if state.motion == START or state.since_map >= ctx.par[0].map_spacing:
-        if state.motion != START:
-            _exchange(belief, ctx)  # on and off the roads, U-turns
-        history.since[0].map_aged += state.since_map
-        observe_map(belief, ctx, with_heading)  # Y_carto, Q^carto
-        state.since_map = 0.0
-        state.changed = 1
-    if state.changed:
-        reduce(belief, path, ctx)  # P(S_k | Y); merge within an edge, prune
+    if _map_is_due(state, ctx):
+        _observe_map(belief, history, ctx)  # Y_carto, Q^carto
+    _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
         store(belief, history, k, state.changed == 1, ctx.par[0].off_road_leave)
-    summarise(belief, ctx, output, k, chi2)
+    _summarise(belief, ctx, output, k, chi2)
 
 
 @entry
@@ -119,10 +111,7 @@ def run(
             return k
         if len(history.steps) > 0 and is_full(history):
             return k
-        if ctx.par[0].paper:
-            paper.step(belief, epochs[k], output, ctx, k)
-        else:
-            step(belief, path, history, epochs[k], output, ctx, k)
+        step(belief, path, history, epochs[k], output, ctx, k)
     return last
 
 
@@ -141,11 +130,8 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
     x = belief.hyp[0].mu[X] if state.started else epoch.fix[0]
     y = belief.hyp[0].mu[Y] if state.started else epoch.fix[1]
     state.scale = plane_scale(ctx.roads, x, y)
-    if epoch.has_fix and (
-        not state.started
-        or state.misfits >= par.lost_after
-        or (par.mode == CLOCK and dt > _LONGEST)
-    ):
+    lost = state.misfits >= par.lost_after or (par.mode == CLOCK and dt > _LONGEST)
+    if epoch.has_fix and (not state.started or (lost and not par.paper)):
         state.motion = START
         state.changed = 1
         return 0.0
@@ -162,12 +148,29 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
 
 
 @kernel(inline=True)
+def _start(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
+    """Start, or start anew, from the epoch's fix."""
+    state = belief.state[0]
+    if ctx.par[0].paper:
+        if not paper.start(belief, ctx, epoch):
+            state.motion = WAIT
+        return
+    known = start_at_fix(belief, path, ctx, epoch)
+    state.knows_heading = known and ctx.par[0].mode != CLOCK
+    normalise(belief)
+
+
+@kernel(inline=True)
 def _predict(
     belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
 ) -> None:
     """The process model, as the epoch's kind of motion asks for."""
     mode = ctx.par[0].mode
     state = belief.state[0]
+    state.knows_heading = mode == WHEELS
+    if ctx.par[0].paper:
+        paper.predict(belief, ctx, epoch, dt)
+        return
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
@@ -255,6 +258,8 @@ def _observe_gnss(
 ) -> float:
     """The epoch's fix, unless the vehicle stands; returns its chi-square."""
     state = belief.state[0]
+    if ctx.par[0].paper:
+        return paper.observe_gnss(belief, ctx, epoch)
     still = ctx.par[0].mode != CLOCK and state.since_fix <= _STILL
     if state.motion == STAND or still:
         observe_standing(belief, ctx, epoch)
@@ -270,6 +275,8 @@ def _observe_gnss(
 @kernel(inline=True)
 def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
     """Weigh by what was observed, and pass on what has left its edge."""
+    if ctx.par[0].paper:  # its candidates are drawn anew with the map
+        return
     state = belief.state[0]
     if state.motion == ROUTES:
         truncate_to_edges(belief, ctx.roads)
@@ -285,6 +292,41 @@ def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
     arc = epoch.arc / max(1, math.ceil(abs(epoch.arc) / _PIECE)) if wheels else 0.0
     if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, 0.0 if wheels else PASSED):
         state.changed = 1
+
+
+@kernel
+def _map_is_due(state: Record, ctx: Context) -> bool:
+    """Whether the map is observed in this epoch: by distance, in the paper by time."""
+    par = ctx.par[0]
+    if state.motion == START:
+        return True
+    if par.paper:
+        return bool(state.time - state.map_time > par.paper_step - 1e-3)
+    return bool(state.since_map >= par.map_spacing)
+
+
+@kernel(inline=True)
+def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
+    """Y_carto, after hypotheses have left the roads, come back and turned round."""
+    state = belief.state[0]
+    if ctx.par[0].paper:
+        paper.switch(belief, ctx)
+        return
+    if state.motion != START:
+        _exchange(belief, ctx)
+    history.since[0].map_aged += state.since_map
+    observe_map(belief, ctx, state.knows_heading == 1)
+    state.since_map = 0.0
+    state.changed = 1
+
+
+@kernel(inline=True)
+def _reduce(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
+    """Merge and prune where anything changed; the paper starts anew when it is lost."""
+    if ctx.par[0].paper:
+        paper.restart_if_lost(belief, ctx, epoch)
+    elif belief.state[0].changed:
+        reduce(belief, path, ctx)
 
 
 @kernel(inline=True)
@@ -305,6 +347,9 @@ def _exchange(belief: Belief, ctx: Context) -> None:
 def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     """Speed of M over ground, m/s, by the weighted κ."""
     state = belief.state[0]
+    if ctx.par[0].paper:
+        paper.estimate_speed(belief, ctx, epoch, dt)
+        return
     rate = 0.0
     for i in range(state.count):
         rate += belief.hyp[i].weight * belief.hyp[i].mu[K]
@@ -312,3 +357,11 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
         state.speed = rate
     elif dt > 1e-6:
         state.speed = rate * epoch.arc / dt
+
+
+@kernel(inline=True)
+def _summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
+    """The estimate of epoch k; in the paper the pose of the most probable hypothesis."""
+    summarise(belief, ctx, output, k, chi2)
+    if ctx.par[0].paper:
+        paper.keep_most_probable(belief, ctx, output, k)

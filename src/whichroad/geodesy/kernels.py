@@ -121,6 +121,13 @@ def convergence(sphere: Sphere, x: float, y: float) -> float:
 
 
 @entry
+def place_on_earth(sphere: Sphere, x: float, y: float) -> tuple[float, float, float]:
+    """`to_geodetic` and `convergence` of a point, in one call."""
+    lat, lon = to_geodetic(sphere, x, y)
+    return lat, lon, convergence(sphere, x, y)
+
+
+@entry
 def to_plane_all(sphere: Sphere, lat: Vector, lon: Vector, x: Vector, y: Vector) -> None:
     """`to_plane` of (n,) positions in radians into x and y."""
     for i in range(len(lat)):

@@ -142,8 +142,7 @@ class Plane:
     def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
         if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
-            calls = _calls(self.sphere)
-            (lat_rad, lon_rad), turn = calls.to_geodetic(x, y), calls.convergence(x, y)
+            lat_rad, lon_rad, turn = _calls(self.sphere).place_on_earth(x, y)
             return degrees(lat_rad), degrees(lon_rad), bearing_of(heading, turn)
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
@@ -155,6 +154,7 @@ class _Calls(NamedTuple):
     to_plane: Callable[[float, float], tuple[float, float]]
     to_geodetic: Callable[[float, float], tuple[float, float]]
     convergence: Callable[[float, float], float]
+    place_on_earth: Callable[[float, float], tuple[float, float, float]]
 
 
 _bound = threading.local()  # a bound call is for one thread
@@ -172,6 +172,7 @@ def _calls(sphere: kernels.Sphere) -> _Calls:
             kernels.to_plane.bind(sphere, ..., ...),
             kernels.to_geodetic.bind(sphere, ..., ...),
             kernels.convergence.bind(sphere, ..., ...),
+            kernels.place_on_earth.bind(sphere, ..., ...),
         )
     return calls
 

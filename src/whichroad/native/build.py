@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from . import cache, linking
@@ -48,6 +48,12 @@ def why_not() -> str | None:
     return None
 
 
+def kept() -> Path | None:
+    """A library for this machine and these sources that an earlier build left."""
+    found = cache.libraries(cache.source_digest(), cache.own_target())
+    return found[0] if found else None
+
+
 def own_library(tell: Tell = lambda share: None) -> Path:
     """The library for this machine: a kept one, or built and kept.
 
@@ -60,9 +66,9 @@ def own_library(tell: Tell = lambda share: None) -> Path:
     Raises:
         BuildError: It cannot be built here.
     """
-    target, source = cache.own_target(), cache.source_digest()
-    if found := cache.libraries(source, target):
-        return _used(found[0])
+    target = cache.own_target()
+    if (found := kept()) is not None:
+        return _used(found)
     if (missing := why_not()) is not None:
         raise BuildError(missing)
     return build([target], portable=False, tell=tell)[target]
@@ -143,29 +149,31 @@ def _objects(
         for part in "ab"
     ]  # fmt: skip
     lines: queue.Queue[tuple[int, str | None]] = queue.Queue()
-    running = [
-        subprocess.Popen(
-            [sys.executable, "-m", "whichroad.native.lower", job], env=environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=folder,
-        )
-        for job in jobs
-    ]  # fmt: skip
-    said: list[list[str]] = [[] for _ in running]
+    said: list[list[str]] = [[] for _ in jobs]
 
-    def listen(number: int) -> None:
-        for line in running[number].stdout or ():
+    def listen(number: int, output: Iterable[str]) -> None:
+        for line in output:
             lines.put((number, line.rstrip()))
         lines.put((number, None))
 
-    for number in range(len(running)):
-        threading.Thread(target=listen, args=(number,), daemon=True).start()
-    try:
-        _wait(lines, said, len(running), len(targets), tell)
-    finally:
-        for process in running:
-            if process.poll() is None and sys.exc_info()[0] is not None:
+    with contextlib.ExitStack() as stack:
+        running = [
+            stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-m", "whichroad.native.lower", job], env=environment,
+                    text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=folder,
+                )
+            )
+            for job in jobs
+        ]  # fmt: skip
+        try:
+            for number, process in enumerate(running):
+                threading.Thread(target=listen, args=(number, process.stdout), daemon=True).start()
+            _wait(lines, said, len(running), len(targets), tell)
+        except BaseException:
+            for process in running:
                 process.kill()
-            process.wait()
+            raise
     for process, text in zip(running, said, strict=True):
         if process.returncode:
             last = next((line for line in reversed(text) if line.strip()), "nothing")

@@ -24,6 +24,7 @@ _COMPILER = (
     "native/layout.py",
     "native/lower.py",
 )  # also change what comes out
+_ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
 TOOLS = ("numba", "llvmlite")
 
 _KEEP_DAYS = 30
@@ -35,7 +36,7 @@ def kernel_files(package: Path = PACKAGE) -> list[Path]:
 
 
 def kernel_modules() -> list[str]:
-    """Names of the modules that hold kernels."""
+    """Names of the modules that hold kernels; those that teach the compiler are none."""
     names = []
     for path in kernel_files():
         if not path.stem.endswith("_llvm"):
@@ -99,6 +100,20 @@ def cache_folder() -> Path | None:
             _delete_stale(folder)
             return folder
     return None
+
+
+def jit_folder() -> Path | None:
+    """Where numba keeps what it compiles of these very sources, or None.
+
+    It stamps a kept function with its own file alone, so a callee that changed in another
+    file would go on running as it was: the folder is named by all of them.
+    """
+    base = cache_folder()
+    if base is None:
+        return None
+    text = source_digest() + "".join(p.read_text("utf-8") for p in PACKAGE.glob(_ALSO_BY_NUMBA))
+    folder = base / f"jit-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+    return folder if _writable(folder) else None
 
 
 def _writable(base: Path) -> bool:

@@ -6,9 +6,9 @@ import importlib.util
 import struct
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from ..errors import WhichroadError
 from . import cache
 from .layout import NUMBERS, Array, Fields, Kind, Layout
 
+_dtype_of: Any = np.ndarray.dtype.__get__  # past recarray's own
+_shape_of: Any = np.ndarray.shape.__get__  # lookup of names
+_MET = 64  # dtypes that are remembered for each array
+Put = Callable[[Any, list[Any]], None]
 _byte_of, _address_of = ctypes.c_char.from_buffer, ctypes.addressof
 _LOCK = threading.RLock()
 _FAILED = "the kernel {} failed; this is a bug; please report it"
@@ -30,6 +34,14 @@ def packed() -> Path:
     return Path(__file__).with_name(f"kernels{cache.suffix(cache.own_target())}")
 
 
+def ready() -> Path | None:
+    """The library for this package's kernels, where there is one already."""
+    if packed().exists():
+        return packed()
+    kept = cache.libraries(cache.source_digest(), cache.own_target())
+    return kept[0] if kept else None
+
+
 @functools.cache
 def found() -> Path:
     """The library for this package's kernels: the wheel's, a kept one, or built now.
@@ -37,14 +49,9 @@ def found() -> Path:
     Raises:
         WhichroadError: There is none, and what is missing to build one.
     """
-    if packed().exists():
-        return packed()
-    kept = cache.libraries(cache.source_digest(), cache.own_target())
-    if kept:
-        return kept[0]
     from . import progress
 
-    return progress.build_own()
+    return ready() or progress.build_own()
 
 
 def way(asked: str) -> str:
@@ -61,18 +68,17 @@ def way(asked: str) -> str:
             f"WHICHROAD_KERNELS is {asked!r}; native, jit, python or nothing was expected"
         )
     with _LOCK:
-        if asked == "native" or packed().exists():
-            return "native" if found() else ""
-        if cache.libraries(cache.source_digest(), cache.own_target()):
+        if ready() is not None:
             return "native"
         from . import build
 
         missing = build.why_not()
-        if missing is None:
-            return "native" if found() else ""
+        if missing is None or asked == "native":
+            found()  # builds it, or says why not
+            return "native"
         if importlib.util.find_spec("numba") is None:
             raise LibraryError(missing)
-        print(f"{missing}; until then numba compiles at each first call", file=sys.stderr)
+        sys.stderr.write(f"{missing}; until then numba compiles at each first call\n")
         return "jit"
 
 
@@ -142,6 +148,7 @@ class Call:
     def __init__(self, layout: Layout, function: Any) -> None:
         self._name, self._function = layout.name, function
         self._kinds = list(layout.arguments.items())
+        self._puts = [_putter(name, kind) for name, kind in self._kinds]
         leaves = layout.leaves()
         codes = "".join(
             "q" * leaf.words if isinstance(leaf.kind, Array) else NUMBERS[leaf.kind]
@@ -162,25 +169,23 @@ class Call:
         return self._result(block, self._result_at)
 
     def _words(self, args: Sequence[Any]) -> list[Any]:
-        if len(args) != len(self._kinds):
-            raise TypeError(
-                f"{self._name}: {len(args)} arguments; {len(self._kinds)} were expected"
-            )
+        if len(args) != len(self._puts):
+            raise TypeError(f"{self._name}: {len(args)} arguments; {len(self._puts)} were expected")
         words: list[Any] = []
-        for (name, kind), arg in zip(self._kinds, args, strict=True):
-            _flatten(name, kind, arg, words)
+        for put, arg in zip(self._puts, args, strict=True):
+            put(arg, words)
         return words
 
     def bind(self, args: Sequence[Any]) -> Callable[..., Any]:
         """The call with its pointers taken; `...` where each call will give a number."""
         values, at, free = [], 0, []
-        for (name, kind), arg in zip(self._kinds, args, strict=True):
+        for (_, kind), put, arg in zip(self._kinds, self._puts, args, strict=True):
             words: list[Any] = []
             if arg is ... and not isinstance(kind, Array | Fields):
                 free.append((struct.Struct(NUMBERS[kind]).pack_into, 8 * at))
                 words = [0]
             else:
-                _flatten(name, kind, arg, words)
+                put(arg, words)
             values += words
             at += len(words)
         block = self._block()
@@ -199,37 +204,63 @@ class Call:
         return call
 
 
-def _flatten(name: str, kind: Kind, value: Any, words: list[Any]) -> None:
-    """The words of a value, checked: a wrong array would be a wrong pointer."""
-    if isinstance(kind, Fields):
-        for part, one, inner in zip(kind.names, kind.types, value, strict=True):
-            _flatten(part, one, inner, words)
-    elif isinstance(kind, Array):
-        dtype, shape = value.dtype, value.shape
-        if (
-            (dtype is not kind.dtype and dtype != kind.dtype)
-            or len(shape) != kind.ndim
-            or not (value.flags.c_contiguous and value.flags.aligned)
-        ):
-            raise TypeError(
-                f"{name}: an array of {dtype} and shape {shape}, strides "
-                f"{getattr(value, 'strides', None)}; {kind.ndim} dimensions of {kind.dtype} in C "
-                "order were expected"
-            )
-        words.append(_address(value))
+def _putter(name: str, kind: Kind) -> Put:
+    """What appends the words of a value, checked: a wrong array would be a wrong pointer."""
+    if isinstance(kind, Array):
+        return _array_putter(name, kind)
+    if not isinstance(kind, Fields):
+        return lambda value, words: words.append(value)
+    count = len(kind.types)
+    if not any(isinstance(one, Array | Fields) for one in kind.types):
+
+        def put_numbers(value: Any, words: list[Any]) -> None:
+            if len(value) != count:
+                raise TypeError(f"{name}: {len(value)} numbers; {count} were expected")
+            words.extend(value)
+
+        return put_numbers
+    puts = [_putter(part, one) for part, one in zip(kind.names, kind.types, strict=True)]
+
+    def put_fields(value: Any, words: list[Any]) -> None:
+        for put, inner in zip(puts, value, strict=True):
+            put(inner, words)
+
+    return put_fields
+
+
+def _array_putter(name: str, kind: Array) -> Put:
+    expected, ndim, alignment = kind.dtype, kind.ndim, kind.dtype.alignment
+    known = {id(expected): expected}  # equal ones that were met: comparing fields takes time
+
+    def put(value: Any, words: list[Any]) -> None:
+        dtype, shape = (_dtype_of(value), _shape_of(value)) if ndim else (value.dtype, value.shape)
+        if id(dtype) not in known:
+            if dtype != expected:
+                refuse(value)
+            if len(known) < _MET:
+                known[id(dtype)] = dtype
+        try:
+            address = _address_of(_byte_of(value))
+        except ValueError:  # nothing is in it, so that nobody looks
+            address = 0
+        except TypeError:
+            if not value.flags.c_contiguous:
+                refuse(value)
+            # read-only: an entry writes only to what its docstring says
+            address = int(np.asarray(value).ctypes.data)
+        if len(shape) != ndim or address % alignment:
+            refuse(value)
+        words.append(address)
         words.extend(shape)
-    else:
-        words.append(value)
 
+    def refuse(value: Any) -> NoReturn:
+        raise TypeError(
+            f"{name}: an array of {value.dtype} and shape {value.shape}, strides "
+            f"{getattr(value, 'strides', None)}; {ndim} dimensions of {expected} in C order were "
+            "expected"
+        )
 
-def _address(value: Any) -> int:
-    """Where the memory of an array or a record begins."""
-    try:
-        return _address_of(_byte_of(value))
-    except ValueError:  # nothing is in it, so that nobody looks
-        return 0
-    except TypeError:  # read-only: an entry writes only to what its docstring says
-        return int(np.asarray(value).ctypes.data)
+    return put
 
 
 def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
@@ -237,9 +268,16 @@ def _result_of(kind: Kind | None, codes: str) -> Callable[[Any, int], Any]:
     if kind is None:
         return lambda block, at: None
     unpack = struct.Struct(codes).unpack_from
+    if kind in {int, float}:
+        return lambda block, at: unpack(block, at)[0]
+    if isinstance(kind, Fields) and set(kind.types) <= {int, float}:
+        make = kind.make if isinstance(kind.make, type) else None
+        return (lambda block, at: make(*unpack(block, at))) if make else unpack
+    return lambda block, at: _made(kind, iter(unpack(block, at)))
+
+
+def _made(kind: Kind, words: Iterator[Any]) -> Any:
+    """A number or a tuple of them, from words."""
     if isinstance(kind, Fields):
-        make = kind.make
-        return lambda block, at: make(*unpack(block, at))
-    if kind is bool:
-        return lambda block, at: bool(unpack(block, at)[0])
-    return lambda block, at: unpack(block, at)[0]
+        return kind.make(*(_made(one, words) for one in kind.types))
+    return bool(next(words)) if kind is bool else next(words)

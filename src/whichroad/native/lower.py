@@ -237,7 +237,7 @@ def lower(names: Iterable[str], collect: bool) -> Any:
             _say(f"lowered {name}")
             module = llvm.parse_assembly(compiled.inspect_llvm(signature))
             for one in module.functions:
-                if not one.is_declaration:
+                if not one.is_declaration and one.name != callee:
                     one.linkage = "linkonce_odr"
             modules.append(module)
     if collector is not None:
@@ -323,7 +323,9 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _say(what: str) -> None:
-    print(what, flush=True)
+    """Tell the process that waits."""
+    sys.stdout.write(f"{what}\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

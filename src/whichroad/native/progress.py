@@ -16,9 +16,11 @@ def build_own() -> Path:
     Raises:
         BuildError: It cannot be built here.
     """
+    if build.kept() is not None or build.why_not() is not None:
+        return build.own_library()  # at once, or an error at once
     if sys.stderr.isatty():
         return _with_bar()
-    print(_ABOUT, file=sys.stderr, flush=True)
+    _say(_ABOUT)
     begin, told = time.monotonic(), 0.0
 
     def tell(share: float) -> None:
@@ -26,9 +28,14 @@ def build_own() -> Path:
         if share >= told + _EVERY:
             told = share
             seconds = time.monotonic() - begin
-            print(f"whichroad: {share:.0%}, {seconds:.0f} s", file=sys.stderr, flush=True)
+            _say(f"whichroad: {share:.0%}, {seconds:.0f} s")
 
     return build.own_library(tell)
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
 
 
 def _with_bar() -> Path:

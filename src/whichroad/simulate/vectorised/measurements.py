@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ..._compile import kernel
+from ..._compile import by_numba, kernel
 from ...filter._simd import copy_record
 from .buffers import ANGLE, BIAS, DIFFERENTIAL, RATIO, SCALE, TRACK, DriveBuffers, Line, Numbers
 
@@ -144,7 +144,7 @@ def _thin(buffers: DriveBuffers, count: int, every: int) -> int:
     return n
 
 
-@kernel
+@by_numba
 def sense(line: Line, buffers: DriveBuffers, par: Numbers, count: int, odometry: bool) -> int:
     """Fill the epochs of a drive of `count` epochs; without odometry only those with fixes.
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ..._compile import Matrix, Vector, kernel
+from ..._compile import Matrix, Vector, by_numba, kernel
 from .buffers import (
     ARRIVE,
     BEND,
@@ -286,7 +286,7 @@ def _follow(buffers: DriveBuffers, n: int, rate: float) -> int:
     return count
 
 
-@kernel
+@by_numba
 def drive_line(line: Line, buffers: DriveBuffers, par: Numbers, seed: int) -> int:
     """Drive along a line; returns the number of epochs, whose truth is filled."""
     np.random.seed(seed)

@@ -6,15 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whichroad.core import reduction
-from whichroad.core.along import advance_along
-from whichroad.core.belief import OFF_ROAD, Belief, D, H, X, Y
-from whichroad.core.network import Roads
-from whichroad.core.switching import hand_over, new_work, reachable
 
 from oracles import textbook
-from scenes import On, belief_on, call, doubt_map, edge_weights, grid_town, network, weights
+from scenes import (
+    On,
+    belief_on,
+    context,
+    doubt_map,
+    edge_weights,
+    grid_town,
+    living,
+    network,
+    weights,
+)  # fmt: skip
 from strategies import seeds
+from whichroad._compile import jit
+from whichroad.filter import branching, reduction
+from whichroad.filter.motion import Noise
+from whichroad.filter.state import OFF_ROAD, Belief, D, H, X, Y, new_path
+from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings
 
 # eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back
@@ -28,41 +38,48 @@ CROSS = network(
 )
 TOWN = network(grid_town(4, 4, 90.0))
 
+branch = jit(branching.branch)
+advance_along = jit(branching.advance_along)
+list_successors = jit(branching._list_successors)
+merge_cost = jit(reduction._merge_cost)
+
 PRIORS = {2: 1.0, 4: 0.5, 6: 0.5, 1: 0.01}
 
 
 def pass_on(belief: Belief, roads: Roads, arc: float = 1.0, *, prune=0.0, cut=False) -> bool:
-    return call(hand_over, belief=belief, roads=roads, arc=arc, prune=prune, cut=cut)
+    ctx = context(roads, prune=prune, truncate=cut)
+    return branch(belief, new_path(1 << 12), ctx, arc, 0.0)
 
 
 def go_along(belief: Belief, roads: Roads, metres: float, *, prune=0.0) -> bool:
-    return call(
-        advance_along, belief=belief, roads=roads, odometer=metres, q_along=0.01 * abs(metres),
-        q_rate=0.0, q_cross=0.0, heading_variance=0.0064, prune=prune,
-    )  # fmt: skip
+    ctx = context(roads, prune=prune, edge_heading_sigma=0.08)
+    noise = Noise(0.01 * abs(metres), 0.0, 0.0, 0.0, 0.0, 0.0)
+    return advance_along(belief, new_path(1 << 12), ctx, metres, noise)
 
 
 def merge(belief: Belief, *, prune=1e-4, limit=0.05, most=2) -> None:
-    call(reduction.reduce, belief=belief, prune=prune, limit=limit, most=most)
+    ctx = context(CROSS, prune=prune, merge=limit, components=most)
+    reduction.reduce(belief, new_path(1 << 12), ctx)
 
 
 def random_places(seed: int) -> list[On]:
     rng = np.random.default_rng(seed)
     p = rng.dirichlet(np.ones(4))
-    edges = rng.choice(len(TOWN.length), 4, replace=False)
+    length = TOWN.edges.length
+    edges = rng.choice(len(length), 4, replace=False)
     return [
-        On(int(e), TOWN.length[e] * rng.uniform(0.5, 1.1), float(w), sigma=rng.uniform(0.5, 40.0))
+        On(int(e), length[e] * rng.uniform(0.5, 1.1), float(w), sigma=rng.uniform(0.5, 40.0))
         for e, w in zip(edges, p, strict=True)
     ]
 
 
 @given(seeds, st.booleans(), st.sampled_from([-3.0, 0.0, 3.0]))
-def test_handing_over_conserves_probability(seed: int, cut: bool, arc: float):
+def test_branching_conserves_probability(seed: int, cut: bool, arc: float):
     belief = belief_on(TOWN, random_places(seed))
     pass_on(belief, TOWN, arc, cut=cut)
-    assert belief.size[0] >= 4
+    assert len(living(belief)) >= 4
     assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(belief.probability[: belief.size[0]], weights(belief), atol=1e-12)
+    np.testing.assert_allclose(living(belief).weight, weights(belief), atol=1e-12)
 
 
 @given(seeds, st.floats(0.0, 60.0))
@@ -81,7 +98,7 @@ def test_pruned_branches_lose_less_than_the_floor_they_were_below(seed: int):
 
 @given(seeds, st.booleans())
 def test_a_standing_vehicle_leaks_nothing(seed: int, cut: bool):
-    """What lies beyond the end is handed over once, however often one looks again."""
+    """What lies beyond the end is passed on once, however often one looks again."""
     rng = np.random.default_rng(seed)
     belief = belief_on(CROSS, [On(0, rng.uniform(270, 300), sigma=rng.uniform(0.5, 30.0))])
     pass_on(belief, CROSS, 0.0, cut=cut)
@@ -112,18 +129,18 @@ def test_in_many_small_steps_as_much_passes_the_end_as_in_one(sigma: float):
     """What has passed is Φ((s − L)/σ), however finely the way was cut."""
     belief = belief_on(CROSS, [On(0, 250.0, sigma=sigma)])
     for _ in range(50):
-        belief.mean[0, X] += 1.2
+        belief.hyp["mu"][0, X] += 1.2
         pass_on(belief, CROSS, prune=1e-6)
         merge(belief, prune=0.0, limit=1e9)
-        assert belief.edge[0] == 0
+        assert belief.hyp.edge[0] == 0
     stayed = edge_weights(belief)[0]
     assert stayed == pytest.approx(0.5 * math.erfc(10.0 / sigma / math.sqrt(2.0)), abs=1e-3)
 
 
 def test_without_a_road_ahead_what_passes_the_end_is_off_the_roads():
     roads = network([[[0.0, 0.0], [300.0, 0.0]]])
-    empty = np.zeros(3, np.int32)
-    roads = roads._replace(succ_first=empty, pred_first=empty)
+    for name in ("first_turn", "end_turn", "first_predecessor", "end_predecessor"):
+        roads.edges[name] = 0
     belief = belief_on(roads, [On(0, 300.0, sigma=4.0)])
     pass_on(belief, roads)
     assert edge_weights(belief) == pytest.approx({0: 0.5, OFF_ROAD: 0.5})
@@ -132,7 +149,7 @@ def test_without_a_road_ahead_what_passes_the_end_is_off_the_roads():
 def test_a_vehicle_in_reverse_backs_into_the_edges_before_but_not_into_its_own_way_back():
     belief = belief_on(CROSS, [On(2, 1.0, sigma=1.0)])
     for _ in range(12):
-        belief.mean[: belief.size[0], X] -= 0.5
+        living(belief)["mu"][:, X] -= 0.5
         pass_on(belief, CROSS, -0.5)
         merge(belief)
     shares = edge_weights(belief)
@@ -142,35 +159,30 @@ def test_a_vehicle_in_reverse_backs_into_the_edges_before_but_not_into_its_own_w
 
 
 @pytest.mark.parametrize("sigma", [3.0, 30.0, 120.0])
-def test_the_mass_on_what_is_reachable_is_the_gaussian_s_beyond_the_end(sigma: float):
+def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: float):
     """Two streets in a row: their masses are those of the abscissa on each."""
     roads = network(
         [[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [140.0, 0.0]], [[140.0, 0.0], [400.0, 0.0]]]
     )
-    ahead = roads._replace(  # 0 → 2 → 4 and nothing else
-        succ_first=np.array([0, 1, 1, 2, 2, 2, 2], np.int32),
-        succ=np.array([2, 4], np.int32),
-        succ_prior=np.ones(2, np.float32),
-    )
-    work = new_work()
-    count = reachable(ahead, work, 0, 90.0, sigma, 0.0)
+    turns = records(2, TURN)  # 0 → 2 → 4 and nothing else
+    turns.edge, turns.prior = [2, 4], 1.0
+    roads.edges.first_turn, roads.edges.end_turn = [0, 1, 1, 2, 2, 2], [1, 1, 2, 2, 2, 2]
+    ctx = context(roads._replace(turns=turns))
+    count = list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0)
     cdf = lambda s: 0.5 * math.erfc(-(s - 90.0) / sigma / math.sqrt(2.0))  # noqa: E731
     expected = {2: cdf(140.0) - cdf(100.0)}
     if 90.0 + 3.5 * sigma > 140.0:
         expected[4] = cdf(400.0) - cdf(140.0)
-    assert dict(zip(work.edge[:count].tolist(), work.mass[:count], strict=True)) == pytest.approx(
-        expected
-    )
+    found = ctx.work.successor[:count]
+    masses = dict(zip(found.edge.tolist(), found.mass, strict=True))
+    assert masses == pytest.approx(expected)
 
 
 def test_the_lane_is_drawn_anew_round_the_corner_and_kept_ahead():
     belief = belief_on(CROSS, [On(0, 310.0, sigma=0.5)])
-    belief.mean[0, D], belief.cov[0, D, D] = 4.0, 0.04
+    belief.hyp["mu"][0, D], belief.hyp["cov"][0, D, D] = 4.0, 0.04
     pass_on(belief, CROSS)
-    lane = {
-        int(e): (m[D], c[D, D])
-        for e, m, c in zip(belief.edge[:5], belief.mean, belief.cov, strict=False)
-    }
+    lane = {int(hyp.edge): (hyp["mu"][D], hyp["cov"][D, D]) for hyp in living(belief)}
     assert lane[2] == pytest.approx((4.0, 0.04))
     assert lane[4] == pytest.approx((1.75, Settings().lane_sigma ** 2))
 
@@ -180,18 +192,18 @@ def test_driving_along_roads_turns_with_them_and_keeps_the_lane():
     beyond = 40.0 + 15.0 * (2.0 * math.tan(math.pi / 4) - math.pi / 2)
     belief = belief_on(CROSS, [On(0, 280.0, right=1.75, sigma=0.5)])
     go_along(belief, CROSS, 60.0)
-    place = {int(e): (m[X], m[Y], m[H]) for e, m in zip(belief.edge[:5], belief.mean, strict=False)}
+    place = {int(hyp.edge): tuple(hyp["mu"][[X, Y, H]]) for hyp in living(belief)}
     assert place[2] == pytest.approx((340.0, -1.75, 0.0), abs=0.05)
     assert place[4] == pytest.approx((301.75, beyond, math.pi / 2), abs=0.05)
     assert place[6] == pytest.approx((298.25, -beyond, -math.pi / 2), abs=0.05)
 
 
 def moments_by_edge(belief: Belief) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-    n, found = belief.size[0], {}
-    for edge in set(belief.edge[:n].tolist()):
-        on = np.flatnonzero(belief.edge[:n] == edge)
-        w = weights(belief)[on]
-        found[edge] = textbook.mixture_moments(w / w.sum(), belief.mean[on], belief.cov[on])
+    found = {}
+    for edge in set(living(belief).edge.tolist()):
+        on = living(belief).edge == edge
+        some, w = living(belief)[on], weights(belief)[on]
+        found[edge] = textbook.mixture_moments(w / w.sum(), some["mu"], some["cov"])
     return found
 
 
@@ -207,7 +219,7 @@ def test_reducing_conserves_the_weight_and_the_moments_of_every_road(seed: int, 
     shares, moments = edge_weights(belief), moments_by_edge(belief)
     merge(belief, prune=0.0, most=most)
     assert edge_weights(belief) == pytest.approx(shares, abs=1e-12)
-    assert np.unique(belief.edge[: belief.size[0]], return_counts=True)[1].max() <= most
+    assert np.unique(living(belief).edge, return_counts=True)[1].max() <= most
     for edge, (mean, cov) in moments_by_edge(belief).items():
         np.testing.assert_allclose(mean, moments[edge][0], atol=1e-9)
         np.testing.assert_allclose(cov, moments[edge][1], atol=1e-8)
@@ -217,15 +229,15 @@ def test_reducing_conserves_the_weight_and_the_moments_of_every_road(seed: int, 
 def test_merging_costs_nothing_for_twins_and_never_less(share, gap, sigma, other):
     places = [On(0, 100.0, share, sigma=sigma), On(0, 100.0 + gap, 1.0, sigma=other)]
     belief = belief_on(CROSS, places)
-    assert reduction._merge_cost(belief, 0, 1, math.inf, 1.0) >= -1e-12
+    assert merge_cost(*living(belief), math.inf, 1.0, False) >= -1e-12
     twins = belief_on(CROSS, [places[0], places[0]])
-    assert reduction._merge_cost(twins, 0, 1, math.inf, 1.0) == pytest.approx(0.0, abs=1e-12)
+    assert merge_cost(*living(twins), math.inf, 1.0, False) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_two_arrivals_far_apart_on_one_road_stay_apart():
     belief = belief_on(CROSS, [On(0, 20.0, 0.6), On(0, 280.0, 0.4), On(2, 50.0, 1e-6)])
     merge(belief)
-    assert belief.edge[: belief.size[0]].tolist() == [0, 0]
+    assert living(belief).edge.tolist() == [0, 0]
     assert weights(belief) == pytest.approx([0.6, 0.4], abs=1e-5)
     assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
 
@@ -235,4 +247,4 @@ def test_a_map_offset_is_part_of_where_on_the_road_a_vehicle_is():
     belief = belief_on(CROSS, [On(0, 300.0, sigma=3.0)])
     doubt_map(belief, 4.0)
     pass_on(belief, CROSS)
-    assert belief.spread[0] == pytest.approx(5.0)
+    assert belief.hyp.along_sigma[0] == pytest.approx(5.0)

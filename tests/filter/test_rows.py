@@ -1,4 +1,4 @@
-"""What fixes and roads say: equal rows for all, in any order, and never along the road."""
+"""Observation rows of fixes and roads: equal for all hypotheses, and none along the road."""
 
 import math
 
@@ -6,12 +6,30 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whichroad.core.belief import (
+
+from oracles import textbook
+from scenes import (
+    On,
+    belief_on,
+    context,
+    doubt_map,
+    living,
+    network,
+    parallel_roads,
+    straight_road,
+    weights,
+)  # fmt: skip
+from strategies import UNITS, random_gaussian, seeds
+from whichroad._compile import jit
+from whichroad.filter import gnss
+from whichroad.filter.gnss import Axes
+from whichroad.filter.motion import age_map
+from whichroad.filter.road import observe_map
+from whichroad.filter.state import (
     GX,
     GY,
     MY,
     OFF_ROAD,
-    TRAVELLED,
     Belief,
     D,
     H,
@@ -20,18 +38,14 @@ from whichroad.core.belief import (
     Y,
     new_belief,
     normalise,
-)
-from whichroad.core.gnss import observe_fix
-from whichroad.core.motion import age_map
-from whichroad.core.network import Roads
-from whichroad.core.road import observe_roads
-
-from oracles import textbook
-from scenes import On, belief_on, call, doubt_map, network, parallel_roads, straight_road, weights
-from strategies import UNITS, random_gaussian, seeds
+)  # fmt: skip
+from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 
 SET = Settings()
+CTX = context(network(straight_road()))
+
+observe_position = jit(gnss.observe_position)
 
 
 def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0, gate=9.0) -> float:
@@ -40,26 +54,25 @@ def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0,
     turn = np.array([[c, -s], [s, c]])
     root = turn @ np.diag([major, minor]) @ turn.T
     normalise(belief)
-    return call(
-        observe_fix, belief=belief, fix=np.array([x, y, major, minor, angle]),
-        root=root[[0, 0, 1], [0, 1, 1]], interval=1.0, gate=gate,
-    )  # fmt: skip
+    belief.state.bias_root[0] = root[[0, 0, 1], [0, 1, 1]]
+    axes = Axes(c, s, (0.5 * major) ** 2, (0.5 * minor) ** 2)
+    fix = np.array([x, y, major, minor, angle])
+    return observe_position(belief, CTX, fix, axes, gate, False, 0.0)
 
 
 def see_roads(belief: Belief, roads: Roads) -> None:
-    belief.clock[TRAVELLED] = 5.0
-    call(observe_roads, belief=belief, roads=roads, with_heading=True)
+    belief.state[0].since_map = 5.0
+    observe_map(belief, context(roads), True)
 
 
 def random_belief(seed: int, n: int = 4) -> Belief:
     rng = np.random.default_rng(seed)
     belief = new_belief()
     for i in range(n):
-        g = random_gaussian(rng)
-        belief.mean[i], belief.cov[i] = g
-    belief.log_weight[:n] = np.log(rng.dirichlet(np.full(n, 2.0)))
-    belief.edge[:n] = OFF_ROAD
-    belief.size[0] = n
+        belief.hyp["mu"][i], belief.hyp["cov"][i] = random_gaussian(rng)
+    belief.hyp.log_weight[:n] = np.log(rng.dirichlet(np.full(n, 2.0)))
+    belief.hyp.edge[:n] = OFF_ROAD
+    belief.state[0].count, belief.state[0].scale = n, 1.0
     normalise(belief)
     return belief
 
@@ -73,7 +86,7 @@ fixes = st.tuples(
 @given(seeds, fixes)
 def test_a_fix_within_the_gate_is_the_textbook_s_update_on_position_and_error(seed, fix):
     belief = random_belief(seed, 1)
-    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
+    mean, cov = belief.hyp["mu"][0].copy(), belief.hyp["cov"][0].copy()
     x, y, major, minor, angle = fix
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     s = turn @ np.diag([major, minor]) @ turn.T
@@ -82,10 +95,10 @@ def test_a_fix_within_the_gate_is_the_textbook_s_update_on_position_and_error(se
     rows[:, [GX, GY]] = s
     expected = textbook.condition(mean, cov, rows, np.array([x, y]) - rows @ mean, 0.25 * s @ s)
     see_fix(belief, *fix, gate=1e6)
-    np.testing.assert_allclose(belief.mean[0] / UNITS, expected[0] / UNITS, atol=1e-8)
+    np.testing.assert_allclose(belief.hyp["mu"][0] / UNITS, expected[0] / UNITS, atol=1e-8)
     square = np.outer(UNITS, UNITS)
-    np.testing.assert_allclose(belief.cov[0] / square, expected[1] / square, atol=1e-8)
-    assert belief.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
+    np.testing.assert_allclose(belief.hyp["cov"][0] / square, expected[1] / square, atol=1e-8)
+    assert belief.hyp.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
 
 
 @given(seeds, fixes, st.sampled_from([-0.5, 0.5, 1.0]))
@@ -97,32 +110,33 @@ def test_an_ellipse_may_name_its_axes_in_either_order_and_direction(seed, fix, q
         major, minor = minor, major
     assert see_fix(b, x, y, major, minor, angle + quarter * math.pi) == pytest.approx(chi2)
     if chi2 <= 9.0:  # beyond the gate each axis is weighed down by itself
-        np.testing.assert_allclose(b.log_weight[:4], a.log_weight[:4], atol=1e-8)
-        np.testing.assert_allclose(b.mean[:4] / UNITS, a.mean[:4] / UNITS, atol=1e-8)
+        b, a = living(b), living(a)
+        np.testing.assert_allclose(b.log_weight, a.log_weight, atol=1e-8)
+        np.testing.assert_allclose(b["mu"] / UNITS, a["mu"] / UNITS, atol=1e-8)
 
 
 @given(seeds, fixes, st.permutations(range(4)))
 def test_hypotheses_may_stand_in_any_order(seed, fix, order):
     a, b = random_belief(seed), random_belief(seed)
-    for field in (b.mean, b.cov, b.log_weight):
-        field[:4] = field[order]
+    living(b)[:] = living(b)[order]
     see_fix(a, *fix)
     see_fix(b, *fix)
-    np.testing.assert_allclose(b.log_weight[:4], a.log_weight[order], atol=1e-9)
-    np.testing.assert_allclose(b.mean[:4], a.mean[order], atol=1e-9)
+    b, a = living(b), living(a)[order]
+    np.testing.assert_allclose(b.log_weight, a.log_weight, atol=1e-9)
+    np.testing.assert_allclose(b["mu"], a["mu"], atol=1e-9)
 
 
 def test_a_fix_two_hundred_metres_away_is_weighed_down_alike_for_all():
     """The better of two fits at the gate, so the odds move by less than the gate's own half."""
     roads = network(parallel_roads(12.0))
     belief = belief_on(roads, [On(0, 500.0, 0.5), On(2, 500.0, 0.5)])
-    before = belief.mean[:2].copy()
-    odds = belief.log_weight[0] - belief.log_weight[1]
+    before = belief.hyp["mu"][:2].copy()
+    odds = belief.hyp.log_weight[0] - belief.hyp.log_weight[1]
     chi2 = see_fix(belief, 500.0, 200.0)
     assert chi2 > 9.0
-    moved = np.hypot(*(belief.mean[:2, :2] - before[:, :2]).T)
+    moved = np.hypot(*(belief.hyp["mu"][:2, :2] - before[:, :2]).T)
     assert (moved < 3.0).all()  # less than one sigma of position
-    shift = belief.log_weight[0] - belief.log_weight[1] - odds
+    shift = belief.hyp.log_weight[0] - belief.hyp.log_weight[1] - odds
     assert shift == pytest.approx(-4.5 * ((200.0 / 188.0) ** 2 - 1.0), rel=1e-6)
 
 
@@ -131,7 +145,7 @@ def test_after_a_fix_two_hundred_metres_away_good_fixes_are_taken_at_their_word(
     belief = belief_on(roads, [On(0, 500.0)])
     see_fix(belief, 500.0, 200.0)
     assert see_fix(belief, 500.0, 0.0) < 9.0
-    assert math.hypot(belief.mean[0, X] - 500.0, belief.mean[0, Y]) < 3.0
+    assert math.hypot(belief.hyp["mu"][0, X] - 500.0, belief.hyp["mu"][0, Y]) < 3.0
 
 
 @given(st.floats(-6.0, 6.0), st.floats(-0.2, 0.2), seeds)
@@ -141,21 +155,20 @@ def test_a_straight_road_is_a_lateral_and_a_heading_row_of_the_textbook(right, t
     doubt_map(belief, 4.1)
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(N, N)) * UNITS[:, None]
-    belief.cov[0] += root @ root.T / N
-    belief.mean[0, H] = turned
-    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
-    lane, far = (math.exp(-5.0 / length) for length in (SET.lane_length, SET.map_length))
-    age_map(mean, cov, 1.75, lane, SET.lane_sigma, far, SET.map_sigma)
+    belief.hyp["cov"][0] += root @ root.T / N
+    belief.hyp["mu"][0, H] = turned
+    mean, cov = belief.hyp["mu"][0].copy(), belief.hyp["cov"][0].copy()
+    age_map(mean, cov, CTX.par[0], 5.0, 1.75, SET.lane_sigma)
     rows = np.zeros((2, N))
     rows[0, [Y, MY, D]] = -1.0  # right is south: n = −y
     rows[1, H] = 1.0
     noise = np.diag([SET.relative_sigma, SET.edge_heading_sigma]) ** 2
     expected = textbook.condition(mean, cov, rows, -rows @ mean, noise)
     see_roads(belief, roads)
-    np.testing.assert_allclose(belief.mean[0] / UNITS, expected[0] / UNITS, atol=1e-8)
+    np.testing.assert_allclose(belief.hyp["mu"][0] / UNITS, expected[0] / UNITS, atol=1e-8)
     square = np.outer(UNITS, UNITS)
-    np.testing.assert_allclose(belief.cov[0] / square, expected[1] / square, atol=1e-8)
-    assert belief.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
+    np.testing.assert_allclose(belief.hyp["cov"][0] / square, expected[1] / square, atol=1e-8)
+    assert belief.hyp.log_weight[0] == pytest.approx(expected[2], abs=1e-7)
 
 
 def test_a_straight_road_says_nothing_of_the_way_along_it():
@@ -163,10 +176,10 @@ def test_a_straight_road_says_nothing_of_the_way_along_it():
     belief = belief_on(roads, [On(0, 500.0, right=3.0)])
     doubt_map(belief, 4.1)
     for k in range(200):
-        variance = belief.cov[0, X, X]
+        variance = belief.hyp["cov"][0, X, X]
         see_roads(belief, roads)
-        assert belief.cov[0, X, X] >= variance * (1.0 - 1e-12), k
-        assert belief.mean[0, X] == 500.0
+        assert belief.hyp["cov"][0, X, X] >= variance * (1.0 - 1e-12), k
+        assert belief.hyp["mu"][0, X] == 500.0
 
 
 @pytest.mark.parametrize("cut", [995.0, 1000.0, 1100.0])
@@ -192,14 +205,17 @@ def test_all_roads_are_told_with_the_same_noise_whatever_their_shape():
     for roads, places in ((alone, [On(0, 490.0)]), (both, [On(0, 490.0, 0.5), On(2, 490.0, 0.5)])):
         belief = belief_on(roads, places)
         see_roads(belief, roads)
-        kept.append(belief.cov[0, Y, Y])
+        kept.append(belief.hyp["cov"][0, Y, Y])
     assert kept[1] > kept[0]
 
 
 def test_weights_are_normalised_however_small_they_are():
     belief = random_belief(3)
-    belief.log_weight[:4] = [-2000.0, -2001.0, -math.inf, -2002.0]
-    total = normalise(belief)
-    assert belief.probability[:4].sum() == pytest.approx(1.0, abs=1e-15)
-    assert belief.probability[2] == 0.0
-    assert total == pytest.approx(-2000.0 + math.log(1.0 + math.exp(-1.0) + math.exp(-2.0)))
+    before = belief.state[0].log_evidence
+    belief.hyp.log_weight[:4] = [-2000.0, -2001.0, -math.inf, -2002.0]
+    normalise(belief)
+    assert living(belief).weight.sum() == pytest.approx(1.0, abs=1e-15)
+    assert belief.hyp.weight[2] == 0.0
+    assert belief.state[0].log_evidence - before == pytest.approx(
+        -2000.0 + math.log(1.0 + math.exp(-1.0) + math.exp(-2.0))
+    )

@@ -6,16 +6,31 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whichroad.core.belief import NO_EDGE, Belief, H, K, N, X, Y, new_belief, normalise
-from whichroad.core.network import Roads
-from whichroad.core.paper import Literal, new_bench, observe_segment, switch, transition
 
 from oracles import textbook
-from scenes import grid_town, network, parallel_roads, straight_road
+from scenes import context, grid_town, living, network, parallel_roads, straight_road
 from strategies import seeds
+from whichroad._compile import jit
+from whichroad.filter import paper
+from whichroad.filter.paper import transition
+from whichroad.filter.state import (
+    NO_EDGE,
+    Belief,
+    Context,
+    H,
+    K,
+    X,
+    Y,
+    new_belief,
+    new_work,
+    normalise,
+)  # fmt: skip
+from whichroad.graph.network import Roads
 
 STAY, WIDTH, HEADING = 0.9, 3.5, 0.1
-LITERAL = Literal(STAY, 30.0, WIDTH, HEADING, 1.0)
+
+observe_segment = jit(paper.observe_segment)
+switch = jit(paper.switch)
 
 STREET, TWO, TOWN = (
     network(straight_road(100.0)),
@@ -24,15 +39,23 @@ STREET, TWO, TOWN = (
 )
 
 
+def context_of(roads: Roads) -> Context:
+    ctx = context(
+        roads, paper_stay=STAY, paper_radius=30.0, paper_width=WIDTH, paper_heading_sigma=HEADING
+    )
+    return ctx._replace(work=new_work(paper=True))
+
+
 def belief_of(poses, cov, weight, edges) -> Belief:
     """Hypotheses (x, y, heading) of one covariance, (3, 3)."""
     belief = new_belief()
     for i, (pose, w, edge) in enumerate(zip(poses, weight, edges, strict=True)):
-        belief.mean[i, [X, Y, H]] = pose
-        belief.mean[i, K] = 1.0
-        belief.cov[i, :3, :3] = cov
-        belief.log_weight[i], belief.edge[i] = np.log(w), edge
-    belief.size[0] = len(poses)
+        hyp = belief.hyp[i]
+        hyp["mu"][[X, Y, H]] = pose
+        hyp["mu"][K] = 1.0
+        hyp["cov"][:3, :3] = cov
+        hyp.log_weight, hyp.edge = np.log(w), edge
+    belief.state[0].count, belief.state[0].scale = len(poses), 1.0
     normalise(belief)
     return belief
 
@@ -43,14 +66,14 @@ def random_cov(seed: int) -> np.ndarray:
 
 
 def see(belief: Belief, roads: Roads, edge: int, s: float = 0.0) -> float:
-    return observe_segment(belief, 0, roads, edge, s, 1.0, np.zeros(N), LITERAL)
+    return observe_segment(belief.hyp[0], context_of(roads), edge, s, 1.0)
 
 
 def map_observation(roads: Roads, edge: int, pose) -> tuple[np.ndarray, np.ndarray]:
     """Y_carto and Q^carto (Figures 3 and 4) of an edge of one segment."""
-    a, b = roads.first[edge], roads.first[edge] + 1
-    start = np.array([roads.x[a], roads.y[a]])
-    leg = np.array([roads.x[b], roads.y[b]]) - start
+    a, b = roads.vertices[roads.edges[edge].first_vertex :][:2]
+    start = np.array([a.x, a.y])
+    leg = np.array([b.x, b.y]) - start
     length, angle = np.hypot(*leg), math.atan2(leg[1], leg[0])
     part = np.clip((pose[:2] - start) @ leg / length**2, 0.0, 1.0)
     c, s = math.cos(angle), math.sin(angle)
@@ -76,31 +99,32 @@ def test_a_segment_is_the_joint_update_with_the_ellipse_of_figure_4(seed, x, y, 
     pose, cov = np.array([x, y, heading + edge * math.pi]), random_cov(seed)
     mean, after, log_density = continued(STREET, edge, pose, cov)
     belief = belief_of([pose], cov, [1.0], [edge])
+    hyp = belief.hyp[0]
     assert see(belief, STREET, edge) == pytest.approx(log_density, rel=1e-9, abs=1e-9)
-    np.testing.assert_allclose(belief.mean[0, :2], mean[:2], atol=1e-8)
-    assert math.remainder(belief.mean[0, H] - mean[2], 2 * math.pi) == pytest.approx(0.0, abs=1e-8)
-    np.testing.assert_allclose(belief.cov[0, :3, :3], after, atol=1e-9)
+    np.testing.assert_allclose(hyp["mu"][:2], mean[:2], atol=1e-8)
+    assert math.remainder(hyp["mu"][H] - mean[2], 2 * math.pi) == pytest.approx(0.0, abs=1e-8)
+    np.testing.assert_allclose(hyp["cov"][:3, :3], after, atol=1e-9)
 
 
 def test_inside_a_segment_the_position_along_it_stays_and_its_sigma_shrinks():
     belief = belief_of([(40.0, 5.0, 0.0)], np.diag([9.0, 9.0, 0.01]), [1.0], [0])
     see(belief, STREET, 0)
-    assert belief.mean[0, X] == 40.0
-    assert belief.cov[0, X, X] == pytest.approx(9.0 * 100.0**2 / (9.0 + 100.0**2))
+    assert belief.hyp["mu"][0, X] == 40.0
+    assert belief.hyp["cov"][0, X, X] == pytest.approx(9.0 * 100.0**2 / (9.0 + 100.0**2))
 
 
 def test_beyond_the_end_the_extremity_draws_back():
     belief = belief_of([(120.0, 0.0, 0.0)], np.diag([9.0, 9.0, 0.01]), [1.0], [0])
     see(belief, STREET, 0)
-    assert 119.9 < belief.mean[0, X] < 120.0
+    assert 119.9 < belief.hyp["mu"][0, X] < 120.0
 
 
 def test_of_a_bent_edge_only_the_closest_segment_is_observed():
     bent = network([[(0.0, 0.0), (50.0, 0.0), (50.0, 50.0)]])
     belief = belief_of([(51.0, 30.0, 0.5 * math.pi)], np.diag([9.0, 9.0, 0.01]), [1.0], [0])
     see(belief, bent, 0, 80.0)
-    assert belief.mean[0, Y] == pytest.approx(30.0)
-    assert 50.0 < belief.mean[0, X] < 51.0
+    assert belief.hyp["mu"][0, Y] == pytest.approx(30.0)
+    assert 50.0 < belief.hyp["mu"][0, X] < 51.0
 
 
 # S_k
@@ -121,8 +145,9 @@ def test_a_step_is_the_sum_over_all_pairs_merged_by_moments(seed, town, n):
     cov, weight = random_cov(seed), rng.dirichlet(np.full(n, 2.0))
     edges = rng.integers(0, 4, n)
     belief = belief_of(poses, cov, weight, edges)
-    switch(belief, roads, new_bench(), 1.0, LITERAL)
-    candidates = belief.edge[: belief.size[0]].tolist()
+    switch(belief, context_of(roads))
+    after_step = living(belief)
+    candidates = after_step.edge.tolist()
     if candidates == [NO_EDGE]:
         return
     count, total = len(candidates), np.zeros(len(candidates))
@@ -143,15 +168,15 @@ def test_a_step_is_the_sum_over_all_pairs_merged_by_moments(seed, town, n):
         )
         mean, after = textbook.mixture_moments(w / w.sum(), means, np.array([p[1] for p in pairs]))
         if np.ptp(means[:, 2]) < 1.0:  # moments on a circle are those of a line when near
-            np.testing.assert_allclose(belief.mean[j, :2], mean[:2], atol=1e-7)
-            np.testing.assert_allclose(belief.cov[j, :3, :3], after, atol=1e-7)
-    np.testing.assert_allclose(belief.probability[:count], total / total.sum(), atol=1e-9)
+            np.testing.assert_allclose(after_step["mu"][j, :2], mean[:2], atol=1e-7)
+            np.testing.assert_allclose(after_step["cov"][j, :3, :3], after, atol=1e-7)
+    np.testing.assert_allclose(after_step.weight, total / total.sum(), atol=1e-9)
 
 
 def test_candidates_that_were_none_before_have_equal_chances():
     belief = belief_of([(1000.0, 6.0, 0.0)], np.diag([9.0, 9.0, 0.01]), [1.0], [NO_EDGE])
-    switch(belief, TWO, new_bench(), 1.0, LITERAL)
-    p = dict(zip(belief.edge[:4].tolist(), belief.probability[:4], strict=True))
+    switch(belief, context_of(TWO))
+    p = dict(zip(belief.hyp.edge[:4].tolist(), belief.hyp.weight[:4], strict=True))
     assert p[0] == pytest.approx(p[2])
     assert p[0] + p[2] == pytest.approx(1.0)  # the way back would be a turn by 180 degrees
 
@@ -159,16 +184,16 @@ def test_candidates_that_were_none_before_have_equal_chances():
 def test_where_no_segment_is_near_the_most_probable_goes_on_alone():
     poses = [(1000.0, 60.0, 0.0), (1000.0, 5.0, 0.0)]
     belief = belief_of(poses, np.diag([9.0, 9.0, 0.01]), [0.7, 0.3], [2, 0])
-    switch(belief, TWO, new_bench(), 1.0, LITERAL)
-    assert belief.size[0] == 1
-    assert belief.edge[0] == NO_EDGE
-    assert belief.probability[0] == 1.0
-    np.testing.assert_array_equal(belief.mean[0, :3], poses[0])
+    switch(belief, context_of(TWO))
+    assert belief.state[0].count == 1
+    assert belief.hyp.edge[0] == NO_EDGE
+    assert belief.hyp.weight[0] == 1.0
+    np.testing.assert_array_equal(belief.hyp["mu"][0, :3], poses[0])
 
 
 def test_cutting_a_road_into_ten_pieces_makes_it_ten_times_as_likely():
     roads = network([*straight_road(1000.0), [(x, 12.0) for x in np.linspace(0.0, 1000.0, 11)]])
     belief = belief_of([(550.0, 6.0, 0.0)], np.diag([1.0, 1.0, 0.01]), [1.0], [NO_EDGE])
-    switch(belief, roads, new_bench(), 1.0, LITERAL)
-    p = dict(zip(belief.edge[:4].tolist(), belief.probability[:4], strict=True))
+    switch(belief, context_of(roads))
+    p = dict(zip(belief.hyp.edge[:4].tolist(), belief.hyp.weight[:4], strict=True))
     assert p[2] / p[0] == pytest.approx(10.0, rel=1e-3)

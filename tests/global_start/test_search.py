@@ -16,7 +16,7 @@ from whichroad.errors import DriveError, SettingError
 from whichroad.filter.estimate import AMBIGUOUS
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import DISTANCE, OFF_ROAD, WHEELS, new_epochs
-from whichroad.global_start import is_vague, pieces_of
+from whichroad.global_start import is_vague, prior_components
 from whichroad.observations import Drive, Fixes, StartPose
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.settings import Settings
@@ -191,14 +191,14 @@ def test_a_drive_that_tells_no_turns_is_refused(town: whichroad.RoadMap):
 
 
 def test_roads_without_end_are_refused(town: whichroad.RoadMap, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(importlib.import_module("whichroad.search.pieces"), "_MOST", 100)
+    monkeypatch.setattr(importlib.import_module("whichroad.global_start.prior"), "_MOST", 100)
     with pytest.raises(DriveError, match="at most 100 can be searched"):
-        pieces_of(town, Settings(), None)
+        prior_components(town, Settings(), None)
 
 
 def test_a_vague_pose_off_the_map_is_refused(town: whichroad.RoadMap):
     with pytest.raises(DriveError, match="no road of the map is near the start"):
-        pieces_of(town, Settings(), StartPose(0.0, 0.0, 0.0, 200.0))
+        prior_components(town, Settings(), StartPose(0.0, 0.0, 0.0, 200.0))
 
 
 def test_only_poses_and_the_map_are_starts(town: whichroad.RoadMap):

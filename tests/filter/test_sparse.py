@@ -7,31 +7,28 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from whichroad.core.belief import OFF_ROAD, WHITE
-from whichroad.core.epoch import CLOCK, Epochs, new_epochs
-from whichroad.core.network import Roads
-from whichroad.core.output import (
-    V_MAP_X,
-    V_MATCH_X,
-    V_P,
-    V_S,
-    V_SPEED,
-    V_X,
-    V_XX,
-    V_Y,
-    V_YY,
-)
-from whichroad.core.place import place_on_edge, settle
-from whichroad.smoother import Lag
 
-from scenes import grid_town, localize, network, parallel_roads, steps, straight_road
+from scenes import (
+    column,
+    grid_town,
+    living,
+    localize,
+    network,
+    parallel_roads,
+    steps,
+    straight_road,
+)
 from strategies import seeds
+from whichroad._compile import Records
+from whichroad.filter.sparse import moments_on_edge, truncate_to_edges
+from whichroad.filter.state import CLOCK, OFF_ROAD, new_epochs
+from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 
 TOWN = network(grid_town(8, 8, 150.0))
 
 
-def fixes(at: np.ndarray, time: np.ndarray, sigma: float = 5.0) -> Epochs:
+def fixes(at: np.ndarray, time: np.ndarray, sigma: float = 5.0) -> Records:
     """Positions alone, (n, 2) m, at (n,) s."""
     epochs = new_epochs(len(time))
     epochs.time[:] = time
@@ -49,22 +46,27 @@ def street(block: float, blocks: int) -> Roads:
     return network([np.array([[a, 0.0], [b, 0.0]]) for a, b in pairwise(ends)])
 
 
-def drive(roads: Roads, seed: int, seconds: float, edges: int = 14) -> tuple[Epochs, list[int]]:
+def turns_of(roads: Roads, edge: int) -> Records:
+    return roads.turns[roads.edges.first_turn[edge] : roads.edges.end_turn[edge]]
+
+
+def drive(roads: Roads, seed: int, seconds: float, edges: int = 14) -> tuple[Records, list[int]]:
     """Somebody drives at 10 m/s, turns as most do, and is seen now and then."""
     rng = np.random.default_rng(seed)
-    route = [int(rng.integers(len(roads.length)))]
+    table, vertices = roads.edges, roads.vertices
+    route = [int(rng.integers(len(table)))]
     for _ in range(edges):
-        turns = np.arange(roads.succ_first[route[-1]], roads.succ_first[route[-1] + 1])
-        turns = turns[roads.succ[turns] != roads.opposite[route[-1]]]
-        p = roads.succ_prior[turns].astype(float)
-        route.append(int(roads.succ[rng.choice(turns, p=p / p.sum())]))
-    ends = np.concatenate([[0.0], np.cumsum(roads.length[route])])
+        turns = turns_of(roads, route[-1])
+        turns = turns[turns.edge != table.opposite[route[-1]]]
+        p = turns.prior.astype(float)
+        route.append(int(rng.choice(turns.edge, p=p / p.sum())))
+    ends = np.concatenate([[0.0], np.cumsum(table.length[route])])
     time = np.arange(0.0, ends[-1] / 10.0, seconds)
     piece = np.clip(np.searchsorted(ends, 10.0 * time, side="right") - 1, 0, len(route) - 1)
-    share = (10.0 * time - ends[piece]) / roads.length[route][piece]
-    a, b = roads.first[route], roads.first[np.array(route) + 1] - 1
-    way = np.array([roads.x[b] - roads.x[a], roads.y[b] - roads.y[a]])[:, piece]
-    at = np.array([roads.x[a], roads.y[a]])[:, piece] + share * way
+    share = (10.0 * time - ends[piece]) / table.length[route][piece]
+    a, b = vertices[table.first_vertex[route]], vertices[table.last_vertex[route]]
+    way = np.array([b.x - a.x, b.y - a.y])[:, piece]
+    at = np.array([a.x, a.y])[:, piece] + share * way
     return fixes(at.T + rng.normal(0.0, 3.0, at.T.shape), time), route[: piece[-1] + 1]
 
 
@@ -73,7 +75,7 @@ def test_routes_through_a_grid_are_found(seconds: float):
     right = 0
     for seed in range(12):
         epochs, route = drive(TOWN, seed, seconds)
-        found = [e for e in localize(TOWN, epochs, mode=CLOCK).route_edge.tolist() if e >= 0]
+        found = [e for e in localize(TOWN, epochs, mode=CLOCK).chain.edge.tolist() if e >= 0]
         right += len(set(found) & set(route)) / len(set(found) | set(route)) > 0.8
     assert right >= 10
 
@@ -84,20 +86,21 @@ def test_every_fix_has_an_answer_whose_probabilities_sum_to_one(seconds: float, 
     rng = np.random.default_rng(seed)
     wild = np.cumsum(rng.normal(0.0, 8.0 * seconds**0.8, (12, 2)), axis=0) + 500.0
     output = localize(TOWN, fixes(wild, seconds * np.arange(12.0)), mode=CLOCK).output
-    assert (output.live > 0).all()
-    assert np.isfinite(output.value).all()
-    assert (output.alt_p.sum(axis=1) <= 1.0 + 1e-5).all()
-    assert (output.value[:, V_XX] > 0).all()
-    assert (output.value[:, V_YY] > 0).all()
+    assert (output.rows.live > 0).all()
+    for name in ("x", "y", "heading", "cov", "s", "match_x", "match_y", "map_x", "map_y", "speed"):
+        assert np.isfinite(output.rows[name]).all()
+    assert (output.rows.alt_p.sum(axis=1) <= 1.0 + 1e-5).all()
+    assert (column(output, "xx") > 0).all()
+    assert (column(output, "yy") > 0).all()
 
 
 @given(seed=seeds, seconds=st.sampled_from([10.0, 30.0]))
 def test_the_chain_of_edges_is_connected_while_the_map_is(seed: int, seconds: float):
     epochs, _ = drive(TOWN, seed, seconds)
-    edges = localize(TOWN, epochs, mode=CLOCK).route_edge.tolist()
+    edges = localize(TOWN, epochs, mode=CLOCK).chain.edge.tolist()
     for a, b in pairwise(edges):
         if OFF_ROAD not in (a, b) and a != b:
-            assert b in TOWN.succ[TOWN.succ_first[a] : TOWN.succ_first[a + 1]] or b == a ^ 1
+            assert b in turns_of(TOWN, a).edge or b == a ^ 1
 
 
 def test_along_a_straight_road_the_answer_is_between_fix_and_lane():
@@ -105,10 +108,10 @@ def test_along_a_straight_road_the_answer_is_between_fix_and_lane():
     time = 10.0 * np.arange(12.0)
     at = np.column_stack([100.0 + 12.0 * time, np.full(12, -1.75)])
     output = localize(roads, fixes(at, time), mode=CLOCK).output
-    assert (output.edge[2:] == 0).all()
-    assert np.abs(output.value[2:, V_X] - at[2:, 0]).max() < 5.0
-    assert np.abs(output.value[2:, V_Y] - at[2:, 1]).max() < 1.0
-    assert np.abs(output.value[2:, V_S] - at[2:, 0]).max() < 5.0
+    assert (output.rows.edge[2:] == 0).all()
+    assert np.abs(output.rows.x[2:] - at[2:, 0]).max() < 5.0
+    assert np.abs(output.rows.y[2:] - at[2:, 1]).max() < 1.0
+    assert np.abs(output.rows.s[2:] - at[2:, 0]).max() < 5.0
 
 
 def test_parallel_roads_that_fixes_cannot_tell_apart_stay_in_doubt():
@@ -116,7 +119,7 @@ def test_parallel_roads_that_fixes_cannot_tell_apart_stay_in_doubt():
     time = 20.0 * np.arange(6.0)
     at = np.column_stack([100.0 + 12.0 * time, np.full(6, 4.0)])
     output = localize(roads, fixes(at, time), mode=CLOCK).output
-    assert (output.value[:, V_P] < 0.75).all()
+    assert (output.rows.p_edge < 0.75).all()
 
 
 def wander(rng: np.random.Generator, time: np.ndarray, sigma: float) -> np.ndarray:
@@ -138,8 +141,8 @@ def test_who_stands_before_a_crossing_does_not_creep_over_it(seconds: float):
         rng = np.random.default_rng(seed)
         at = np.column_stack([x, np.full(len(x), -1.75)]) + wander(rng, time, 4.0)
         output = localize(roads, fixes(at, time, 4.0), mode=CLOCK).output
-        late.append(output.value[-1, V_X] - at[-1, 0])
-        speed.append(output.value[-1, V_SPEED])
+        late.append(output.rows.x[-1] - at[-1, 0])
+        speed.append(output.rows.speed[-1])
     assert abs(np.mean(late)) < 2.0
     assert np.mean(speed) < 0.5
 
@@ -156,7 +159,7 @@ def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fi
         ):  # fmt: skip
             rows = fixes(line + error, time, 5.0)
             *_, (_, belief, _) = steps(roads, rows, mode=CLOCK)
-            seen[kind].append(float(belief.clock[WHITE]))
+            seen[kind].append(float(belief.state[0].white_factor))
     assert 0.7 < np.mean(seen["new"]) < 1.2
     assert np.mean(seen["lasting"]) < 0.3
 
@@ -166,17 +169,17 @@ def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fi
     sigma=st.floats(2.0, 40.0),
     length=st.floats(3.0, 200.0),
     is_junction=st.booleans(),
-    drove=st.sampled_from([1.0, 80.0, 900.0, 1e6]),
+    driven=st.sampled_from([1.0, 80.0, 900.0, 1e6]),
 )
 def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
-    s: float, sigma: float, length: float, is_junction: bool, drove: float
+    s: float, sigma: float, length: float, is_junction: bool, driven: float
 ):
     u = np.linspace(s - 60.0 - 6.0 * sigma, s + 60.0 + 6.0 * sigma, 200_001)
 
     def normal(mean: float, width: float, u: np.ndarray = u) -> np.ndarray:
         return np.exp(-0.5 * ((u - mean) / width) ** 2) / width / np.sqrt(2.0 * np.pi)
 
-    before = normal(length - 6.0, math.hypot(6.0, math.sqrt(drove)), np.array(s))
+    before = normal(length - 6.0, math.hypot(6.0, math.sqrt(driven)), np.array(s))
     stand = 30.0 * min(1.0, length / 12.0) * is_junction
     where = ((u >= 0.0) & (u <= length)) + stand * normal(length - 6.0, 6.0)
     density = normal(s, sigma) * where * (u[1] - u[0])
@@ -184,7 +187,7 @@ def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
     mass = density.sum()
     assume(mass > 0.01)
     mean = (u * density).sum() / mass
-    found = place_on_edge(s, sigma, length, is_junction, drove)
+    found = moments_on_edge(s, sigma, length, is_junction, driven)
     assert found[0] == pytest.approx(mass, rel=5e-3, abs=2e-3)
     assert found[1] == pytest.approx(mean, abs=0.1 * sigma)
     variance = ((u - mean) ** 2 * density).sum() / mass
@@ -195,8 +198,7 @@ def before_the_node(lines: list[np.ndarray]) -> float:
     """P(first edge) of who was seen at its start, and half a minute later over its end."""
     rows = fixes(np.array([[100.0, 0.0], [300.0, 0.0]]), np.array([0.0, 30.0]))
     *_, (_, belief, _) = steps(network(lines), rows, mode=CLOCK)
-    n = belief.size[0]
-    return float(belief.probability[:n][belief.edge[:n] == 0].sum())
+    return float(living(belief).weight[living(belief).edge == 0].sum())
 
 
 def test_vehicles_stand_before_junctions():
@@ -206,7 +208,7 @@ def test_vehicles_stand_before_junctions():
 
 
 def test_before_a_junction_is_no_more_probable_for_who_was_foreseen_there():
-    foreseen, found = (place_on_edge(294.0, 3.0, 300.0, True, drove)[0] for drove in (1.0, 1e6))
+    foreseen, found = (moments_on_edge(294.0, 3.0, 300.0, True, v)[0] for v in (1.0, 1e6))
     assert foreseen == pytest.approx(1.0, abs=0.15)
     assert found > 1.5 * foreseen
 
@@ -217,13 +219,13 @@ def test_who_stands_is_placed_before_a_junction_once():
     roads = network([*road, side])
     rows = fixes(np.array([[100.0, -1.75], [294.0, -1.75]]), np.array([0.0, 30.0]), 3.0)
     *_, (_, belief, _) = steps(roads, rows, mode=CLOCK)
-    best = int(np.argmax(belief.probability[: belief.size[0]]))
+    best = living(belief)[np.argmax(living(belief).weight)]
     changed = []
-    for drove in (0.0, 1e6):
-        belief.drove[best] = drove
-        before = belief.log_weight[best]
-        settle(belief, roads, 1.0)
-        changed.append(belief.log_weight[best] - before)
+    for driven in (0.0, 1e6):
+        best.travel_variance = driven
+        before = float(best.log_weight)
+        truncate_to_edges(belief, roads)
+        changed.append(best.log_weight - before)
     assert abs(changed[0]) < 0.1
     assert changed[1] > 0.4
 
@@ -240,11 +242,11 @@ def test_looking_back_over_sparse_fixes_finds_the_place_better(seconds: float):
         x = 500.0 + np.cumsum(speed * seconds)
         at = np.column_stack([x, np.full(40, -1.75)])
         rows = fixes(at + rng.normal(0.0, 8.0, at.shape), time, 8.0)
-        found = localize(roads, rows, mode=CLOCK, lag=Lag.of("full"))
+        found = localize(roads, rows, mode=CLOCK, lag="full")
         for name, output in (("filtered", found.past.filtered), ("smoothed", found.output)):
-            off = output.value[15:, V_X] - x[15:]
+            off = output.rows.x[15:] - x[15:]
             squares[name] += (off**2).tolist()
-        inside += (off**2 < 5.99 * output.value[15:, V_XX]).tolist()
+        inside += (off**2 < 5.99 * column(output, "xx")[15:]).tolist()
     assert np.mean(squares["smoothed"]) < 0.9 * np.mean(squares["filtered"])
     assert np.mean(inside) > 0.95
 
@@ -256,8 +258,8 @@ def test_who_has_just_stopped_was_not_there_at_the_fix_before():
     rows = fixes(np.column_stack([x, np.full(9, -1.75)]), time, 3.0)
     rows.speed[:] = [10.0, 10.0, 10.0, 2.0, 0.6, 0.6, 0.6, 10.0, 10.0]
     rows.speed_sigma[:] = 0.3
-    found = localize(roads, rows, mode=CLOCK, lag=Lag.of("full")).output
-    assert np.abs(found.value[1:, V_X] - x[1:]).max() < 3.0
+    found = localize(roads, rows, mode=CLOCK, lag="full").output
+    assert np.abs(found.rows.x[1:] - x[1:]).max() < 3.0
 
 
 def test_the_matched_point_is_the_place_of_the_most_probable_edge_nearest_to_the_pose():
@@ -265,13 +267,14 @@ def test_the_matched_point_is_the_place_of_the_most_probable_edge_nearest_to_the
     time = 5.0 * np.arange(40.0)
     at = np.column_stack([100.0 + 9.5 * time, np.full(40, -1.75)])
     found = localize(roads, fixes(at, time), mode=CLOCK).output
-    doubtful = np.flatnonzero(found.value[:, V_P] < 0.9)
+    doubtful = np.flatnonzero(found.rows.p_edge < 0.9)
     assert len(doubtful) > 3
     for k in doubtful[doubtful > 2]:
-        start = roads.x[roads.first[found.edge[k]]]
-        nearest = np.clip(found.value[k, V_MAP_X] - start, 0.0, roads.length[found.edge[k]])
-        assert found.value[k, V_S] == pytest.approx(nearest, abs=0.5)
-        assert found.value[k, V_MATCH_X] == pytest.approx(start + found.value[k, V_S], abs=0.05)
+        edge = roads.edges[found.rows.edge[k]]
+        start = roads.vertices.x[edge.first_vertex]
+        nearest = np.clip(found.rows.map_x[k] - start, 0.0, edge.length)
+        assert found.rows.s[k] == pytest.approx(nearest, abs=0.5)
+        assert found.rows.match_x[k] == pytest.approx(start + found.rows.s[k], abs=0.05)
 
 
 def test_a_car_that_stands_for_ten_minutes_between_two_fixes_is_where_it_was():
@@ -279,8 +282,8 @@ def test_a_car_that_stands_for_ten_minutes_between_two_fixes_is_where_it_was():
     time = np.array([0.0, 20.0, 40.0, 640.0, 660.0])
     x = np.array([100.0, 300.0, 500.0, 510.0, 700.0])
     output = localize(roads, fixes(np.column_stack([x, 0 * x]), time), mode=CLOCK).output
-    assert (output.edge[1:] == 0).all()
-    assert np.abs(output.value[1:, V_X] - x[1:]).max() < 8.0
+    assert (output.rows.edge[1:] == 0).all()
+    assert np.abs(output.rows.x[1:] - x[1:]).max() < 8.0
 
 
 def test_a_missing_road_is_a_gap_and_the_drive_goes_on():
@@ -289,9 +292,9 @@ def test_a_missing_road_is_a_gap_and_the_drive_goes_on():
     x = 100.0 + 10.0 * time
     y = np.interp(x, [1000.0, 1500.0], [0.0, 800.0])
     recorded = localize(roads, fixes(np.column_stack([x, y]), time), mode=CLOCK)
-    assert recorded.output.edge[3] == 0
-    assert (recorded.output.edge[-3:] == 2).all()
-    assert {0, 2} <= set(recorded.route_edge.tolist())
+    assert recorded.output.rows.edge[3] == 0
+    assert (recorded.output.rows.edge[-3:] == 2).all()
+    assert {0, 2} <= set(recorded.chain.edge.tolist())
 
 
 @pytest.mark.parametrize("tunnel", [8.0, 40.0, 90.0])
@@ -300,13 +303,13 @@ def test_one_trace_may_be_dense_and_sparse_and_dense_again(tunnel: float):
     time = np.concatenate([np.arange(40.0), 40.0 + tunnel + np.arange(40.0)])
     at = np.column_stack([100.0 + 12.0 * time, np.full(80, -1.75)])
     recorded = localize(roads, fixes(at, time), mode=CLOCK)
-    assert (recorded.output.edge[5:] == 0).all()
-    assert np.abs(recorded.output.value[5:, V_X] - at[5:, 0]).max() < 6.0
-    assert set(recorded.route_edge.tolist()) == {0}
+    assert (recorded.output.rows.edge[5:] == 0).all()
+    assert np.abs(recorded.output.rows.x[5:] - at[5:, 0]).max() < 6.0
+    assert set(recorded.chain.edge.tolist()) == {0}
 
 
 def test_settings_hold_for_sparse_fixes_too():
     epochs, _ = drive(TOWN, 3, 10.0)
     near = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=1e-4)).output
     few = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=0.05)).output
-    assert few.live.mean() <= near.live.mean()
+    assert few.rows.live.mean() <= near.rows.live.mean()

@@ -6,38 +6,31 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from whichroad.core.belief import (
-    GNSS_SCALE,
-    GX,
-    GY,
-    OFF_ROAD,
-    QUICK_SCALE,
-    SLOW_SCALE,
-    STOOD,
-    WANDER,
-    WANDER_SCALE,
-    Belief,
-    K,
-    N,
-    X,
-    Y,
-    normalise,
-)
-from whichroad.core.gaussian import condition
-from whichroad.core.gnss import adapt_scale, age_receiver, gnss_root, observe_fix, observe_rate
-from whichroad.core.motion import age_gnss
 
 from oracles import textbook
-from scenes import On, belief_on, call, network, straight_road
+from scenes import On, belief_on, context, living, network, straight_road
 from strategies import UNITS, random_gaussian, seeds
+from whichroad._compile import jit
+from whichroad.filter import gaussian, gnss, gnss_noise
+from whichroad.filter.gnss import Axes
+from whichroad.filter.motion import age_bias
+from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, K, N, X, Y, normalise
 from whichroad.settings import Settings
 
 SET = Settings()
 ROAD = network(straight_road())
 SECONDS = 600  # of a stream of fixes, one a second
-SCALES = [GNSS_SCALE, QUICK_SCALE, WANDER_SCALE, SLOW_SCALE]
+CTX = context(ROAD)
+FACTORS = ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor")
 LEAST = 1.0 / (1.0 + SET.gnss_white_ratio**2)  # of variances
-QUICK, SLOW = (1.0 - math.exp(-1.0 / t) for t in (SET.gnss_adapt_time, 300.0))
+GAIN, BIAS_GAIN = (1.0 - math.exp(-1.0 / t) for t in (SET.gnss_adapt_time, 300.0))
+
+condition = jit(gaussian.condition)
+observe_position = jit(gnss.observe_position)
+observe_rate = jit(gnss.observe_rate)
+age_receiver = jit(gnss_noise.age_receiver)
+average_energy = jit(gnss_noise._average_energy)
+update_root = jit(gnss_noise.update_root)
 
 ellipses = st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0), st.floats(-4.0, 4.0))
 
@@ -60,8 +53,14 @@ def flat(root: np.ndarray) -> np.ndarray:
 def receiver_on(places: list[On], scale: float = 1.0) -> Belief:
     """A belief whose receiver is `scale` times worse (in variance) than it says."""
     belief = belief_on(ROAD, places)
-    belief.clock[SCALES] = scale
+    for name in FACTORS:
+        belief.state[name] = scale
     return belief
+
+
+def factors(belief: Belief) -> list[float]:
+    """The learnt factors on reported variances."""
+    return [float(belief.state[name][0]) for name in FACTORS]
 
 
 def random_receiver(seed: int, n: int, scale: float = 1.0) -> Belief:
@@ -69,8 +68,13 @@ def random_receiver(seed: int, n: int, scale: float = 1.0) -> Belief:
     rng = np.random.default_rng(seed)
     belief = receiver_on([On(OFF_ROAD, p=float(p)) for p in rng.dirichlet(np.ones(n))], scale)
     for i in range(n):
-        belief.mean[i], belief.cov[i] = random_gaussian(rng)
+        belief.hyp["mu"][i], belief.hyp["cov"][i] = random_gaussian(rng)
     return belief
+
+
+def axes_of(fix: np.ndarray, white: float = 0.5) -> Axes:
+    """A fix in the axes of its ellipse; `white` is its white sigma over the reported one."""
+    return Axes(math.cos(fix[4]), math.sin(fix[4]), *(white * fix[2:4]) ** 2)
 
 
 def density(innovation: np.ndarray, variance: np.ndarray) -> float:
@@ -79,12 +83,12 @@ def density(innovation: np.ndarray, variance: np.ndarray) -> float:
 
 
 @given(seeds, ellipses, st.floats(1.0, 9.0), st.floats(0.0, 1.0))
-def test_the_scale_is_learnt_from_the_expected_energy_of_the_error(seed, ellipse, scale, drifted):
+def test_the_factor_is_learnt_from_the_expected_energy_of_the_error(seed, ellipse, scale, drifted):
     """The equations of the kernel in matrices, averaged over two hypotheses by their worth."""
     belief = random_receiver(seed, 2, scale)
-    belief.probability[:2] = 0.3, 0.7
+    belief.hyp.weight[:2] = 0.3, 0.7
     before = np.random.default_rng(seed).normal(0.0, 0.5, 2)
-    belief.clock[WANDER : WANDER + 2] = before
+    belief.state.innovation_mean[0] = before
     fix = np.array([*np.random.default_rng(seed).normal(0.0, 9.0, 2), *ellipse])
     s, white = root_of(*ellipse) * math.sqrt(scale), 0.5 * math.sqrt(scale)
     axes = turned(ellipse[2]).T
@@ -93,7 +97,8 @@ def test_the_scale_is_learnt_from_the_expected_energy_of_the_error(seed, ellipse
     slow = rows[:, [GX, GY]]
     noise = (white * np.array(ellipse[:2])) ** 2 + drifted * (slow**2).sum(axis=1)
     worth, parts, sides = [], [], []
-    for mean, cov, p in zip(belief.mean[:2], belief.cov[:2], (0.3, 0.7), strict=True):
+    for hyp in living(belief):
+        mean, cov = hyp["mu"], hyp["cov"]
         variance = np.diag(rows @ cov @ rows.T) + noise
         gamma = cov[np.ix_([GX, GY], [GX, GY])]
         share = np.minimum((np.diag(slow @ gamma @ slow.T) + noise) / variance, 1.0).mean()
@@ -103,43 +108,39 @@ def test_the_scale_is_learnt_from_the_expected_energy_of_the_error(seed, ellipse
         error = (mean[[GX, GY]] ** 2).sum()
         energy = 1.0 if error > 36.0 else min(0.5 * (error + np.trace(gamma)), 9.0)
         seen = [1.0 + share * (min(x / 2.0, 9.0) - 1.0) for x in ((side**2).sum(), drift)]
-        worth.append(p * density(innovation, variance))
+        worth.append(hyp.weight * density(innovation, variance))
         parts.append([*seen, energy])
         sides.append(side)
     assume(sum(worth) > 1e-200)
     expected = scale * (1.0 + [0.1, 0.1, 0.02] * (np.average(parts, 0, worth) - 1.0))
-    call(
-        adapt_scale, belief=belief, fix=fix, root=flat(s), white=white, drifted=drifted, gain=0.1,
-        slow_gain=0.02,
-    )  # fmt: skip
-    learnt = belief.clock[[QUICK_SCALE, WANDER_SCALE, SLOW_SCALE]]
+    belief.state.bias_root[0] = flat(s)
+    average_energy(belief, CTX, fix, white, drifted, 0.1, 0.02)
+    total, *learnt = factors(belief)
     assert learnt == pytest.approx(expected, rel=1e-9)
-    assert belief.clock[GNSS_SCALE] == pytest.approx(max(*expected, LEAST), rel=1e-9)
+    assert total == pytest.approx(max(*expected, LEAST), rel=1e-9)
     wander = 0.8 * before + 0.2 * np.average(sides, 0, worth)
-    assert belief.clock[WANDER : WANDER + 2] == pytest.approx(wander, rel=1e-9, abs=1e-12)
+    assert belief.state.innovation_mean[0] == pytest.approx(wander, rel=1e-9, abs=1e-12)
 
 
 @given(st.floats(0.0, 2.0), st.floats(10.1, 1e4))
 def test_quiet_fixes_teach_nothing_once_a_vehicle_has_stood_for_ten_seconds(away, stood):
     belief = receiver_on([On(0, 500.0)], 2.0)
-    belief.clock[STOOD] = stood
-    before = belief.clock.copy()
-    call(
-        adapt_scale, belief=belief, fix=np.array([500.0 + away, 0.0, 3.0, 3.0, 0.0]),
-        root=np.array([3.0, 0.0, 3.0]), drifted=0.0, gain=0.1, slow_gain=0.0,
-    )  # fmt: skip
-    np.testing.assert_array_equal(belief.clock[SCALES], before[SCALES])
+    belief.state[0].standing = stood
+    belief.state.bias_root[0] = 3.0, 0.0, 3.0
+    before = factors(belief)
+    fix = np.array([500.0 + away, 0.0, 3.0, 3.0, 0.0])
+    average_energy(belief, CTX, fix, 0.5, 0.0, 0.1, 0.0)
+    assert factors(belief) == before
 
 
 @given(st.floats(6.1, 40.0), st.floats(-math.pi, math.pi))
-def test_the_error_of_a_lost_receiver_is_no_slow_error(size, way):
+def test_the_error_of_a_lost_receiver_is_not_taken_for_its_usual_bias(size, way):
     belief = receiver_on([On(0, 500.0)], 2.0)
-    belief.mean[0, [GX, GY]] = size * math.cos(way), size * math.sin(way)
-    call(
-        adapt_scale, belief=belief, fix=np.array([500.0, 0.0, 3.0, 3.0, 0.0]),
-        root=np.array([3.0, 0.0, 3.0]), drifted=0.0, gain=0.1, slow_gain=0.1,
-    )  # fmt: skip
-    assert belief.clock[SLOW_SCALE] == pytest.approx(2.0)
+    belief.hyp["mu"][0, [GX, GY]] = size * math.cos(way), size * math.sin(way)
+    belief.state.bias_root[0] = 3.0, 0.0, 3.0
+    fix = np.array([500.0, 0.0, 3.0, 3.0, 0.0])
+    average_energy(belief, CTX, fix, 0.5, 0.0, 0.1, 0.1)
+    assert belief.state[0].bias_factor == pytest.approx(2.0)
 
 
 def learnt(seed: int, under: float, anchored: bool) -> np.ndarray:
@@ -150,26 +151,27 @@ def learnt(seed: int, under: float, anchored: bool) -> np.ndarray:
     rng = np.random.default_rng(seed)
     belief = receiver_on([On(OFF_ROAD, sigma=5.0)])
     keep, reported = math.exp(-1.0 / SET.gnss_time), 3.0
-    place, slow, root = rng.normal(0.0, 5.0, 2), rng.normal(0.0, 1.0, 2), np.zeros(3)
-    row, scale = np.zeros(N), np.zeros(SECONDS)
+    place, slow = rng.normal(0.0, 5.0, 2), rng.normal(0.0, 1.0, 2)
+    row, scale, state = np.zeros(N), np.zeros(SECONDS), belief.state[0]
+    mean, cov = belief.hyp["mu"][0], belief.hyp["cov"][0]
     for k in range(SECONDS):
         slow = keep * slow + math.sqrt(1.0 - keep**2) * rng.normal(0.0, 1.0, 2)
         error = under * reported * (slow + 0.5 * rng.normal(0.0, 1.0, 2))
         fix = np.array([*(place + error), reported, reported, 0.0])
-        factor = belief.clock[GNSS_SCALE]
-        white = 0.5 * math.sqrt(factor)
-        age_receiver(belief, float(k > 0), SET.gnss_time, SET.gnss_fault_time)
-        gnss_root(belief, fix, factor, 1.0 if k else -1.0, 15.0, root)
-        adapt_scale(belief, fix, root, white, 0.0, 1.0, np.zeros(2), QUICK, SLOW, LEAST, row)
+        white = 0.5 * math.sqrt(state.gnss_factor)
+        state.moving = float(k > 0)
+        age_receiver(belief, CTX)
+        update_root(belief, fix, state.gnss_factor, 1.0 if k else -1.0)
+        average_energy(belief, CTX, fix, white, 0.0, GAIN, BIAS_GAIN)
         normalise(belief)
-        observe_fix(belief, fix, root, 1.0, 1.0, np.zeros(2), white, SET.gnss_gate, True, row)
-        for state in (X, Y) if anchored else ():
-            belief.cov[0, state, state] += 0.1
+        observe_position(belief, CTX, fix, axes_of(fix, white), SET.gnss_gate, True, 0.0)
+        for axis in (X, Y) if anchored else ():
+            cov[axis, axis] += 0.1
             row[:] = 0.0
-            row[state] = 1.0
-            seen = place[state] + rng.normal() - belief.mean[0, state]
-            condition(belief.mean[0], belief.cov[0], row, seen, 1.0, 1.0)
-        scale[k] = math.sqrt(belief.clock[GNSS_SCALE])
+            row[axis] = 1.0
+            innovation = place[axis] + rng.normal() - mean[axis]
+            condition(mean, cov, row, innovation, 1.0, 1.0)
+        scale[k] = math.sqrt(state.gnss_factor)
     return scale
 
 
@@ -197,16 +199,12 @@ def test_a_receiver_that_is_better_than_it_says_is_taken_at_its_word():
 
 
 @given(seeds, ellipses, st.floats(0.0, 1e4), st.floats(0.0, 1.0), st.floats(1.0, 400.0))
-def test_whatever_a_fix_says_the_scale_is_never_below_the_reported_nor_beyond_twenty(
-    seed, ellipse, away, gain, scale
-):
+def test_whatever_a_fix_says_the_factor_stays_within_its_limits(seed, ellipse, away, gain, scale):
     belief = random_receiver(seed, 3, scale)
+    belief.state.bias_root[0] = flat(root_of(*ellipse))
     for fix in (np.array([away, 0.0, *ellipse]), np.array([0.0, 0.0, *ellipse])):
-        call(
-            adapt_scale, belief=belief, fix=fix, root=flat(root_of(*ellipse)), drifted=0.0,
-            gain=gain, slow_gain=gain,
-        )  # fmt: skip
-        assert LEAST <= belief.clock[GNSS_SCALE] <= 20.0**2
+        average_energy(belief, CTX, fix, 0.5, 0.0, gain, gain)
+        assert LEAST <= belief.state[0].gnss_factor <= 20.0**2
 
 
 def settled(ellipse: tuple[float, float, float]) -> Belief:
@@ -219,73 +217,77 @@ def settled(ellipse: tuple[float, float, float]) -> Belief:
 
 def see(belief: Belief, place: tuple[float, float], ellipse: tuple[float, float, float]) -> float:
     normalise(belief)
-    return call(
-        observe_fix, belief=belief, fix=np.array([*place, *ellipse]), interval=1.0, jumps=True,
-        root=flat(root_of(*ellipse)),
-    )  # fmt: skip
+    return see_fix(belief, np.array([*place, *ellipse]), True)
+
+
+def see_fix(belief: Belief, fix: np.ndarray, jumps: bool) -> float:
+    """Observe a fix, the bias scaled by its own ellipse; returns its chi-square."""
+    belief.state.bias_root[0] = flat(root_of(*fix[2:]))
+    return observe_position(belief, CTX, fix, axes_of(fix), 9.0, jumps, 0.0)
 
 
 @given(ellipses, st.floats(-math.pi, math.pi))
 def test_a_jump_of_the_receiver_is_the_receivers_and_its_return_restores_all(ellipse, way):
     """200 m away and back: the place is kept, the slow error goes there and comes back."""
     belief = settled(ellipse)
-    place, error = belief.mean[0, :2].copy(), belief.mean[0, [GX, GY]].copy()
-    sigma = np.sqrt(np.diag(belief.cov[0])[:2])
+    mean, cov = belief.hyp["mu"][0], belief.hyp["cov"][0]
+    place, error = mean[:2].copy(), mean[[GX, GY]].copy()
+    sigma = np.sqrt(np.diag(cov)[:2])
     jump = 200.0 * np.array([math.cos(way), math.sin(way)])
     for target in (jump, np.zeros(2)):
         at = (500.0 + target[0], target[1])
         assert see(belief, at, ellipse) > 9.0
-        assert (np.abs(belief.mean[0, :2] - place) < 0.1 * sigma).all()
+        assert (np.abs(mean[:2] - place) < 0.1 * sigma).all()
         expected = error + np.linalg.solve(root_of(*ellipse), target)
-        np.testing.assert_allclose(belief.mean[0, [GX, GY]], expected, atol=0.5)
+        np.testing.assert_allclose(mean[[GX, GY]], expected, atol=0.5)
         assert see(belief, at, ellipse) < 9.0  # it is where it was said to be
-        assert (np.abs(belief.mean[0, :2] - place) < 0.1 * sigma).all()
-    np.testing.assert_allclose(belief.mean[0, [GX, GY]], error, atol=0.2)
+        assert (np.abs(mean[:2] - place) < 0.1 * sigma).all()
+    np.testing.assert_allclose(mean[[GX, GY]], error, atol=0.2)
 
 
 @given(ellipses, st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
 def test_within_the_gate_it_does_not_matter_who_would_be_blamed(ellipse, x, y):
-    root = flat(root_of(*ellipse))
     fix = np.array([500.0 + x, y, *ellipse])
-    told = []
+    after = []
     for jumps in (True, False):
         belief = receiver_on([On(0, 500.0, 0.6), On(1, 3500.0, 0.4)])
-        given = {"fix": fix, "root": root, "interval": 1.0, "jumps": jumps}
-        assume(call(observe_fix, belief=belief, **given) <= 9.0)
-        told.append(belief)
-    np.testing.assert_array_equal(told[0].mean, told[1].mean)
-    np.testing.assert_array_equal(told[0].cov, told[1].cov)
-    np.testing.assert_array_equal(told[0].log_weight, told[1].log_weight)
+        assume(see_fix(belief, fix, jumps) <= 9.0)
+        after.append(living(belief))
+    for name in ("mu", "cov", "log_weight"):
+        np.testing.assert_array_equal(after[0][name], after[1][name])
 
 
 def grow_older(belief: Belief, time: float) -> None:
-    age_receiver(belief, time, SET.gnss_time, SET.gnss_fault_time)
+    belief.state[0].moving = time
+    age_receiver(belief, CTX)
 
 
 @given(seeds, st.floats(0.0, 3.0), st.floats(0.0, 300.0))
 def test_a_small_error_wanders_as_receivers_errors_do_and_costs_nothing(seed, size, time):
     belief = random_receiver(seed, 1)
-    belief.mean[0, [GX, GY]] = size * math.cos(seed), size * math.sin(seed)
-    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
-    before = belief.log_weight[0]
-    age_gnss(mean, cov, time, SET.gnss_time)
+    hyp = belief.hyp[0]
+    hyp["mu"][[GX, GY]] = size * math.cos(seed), size * math.sin(seed)
+    mean, cov = hyp["mu"].copy(), hyp["cov"].copy()
+    before = hyp.log_weight
+    age_bias(mean, cov, math.exp(-time / SET.gnss_time))
     grow_older(belief, time)
-    np.testing.assert_allclose(belief.mean[0] / UNITS, mean / UNITS, atol=1e-12)
-    np.testing.assert_allclose(belief.cov[0], cov, atol=1e-12)
-    assert belief.log_weight[0] == before
+    np.testing.assert_allclose(hyp["mu"] / UNITS, mean / UNITS, atol=1e-12)
+    np.testing.assert_allclose(hyp["cov"], cov, atol=1e-12)
+    assert hyp.log_weight == before
 
 
 @given(st.floats(7.0, 100.0), st.floats(-math.pi, math.pi), st.integers(1, 40))
 def test_that_a_lost_receiver_is_still_lost_costs_a_share_for_each_second(size, way, seconds):
     """Of two hypotheses the one whose receiver is lost loses exp(-t/T), in whatever steps."""
     belief = receiver_on([On(0, 500.0, 0.5), On(1, 3500.0, 0.5)])
-    belief.mean[0, [GX, GY]] = size * math.cos(way), size * math.sin(way)
+    mean, log_weight = belief.hyp["mu"][0], belief.hyp.log_weight
+    mean[[GX, GY]] = size * math.cos(way), size * math.sin(way)
     for _ in range(seconds):
-        if math.hypot(*belief.mean[0, [GX, GY]]) <= 6.0:
+        if math.hypot(*mean[[GX, GY]]) <= 6.0:
             break
         grow_older(belief, 1.0)
     else:
-        odds = belief.log_weight[0] - belief.log_weight[1]
+        odds = log_weight[0] - log_weight[1]
         assert odds == pytest.approx(-seconds / SET.gnss_fault_time)
 
 
@@ -293,31 +295,33 @@ def test_that_a_lost_receiver_is_still_lost_costs_a_share_for_each_second(size, 
 def test_a_lost_receiver_does_not_come_back_as_small_errors_do(size: float):
     """At thirty sigmas ten times more slowly: what it errs in a second is always the same."""
     belief = receiver_on([On(0, 500.0)])
-    belief.mean[0, GX] = size
+    mean = belief.hyp["mu"][0]
+    mean[GX] = size
     grow_older(belief, 1.0)
-    assert size - belief.mean[0, GX] == pytest.approx(3.0 / SET.gnss_time, rel=0.01)
+    assert size - mean[GX] == pytest.approx(3.0 / SET.gnss_time, rel=0.01)
 
 
 @given(seeds, st.floats(2.0, 40.0), st.floats(-2.0, 2.0))
 def test_a_doppler_speed_is_the_textbook_s_update_on_the_odometer_s_scale(seed, speed, more):
     belief = random_receiver(seed, 1)
-    belief.cov[0] *= 1e-2
-    mean, cov = belief.mean[0].copy(), belief.cov[0].copy()
-    before = belief.log_weight[0]
+    hyp = belief.hyp[0]
+    hyp["cov"] *= 1e-2
+    mean, cov = hyp["mu"].copy(), hyp["cov"].copy()
+    before = hyp.log_weight
     row = np.zeros((1, N))
     row[0, K] = speed
     seen = speed * mean[K] + more * 0.3
-    told = textbook.condition(mean, cov, row, seen - row @ mean, np.array([[0.09]]))
-    call(observe_rate, belief=belief, odometer_speed=speed, speed=seen, variance=0.09)
-    np.testing.assert_allclose(belief.mean[0] / UNITS, told[0] / UNITS, atol=1e-9)
-    np.testing.assert_allclose(belief.cov[0], told[1], atol=1e-9)
-    assert belief.log_weight[0] - before == pytest.approx(told[2], abs=1e-9)
+    exact = textbook.condition(mean, cov, row, seen - row @ mean, np.array([[0.09]]))
+    observe_rate(belief, CTX, speed, seen, 0.09)
+    np.testing.assert_allclose(hyp["mu"] / UNITS, exact[0] / UNITS, atol=1e-9)
+    np.testing.assert_allclose(hyp["cov"], exact[1], atol=1e-9)
+    assert hyp.log_weight - before == pytest.approx(exact[2], abs=1e-9)
 
 
 def test_a_doppler_speed_that_the_best_hypothesis_does_not_explain_is_left_out_for_all():
     belief = receiver_on([On(0, 500.0, 0.7), On(1, 3500.0, 0.3)])
-    belief.mean[:2, K] = 1.0, 1.5  # the lighter one would explain it
-    before = belief.mean[:2].copy(), belief.cov[:2].copy(), belief.log_weight[:2].copy()
-    call(observe_rate, belief=belief, odometer_speed=10.0, speed=15.0, variance=0.09)
-    for now, then in zip((belief.mean, belief.cov, belief.log_weight), before, strict=True):
-        np.testing.assert_array_equal(now[:2], then)
+    belief.hyp["mu"][:2, K] = 1.0, 1.5  # the lighter one would explain it
+    before = living(belief).copy()
+    observe_rate(belief, CTX, 10.0, 15.0, 0.09)
+    for name in ("mu", "cov", "log_weight"):
+        np.testing.assert_array_equal(living(belief)[name], before[name])

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_GNSS_SCALE, V_HH, V_PROTECTION, V_X, V_Y, Output
 
 from scenes import (
     Truth,
+    column,
     drive_along,
     epochs_of,
     gnss,
@@ -18,6 +17,9 @@ from scenes import (
     parallel_roads,
     straight_road,
 )
+from whichroad._compile import Records
+from whichroad.filter.estimate import Output
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 from whichroad.settings import Settings
 
 PARALLEL = network(parallel_roads(12.0, 5000.0))
@@ -32,7 +34,7 @@ def once_a_second(truth: Truth) -> np.ndarray:
 
 def away(output: Output, truth: Truth) -> np.ndarray:
     """Error of the place, m."""
-    return np.hypot(output.value[:, V_X] - truth.x, output.value[:, V_Y] - truth.y)
+    return np.hypot(output.rows.x - truth.x, output.rows.y - truth.y)
 
 
 @pytest.mark.parametrize("interval", [0.02, 0.1, 1.0])
@@ -43,17 +45,15 @@ def test_a_turn_costs_the_same_doubt_however_often_the_gyro_is_read(interval: fl
     settings = Settings(**quiet, off_road_return=0.0)
     corners = [[0.0, 0.0], [200.0, 0.0], [200.0, 200.0]]
     truth = drive_along(corners, radius=12.0, interval=interval)
-    value = localize(nowhere, epochs_of(truth, gnss(truth), [0], course=0.1), settings=settings)
-    variance = value.output.value[:, V_HH]
+    epochs = epochs_of(truth, gnss(truth), [0], course=0.1)
+    variance = column(localize(nowhere, epochs, settings=settings).output, "hh")
     corner = (settings.turn_noise * math.pi / 2.0) ** 2
     assert variance[-1] - variance[0] == pytest.approx(corner, rel=1e-6)
 
 
-def with_doppler(epochs: Epochs, truth: Truth) -> Epochs:
+def add_doppler(epochs: Records, truth: Truth) -> None:
     """The receiver tells its speed as well, to 0.3 m/s."""
-    n = len(truth.time)
-    speed = np.gradient(truth.s, truth.time)
-    return epochs._replace(speed=speed, speed_sigma=np.full(n, 0.3))
+    epochs.speed, epochs.speed_sigma = np.gradient(truth.s, truth.time), 0.3
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
@@ -66,8 +66,8 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
         fix[:, 2:4] = 3.0
         epochs = epochs_of(BESIDE, fix, once_a_second(BESIDE), course=0.1)
         if mode == DISTANCE:
-            epochs = with_doppler(epochs, BESIDE)
-        scale.append(localize(PARALLEL, epochs, mode=mode).output.value[2000:, V_GNSS_SCALE])
+            add_doppler(epochs, BESIDE)
+        scale.append(localize(PARALLEL, epochs, mode=mode).output.rows.gnss_scale[2000:])
     assert under * (1.0 - 0.09) <= np.mean(scale) <= under * (1.0 + 0.16)
 
 
@@ -79,8 +79,8 @@ def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mo
     every = once_a_second(BESIDE)
     epochs = epochs_of(BESIDE, fix, every, course=0.1)
     if mode == CLOCK:
-        epochs = Epochs(*(column[every] for column in epochs))
-    scale = localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE]
+        epochs = epochs[every].copy()
+    scale = localize(PARALLEL, epochs, mode=mode).output.rows.gnss_scale
     assert scale[len(scale) // 2 :] == pytest.approx(1.0, abs=0.01)
 
 
@@ -91,17 +91,17 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
     """
     n, at, rng = 1200, 600, np.random.default_rng(seed)
     rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
-    stood = Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in BESIDE[1:]))
+    stood = Truth(np.arange(len(rows)) * 0.1, *(part[rows] for part in BESIDE[1:]))
     fix = gnss(BESIDE, sigma=4.0 * under, seed=seed)[rows]
     fix[:, 2:4] = 4.0
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
     epochs = epochs_of(stood, fix, once_a_second(stood), course=0.1)
     every = 1
     if mode == CLOCK:
-        epochs = with_doppler(epochs, stood)
+        add_doppler(epochs, stood)
         every = 10
-        epochs = Epochs(*(column[::every] for column in epochs))
-    return localize(PARALLEL, epochs, mode=mode).output.value[:, V_GNSS_SCALE], at // every
+        epochs = epochs[::every].copy()
+    return localize(PARALLEL, epochs, mode=mode).output.rows.gnss_scale, at // every
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -142,7 +142,7 @@ def test_first_fixes_that_were_wrong_are_corrected_by_roads_and_later_fixes(seed
     error = away(output, DRIVE)
     assert error[0] > 150.0
     assert (error[200:] < 15.0).all()
-    assert (error[10 * seconds :] <= output.value[10 * seconds :, V_PROTECTION]).all()
+    assert (error[10 * seconds :] <= output.rows.protection_level[10 * seconds :]).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -150,9 +150,8 @@ def test_a_car_that_was_carried_round_a_corner_is_found_again(seed: int):
     """Its wheels stood meanwhile; once it is off all roads the fixes begin to count again."""
     epochs = epochs_of(DRIVE, gnss(DRIVE, seed=seed), once_a_second(DRIVE), course=0.1)
     driven = np.r_[:150, 300 : len(DRIVE.time)]
-    epochs, truth = (type(a)(*(c[driven].copy() for c in a)) for a in (epochs, DRIVE))
-    for part in (epochs, truth):
-        part.time[150:] -= 15.0
+    epochs, truth = epochs[driven].copy(), Truth(*(part[driven] for part in DRIVE))
+    epochs.time[150:] -= 15.0
     error = away(localize(TOWN, epochs).output, truth)
     assert error[160:400].max() > 60.0
     assert (error[-150:] < 15.0).all()
@@ -167,7 +166,7 @@ def test_a_receiver_that_is_away_for_half_a_minute_takes_nobody_with_it(seed: in
     output = localize(TOWN, epochs).output
     error = away(output, DRIVE)
     assert (error[300:] < 15.0).all()
-    assert (error <= output.value[:, V_PROTECTION]).all()
+    assert (error <= output.rows.protection_level).all()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -188,4 +187,4 @@ def test_a_receiver_that_has_lost_its_way_says_nothing_of_the_scale(seed: int):
     fix = gnss(AHEAD, seed=seed)
     fix[600:, 0] += 150.0
     output = localize(LONG, epochs_of(AHEAD, fix, once_a_second(AHEAD), course=0.1)).output
-    assert output.value[600:, V_GNSS_SCALE].max() < 2.0
+    assert output.rows.gnss_scale[600:].max() < 2.0

@@ -6,29 +6,50 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whichroad.core.angles import wrap
-from whichroad.core.belief import GX, GY, MX, MY, B, D, H, K, N, X, Y
-from whichroad.core.motion import (
-    age_gnss,
-    age_map,
-    arc_chord,
-    decay,
-    predict_along,
-    predict_free,
-    redraw_lane,
-)
 
 from oracles.textbook import jacobian
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
+from whichroad.filter.motion import (
+    Increment,
+    Noise,
+    age_bias,
+    age_map,
+    arc_chord,
+    decay,
+    extrapolated,
+    increment_of,
+    predict_plane,
+    predict_road,
+    redraw_lane,
+    wheel_noise,
+)
+from whichroad.filter.state import (
+    GX,
+    GY,
+    MX,
+    MY,
+    B,
+    D,
+    H,
+    K,
+    N,
+    U,
+    V,
+    X,
+    Y,
+    new_epochs,
+    new_parameters,
+)
+from whichroad.graph.geometry import wrap
 
-QUIET = (0.0, 0.0, 0.0, 0.0, 0.0)
+QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 arcs = st.floats(-8.0, 8.0)
 turns = st.floats(-0.6, 0.6)
 
 
-def move(g: Gaussian, arc: float, turn: float, scale: float = 1.0, noise=QUIET) -> None:
-    predict_free(g.mean, g.cov, *arc_chord(arc, turn), turn, arc, scale, *noise)
+def move(g: Gaussian, arc: float, turn: float, scale: float = 1.0, noise: Noise = QUIET) -> None:
+    predict_plane(g.mean, g.cov, Increment(arc, turn, *arc_chord(arc, turn)), scale, noise)
 
 
 def moved_mean(mean: np.ndarray, arc: float, turn: float, scale: float = 1.0) -> np.ndarray:
@@ -62,6 +83,33 @@ def test_two_half_arcs_are_one_arc(g: Gaussian, arc, turn):
     apart = halves.mean - g.mean
     apart[H] = wrap(apart[H])
     np.testing.assert_allclose(apart / UNITS, 0.0, atol=1e-12)
+
+
+@given(gaussians, arcs, turns, st.integers(1, 6))
+def test_the_pieces_of_an_epoch_lie_on_its_arc(g: Gaussian, arc, turn, pieces):
+    g.mean[B] = 0.0
+    epoch = new_epochs(1)[0]
+    epoch.arc, epoch.turn = arc, turn
+    epoch.forward, epoch.left = arc_chord(arc, turn)
+    cut = g.copy()
+    move(g, arc, turn)
+    piece = increment_of(epoch, pieces)
+    for _ in range(pieces):
+        predict_plane(cut.mean, cut.cov, piece, 1.0, QUIET)
+    apart = cut.mean - g.mean
+    apart[H] = wrap(apart[H])
+    np.testing.assert_allclose(apart / UNITS, 0.0, atol=1e-12)
+
+
+@given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=6))
+def test_extrapolated_motion_is_as_uncertain_in_many_epochs_as_in_one(metres: list[float]):
+    par = new_parameters()[0]
+    par.along_noise, par.lateral_noise, par.heading_noise, par.yaw_bias_noise = 0.1, 0.2, 0.3, 0.4
+    total, before = np.zeros(6), 0.0
+    for m in metres:
+        total += extrapolated(wheel_noise(par, m, 0.0), before, m)
+        before += m
+    np.testing.assert_allclose(total, extrapolated(wheel_noise(par, before, 0.0), 0.0, before))
 
 
 @given(gaussians, st.floats(0.5, 6.0), turns)
@@ -110,7 +158,7 @@ def test_the_plane_s_scale_stretches_the_way_but_not_its_covariance(g: Gaussian,
 @given(gaussians)
 def test_noise_along_and_across_turns_with_the_heading(g: Gaussian):
     quiet = g.copy()
-    move(g, 0.0, 0.0, noise=(4.0, 1.0, 0.01, 0.02, 0.03))
+    move(g, 0.0, 0.0, noise=Noise(4.0, 1.0, 0.01, 0.02, 0.03, 0.0))
     move(quiet, 0.0, 0.0)
     c, s = math.cos(g.mean[H]), math.sin(g.mean[H])
     turn = np.array([[c, -s], [s, c]])
@@ -152,7 +200,7 @@ def test_moving_along_a_bend_carries_the_covariance_by_the_jacobian(seed, radius
     s1 = s0 + odometer * g.mean[K]
     _, t1 = on_circle(s1, radius)
     turn = wrap(math.atan2(t1[1], t1[0]) - math.atan2(t0[1], t0[0]))
-    predict_along(g.mean, g.cov, odometer, turn, 0.5, *t1, 0.0, 0.0, 0.0, 0.04)
+    predict_road(g.mean, g.cov, odometer, turn, 0.5, *t1, QUIET._replace(heading=0.04))
     ours = g.cov / np.outer(UNITS, UNITS)
     assert g.mean[H] == 0.5
     assert g.cov[H, H] == 0.04
@@ -170,9 +218,10 @@ def test_a_slow_state_in_its_stationary_spread_keeps_it(g: Gaussian, target, kee
 
 
 def age(g: Gaussian, amount: float) -> None:
-    lane, far = math.exp(-amount / 150.0), math.exp(-amount / 1000.0)
-    age_map(g.mean, g.cov, 1.75, lane, 1.8, far, 4.1)
-    age_gnss(g.mean, g.cov, amount, 60.0)
+    par = new_parameters()[0]
+    par.lane_length, par.map_length, par.map_sigma = 150.0, 1000.0, 4.1
+    age_map(g.mean, g.cov, par, amount, 1.75, 1.8)
+    age_bias(g.mean, g.cov, math.exp(-amount / 60.0))
 
 
 @given(gaussians, st.floats(0.1, 500.0), st.floats(0.05, 0.95))
@@ -203,4 +252,4 @@ def test_the_lane_is_carried_on_straight_ahead_and_drawn_anew_round_a_corner(g: 
 
 
 def test_the_states_stand_in_their_documented_order():
-    assert list(range(N)) == [X, Y, H, K, B, D, MX, MY, GX, GY]
+    assert list(range(N)) == [X, Y, H, K, B, D, MX, MY, GX, GY, U, V]

@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from whichroad.core.belief import EVIDENCE, OFF_ROAD, K, X
-from whichroad.core.epoch import CLOCK, DISTANCE, WHEELS, Epochs
-from whichroad.core.output import V_H, V_OFF, V_P, V_XX, V_XY, V_YY, Output
 
 from oracles.one_road import OneRoad
 from scenes import (
     Truth,
+    column,
+    columns,
     drive_along,
     epochs_of,
     gnss,
     grid_town,
+    living,
     localize,
     network,
     parallel_roads,
@@ -23,12 +23,16 @@ from scenes import (
     untouched,
 )
 from strategies import UNITS
+from whichroad._compile import Records
+from whichroad.filter.estimate import Output
+from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS, K, X
 from whichroad.settings import Settings
 
 TOWN = grid_town()
 ROUTE = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]
 CORNERS = np.array([(i * 120 + 10 * np.sin(j), j * 120 + 8 * np.cos(i)) for i, j in ROUTE])
-SAID = [V_P, V_OFF]
+SAID = "p_edge p_off_road"
+SPARE = 10  # states from here on have no variance
 ELLIPSE = (4.0, 2.0, 0.3)
 ONCE_A_SECOND = 10  # epochs
 
@@ -45,22 +49,26 @@ def second(truth: Truth, every: int = ONCE_A_SECOND) -> np.ndarray:
     return np.arange(0, len(truth.time), every)
 
 
-def town_epochs(truth: Truth, fix: np.ndarray, every: int = ONCE_A_SECOND) -> Epochs:
+def town_epochs(truth: Truth, fix: np.ndarray, every: int = ONCE_A_SECOND) -> Records:
     return epochs_of(truth, fix, second(truth, every), course=0.1)
 
 
 def p_of(output: Output, *edges: int) -> np.ndarray:
     """Probability of some edges together at every epoch."""
-    return np.where(np.isin(output.alt_edge, edges), output.alt_p, 0.0).sum(axis=1)
+    return np.where(np.isin(output.rows.alt_edge, edges), output.rows.alt_p, 0.0).sum(axis=1)
 
 
 def sigma(output: Output) -> np.ndarray:
     """Root of the sum of both position variances, m."""
-    return np.sqrt(output.value[:, V_XX] + output.value[:, V_YY])
+    return np.sqrt(columns(output, "xx yy").sum(axis=1))
+
+
+def place(output: Output) -> np.ndarray:
+    return columns(output, "x y")
 
 
 def cov2(output: Output) -> np.ndarray:
-    return output.value[:, [V_XX, V_XY, V_XY, V_YY]].reshape(-1, 2, 2)
+    return columns(output, "xx xy xy yy").reshape(-1, 2, 2)
 
 
 def assert_same_world(
@@ -68,11 +76,11 @@ def assert_same_world(
 ) -> None:
     """The output is the base one, seen after turning and shifting the world."""
     same = {"atol": within, "rtol": within}
-    np.testing.assert_allclose(output.value[:, :2], base.value[:, :2] @ turn.T + shift, **same)
+    np.testing.assert_allclose(place(output), place(base) @ turn.T + shift, **same)
     np.testing.assert_allclose(cov2(output), turn @ cov2(base) @ turn.T, **same)
-    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], **same)
-    np.testing.assert_array_equal(output.edge, base.edge)
-    np.testing.assert_array_equal(output.status, base.status)
+    np.testing.assert_allclose(columns(output, SAID), columns(base, SAID), **same)
+    np.testing.assert_array_equal(output.rows.edge, base.rows.edge)
+    np.testing.assert_array_equal(output.rows.status, base.rows.status)
 
 
 @pytest.mark.parametrize(("mode", "within"), [(WHEELS, 1e-6), (DISTANCE, 1e-3), (CLOCK, 1e-3)])
@@ -118,11 +126,12 @@ def test_streets_drawn_backwards_and_in_another_order_change_nothing():
     base = localize(network(TOWN), town_epochs(truth, fix)).output
     order = np.random.default_rng(0).permutation(len(TOWN))
     output = localize(network([TOWN[i][::-1] for i in order]), town_epochs(truth, fix)).output
-    on = base.edge >= 0
-    place = np.argsort(order)
-    assert (output.edge[on] == 2 * place[base.edge[on] // 2] + 1 - base.edge[on] % 2).all()
-    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], atol=1e-6)
-    np.testing.assert_allclose(output.value[:, :2], base.value[:, :2], atol=1e-6)
+    edge = base.rows.edge
+    on = edge >= 0
+    new = np.argsort(order)
+    assert (output.rows.edge[on] == 2 * new[edge[on] // 2] + 1 - edge[on] % 2).all()
+    np.testing.assert_allclose(columns(output, SAID), columns(base, SAID), atol=1e-6)
+    np.testing.assert_allclose(place(output), place(base), atol=1e-6)
 
 
 def test_the_plane_s_scale_changes_nothing_that_is_true_on_the_ground():
@@ -136,10 +145,11 @@ def test_the_plane_s_scale_changes_nothing_that_is_true_on_the_ground():
     k, origin = 1.001, np.array([1e6, 0.0])
     there = fix * [k, k, 1.0, 1.0, 1.0] + [*origin, 0.0, 0.0, 0.0]
     roads = network([k * line + origin for line in TOWN], curvature=(k - 1.0) / 1e12)
-    output = localize(roads, epochs._replace(fix=there * epochs.has_fix[:, None])).output
-    np.testing.assert_allclose((output.value[:, :2] - origin) / k, base.value[:, :2], atol=0.02)
-    np.testing.assert_allclose(output.value[:, SAID], base.value[:, SAID], atol=0.01)
-    np.testing.assert_array_equal(output.status, base.status)
+    epochs.fix = there * epochs.has_fix[:, None]
+    output = localize(roads, epochs).output
+    np.testing.assert_allclose((place(output) - origin) / k, place(base), atol=0.02)
+    np.testing.assert_allclose(columns(output, SAID), columns(base, SAID), atol=0.01)
+    np.testing.assert_array_equal(output.rows.status, base.rows.status)
 
 
 def slow_error_only(truth: Truth, seed: int) -> np.ndarray:
@@ -198,7 +208,7 @@ def test_the_map_looked_at_half_as_often_says_the_same(seed: int):
     )
     at = slice(48, None, 8)
     np.testing.assert_allclose(p_of(often, 0)[at], p_of(seldom, 0)[at], atol=0.01)
-    np.testing.assert_allclose(often.value[at, V_OFF], seldom.value[at, V_OFF], atol=0.01)
+    np.testing.assert_allclose(often.rows.p_off_road[at], seldom.rows.p_off_road[at], atol=0.01)
 
 
 @pytest.mark.parametrize("pieces", [2, 9])
@@ -218,19 +228,18 @@ def test_ten_minutes_of_standing_teach_nothing(seed: int, mode: int):
     """Compared from ten seconds after the stop; with GNSS alone, which reports a speed of 0."""
     n, at, rng = len(BESIDE.time), 600, np.random.default_rng(seed)
     rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
-    stood = Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in BESIDE[1:]))
+    stood = Truth(np.arange(len(rows)) * 0.1, *(part[rows] for part in BESIDE[1:]))
     fix = gnss(BESIDE, sigma=4.0, seed=seed)[rows]
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
     epochs = epochs_of(stood, fix, second(stood), course=0.1)
     every = 1
     if mode == CLOCK:
-        speed = np.gradient(stood.s, stood.time)
-        epochs = epochs._replace(speed=speed, speed_sigma=np.full(len(rows), 0.3))
+        epochs.speed, epochs.speed_sigma = np.gradient(stood.s, stood.time), 0.3
         every = ONCE_A_SECOND
-        epochs = Epochs(*(column[::every] for column in epochs))
+        epochs = epochs[::every].copy()
     output = localize(PARALLEL, epochs, mode=mode).output
     before, after = (at + 100) // every, (at + 5990) // every
-    for p in (p_of(output, 0), output.value[:, V_OFF]):
+    for p in (p_of(output, 0), output.rows.p_off_road):
         assert abs(p[after] - p[before]) <= 0.01
     assert abs(sigma(output)[after] / sigma(output)[before] - 1.0) <= 0.05
 
@@ -240,25 +249,24 @@ def test_one_fix_two_hundred_metres_away_moves_the_estimate_by_less_than_a_sigma
     off = fix.copy()
     off[300, :2] += [120.0, 160.0]
     base, output = (localize(network(TOWN), town_epochs(truth, f)).output for f in (fix, off))
-    apart = np.hypot(*(output.value[:, :2] - base.value[:, :2]).T)
+    apart = np.hypot(*(place(output) - place(base)).T)
     assert (apart <= sigma(base)).all()
     later = slice(400, None)
-    assert (output.edge[later] == base.edge[later]).mean() > 0.98
+    assert (output.rows.edge[later] == base.rows.edge[later]).mean() > 0.98
 
 
 def test_at_every_epoch_the_probabilities_sum_to_one_and_the_covariances_are_positive():
     truth, fix = town_drive()
     for _, belief, output in steps(network(TOWN), town_epochs(truth, fix)):
-        n = belief.size[0]
-        p = belief.probability[:n]
-        assert p.sum() == pytest.approx(1.0, abs=1e-12)
-        np.testing.assert_allclose(np.exp(belief.log_weight[:n]), p, atol=1e-12)
-        assert n == output.live.max() or n <= 48
-        for i in range(n):
-            assert np.linalg.eigvalsh(belief.cov[i] / np.outer(UNITS, UNITS)).min() > -1e-9
+        alive = living(belief)
+        assert alive.weight.sum() == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(np.exp(alive.log_weight), alive.weight, atol=1e-12)
+        assert len(alive) == output.rows.live.max() or len(alive) <= 48
+        scaled = alive["cov"] / np.outer(UNITS, UNITS)
+        assert np.linalg.eigvalsh(scaled).min() > -1e-9
 
 
-def wild_epochs(seed: int, n: int = 250) -> Epochs:
+def wild_epochs(seed: int, n: int = 250) -> Records:
     """Sensors gone mad: jumps, leaps backwards, pauses, fixes of any sigma anywhere."""
     rng = np.random.default_rng(seed)
     pauses = rng.choice([0.0, 1e-3, 0.1, 1.0, 5.0, 40.0], n, p=[0.05, 0.05, 0.5, 0.2, 0.15, 0.05])
@@ -273,15 +281,14 @@ def wild_epochs(seed: int, n: int = 250) -> Epochs:
     fix[:, :2] += error * rng.normal(size=(n, 2))
     at = np.flatnonzero(np.append(True, rng.random(n - 1) < 0.4))
     some = rng.random((2, n)) < 0.5
-    return epochs_of(truth, fix, at)._replace(
-        arc=arc,
-        turn=turn,
-        moved=(rng.random(n) < 0.9).astype(np.uint8),
-        speed=rng.uniform(-1.0, 30.0, n),
-        speed_sigma=np.where(some[0], np.inf, np.exp(rng.uniform(-4, 3, n))),
-        course=rng.uniform(-4.0, 4.0, n),
-        course_sigma=np.where(some[1], np.inf, np.exp(rng.uniform(-5, 2, n))),
-    )
+    epochs = epochs_of(truth, fix, at)
+    epochs.arc, epochs.turn = arc, turn
+    epochs.odometry_valid = rng.random(n) < 0.9
+    epochs.speed = rng.uniform(-1.0, 30.0, n)
+    epochs.speed_sigma = np.where(some[0], np.inf, np.exp(rng.uniform(-4, 3, n)))
+    epochs.course = rng.uniform(-4.0, 4.0, n)
+    epochs.course_sigma = np.where(some[1], np.inf, np.exp(rng.uniform(-5, 2, n)))
+    return epochs
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -289,12 +296,13 @@ def wild_epochs(seed: int, n: int = 250) -> Epochs:
 def test_whatever_the_sensors_say_probabilities_stay_probabilities(seed: int, mode: int):
     roads = network(grid_town(4, 4, 70.0), one_way=[1, 5])
     for k, belief, output in steps(roads, wild_epochs(seed), mode=mode):
-        n = belief.size[0]
+        alive = living(belief)
+        row = output.rows[k]
         assert untouched(belief), k
-        assert belief.probability[:n].sum() == pytest.approx(1.0, abs=1e-9), k
-        assert np.isfinite(output.value[k]).all(), k
-        assert abs(output.value[k, V_H]) <= math.pi
-        scaled = belief.cov[:n] / np.outer(UNITS, UNITS)
+        assert alive.weight.sum() == pytest.approx(1.0, abs=1e-9), k
+        assert all(np.isfinite(row[name]).all() for name in row.dtype.names), k
+        assert abs(row.heading) <= math.pi
+        scaled = alive["cov"] / np.outer(UNITS, UNITS)
         assert np.linalg.eigvalsh(scaled).min() > -1e-6, k
 
 
@@ -303,18 +311,20 @@ def test_what_is_said_is_the_moments_of_the_mixture():
     for k, belief, output in steps(network(TOWN), town_epochs(truth, fix)):
         if k % 50:
             continue
-        n = belief.size[0]
-        p, mean = belief.probability[:n], belief.mean[:n, :2]
+        alive = living(belief)
+        p, mean = alive.weight, alive["mu"][:, :2]
         middle = p @ mean
         apart = mean - middle
-        cov = np.einsum("k,kij->ij", p, belief.cov[:n, :2, :2] + apart[:, :, None] * apart[:, None])
-        np.testing.assert_allclose(output.value[k, :2], middle, atol=1e-9)
+        cov = np.einsum(
+            "k,kij->ij", p, alive["cov"][:, :2, :2] + apart[:, :, None] * apart[:, None]
+        )
+        np.testing.assert_allclose(place(output)[k], middle, atol=1e-9)
         np.testing.assert_allclose(cov2(output)[k], cov, atol=1e-9)
         known = 1.0 - Settings().unknown
-        off = known * p[belief.edge[:n] == OFF_ROAD].sum() + Settings().unknown
-        on = known * p[belief.edge[:n] == output.edge[k]].sum()
-        assert output.value[k, V_OFF] == pytest.approx(off)
-        assert output.value[k, V_P] == pytest.approx(on)
+        off = known * p[alive.edge == OFF_ROAD].sum() + Settings().unknown
+        on = known * p[alive.edge == output.rows.edge[k]].sum()
+        assert output.rows.p_off_road[k] == pytest.approx(off)
+        assert output.rows.p_edge[k] == pytest.approx(on)
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
@@ -342,12 +352,12 @@ def test_without_fixes_the_way_along_a_straight_road_is_as_doubtful_as_the_odome
     par = Settings(**ALONE, gnss_start=start)
     answers = steps(network(straight_road()), epochs, settings=par)
     _, belief, output = next(answer for answer in answers if answer[0] == 290)
-    last = belief.cov[0].copy()
+    last = belief.hyp["cov"][0].copy()
     *_, _ = answers
     s = truth.s[290:] - truth.s[290]
     odometer = last[X, X] + 2.0 * s * last[X, K] + s**2 * last[K, K]
     odometer += par.along_noise**2 * s + 1e-10 * s**3 / 3.0
-    np.testing.assert_allclose(output.value[290:, V_XX], odometer, rtol=1e-4)
+    np.testing.assert_allclose(column(output, "xx")[290:], odometer, rtol=1e-4)
     assert odometer[-1] > 10.0 * odometer[0]
 
 
@@ -369,18 +379,16 @@ def test_a_drive_between_two_roads_is_the_joint_gaussian_solved_at_once():
                     oracle.see_fix(before[oracle.edge], fix[k])
             if k == 0 or oracle.travelled >= par.map_spacing:
                 oracle.see_road()
-        before = {
-            int(e): belief.mean[i].copy() for i, e in enumerate(belief.edge[: belief.size[0]])
-        }
+        before = {int(hyp.edge): hyp["mu"].copy() for hyp in living(belief)}
         assert set(before) == {0, 2}
     answers = {e: oracle.joint.solve() for e, oracle in oracles.items()}
-    for i in range(2):
-        mean, cov, _ = answers[int(belief.edge[i])]
-        np.testing.assert_allclose(belief.mean[i] / UNITS, mean / UNITS, atol=1e-6)
+    for hyp in living(belief):
+        mean, cov, _ = answers[int(hyp.edge)]
+        np.testing.assert_allclose(hyp["mu"] / UNITS, mean / UNITS, atol=1e-6)
         square = np.outer(UNITS, UNITS)
-        np.testing.assert_allclose(belief.cov[i] / square, cov / square, atol=1e-6)
-    odds = {int(e): belief.log_weight[i] for i, e in enumerate(belief.edge[:2])}
+        np.testing.assert_allclose(hyp["cov"] / square, cov / square, atol=1e-6)
+    odds = {int(hyp.edge): hyp.log_weight for hyp in living(belief)}
     assert 0.01 < math.exp(odds[2]) < 0.99
     assert odds[0] - odds[2] == pytest.approx(answers[0][2] - answers[2][2], abs=1e-6)
     evidence = np.logaddexp(answers[0][2], answers[2][2]) + math.log(0.5)  # equal at first
-    assert belief.clock[EVIDENCE] == pytest.approx(evidence, abs=1e-5)
+    assert belief.state[0].log_evidence == pytest.approx(evidence, abs=1e-5)

@@ -1,4 +1,4 @@
-"""Conditioning, cutting and merging Gaussians, against matrices and SciPy."""
+"""Conditioning, truncating and merging Gaussians, against matrices and SciPy."""
 
 import math
 
@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from whichroad.core.belief import MX, MY, D, H, N, X, Y
-from whichroad.core.gaussian import (
+
+from oracles import textbook
+from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
+from whichroad.filter.gaussian import (
     condition,
     merge_moments,
     normal_cdf,
@@ -19,9 +21,7 @@ from whichroad.core.gaussian import (
     update_across,
     update_pair,
 )
-
-from oracles import textbook
-from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
+from whichroad.filter.state import MX, MY, D, H, N, X, Y
 
 
 def random_rows(rng: np.random.Generator, k: int) -> np.ndarray:
@@ -143,7 +143,7 @@ def test_the_plane_s_scale_stretches_only_the_steps_of_x_and_y(g: Gaussian, scal
 
 
 @given(st.floats(-1e3, 1e3), st.floats(0.1, 50.0), st.floats(-4.9, 4.0), st.floats(0.5, 9.0))
-def test_a_cut_gaussian_has_the_moments_that_scipy_gives(mean, sigma, low, width):
+def test_a_truncated_gaussian_has_the_moments_that_scipy_gives(mean, sigma, low, width):
     high = low + width
     ours = truncated_moments(mean, sigma, mean + low * sigma, mean + high * sigma)
     cut = stats.truncnorm(low, high, loc=mean, scale=sigma)
@@ -152,7 +152,7 @@ def test_a_cut_gaussian_has_the_moments_that_scipy_gives(mean, sigma, low, width
 
 
 @given(st.floats(-40.0, 40.0), st.floats(0.01, 80.0))
-def test_a_cut_gaussian_lies_where_it_was_cut_to(low: float, width: float):
+def test_a_truncated_gaussian_lies_in_its_interval(low: float, width: float):
     mean, variance = truncated_moments(0.0, 1.0, low, low + width)
     assert low <= mean <= low + width
     assert 0.0 < variance <= 1.0

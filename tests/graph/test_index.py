@@ -7,46 +7,46 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whichroad.core import grid
-from whichroad.core.network import Roads
 
+from whichroad.graph import index
+from whichroad.graph.index import CANDIDATE
+from whichroad.graph.network import EDGE, PLANE, TURN, VERTEX, Roads, records
 from whichroad.roadmap.cells import build
-
-NONE = np.empty(0, np.int32)
 
 
 def network(lines, size=10.0, curvature=0.0):
     """Roads of some polylines, without topology."""
-    xy = np.array([p for line in lines for p in line], dtype=float)
-    first = np.cumsum([0, *map(len, lines)]).astype(np.int32)
-    s = np.concatenate(
+    vertices, edges = records(sum(map(len, lines)), VERTEX), records(len(lines), EDGE)
+    vertices.x, vertices.y = np.array([p for line in lines for p in line], dtype=float).T
+    vertices.s = np.concatenate(
         [np.cumsum([0, *(math.dist(a, b) for a, b in itertools.pairwise(p))]) for p in lines]
     )
-    x, y = xy[:, 0].copy(), xy[:, 1].copy()
-    zeros, edges = np.zeros(len(lines), np.int32), len(lines)
-    return Roads(
-        x, y, s, first, s[first[1:] - 1], zeros, zeros, zeros,
-        np.zeros(edges, np.float32), np.zeros(edges, np.float32), np.ones(edges, np.float32),
-        zeros.astype(np.uint8), zeros.astype(np.uint8), np.zeros(edges + 1, np.int32), NONE,
-        NONE.astype(np.float32), NONE.astype(np.float32), NONE.astype(np.uint8),
-        np.zeros(edges + 1, np.int32), NONE, size, *build(x, y, first, size), curvature,
-        np.zeros((edges, 5), np.float32), NONE.astype(np.float32),
-    )  # fmt: skip
+    first = np.cumsum([0, *map(len, lines)]).astype(np.int32)
+    edges.first_vertex, edges.last_vertex = first[:-1], first[1:] - 1
+    edges.length, edges.speed = vertices.s[first[1:] - 1], 1.0
+    plane = records(1, PLANE)
+    plane.cell_size, plane.curvature = size, curvature
+    grid = build(vertices.x.copy(), vertices.y.copy(), first, size)
+    return Roads(vertices, edges, records(0, TURN), np.empty(0, np.int32), *grid, plane)
 
 
 def near(roads, x, y, radius, room=500):
-    edge = np.empty(room, np.int64)
-    s, lateral, distance = np.empty(room), np.empty(room), np.empty(room)
-    n = grid.near(roads, x, y, radius, edge, s, lateral, distance)
-    return list(zip(*(a[:n].tolist() for a in (edge, s, lateral, distance)), strict=True))
+    found = records(room, CANDIDATE)
+    n = index.near(roads, x, y, radius, found)
+    return found[:n].tolist()
+
+
+def line_of(roads, edge):
+    """Vertices of an edge, (n, 2)."""
+    at = slice(roads.edges.first_vertex[edge], roads.edges.last_vertex[edge] + 1)
+    return np.column_stack([roads.vertices.x[at], roads.vertices.y[at]])
 
 
 def closest(roads, edge, x, y):
     """Plane distance to an edge."""
     best = math.inf
-    for v in range(roads.first[edge], roads.first[edge + 1] - 1):
-        a = np.array([roads.x[v], roads.y[v]])
-        along = np.array([roads.x[v + 1], roads.y[v + 1]]) - a
+    for a, b in itertools.pairwise(line_of(roads, edge)):
+        along = b - a
         t = min(max(np.dot([x, y] - a, along) / np.dot(along, along), 0.0), 1.0)
         best = min(best, math.dist((x, y), a + t * along))
     return best
@@ -82,8 +82,8 @@ def test_the_grid_finds_what_a_loop_over_everything_finds(lines, x, y, radius, s
 
 
 def position(roads, edge, s):
-    low, high = roads.first[edge], roads.first[edge + 1]
-    return [np.interp(s, roads.s[low:high], c[low:high]) for c in (roads.x, roads.y)]
+    low, high = roads.edges.first_vertex[edge], roads.edges.last_vertex[edge] + 1
+    return [np.interp(s, roads.vertices.s[low:high], c) for c in line_of(roads, edge).T]
 
 
 @given(networks, points, st.integers(0, 20))

@@ -1,0 +1,81 @@
+"""Native, just in time, plain Python: three ways to run the same kernels."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ANSWERS = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+import numpy as np
+import whichroad
+from whichroad._compile import way
+from whichroad.simulate import draw_town, simulate_drive
+
+folder, expected = Path(sys.argv[1]), sys.argv[2]
+assert way() == expected, way()
+(folder / "map.osm").write_text(draw_town(), encoding="utf-8")
+roads = whichroad.RoadMap.from_osm(folder / "map.osm")
+drive = simulate_drive(roads, seed=1, length_m=200.0).drive
+answers = {}
+for name, one in (("wheels", drive), ("fixes", replace(drive, odometry=None))):
+    result = whichroad.match(one, roads, lag="full" if name == "fixes" else None)
+    table = result.to_arrow()
+    for column in table.column_names:
+        if str(table.schema.field(column).type) in {"double", "float", "int32", "uint8"}:
+            answers[f"{name}_{column}"] = table.column(column).to_numpy()
+    answers[f"{name}_path"] = np.array(result.path["edge_id"])
+np.savez(folder / "answers.npz", **answers)
+print("numba" in sys.modules)
+"""
+
+
+def answers(folder: Path, way: str) -> tuple[dict[str, np.ndarray], str]:
+    folder.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", ANSWERS, folder, way],
+        env=os.environ | {"WHICHROAD_KERNELS": way}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    with np.load(folder / "answers.npz", allow_pickle=True) as file:
+        return dict(file), done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory):
+    return answers(tmp_path_factory.mktemp("native") / "here", "native")
+
+
+def test_native_answers_never_import_the_compiler(native):
+    assert native[1] == "False"
+
+
+def test_plain_python_answers_the_same(native, tmp_path):
+    """NumPy's and Python's functions round otherwise than the C library's: not to the bit."""
+    python, numba = answers(tmp_path / "here", "python")
+    assert numba == "False"
+    for name, values in native[0].items():
+        if values.dtype.kind == "f":
+            np.testing.assert_allclose(python[name], values, rtol=1e-9, atol=1e-9, err_msg=name)
+        else:
+            assert np.array_equal(python[name], values), name
+
+
+@pytest.mark.slow
+def test_numba_answers_the_same_to_the_bit(native, tmp_path):
+    pytest.importorskip("numba")
+    jit, _ = answers(tmp_path / "here", "jit")
+    for name, values in native[0].items():
+        assert np.array_equal(jit[name], values, equal_nan=values.dtype.kind == "f"), name
+
+
+def test_an_unknown_way_is_refused(monkeypatch):
+    done = subprocess.run(
+        [sys.executable, "-c", "from whichroad._compile import way; way()"],
+        env=os.environ | {"WHICHROAD_KERNELS": "fast"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "'fast'; native, jit, python or nothing was expected" in done.stderr
