@@ -4,6 +4,7 @@ The kernel is bound to its tables once, and the few numbers that pass in and out
 are packed and unpacked by `struct`: a field of a NumPy record takes several times as long.
 """
 
+import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -246,9 +247,25 @@ class EpochFilter:
         """What moves the vehicle: WHEELS, DISTANCE or CLOCK."""
         return int(self._par[_MODE])
 
-    @mode.setter
-    def mode(self, mode: int) -> None:
+    def set_mode(self, mode: int) -> None:
+        """Say what moves the vehicle from now on."""
         self._par[_MODE] = mode
+
+    def heading(self) -> float:
+        """Of the most probable hypothesis, rad."""
+        hyp = self.belief.hyp[: self.count]
+        return float(hyp["mu"][int(np.argmax(hyp["weight"])), H])
+
+    def spread_along(self, sigma: float) -> None:
+        """Make every hypothesis less sure of its place along its heading by a sigma, m."""
+        mean, cov = self.belief.hyp["mu"], self.belief.hyp["cov"]
+        for i in range(self.count):
+            heading = float(mean[i, H])
+            east, north = sigma * math.cos(heading), sigma * math.sin(heading)
+            cov[i, X, X] += east * east
+            cov[i, X, Y] += east * north
+            cov[i, Y, X] += east * north
+            cov[i, Y, Y] += north * north
 
     def keep(self, path: Path, history: History) -> None:
         """Go on with other tables of the past: they have grown, or were tidied."""
@@ -279,16 +296,17 @@ class EpochFilter:
         _FIXED.pack_into(epoch, _FIX_AT, *fix)
         epoch[_HAS_FIX] = 1
 
-    def run(self) -> None:
-        """Take the epoch."""
+    def run(self) -> bool:
+        """Take the epoch; False: it was not, as the tables of the past have no room for it."""
         if self._call is None:
             self._call = run.bind(
                 self.belief, self.path, self.history, self.epochs, self.output, self.ctx, 0, 1
             )
-        self._call()
+        return self._call() == 1
 
-    def tables(self, count: int) -> dict[str, bytes]:
-        """Copies of all tables by name; of the hypotheses the first `count`."""
+    def tables(self) -> dict[str, bytes]:
+        """Copies of all tables by name; of the hypotheses those that live."""
+        count = self.count
         return {
             name: (table[: count * size] if size else table).tobytes()
             for name, (table, size) in self._tables().items()
@@ -311,6 +329,10 @@ class EpochFilter:
             tables["since"] = memory(history.since), 0
             tables["reference"] = memory(history.reference), 0
         return tables
+
+    def living(self) -> NDArray[np.int64]:
+        """What `living` needs of the living hypotheses, copied."""
+        return living_words(self.words, self.count)
 
     def watched(self) -> tuple[Sequence[float], Sequence[float]]:
         """Epoch and estimate, as `diagnosis.statistics.Watch.look` takes them."""

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.statistics import Watch
-from ..errors import MapError, SettingError
+from ..errors import SettingError
 from ..filter.estimate import Output
 from ..filter.state import (
     CLOCK,
@@ -20,9 +21,6 @@ from ..filter.state import (
     WHEELS,
     Belief,
     Context,
-    H,
-    X,
-    Y,
     new_belief,
     new_path,
     new_work,
@@ -86,11 +84,10 @@ class Localizer:
         self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
         par = parameters(self.settings, self.vehicle, CLOCK)
         ctx = Context(par, self.roads.arrays, new_work())
-        self._filter = (
-            EpochFilter(ctx)
-            if self._past is None
-            else EpochFilter(ctx, new_belief(True), new_path(1 << 14), self._past.history)
-        )
+        self._filter = EpochFilter(ctx)
+        if self._past is not None:
+            tree = new_path(1 << 14)
+            self._filter = EpochFilter(ctx, new_belief(True), tree, self._past.history)
         self._ahead: EpochFilter | None = None  # of `predict`
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
@@ -173,11 +170,11 @@ class Localizer:
         double.copy_from(now)
         double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), False)
         double.run()
-        return self._estimate(double)
+        return self._estimate(double.time, double.estimate, double.living())
 
     def _take_odometry(self, reading: Reading) -> None:
         arc, turn = self._increment(reading)
-        self._filter.mode = DISTANCE if isinstance(reading, Distance) else WHEELS
+        self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
         self._begin_at_start(reading.time)
         self._filter.fill(reading.time, arc, turn, True)
         self._run()
@@ -228,8 +225,7 @@ class Localizer:
             fix, self.roads.plane, self.settings.default_sigma_m
         )
         if late and now.count:
-            hyp = now.belief.hyp[: now.count]
-            heading = float(hyp["mu"][int(np.argmax(hyp["weight"])), H])
+            heading = now.heading()
             x += now.speed * late * math.cos(heading)
             y += now.speed * late * math.sin(heading)
         now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
@@ -249,14 +245,16 @@ class Localizer:
             start_at(belief, self.roads, path, ctx, self._start, time, self.settings)
 
     def _run(self) -> None:
-        if self._past is not None:
-            path = self._past.make_room(self._filter.belief, self._filter.path)
-            self._filter.keep(path, self._past.history)
-        self._filter.run()
+        now = self._filter
+        if not now.run() and self._past is not None:
+            path = self._past.make_room(now.belief, now.path)
+            now.keep(path, self._past.history)
+            now.run()
 
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
-        return self._estimate(self._filter)
+        now = self._filter
+        return self._estimate(now.time, now.estimate, now.living())
 
     def lagged(self) -> Estimate | None:
         """The estimate of a moment the lag ago, by all that was observed since.
@@ -271,12 +269,8 @@ class Localizer:
         if found is None:
             return None
         belief, output, _ = found
-        state = belief.state[0]
-        return Estimate(
-            float(state.time), memory(output.rows).tobytes(),
-            living_words(words_of(belief), int(state.count)), self.roads, self._far_fix,
-            self.settings.unknown,
-        )  # fmt: skip
+        words = living_words(words_of(belief), int(belief.state[0].count))
+        return self._estimate(float(belief.state[0].time), memory(output.rows), words)
 
     @property
     def decided_until(self) -> float | None:
@@ -297,11 +291,9 @@ class Localizer:
             )
         return self._past.look(self._filter.ctx, self._filter.path, self._filter.time, back)
 
-    def _estimate(self, of: EpochFilter) -> Estimate:
-        return Estimate(
-            of.time, of.estimate.tobytes(), living_words(of.words, of.count), self.roads,
-            self._far_fix, self.settings.unknown,
-        )  # fmt: skip
+    def _estimate(self, time: float, row: memoryview, living: NDArray[np.int64]) -> Estimate:
+        data, unknown = row.tobytes(), self.settings.unknown
+        return Estimate(time, data, living, self.roads, self._far_fix, unknown)
 
     def last_rows(self) -> tuple[bytes, bytes]:
         """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
@@ -345,14 +337,13 @@ class Localizer:
     def state(self) -> State:
         """A copy of all that this localizer remembers, to go back to by `restore`."""
         now = self._filter
-        count = now.count
         odometry = Odometry(
             self._odometer, self._rate, self._interval, self._began, self._reading, self._far_fix,
             now.mode,
         )  # fmt: skip
         made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
         return State(
-            now.time, count, now.tables(count), odometry, made, dict(self.skipped),
+            now.time, now.count, now.tables(), odometry, made, dict(self.skipped),
             self._watch.waiting, now.path,
         )  # fmt: skip
 
@@ -369,19 +360,10 @@ class Localizer:
             MapError: It is of another map.
             SettingError: It was kept with another lag.
         """
-        if state.made.map != self._fingerprint():
-            raise MapError(
-                f"localizer's state: it is of the map {state.made.map}; one of "
-                f"{self._fingerprint()} was expected, because edges are known by their numbers; "
-                "begin with a new Localizer"
-            )
-        if state.made.lag != self.lag:
-            raise SettingError(
-                f"localizer's state: it was kept with lag={state.made.lag}; {self.lag} was expected"
-            )
+        state.made.check(self._fingerprint(), self.lag)
         now, known = self._filter, state.odometry
         now.set_tables(state.tables)
-        now.mode = known.mode
+        now.set_mode(known.mode)
         self._odometer, self._rate, self._interval = known.odometer, known.rate, known.interval
         self._began, self._reading, self._far_fix = known.began, known.reading, known.far_fix
         if self._past is not None:
@@ -408,14 +390,7 @@ class Localizer:
         now.fill(time, speed * age, turn * min(age, _TURNING), False)
         self._run()
         away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
-        mean, cov = now.belief.hyp["mu"], now.belief.hyp["cov"]
-        for i in range(now.count):
-            heading = float(mean[i, H])
-            east, north = away * math.cos(heading), away * math.sin(heading)
-            cov[i, X, X] += east * east
-            cov[i, X, Y] += east * north
-            cov[i, Y, X] += east * north
-            cov[i, Y, Y] += north * north
+        now.spread_along(away)
         self._reading, self._odometer, self._began = None, None, None
         now.fill(time, 0.0, 0.0, False)
         self._run()

@@ -6,7 +6,7 @@ import zlib
 from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple
 
-from ..errors import ReadError
+from ..errors import MapError, ReadError, SettingError
 from ..filter.estimate import ESTIMATE
 from ..filter.history import MOTION, REFERENCE
 from ..filter.state import EPOCH, FILTER, HYPOTHESIS, Path
@@ -30,6 +30,23 @@ class Made(NamedTuple):
     vehicle: Vehicle
     settings: Settings
     start: StartPose | None
+
+    def check(self, map: str, lag: float | None) -> None:
+        """See that a localizer with this map and lag can take what this one knew.
+
+        Raises:
+            MapError: It was made with another map.
+            SettingError: It was made with another lag.
+        """
+        if self.map != map:
+            raise MapError(
+                f"localizer's state: it is of the map {self.map}; one of {map} was expected, "
+                "because edges are known by their numbers; begin with a new Localizer"
+            )
+        if self.lag != lag:
+            raise SettingError(
+                f"localizer's state: it was kept with lag={self.lag}; {lag} was expected"
+            )
 
 
 class Odometry(NamedTuple):
