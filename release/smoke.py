@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Answer a short drive, with wheels, with fixes alone, looking back, and as a table."""
+    """Answer a short drive, with wheels, with fixes alone, looking back, and a table of trips."""
     sys.modules["numba"] = sys.modules["llvmlite"] = None  # type: ignore[assignment]
     begin = time.perf_counter()
     import whichroad
@@ -35,6 +35,15 @@ def main() -> None:
         p = float(result.points["p_road"].mean())
         print(f"{name}: {time.perf_counter() - begin:.2f} s, mean p_road {p:.3f}")
         assert p > 0.5
+    begin = time.perf_counter()
+    fixes = drive.fixes
+    trips = {
+        "trip_id": ["a"] * 20 + ["b"] * 20, "time": fixes.time[:40], "lat": fixes.lat_deg[:40],
+        "lon": fixes.lon_deg[:40],
+    }  # fmt: skip
+    answered = whichroad.match_many(trips, roads).drives.column("answered").to_pylist()
+    print(f"a table of trips: {time.perf_counter() - begin:.2f} s")
+    assert answered == [True, True]
     assert way() == "native", way()
 
 

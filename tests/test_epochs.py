@@ -117,10 +117,17 @@ def test_a_mask_withholds_and_counts_the_fixes_of_its_windows(offset: float):
 
 
 def test_motion_in_a_gap_of_the_odometry_is_bridged_but_not_taken_for_measured():
+    yaw = SpeedYawRate(np.array([0.0, 1.0, 6.0, 7.0]), np.full(4, 10.0), np.zeros(4))
+    e = timeline(yaw, fixes_at([3.0])).epochs
+    np.testing.assert_allclose(e.arc, [0.0, 10.0, 20.0, 30.0, 10.0])
+    assert e.odometry_valid.tolist() == [1, 1, 0, 0, 1]
+
+
+def test_an_odometer_measures_distance_in_a_gap_too():
     log = odometer([0.0, 1.0, 6.0, 7.0], [0.0, 10.0, 60.0, 70.0])
     e = timeline(log, fixes_at([3.0])).epochs
     np.testing.assert_allclose(e.arc, [0.0, 10.0, 20.0, 30.0, 10.0])
-    assert e.odometry_valid.tolist() == [1, 1, 0, 0, 1]
+    assert e.odometry_valid.tolist() == [1, 1, 1, 1, 1]
 
 
 def test_before_the_first_and_after_the_last_reading_the_vehicle_keeps_its_speed():

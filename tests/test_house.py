@@ -139,16 +139,25 @@ def test_what_is_public_has_a_docstring(path: Path):
 
 
 LINES = 400
-DISCUSSED: dict[str, int] = {}  # files whose length was discussed
+# files whose length was discussed: one algorithm each, which reads worse in two files
+DISCUSSED: dict[str, int] = {
+    "src/whichroad/graph/search.py": 600,
+    "src/whichroad/filter/sparse.py": 530,
+    "src/whichroad/filter/branching.py": 480,
+    "src/whichroad/filter/link_motion.py": 460,
+    "src/whichroad/filter/smoother.py": 420,
+    "src/whichroad/filter/state.py": 420,
+    "src/whichroad/global_start/search.py": 410,
+}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_a_room_is_small(path: Path):
+def test_a_module_is_short(path: Path):
     assert len(path.read_text("utf-8").splitlines()) <= DISCUSSED.get(title(path), LINES)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_no_room_is_a_drawer_for_odds_and_ends(path: Path):
+def test_no_module_is_a_drawer_for_odds_and_ends(path: Path):
     assert path.stem not in {"utils", "util", "helpers", "helper", "common", "base", "misc"}
 
 

@@ -43,7 +43,7 @@ R = TypeVar("R")
 
 _KERNELS: list[tuple[Callable[..., Any], bool]] = []  # every kernel, and whether it is inlined
 _ENTRIES: "dict[str, Entry[..., Any]]" = {}
-_TEACHERS: list[str] = []  # modules to import when numba is used
+_TEACHERS: list[tuple[str, str]] = []  # who teaches numba which module, when numba is used
 _LOCK = threading.RLock()
 
 
@@ -182,17 +182,18 @@ def way() -> str:
 # numba, where it is asked for
 
 
-def lowered_by(module: str) -> None:
-    """Say which module teaches numba what it cannot compile by itself; it is imported then."""
+def lowered_by(teacher: str, module: str) -> None:
+    """Say which module's `teach` tells numba what it cannot compile of a module by itself."""
     with _LOCK:
-        _TEACHERS.append(module)
+        _TEACHERS.append((teacher, module))
         if _jit_is_on():
             _import_teachers()
 
 
 def _import_teachers() -> None:
     while _TEACHERS:
-        importlib.import_module(_TEACHERS.pop())
+        teacher, module = _TEACHERS.pop()
+        importlib.import_module(teacher).teach(importlib.import_module(module))
 
 
 def _jit_is_on() -> bool:

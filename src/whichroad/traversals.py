@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._compile import Records
-from .filter.edge_timing import TRAVERSAL, broken_rules, first_epochs, time_edges
+from .filter.best_path import TRAVERSAL, broken_rules, first_epochs, time_edges
 from .filter.estimate import Output
 from .filter.state import OFF_ROAD
 from .graph.network import Roads, records

@@ -67,7 +67,7 @@ def test_two_rows_at_once_are_as_one_after_the_other(seed: int):
     second -= both / s * first
     t = k @ b.cov @ k + q - both**2 / s
     mu -= both / s * nu
-    update_pair(b.mean, b.cov, first, second, nu / s, mu / t, s, t, 1.0)
+    update_pair(b.mean, b.cov, first, second, (nu / s, mu / t), (s, t), 1.0)
     apply(a, np.array([h, k]), z, np.array([r, q]))
     assert_same(a, b)
 

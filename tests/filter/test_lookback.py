@@ -27,7 +27,7 @@ from whichroad.filter.history import (
 from whichroad.filter.link_motion import Link
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
 from whichroad.filter.reduction import reduce
-from whichroad.filter.smoother import begin, new_lookback
+from whichroad.filter.smoother import new_lookback
 from whichroad.filter.state import (
     KEPT,
     WHEELS,
@@ -48,6 +48,7 @@ from whichroad.graph.geometry import wrap
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)
 NO_PATH = new_path(1)
 
+begin = jit(smoother.begin)
 step_back = jit(smoother.step_back)
 solve_gain = jit(smoother.solve_gain)
 predict_link = jit(link_motion.predict_link)

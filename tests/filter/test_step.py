@@ -32,7 +32,6 @@ TOWN = grid_town()
 ROUTE = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]
 CORNERS = np.array([(i * 120 + 10 * np.sin(j), j * 120 + 8 * np.cos(i)) for i, j in ROUTE])
 SAID = "p_edge p_off_road"
-SPARE = 10  # states from here on have no variance
 ELLIPSE = (4.0, 2.0, 0.3)
 ONCE_A_SECOND = 10  # epochs
 

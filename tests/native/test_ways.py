@@ -39,7 +39,8 @@ def answers(folder: Path, way: str) -> tuple[dict[str, np.ndarray], str]:
     folder.mkdir()
     done = subprocess.run(
         [sys.executable, "-c", ANSWERS, folder, way],
-        env=os.environ | {"WHICHROAD_KERNELS": way}, capture_output=True, text=True, check=True,
+        env=os.environ | {"WHICHROAD_KERNELS": way, "NUMBA_OPT": "1"},
+        capture_output=True, text=True, check=True,
     )  # fmt: skip
     with np.load(folder / "answers.npz", allow_pickle=True) as file:
         return dict(file), done.stdout.strip()
@@ -67,6 +68,7 @@ def test_plain_python_answers_the_same(native, tmp_path):
 
 @pytest.mark.slow
 def test_numba_answers_the_same_to_the_bit(native, tmp_path):
+    """Little optimised, which takes less time: nothing may be reordered at any level."""
     pytest.importorskip("numba")
     jit, _ = answers(tmp_path / "here", "jit")
     for name, values in native[0].items():

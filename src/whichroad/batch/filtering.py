@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._compile import Records
-from ..filter.edge_timing import TRAVERSAL
+from ..filter.best_path import TRAVERSAL
 from ..filter.estimate import Output, new_output
 from ..filter.history import new_history
 from ..filter.many import Drives, localize_each, time_each

@@ -1,6 +1,6 @@
 """Rows of a covariance as vectors, and the copy of a record.
 
-Compiled, each of these is a few vector instructions (`filter._simd_llvm`), in half the time of a
+Compiled, each of these is a few vector instructions (`native.rows`), in half the time of a
 loop.  What stands here is what they do, and what runs as plain Python: the same bits.
 """
 
@@ -10,7 +10,7 @@ from .._compile import Record, Vector, lowered_by
 
 N = 12  # states of a hypothesis, and so the length of a row (filter.state)
 
-lowered_by("whichroad.filter._simd_llvm")
+lowered_by("whichroad.native.rows", __name__)
 
 
 def new_row() -> Vector:

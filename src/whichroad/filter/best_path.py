@@ -1,10 +1,36 @@
-"""The best path through the graph of merged hypotheses."""
+"""The best path through the graph of merged hypotheses, and when its edges were driven."""
 
 import math
+from typing import Annotated
 
-from .._compile import Ints, Vector, entry, kernel
+import numpy as np
+
+from .._compile import Array, Ints, Record, Records, Vector, entry, kernel
+from ..graph.network import Roads
+from .estimate import Estimates
 from .history import History
+from .state import Epochs
 
+TRAVERSAL = np.dtype(
+    [
+        ("edge", "i8"),
+        ("entered", "f8"),  # when the hypothesis entered the edge, s
+        ("along", "f8"),  # where, true m
+        ("enter_time", "f8"),  # s
+        ("exit_time", "f8"),  # s
+        ("enter_m", "f8"),  # abscissa, m
+        ("exit_m", "f8"),  # abscissa, m
+        ("p", "f8"),  # mean P of the edge while it was driven
+        ("rules", "i8"),  # bits of the rules that driving into it and along it broke
+        ("gap", "?"),  # does not follow from the edge before
+    ],
+    align=True,
+)
+
+Way = Annotated[Records, Array(TRAVERSAL, 1)]  # edges of a path in driving order
+
+_BESIDE = 2  # edges before and after those that are the most probable at no epoch
+_STEP = 1e-6  # m; closer positions do not give a new time
 _LEAST_SHARE = 1e-3  # share of a node's weight up to which a link is not part of a path
 
 
@@ -87,3 +113,176 @@ def _best_origin(
             top = value
             back[j] = i
     return top
+
+
+@kernel
+def joins(roads: Roads, a: int, b: int) -> bool:
+    """Whether edge b follows edge a."""
+    t, end = roads.edges[a].first_turn, roads.edges[a].end_turn
+    while t < end and roads.turns[t].edge != b:
+        t += 1
+    return bool(t < end)
+
+
+@entry
+def broken_rules(roads: Roads, way: Way) -> None:
+    """Set the rules that driving into edges and along them breaks.
+
+    Args:
+        roads: The network.
+        way: (r,) TRAVERSAL, edges in driving order.
+    """
+    for i in range(len(way)):
+        edge = way[i].edge
+        rules = int(roads.edges[edge].rule)
+        if i > 0:
+            before = roads.edges[way[i - 1].edge]
+            for t in range(before.first_turn, before.end_turn):
+                if roads.turns[t].edge == edge:
+                    rules |= roads.turns[t].rule
+        way[i].rules = rules
+
+
+@entry
+def time_edges(
+    roads: Roads, way: Way, first: Ints, epochs: Epochs, estimates: Estimates, last_epoch: int
+) -> None:
+    """Fill in each edge's times, ends and probability.
+
+    P is the mean P of the edge at the epochs at which it was the most probable.  Where there
+    are none it is P of being on the path at the epochs around, whichever is less.
+
+    Args:
+        roads: The network.
+        way: (r,) TRAVERSAL, edges in driving order, with `entered` and `along`; the rest but
+            for the rules is written.
+        first: (r + 1,) the first epoch of each edge, and the number of epochs.
+        epochs: (n,) EPOCH.
+        estimates: (n,) ESTIMATE.
+        last_epoch: The last one with an estimate.
+    """
+    rows = len(way)
+    for i in range(rows):
+        high = first[i + 1] if i + 1 < rows else last_epoch + 1
+        _time_edge(roads, way, i, epochs, estimates, first[i], high)
+    _bridge(way, first, estimates, last_epoch)
+    _time_nodes(way, first, epochs, estimates)
+
+
+@kernel
+def _time_edge(
+    roads: Roads, way: Way, i: int, epochs: Epochs, estimates: Estimates, low: int, high: int
+) -> None:
+    """Edge i of a path by itself, whose epochs are low ... high - 1."""
+    own = way[i]
+    edge, length = own.edge, roads.edges[own.edge].length
+    count, last_s, top, total = 0, length, 0.0, 0.0
+    for k in range(low, high):
+        estimate = estimates[k]
+        if estimate.edge == edge:
+            count += 1
+            last_s = estimate.s
+            top = max(top, estimate.s)
+            for a in range(len(estimate.alt_edge)):
+                if estimate.alt_edge[a] == edge:
+                    total += estimate.alt_p[a]
+    last = i + 1 == len(way)
+    own.gap = i > 0 and not joins(roads, way[i - 1].edge, edge)
+    gap_after = not last and not joins(roads, edge, way[i + 1].edge)
+    own.p = total / count if count else -1.0
+    own.enter_time = own.entered
+    own.exit_time = epochs[min(high, len(epochs) - 1)].time
+    own.enter_m = min(max(own.along, 0.0), length) if i == 0 or own.gap else 0.0
+    own.exit_m = max(last_s, own.enter_m) if last or gap_after else length
+    if i > 0 and roads.edges[edge].opposite == way[i - 1].edge:  # turned round on the way
+        own.enter_m = length - way[i - 1].exit_m
+        own.exit_m = max(own.exit_m, own.enter_m)
+    if not last and roads.edges[edge].opposite == way[i + 1].edge:
+        own.exit_m = max(min(top, length) if count else own.enter_m, own.enter_m)
+
+
+@kernel
+def _bridge(way: Way, first: Ints, estimates: Estimates, last_epoch: int) -> None:
+    """P of the edges that are the most probable at no epoch, by the epochs on both sides."""
+    rows, i = len(way), 0
+    while i < rows:
+        end = i + 1
+        if way[i].p < 0.0:
+            while end < rows and way[end].p < 0.0:
+                end += 1
+            low, high = max(i - _BESIDE, 0), min(end + _BESIDE, rows)
+            on = 1.0
+            for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
+                on = min(on, _p_on_path(way, low, high, estimates[k]))
+            for j in range(i, end):
+                way[j].p = on
+        i = end
+
+
+@kernel
+def _p_on_path(way: Way, low: int, high: int, estimate: Record) -> float:
+    """P of the edges low ... high - 1 of a path at an epoch."""
+    total = 0.0
+    for a in range(len(estimate.alt_edge)):
+        for j in range(low, high):
+            if estimate.alt_edge[a] == way[j].edge:
+                total += estimate.alt_p[a]
+                break
+    return total
+
+
+@kernel
+def _time_nodes(way: Way, first: Ints, epochs: Epochs, estimates: Estimates) -> None:
+    """Times at which one edge ended and the next began, between the positions around.
+
+    Hypotheses branch a little before or after the node is passed.  Positions are brought to
+    distances along the path, which may not run back.
+    """
+    rows, seen = len(way), 0
+    base, end, far, when = 0.0, way[0].exit_m - way[0].enter_m, 0.0, 0.0
+    node = 0  # the next one to be timed: that between edges `node` and `node + 1`
+    for i in range(rows):
+        for k in range(first[i], first[i + 1]):
+            if estimates[k].edge != way[i].edge:
+                continue
+            time = epochs[k].time
+            at = base + max(estimates[k].s - way[i].enter_m, 0.0)
+            if seen and at <= far + _STEP:
+                seen += 1
+                continue
+            while node < rows - 1 and end <= at:
+                share = (end - far) / (at - far) if seen and end > far else 0.0
+                way[node].exit_time = when + share * (time - when) if seen else time
+                node += 1
+                end += way[node].exit_m - way[node].enter_m
+            seen, far, when = seen + 1, at, time
+        base += way[i].exit_m - way[i].enter_m
+    if seen < 2:
+        return
+    for i in range(node, rows - 1):
+        way[i].exit_time = when
+    before = way[0].enter_time
+    for i in range(rows):
+        way[i].enter_time = before
+        before = way[i].exit_time = max(way[i].exit_time, before)
+
+
+@entry
+def first_epochs(way: Way, epochs: Epochs, found: Ints) -> None:
+    """The first epoch not before each edge was entered, and behind them the number of epochs.
+
+    Args:
+        way: (r,) TRAVERSAL with `entered`.
+        epochs: (n,) EPOCH in time order.
+        found: (r + 1,) written.
+    """
+    for i in range(len(way)):
+        low, high = 0, len(epochs)
+        while low < high:
+            middle = (low + high) // 2
+            if epochs[middle].time < way[i].entered:
+                low = middle + 1
+            else:
+                high = middle
+        found[i] = low
+    found[len(way)] = len(epochs)

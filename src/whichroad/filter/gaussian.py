@@ -120,8 +120,8 @@ def _shift(mean: Vector, g: Vector, gain: float, scale: float) -> None:
 
 @kernel
 def update_pair(
-    mean: Vector, cov: Matrix, first: Vector, second: Vector, nu: float, mu: float,
-    variance: float, other: float, scale: float,
+    mean: Vector, cov: Matrix, first: Vector, second: Vector, gains: tuple[float, float],
+    variances: tuple[float, float], scale: float,
 ) -> None:  # fmt: skip
     """`update` with one row and then with another, going through the covariance once.
 
@@ -129,17 +129,15 @@ def update_pair(
         mean: State, (N,), changed in place.
         cov: Covariance P, (N, N), changed in place.
         first: g = P hᵀ of the first row, (N,); overwritten.
-        second: That of the second row, overwritten.
-        nu: Innovation of the first row over its variance s.
-        mu: Of the second, given the first.
-        variance: s.
-        other: Variance of the second innovation, given the first.
+        second: That of the second row given the first, overwritten.
+        gains: Innovation over innovation variance, ν / s, of each row.
+        variances: s of each row, the second one given the first.
         scale: Local scale of the plane.
     """
-    _shift(mean, first, nu, scale)
-    _shift(mean, second, mu, scale)
-    set_times(first, 1.0 / math.sqrt(variance), first)
-    set_times(second, 1.0 / math.sqrt(other), second)
+    _shift(mean, first, gains[0], scale)
+    _shift(mean, second, gains[1], scale)
+    set_times(first, 1.0 / math.sqrt(variances[0]), first)
+    set_times(second, 1.0 / math.sqrt(variances[1]), second)
     for i in range(N):
         add_times(cov[i], -first[i], first)
         add_times(cov[i], -second[i], second)

@@ -137,10 +137,8 @@ def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes
     fix_row(hyp.mu, row, fix, state, lever, -axes.s, axes.c)
     _gain(hyp.cov, row, second)
     add_times(second, -hyp.scratch[_V01] / s0, g)
-    update_pair(
-        hyp.mu, hyp.cov, g, second, hyp.scratch[_NU0] / s0, hyp.scratch[_NU1] / s1, s0, s1,
-        state.scale,
-    )  # fmt: skip
+    gains = (hyp.scratch[_NU0] / s0, hyp.scratch[_NU1] / s1)
+    update_pair(hyp.mu, hyp.cov, g, second, gains, (s0, s1), state.scale)
 
 
 @kernel(inline=True)

@@ -36,6 +36,8 @@ from .state import (
     H,
     K,
     Path,
+    U,
+    V,
     X,
     Y,
     lane_mean,
@@ -131,8 +133,9 @@ def predict_link(model: Record, history: History, path: Path, ctx: Context, link
             model.f[a, b] = 0.0
             model.cov[a, b] = 0.0
     _decay_slow_states(model, history, ctx, link)
-    model.f[B, B] = 1.0
-    model.mu[B] = model.then_mean[B]
+    for a in (B, U, V):  # nothing moves the spare states
+        model.f[a, a] = 1.0
+        model.mu[a] = model.then_mean[a]
     known = _move(model, history, path, ctx, link)
     _propagate(model)
     if not known:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from .._compile import Ints, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
-from .edge_timing import Way, broken_rules, first_epochs, time_edges
+from .best_path import Way, broken_rules, first_epochs, time_edges
 from .estimate import Estimates, Output
 from .history import History
 from .state import CAPACITY, NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
@@ -121,7 +121,7 @@ def localize_each(
 def time_each(
     roads: Roads, epochs: Epochs, estimates: Estimates, drives: Drives, found: Ints
 ) -> None:
-    """Fill in when and where the edges of drives were driven, see `edge_timing.time_edges`.
+    """Fill in when and where the edges of drives were driven, see `best_path.time_edges`.
 
     Args:
         roads: The network.

@@ -18,7 +18,7 @@ from .linking import BuildError
 
 Tell = Callable[[float], None]  # told which part is done, 0 to 1
 
-LEVEL = 2  # of optimisation
+LEVEL = 3  # of optimisation
 # What `run` contains, in one process; all else in the other, in about the same time.
 _FIRST = (
     "run", "localize_each", "reduce", "observe_map", "summarise", "cold_start", "normalise",

@@ -4,6 +4,7 @@ Runs in a process of its own (`python -m whichroad.native.lower`), so that what 
 touches nobody else, and two of them can run beside each other.
 """
 
+import gc
 import importlib
 import json
 import os
@@ -30,6 +31,7 @@ cgutils: Any = _cgutils
 intrinsic: Any = _intrinsic
 arrayobj: Any = _arrayobj
 
+_SELDOM = (100_000, 50, 100)  # garbage collection: numba's objects live on, and there are millions
 PLAIN = "plain"  # argument: by public functions of numba alone
 _WORDS = types.CPointer(types.int64)
 OPTIONS = {
@@ -295,6 +297,7 @@ def main(arguments: Sequence[str]) -> None:
     """Lower and emit some entries: a job as JSON; what is done is told as lines of text."""
     from .. import _compile
 
+    gc.set_threshold(*_SELDOM)
     job = json.loads(arguments[0])
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
