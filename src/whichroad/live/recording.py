@@ -143,7 +143,7 @@ class Recorder:
 
     def say(self, localizer: Localizer) -> None:
         """Record what a localizer says of the last observation."""
-        self._said.append((localizer._epochs.tobytes(), localizer._output.rows.tobytes()))
+        self._said.append(localizer.last_rows())
 
     @property
     def waiting(self) -> int:
