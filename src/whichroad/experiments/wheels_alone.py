@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..observations import Array
-from ..sensors.odometry import motion_of
+from ..sensors.odometry import dead_reckoned, motion_of
 from ..simulate import SimulatedDrive
 
 
@@ -19,15 +19,14 @@ def wheels_alone(drive: SimulatedDrive) -> Array:
     assert motion.turn is not None
     inside = (motion.time >= begin) & (motion.time <= end)
     first = int(np.searchsorted(truth.time, motion.time[inside][0] - 1e-3))
-    turn = motion.turn[inside] - motion.turn[inside][0]
-    heading = truth.heading[first] + 0.5 * (turn[1:] + turn[:-1])
-    step = np.diff(motion.distance[inside])
-    return np.column_stack(
-        [
-            truth.x[first] + np.cumsum(step * np.cos(heading)),
-            truth.y[first] + np.cumsum(step * np.sin(heading)),
-        ]
-    )
+    pose = float(truth.x[first]), float(truth.y[first]), float(truth.heading[first])
+    places = []
+    for arc, turn in zip(
+        np.diff(motion.distance[inside]), np.diff(motion.turn[inside]), strict=True
+    ):
+        pose = dead_reckoned(pose, float(arc), float(turn))
+        places.append(pose[:2])
+    return np.array(places)
 
 
 def wheels_alone_error(drive: SimulatedDrive) -> float:

@@ -1,11 +1,9 @@
 """Dead reckoning by odometry alone, for comparison with the filter."""
 
-import math
-
 from ..geodesy.plane import Plane
 from ..observations import Distance, GeoFix, Observation
 from ..online import Estimate
-from ..sensors.odometry import step_between
+from ..sensors.odometry import dead_reckoned, step_between
 from ..settings import Vehicle
 from .messages import ReckoningMessage
 
@@ -50,10 +48,8 @@ class DeadReckoning:
         if before is None or pose is None or type(before) is not type(reading):
             return
         arc, turn = step_between(before, reading, self._vehicle)
-        x, y, heading = pose
-        middle = heading + 0.5 * turn
-        step = arc * (1.0 + self._plane.curvature * (x * x + y * y))
-        self._pose = (x + step * math.cos(middle), y + step * math.sin(middle), heading + turn)
+        scale = float(self._plane.scale(pose[0], pose[1]))
+        self._pose = dead_reckoned(pose, arc, turn, scale)
         self._travelled += abs(arc)
 
     def message(self) -> ReckoningMessage | None:

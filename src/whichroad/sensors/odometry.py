@@ -4,10 +4,12 @@ Everything is kept cumulative, so that the quantisation of wheel counts telescop
 instead of piling up as white noise per step.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from ..filter.motion import arc_chord
 from ..observations import (
     Array,
     Distance,
@@ -123,3 +125,27 @@ def bridged_step(
         return arc, turn
     skipped[_JUMP] = skipped.get(_JUMP, 0) + 1
     return rate[0] * dt, rate[1] * dt
+
+
+def dead_reckoned(
+    pose: tuple[float, float, float], arc: float, turn: float, scale: float = 1.0
+) -> tuple[float, float, float]:
+    """Equation (1) of the paper, by the filter's own increment: uncorrected odometry.
+
+    Args:
+        pose: x, y (plane m) and heading (rad).
+        arc: Distance driven, m, negative in reverse.
+        turn: Turn, rad.
+        scale: Plane metres per true metre there.
+
+    Returns:
+        The pose afterwards.
+    """
+    x, y, heading = pose
+    forward, left = arc_chord(arc, turn)
+    c, s = math.cos(heading), math.sin(heading)
+    return (
+        x + scale * (c * forward - s * left),
+        y + scale * (s * forward + c * left),
+        heading + turn,
+    )
