@@ -169,7 +169,7 @@ def match(
             failed.append(str(error))
     if not parts:
         raise DriveError(failed[0] if failed else "there is no drive in the input")
-    return _together(parts, failed)
+    return _pooled_result(parts, failed)
 
 
 MODELS = ("default", "paper")
@@ -200,11 +200,11 @@ def _match_one(
             attributes=attributes,
         ),
         lambda: path_table([drive.drive_id], way(), roads),
-        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
+        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _lag_figures(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
         Answered(timeline.epochs, recorded.output, way),
-        None if recorded.past is None else recorded.past.ways,
+        None if recorded.past is None else recorded.past.alternatives,
     )  # fmt: skip
 
 
@@ -225,7 +225,7 @@ def _summary(
     }
 
 
-def _looked_back(recorded: Recorded) -> dict[str, Any]:
+def _lag_figures(recorded: Recorded) -> dict[str, Any]:
     """What the summary says of the lag."""
     past = recorded.past
     return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
@@ -295,7 +295,7 @@ def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _together(parts: list[Result], failed: list[str]) -> Result:
+def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
     if len(parts) == 1 and not failed:
         return parts[0]
     return Result(
@@ -304,7 +304,7 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
-        ways=parts[0].ways if len(parts) == 1 else None,
+        find_alternatives=parts[0]._find_alternatives if len(parts) == 1 else None,
     )
 
 

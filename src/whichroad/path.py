@@ -86,7 +86,7 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Route:
     """One way to drive, of several."""
 
     p: float
@@ -99,7 +99,7 @@ class Alternative:
 
     start: float  # s, when the last sure edge before was still driven
     end: float  # s, when the first sure edge after it was
-    ways: tuple[Way, ...]  # the most probable first; from the one edge to the other
+    routes: tuple[Route, ...]  # the most probable first; from the one edge to the other
 
 
 def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = False) -> Chain:
@@ -252,9 +252,9 @@ def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative
         a, b = sure[k], sure[k + 1]
         if b == a + 1 and best[k] == best[k + 1]:
             continue
-        parts.append(Alternative(float(time[a]), float(time[b]), _ways(c, a, b)))
+        parts.append(Alternative(float(time[a]), float(time[b]), _routes(c, a, b)))
     if not parts and steps:
-        alone = Way(1.0, (best[0],) if best[0] != OFF_ROAD else ())
+        alone = Route(1.0, (best[0],) if best[0] != OFF_ROAD else ())
         parts.append(Alternative(float(time[0]), float(time[steps - 1]), (alone,)))
     return parts
 
@@ -264,7 +264,7 @@ def _best_edge(c: _Columns, p: Array, step: int) -> int:
     return int(c.edge[first + int(np.argmax(p[first:last]))])
 
 
-def _ways(c: _Columns, first: int, last: int) -> tuple[Way, ...]:
+def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
     """Ways from one step to a later one, backwards: P(way) = Σ γ(last) Π f over its chains.
 
     A way is kept as its last edges, each with what follows, so that ways share their ends.
@@ -305,22 +305,22 @@ def _ways(c: _Columns, first: int, last: int) -> tuple[Way, ...]:
     return _summed(here, tails)
 
 
-def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Way, ...]:
+def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Route, ...]:
     """Ways of the same edges are one."""
-    ways: dict[tuple[int, ...], float] = {}
+    routes: dict[tuple[int, ...], float] = {}
     for (_, tail), weight in here.items():
         edges: list[int] = []
         while tail >= 0:
             edge, tail = tails[tail]
             if edge != OFF_ROAD and (not edges or edges[-1] != edge):
                 edges.append(edge)
-        ways[tuple(edges)] = ways.get(tuple(edges), 0.0) + weight
-    total = math.fsum(ways.values())
-    kept = sorted(((w / total, e) for e, w in ways.items() if w > _LEAST * total), reverse=True)
-    return tuple(Way(p, edges) for p, edges in kept)
+        routes[tuple(edges)] = routes.get(tuple(edges), 0.0) + weight
+    total = math.fsum(routes.values())
+    kept = sorted(((w / total, e) for e, w in routes.items() if w > _LEAST * total), reverse=True)
+    return tuple(Route(p, edges) for p, edges in kept)
 
 
-def best_ways(parts: list[Alternative], count: int) -> list[Way]:
+def best_routes(parts: list[Alternative], count: int) -> list[Route]:
     """The most probable whole routes: parts are independent, given the sure edges between.
 
     Args:
@@ -330,23 +330,23 @@ def best_ways(parts: list[Alternative], count: int) -> list[Way]:
     Returns:
         Ways from the first edge to the last, the most probable first.
     """
-    open_parts = [k for k, part in enumerate(parts) if len(part.ways) > 1]
+    open_parts = [k for k, part in enumerate(parts) if len(part.routes) > 1]
     start = (0,) * len(open_parts)
 
     def log_p(choice: tuple[int, ...]) -> float:
         return math.fsum(
-            math.log(parts[k].ways[c].p) for k, c in zip(open_parts, choice, strict=True)
+            math.log(parts[k].routes[c].p) for k, c in zip(open_parts, choice, strict=True)
         )
 
     queue, seen = [(-log_p(start), start)], {start}
-    found: list[Way] = []
+    found: list[Route] = []
     while queue and len(found) < count:
         cost, choice = heapq.heappop(queue)
         found.append(
-            Way(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True))))
+            Route(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True))))
         )
         for at, c in enumerate(choice):
-            if c + 1 < len(parts[open_parts[at]].ways):
+            if c + 1 < len(parts[open_parts[at]].routes):
                 other = (*choice[:at], c + 1, *choice[at + 1 :])
                 if other not in seen:
                     seen.add(other)
@@ -357,7 +357,7 @@ def best_ways(parts: list[Alternative], count: int) -> list[Way]:
 def _joined(parts: list[Alternative], choice: dict[int, int]) -> tuple[int, ...]:
     edges: list[int] = []
     for k, part in enumerate(parts):
-        for edge in part.ways[choice.get(k, 0)].edges:
+        for edge in part.routes[choice.get(k, 0)].edges:
             if not edges or edges[-1] != edge:
                 edges.append(edge)
     return tuple(edges)

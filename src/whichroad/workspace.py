@@ -25,7 +25,7 @@ class Workspace:
         self._empty = new_belief()
         self._beliefs = {lineage: new_belief(lineage) for lineage in (False, True)}
         self._work, self._path = new_work(), new_path(_ENTRIES)
-        self._lookback: Lookback | None = None
+        self._smoother: Lookback | None = None
         self._history = new_history(0)
 
     @classmethod
@@ -60,13 +60,13 @@ class Workspace:
 
     def smoothing(self) -> tuple[History, Lookback]:
         """An empty history, and buffers to smooth it."""
-        if self._lookback is None:
-            self._history, self._lookback = new_history(_STEPS), new_lookback()
-        clear(self._lookback.belief, self._empty)
+        if self._smoother is None:
+            self._history, self._smoother = new_history(_STEPS), new_lookback()
+        clear(self._smoother.belief, self._empty)
         self._history.count.fill(0)
         self._history.since.fill(0)
         self._history.reference.fill(0)
-        return self._history, self._lookback
+        return self._history, self._smoother
 
     def enlarged(self, history: History) -> History:
         """The same history with room for more, kept for the drives to come unless it is huge."""

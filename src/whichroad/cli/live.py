@@ -116,8 +116,8 @@ def live(
     plan.speed, plan.laps, plan.once, plan.rate = pace, laps, once, rate
     plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
     plan.host, plan.port, plan.token = host, port, token
-    plan.tell = lambda line: typer.echo(line, err=True)
-    plan.ready = lambda bound: _say_ready(host, bound, plan)
+    plan.report = lambda line: typer.echo(line, err=True)
+    plan.ready = lambda bound: _print_addresses(host, bound, plan)
     from ..live.server import serve
 
     serve(plan)
@@ -220,8 +220,8 @@ def _pages(roads: "RoadMap", tiles: str | None) -> Any:
         return ()
 
 
-def _say_ready(host: str, port: int, plan: "Plan") -> None:
-    shown = f"[{host}]" if ":" in host else host
-    typer.echo(f"http://{shown}:{port}/")
+def _print_addresses(host: str, port: int, plan: "Plan") -> None:
+    address_text = f"[{host}]" if ":" in host else host
+    typer.echo(f"http://{address_text}:{port}/")
     for output in plan.nmea_outputs:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

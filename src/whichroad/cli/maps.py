@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .arguments import Force
-from .console import progress_line, say_table
+from .console import print_table, progress_line
 
 map_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -38,4 +38,4 @@ def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.
     with progress_line() as progress:
         progress(f"reading {roads}", 0, 0)
         info = open_map(roads).info()
-    say_table(str(roads), info.items())
+    print_table(str(roads), info.items())

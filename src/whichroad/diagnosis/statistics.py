@@ -159,20 +159,20 @@ class Watch:
         middle = table.heading - 0.5 * swing
         driven = self._driven + np.cumsum(step * np.exp(1j * middle))
         limit = _BREAK if self._state[2] or table.turn.any() else math.pi / 2 + _BREAK
-        gone = np.column_stack(
+        change = np.column_stack(
             [
                 since * (np.abs(table.speed) > 0.05), swing, table.turn, np.abs(table.arc),
                 np.abs(swing - table.turn) > limit,
             ]
         )  # fmt: skip
-        state = self._state + np.cumsum(gone, axis=0)
+        state = self._state + np.cumsum(change, axis=0)
         cell = np.floor(np.append(self._state[0], state[:, 0]))
         self._driven, self._state = complex(driven[-1]), state[-1]
         warm = state[:, 0] > _WARM
-        self._metres += [np.abs(step[warm]).sum(), gone[warm, 3].sum()]
+        self._metres += [np.abs(step[warm]).sum(), change[warm, 3].sum()]
         seen = np.flatnonzero((table.has_fix > 0) & warm)
-        fresh = np.diff(cell[seen + 1], prepend=cell[0]) > 0
-        seen = seen[fresh]  # one a second at most, none while standing
+        first_in_cell = np.diff(cell[seen + 1], prepend=cell[0]) > 0
+        seen = seen[first_in_cell]  # one a second at most, none while standing
         at = Row(*rows[seen].T)
         ahead = np.exp(1j * at.heading)
         error = at.fix_x + 1j * at.fix_y - self._antenna * ahead - driven[seen]
@@ -210,10 +210,10 @@ class Watch:
             self._recent = _Fixes(*(column[keep] for column in every))
 
     def _add_shift(
-        self, fixes: _Fixes, a: Chosen, b: Chosen, variance: Array, sound: Chosen
+        self, fixes: _Fixes, a: Chosen, b: Chosen, variance: Array, plausible: Chosen
     ) -> None:  # fmt: skip
         """Differences between fixes a and b, of errors, velocities and directions."""
-        a, b, weight = a[sound], b[sound], 1.0 / variance[sound]
+        a, b, weight = a[plausible], b[plausible], 1.0 / variance[plausible]
         velocity = fixes.speed * fixes.ahead
         v, u, e = (x[b] - x[a] for x in (velocity, fixes.ahead, fixes.error))
         self._shifting += [
@@ -239,8 +239,8 @@ class Watch:
     @property
     def scale(self) -> float:
         """Metres for each metre of the odometer, as the filter has learnt."""
-        said, counted = self._metres
-        return float(said / counted) if counted > 0.0 else 1.0
+        filtered, counted = self._metres
+        return float(filtered / counted) if counted > 0.0 else 1.0
 
     @property
     def map_error(self) -> float:
@@ -299,10 +299,10 @@ class Watch:
             return Shift(0.0, 0j, math.inf, math.inf)
         late = (uu * ve - vu * ue) / rest
         antenna = (vv * ue - vu.conjugate() * ve) / rest
-        spread = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
+        variance = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
         return Shift(
             float(-late.real),
             complex(antenna),
-            math.sqrt(spread * uu.real),
-            math.sqrt(spread * vv.real),
+            math.sqrt(variance * uu.real),
+            math.sqrt(variance * vv.real),
         )

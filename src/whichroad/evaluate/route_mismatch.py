@@ -63,9 +63,9 @@ def _sample(lines: Sequence[ArrayLike]) -> Array:
         of, many = np.repeat(k, count), np.repeat(count, count)
         part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         share = (part + 0.5) / many
-        way = step[of] / size[of, None]
+        direction = step[of] / size[of, None]
         place = p[of] + share[:, None] * step[of]
-        rows.append(np.column_stack([place, _TURN_RADIUS * way, size[of] / many]))
+        rows.append(np.column_stack([place, _TURN_RADIUS * direction, size[of] / many]))
     return np.concatenate(rows)
 
 

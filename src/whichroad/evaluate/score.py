@@ -125,10 +125,10 @@ def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
 
 def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
     error = np.hypot(c.along, c.cross)
-    named = (c.p_road > 0.0) & c.told
+    named = (c.p_road > 0.0) & c.edge_known
     sure = named & (c.p_road >= SURE)
-    exact = c.strict & c.on_road & c.told
-    some = 1.0 if c.told.any() else np.nan  # of a truth without edges nothing is said of them
+    exact = c.strict & c.on_road & c.edge_known
+    some = 1.0 if c.edge_known.any() else np.nan  # of a truth without edges nothing is said of them
     return Evaluation(
         epochs=len(error),
         rmse_m=_rms(error),
@@ -142,12 +142,12 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
         # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)
         coverage=tuple(float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
         map_rmse_m=_rms(c.map_error),
-        right_edge=some * _mean(c.right[c.told]),
-        right_edge_strict=some * _mean(c.strict[c.told]),
-        abscissa_rmse_m=some * _rms(c.abscissa[exact]),
+        right_edge=some * _mean(c.right[c.edge_known]),
+        right_edge_strict=some * _mean(c.strict[c.edge_known]),
+        abscissa_rmse_m=some * _rms(c.along_error[exact]),
         brier=some * _mean((c.p_road - c.right)[named] ** 2),
         calibration_error=some * calibration_error(c.p_road[named], c.right[named]),
-        sure=some * _mean(sure[c.told]),
+        sure=some * _mean(sure[c.edge_known]),
         sure_wrong=some * _mean(~c.right[sure]),
         p_off_on_road=_mean(c.p_off[c.on_road]),
         p_off_off_road=_mean(c.p_off[~c.on_road]),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 COLOURS = {"paper": "#d9730d", "default": "#0b4f9e"}
 _GRID = 500
 _ONE_SIGMA = 1.0 - math.exp(-1.0)  # of a Gaussian in the plane lies within its RMS
-_SHOWN_STEPS = 14.0  # at least
+_PLOTTED_STEPS = 14.0  # at least
 
 
 def on_grid(r: Run, values: Array, metres: Array) -> Array:
@@ -50,7 +50,7 @@ def draw_survival(axes: "Axes", scene: Scene, runs: Mapping[str, Sequence[Run]])
         for model, answered in runs.items()
     }
     longest = max((float(np.quantile(s, 0.99)) for s in found.values() if len(s)), default=0.0)
-    grid = np.linspace(0.0, max(_SHOWN_STEPS, longest), _GRID)
+    grid = np.linspace(0.0, max(_PLOTTED_STEPS, longest), _GRID)
     for model, steps in found.items():
         if len(steps):
             share = (steps[None, :] > grid[:, None]).mean(axis=1)

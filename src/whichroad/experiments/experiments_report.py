@@ -95,12 +95,12 @@ that are drawn: the CSV files beside it.</footer>
 
 def _section(o: "Outcome") -> str:
     scene = o.scene
-    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in o.seen)
+    paragraphs = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in o.seen)
     first, *others = (_figure(p) for p in o.pictures)
     return f"""<section id="{scene.name}">
 <h2>{html.escape(scene.title)} <small>{html.escape(scene.figure)}</small></h2>
 <blockquote>The paper: {html.escape(scene.claim)}</blockquote>
-{said}{first}
+{paragraphs}{first}
 <div class="wide">{_table(o.rows)}</div>
 {"".join(others)}</section>"""
 

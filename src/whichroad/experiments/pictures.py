@@ -150,7 +150,7 @@ def _outage_page(example: ExampleDrive) -> Figure:
     figure = Figure(figsize=(13, 4.9))
     whole, *panels = figure.subplots(1, 3, width_ratios=[5.2, 1, 1])
     place = Place(example.scene)
-    _draw_way(whole, example, place)
+    _draw_route(whole, example, place)
     for axes, model in zip(panels, MODELS, strict=True):
         draw_roads(axes, place, 5.0)
         draw_hypotheses(axes, example, place, example.results[model], example.scene.near_m)
@@ -160,7 +160,7 @@ def _outage_page(example: ExampleDrive) -> Figure:
     return figure
 
 
-def _draw_way(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -> None:
+def _draw_route(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -> None:
     truth, (begin, end) = example.drive.truth, example.drive.outages[0]
     draw_roads(axes, place, 1.6)
     path = place.here(truth.x, truth.y)
@@ -179,10 +179,10 @@ def _draw_way(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -
     low, high = path.min(axis=0) - 170.0, path.max(axis=0) + 170.0
     frame(axes, np.array([low, high]))
     axes.set_title("1.5 km without GPS")
-    axes.legend(handles=_legend_of_way(), loc="upper left")
+    axes.legend(handles=_legend_of_route(), loc="upper left")
 
 
-def _legend_of_way() -> list[Line2D | Patch]:
+def _legend_of_route() -> list[Line2D | Patch]:
     return [
         Line2D([], [], color=TRUTH, lw=2.4, label="truth"),
         *(Line2D([], [], color=COLOURS[m], lw=1.4, label=called) for m, called in MODELS.items()),

@@ -49,8 +49,8 @@ class Scene:
 
 
 def _fork(roads: "RoadMap", seed: int) -> SimulatedDrive:
-    ways = (["1", "2a", "2"], ["1", "3"], ["1", "2a", "4"])
-    route = along(roads, ways[seed % 3])
+    routes = (["1", "2a", "2"], ["1", "3"], ["1", "2a", "4"])
+    route = along(roads, routes[seed % 3])
     return simulate_drive(roads, seed=seed, route=route, scenario=STEADY)
 
 
@@ -132,8 +132,8 @@ def fixed_sigma(drive: SimulatedDrive) -> SimulatedDrive:
     assert fixes is not None
     mean = float(np.mean(0.5 * (fixes.cov_ee + fixes.cov_nn)))
     same, none = np.full(len(fixes), mean), np.zeros(len(fixes))
-    told: Fixes = replace(fixes, cov_ee=same, cov_en=none, cov_nn=same)
-    return replace(drive, drive=replace(drive.drive, fixes=told))
+    given: Fixes = replace(fixes, cov_ee=same, cov_en=none, cov_nn=same)
+    return replace(drive, drive=replace(drive.drive, fixes=given))
 
 
 SCENES = {

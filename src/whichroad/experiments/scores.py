@@ -104,8 +104,8 @@ def life_times(rows: Rows, scene: Scene, runs: Sequence[Run]) -> None:
 
 def believed_after(r: Run) -> float:
     """From where on the true road is believed for good, m past the decision, 0 at least."""
-    doubted = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
-    return float(max(r.past[doubted[-1]], 0.0)) if len(doubted) else 0.0
+    uncertain = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
+    return float(max(r.past[uncertain[-1]], 0.0)) if len(uncertain) else 0.0
 
 
 def choice(rows: Rows, runs: Sequence[Run], asked_m: Sequence[float]) -> None:

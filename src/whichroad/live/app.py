@@ -175,13 +175,13 @@ def application(
         token: Asked of everybody; None: nobody.
     """
     access = Middleware(AccessControl, local=local, token=token, largest={"/match": LARGEST_TRACE})
-    handlers: dict[Any, Any] = {HTTPException: _told, Exception: _broken}
+    handlers: dict[Any, Any] = {HTTPException: _refusal, Exception: _broken}
     return Starlette(
         routes=[*service.routes(), *pages], middleware=[access], exception_handlers=handlers
     )
 
 
-async def _told(request: Request, error: Exception) -> Response:
+async def _refusal(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     return JSONResponse({"error": error.detail}, error.status_code, headers=error.headers)
 
@@ -250,9 +250,15 @@ def _columns(body: bytes) -> Any:
     import pyarrow as pa
 
     try:
-        said = json.loads(body)
-        said = said.get("points", said) if isinstance(said, dict) else said
-        return pa.Table.from_pylist(said) if isinstance(said, list) else pa.table(said)
+        rows_given = json.loads(body)
+        rows_given = (
+            rows_given.get("points", rows_given) if isinstance(rows_given, dict) else rows_given
+        )
+        return (
+            pa.Table.from_pylist(rows_given)
+            if isinstance(rows_given, list)
+            else pa.table(rows_given)
+        )
     except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
         raise HTTPException(
             400, "JSON rows with time, lat and lon, or columns of them, were expected"

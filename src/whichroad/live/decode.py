@@ -125,7 +125,7 @@ class CanStream:
         if wanted is None:
             return []
         stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
-        fresh = []
+        values = []
         for bits in wanted:
             if len(data) < bits.bytes:
                 self.skipped_why["frame cut short"] += 1
@@ -137,8 +137,8 @@ class CanStream:
                 wanted_value = self._reverse_value
                 self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
             else:
-                fresh.append((bits.role, value))
-        return [one for role, value in fresh for one in self._take(role, stamp, value)]
+                values.append((bits.role, value))
+        return [one for role, value in values for one in self._take(role, stamp, value)]
 
     def counted(self) -> dict[str, list[float]]:
         """What `resume` takes, to go on counting after a crash; JSON can say it."""

@@ -58,7 +58,7 @@ class Plan:
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
-        tell: Told what happens, a line each.
+        report: Told what happens, a line each.
         ready: Told the web's port when it is open.
     """
 
@@ -79,7 +79,7 @@ class Plan:
     port: int = 8080
     token: str | None = None
     pages: Sequence[BaseRoute] = ()
-    tell: Callable[[str], None] = field(default=lambda line: None)
+    report: Callable[[str], None] = field(default=lambda line: None)
     ready: Callable[[int], None] = field(default=lambda port: None)
 
 
@@ -218,8 +218,8 @@ class Run:
         if self.checkpoint is None:
             return
         replay = self.plan.recording is not None
-        when, told = self.checkpoint.resume(replay=replay)
-        self.plan.tell(told)
+        when, message = self.checkpoint.resume(replay=replay)
+        self.plan.report(message)
         if when is not None:
             self.filter_loop.buffer.begin(when)
 

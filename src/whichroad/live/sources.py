@@ -224,7 +224,7 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
 
     into = make()
 
-    def work(stop: threading.Event, tell: Callable[[bytes, float], None]) -> None:
+    def work(stop: threading.Event, pass_on: Callable[[bytes, float], None]) -> None:
         wait = _FIRST
         while not stop.is_set():
             try:
@@ -232,7 +232,7 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
                     wait, health.link = _FIRST, "open"
                     while not stop.is_set():
                         if data := port.read(max(1, port.in_waiting)):
-                            tell(data, time.perf_counter())
+                            pass_on(data, time.perf_counter())
             except (serial.SerialException, OSError, TypeError):  # TypeError: closed under a read
                 health.link = "lost"
             stop.wait(wait)
@@ -250,7 +250,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
         for k in stream.frames
     ]
 
-    def work(stop: threading.Event, tell: Callable[[Any, float], None]) -> None:
+    def work(stop: threading.Event, pass_on: Callable[[Any, float], None]) -> None:
         wait = _FIRST
         while not stop.is_set():
             try:
@@ -260,7 +260,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
                     wait, health.link = _FIRST, "open"
                     while not stop.is_set():
                         if (frame := bus.recv(0.2)) is not None:
-                            tell(frame, time.perf_counter())
+                            pass_on(frame, time.perf_counter())
             except (can.CanError, OSError, ValueError):
                 health.link = "lost"
             stop.wait(wait)
@@ -285,11 +285,11 @@ async def _in_thread(
     """Run `work` in a thread; what it tells is taken here, in the loop."""
     loop, stop = asyncio.get_running_loop(), threading.Event()
 
-    def tell(what: Any, arrival: float) -> None:
+    def pass_on(what: Any, arrival: float) -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed: we are going
             loop.call_soon_threadsafe(take, what, arrival)
 
-    thread = threading.Thread(target=work, args=(stop, tell), daemon=True)
+    thread = threading.Thread(target=work, args=(stop, pass_on), daemon=True)
     thread.start()
     try:
         while thread.is_alive():

@@ -83,9 +83,9 @@ def _policy(tiles_url: str | None) -> str:
 
 async def _page(path: Path, about: dict[str, object], policy: str, _: Request) -> Response:
     text = path.read_text("utf-8")
-    told = json.dumps(about).replace("<", "\\u003c")
+    encoded = json.dumps(about).replace("<", "\\u003c")
     return Response(
-        text.replace("{{about}}", told),
+        text.replace("{{about}}", encoded),
         media_type="text/html",
         headers={
             "Content-Security-Policy": policy,

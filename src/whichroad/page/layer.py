@@ -136,21 +136,21 @@ class RoadLayer:
         self, found: NDArray[Any], lines: NDArray[Any], at: tuple[int, int, int]
     ) -> list[Line]:
         """Streets of one look as one feature each, so that a tile stays small."""
-        look = 100 * self._rank[found].astype(np.int64)
-        look += 10 * self._tunnel[found] + self._one_way[found] + 1
+        style = 100 * self._rank[found].astype(np.int64)
+        style += 10 * self._tunnel[found] + self._one_way[found] + 1
         drawn = []
-        for key in np.unique(look).tolist():
+        for key in np.unique(style).tolist():
             rank, rest = divmod(key, 100)
-            tunnel, way = divmod(rest, 10)
+            tunnel, direction = divmod(rest, 10)
             properties: dict[str, str | int] = {"rank": rank}
             if tunnel:
                 properties["tunnel"] = 1
-            if way != 1:
+            if direction != 1:
                 properties["oneway"] = 1
-            of_look = lines[look == key]
-            if way == 0:  # drawn against its only direction
-                of_look = shapely.reverse(of_look)
-            drawn.append(Line(_parts(of_look, at), properties))
+            of_style = lines[style == key]
+            if direction == 0:  # drawn against its only direction
+                of_style = shapely.reverse(of_style)
+            drawn.append(Line(_parts(of_style, at), properties))
         return drawn[::-1]
 
     def _names(

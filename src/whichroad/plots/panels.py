@@ -112,17 +112,17 @@ def draw_zoom(axes: "Axes", scene: Scene, window: Window) -> None:
         axes.plot(*near.T, color=TRUTH, lw=0.9, zorder=4)
     if len(scene.fixes):
         axes.plot(*scene.fixes.T, "+", color=FIX, ms=7, mew=1.5, zorder=5)
-    shown = {name: values[epochs].ravel() for name, values in scene.hypotheses.items()}
-    keep = (shown["edge"] != -2) & (shown["p"] > LIVE / 2)
-    order = np.flatnonzero(keep)[np.argsort(shown["p"][keep])]  # the most probable on top
-    shown = {name: values[order] for name, values in shown.items()}
-    _ellipses(axes, shown)
+    rows = {name: values[epochs].ravel() for name, values in scene.hypotheses.items()}
+    keep = (rows["edge"] != -2) & (rows["p"] > LIVE / 2)
+    order = np.flatnonzero(keep)[np.argsort(rows["p"][keep])]  # the most probable on top
+    rows = {name: values[order] for name, values in rows.items()}
+    _ellipses(axes, rows)
     axes.scatter(
-        shown["x"], shown["y"], c=shown["p"], cmap=PROBABLE, norm=UNIT, s=9 + 22 * shown["p"],
+        rows["x"], rows["y"], c=rows["p"], cmap=PROBABLE, norm=UNIT, s=9 + 22 * rows["p"],
         edgecolors="white", linewidths=0.5, zorder=7,
     )  # fmt: skip
     if len(order):
-        _metres(axes, *_box(np.column_stack([shown["x"], shown["y"]]), 25))
+        _metres(axes, *_box(np.column_stack([rows["x"], rows["y"]]), 25))
     axes.legend(handles=_zoom_legend(scene), loc="upper left")
 
 
@@ -147,17 +147,17 @@ def _spaced(scene: Scene, window: Window) -> Any:
     return inside[np.unique(np.searchsorted(along, wanted).clip(max=len(inside) - 1))]
 
 
-def _ellipses(axes: "Axes", shown: dict[str, Any]) -> None:
-    covs = np.empty((len(shown["p"]), 2, 2))
-    covs[:, 0, 0], covs[:, 1, 1] = shown["cov_xx"], shown["cov_yy"]
-    covs[:, 0, 1] = covs[:, 1, 0] = shown["cov_xy"]
+def _ellipses(axes: "Axes", rows: dict[str, Any]) -> None:
+    covs = np.empty((len(rows["p"]), 2, 2))
+    covs[:, 0, 0], covs[:, 1, 1] = rows["cov_xx"], rows["cov_yy"]
+    covs[:, 0, 1] = covs[:, 1, 0] = rows["cov_xy"]
     squares, axes_of = np.linalg.eigh(covs)
     minor, major = 2 * np.sqrt(CHI2_95 * squares.T)
     angle = degrees(np.arctan2(axes_of[:, 1, 1], axes_of[:, 0, 1]))
-    colours = PROBABLE(UNIT(shown["p"]))
+    colours = PROBABLE(UNIT(rows["p"]))
     ellipses = EllipseCollection(
         major, minor, angle, units="xy", offset_transform=axes.transData,
-        offsets=np.column_stack([shown["x"], shown["y"]]), linewidths=0.9, zorder=6,
+        offsets=np.column_stack([rows["x"], rows["y"]]), linewidths=0.9, zorder=6,
     )  # fmt: skip
     ellipses.set_edgecolor([(*colour[:3], 0.85) for colour in colours])
     ellipses.set_facecolor([(*colour[:3], 0.10) for colour in colours])

@@ -45,7 +45,7 @@ def drive_of_observations(
         ReadError: Odometry is of several kinds, or something is no observation.
     """
     skipped: Skipped = Counter()
-    possible = [o for o in (validated(said, skipped) for said in observations) if o is not None]
+    possible = [o for o in (validated(one, skipped) for one in observations) if o is not None]
     kinds = {type(o) for o in possible} - {GeoFix}
     if len(kinds) > 1:
         raise ReadError(

@@ -52,9 +52,9 @@ def _type(
     columns: str,
     timed: bool = True,
 ) -> _Type:
-    says = tuple(COLUMNS.index(column) for column in columns.split())
+    indices = tuple(COLUMNS.index(column) for column in columns.split())
     code = int.from_bytes(name.encode())
-    return _Type(code, fewest, tuple(numbers), tuple(letters), says, timed)
+    return _Type(code, fewest, tuple(numbers), tuple(letters), indices, timed)
 
 
 # Later types overwrite: GGA's position is the finer one, RMC's date and speed the surer.
@@ -176,14 +176,14 @@ def _read(
             continue
         if kind.timed:
             tod[mine] = _time_of_day(numbers[0], bad)
-        said = _MEANING[name](numbers, fields.letters(mine, kind.letters), bad)
+        decoded = _MEANING[name](numbers, fields.letters(mine, kind.letters), bad)
         fine = keep(~bad, NUMBER, skipped)
         if kind.timed:
             fine = fine & keep(bad | ~np.isnan(tod[mine]), NO_TIME, skipped)
         if not fine.all():
             good[mine[~fine]] = False
-            said = said[:, fine]
-        values[name] = said
+            decoded = decoded[:, fine]
+        values[name] = decoded
     return tod, values
 
 
@@ -213,8 +213,8 @@ def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
         dollar, star, proprietary = dollar[whole], star[whole], proprietary[whole]
 
     running = np.bitwise_xor.accumulate(text) if len(text) else text
-    said, bad = hexadecimal(text, star + 1, 2)
-    good = ~bad & ((running[star - 1] ^ running[dollar]) == said)
+    decoded, bad = hexadecimal(text, star + 1, 2)
+    good = ~bad & ((running[star - 1] ^ running[dollar]) == decoded)
     keep(good, CHECKSUM, skipped)
     keep(~(good & proprietary), PROPRIETARY, skipped)
     good &= ~proprietary
@@ -294,9 +294,9 @@ def _gga(numbers: Array, letters: Bytes, bad: Bools) -> Array:
 def _rmc(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     valid = letters[0] == ord("A")
     place = _place(numbers[1:3], letters[1:], bad)
-    said = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
-    said[:5, ~valid] = np.nan  # receivers that search write anything
-    return said
+    decoded = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
+    decoded[:5, ~valid] = np.nan  # receivers that search write anything
+    return decoded
 
 
 def _gst(numbers: Array, letters: Bytes, bad: Bools) -> Array:

@@ -153,11 +153,11 @@ def _covariance(
     n = len(r.time)
     ee, nn, hdop = _column(r.cov_ee, n), _column(r.cov_nn, n), _column(r.hdop, n)
     en = np.zeros(n) if r.cov_en is None else r.cov_en
-    said = ~(np.isnan(ee) & np.isnan(nn))
+    given = ~(np.isnan(ee) & np.isnan(nn))
     with np.errstate(over="ignore", invalid="ignore"):
         good = (ee > 0) & (nn > 0) & (ee * nn > en * en) & np.isfinite(ee * nn)
-    keep(good | ~said, NOT_A_COVARIANCE, skipped)
-    by_hdop = ~said & (hdop > 0) & np.isfinite(hdop)
+    keep(good | ~given, NOT_A_COVARIANCE, skipped)
+    by_hdop = ~given & (hdop > 0) & np.isfinite(hdop)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
     flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
     if r.no_correlation is not None:

@@ -93,10 +93,10 @@ def _bridge(step: Array, interval: Array, good: Bools) -> Array:
 
 def held(reversing: Reversing, time: Array) -> Bools:
     """Whether the vehicle goes backwards at each time, as last said; forwards before."""
-    said_at, flag = reversing
-    if len(said_at) == 0:
+    flag_time, flag = reversing
+    if len(flag_time) == 0:
         return np.zeros(len(time), np.bool_)
-    index = np.searchsorted(said_at, time, side="right") - 1
+    index = np.searchsorted(flag_time, time, side="right") - 1
     return np.asarray((index >= 0) & flag[np.maximum(index, 0)])
 
 

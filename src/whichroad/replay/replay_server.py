@@ -49,13 +49,13 @@ def replay_app(
         await looker.accept()
         crowd.add(looker)
         listening = asyncio.create_task(_listen(looker))
-        telling = asyncio.create_task(_tell(looker, player))
+        sending = asyncio.create_task(_send_frames(looker, player))
         try:
-            await asyncio.wait((listening, telling), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((listening, sending), return_when=asyncio.FIRST_COMPLETED)
         finally:
             listening.cancel()
-            telling.cancel()
-            await asyncio.gather(listening, telling, return_exceptions=True)
+            sending.cancel()
+            await asyncio.gather(listening, sending, return_exceptions=True)
             crowd.discard(looker)
 
     async def control(request: Request) -> JSONResponse:
@@ -126,7 +126,7 @@ async def _listen(looker: WebSocket) -> None:
         return
 
 
-async def _tell(looker: WebSocket, player: Player) -> None:
+async def _send_frames(looker: WebSocket, player: Player) -> None:
     try:
         async for message in player.messages():
             text = json.dumps(message, ensure_ascii=False, separators=(",", ":"))

@@ -16,7 +16,7 @@ _APART = 3.0  # s; stretches closer than this are one
 _SHORT = 0.4  # s; shorter stretches are not listed
 _PLACES = 300
 _SURE = 0.9  # P of edges in a row from which on it is only a question of where
-_LOOK_AT = ("ambiguous", "outage", "off_road", "lost")
+_UNCLEAR = ("ambiguous", "outage", "off_road", "lost")
 
 
 def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[dict[str, Any]]:
@@ -24,11 +24,13 @@ def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[di
 
     To pass from one edge to the next makes both probable for a moment; that is no question.
     """
-    found = [place for word in _LOOK_AT for place in _doubts(recorded, roads, word)]
+    found = [place for word in _UNCLEAR for place in _unclear_stretches(recorded, roads, word)]
     return sorted(found + _broken(recorded), key=lambda place: float(place["begin"]))[:_PLACES]
 
 
-def _doubts(recorded: RecordedMessages, roads: "RoadMap | None", word: str) -> list[dict[str, Any]]:
+def _unclear_stretches(
+    recorded: RecordedMessages, roads: "RoadMap | None", word: str
+) -> list[dict[str, Any]]:
     """Stretches of one status."""
     time, p = recorded.time, np.nan_to_num(recorded.columns["p_road"])
     rows = np.flatnonzero(recorded.status == STATUS.index(word))

@@ -243,7 +243,7 @@ def _network(
     )  # fmt: skip
     edges.from_node, edges.to_node, edges.opposite = from_node, to_node, opposite
     edges.lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
-    edges.lane_sigma = streets.lane_spread[way]
+    edges.lane_sigma = streets.lane_sigma[way]
     edges.rule, edges.service = rule, service
     edge_costs(edges, vertices)
     turn_costs(edges, turns.table)

@@ -117,8 +117,8 @@ class _Ways:
         if not long:
             self.skipped["ways of fewer than two nodes"] += 1
             return
-        told = tuple(map(tags.get, _KEYS))
-        kind = self.kinds.get(told) or self.kinds.setdefault(told, _Kind(tags))
+        values = tuple(map(tags.get, _KEYS))
+        kind = self.kinds.get(values) or self.kinds.setdefault(values, _Kind(tags))
         name = tags.get("name") or tags.get("ref") or ""
         name = self.words.setdefault(name, name)
         for run in long:
@@ -172,7 +172,7 @@ class _Ways:
             rule_backward=np.array([r.backward for r in rows], dtype=np.uint8),
             speed=np.array([r.speed for r in rows]),
             lane=np.array([r.lane for r in rows]),
-            lane_spread=np.array([r.lane_spread for r in rows]),
+            lane_sigma=np.array([r.lane_sigma for r in rows]),
             service=np.array([r.highway == "service" for r in rows], dtype=np.uint8),
             highway=Texts.of([r.highway for r in rows]),
             columns={
@@ -197,7 +197,7 @@ class _Kind:
     """The meaning of a way's tags; a city's ways are of few kinds."""
 
     __slots__ = (
-        "access", "backward", "bridge", "forward", "highway", "lane", "lane_spread", "lanes",
+        "access", "backward", "bridge", "forward", "highway", "lane", "lane_sigma", "lanes",
         "layer", "limit", "oneway", "ring", "speed", "tunnel", "width",
     )  # fmt: skip
 
@@ -219,7 +219,7 @@ class _Kind:
         self.lane = meaning.lane_offset(
             self.highway, self.oneway == 0, self.lanes, self.width, self.ring
         )
-        self.lane_spread = meaning.lane_spread(self.highway, self.oneway == 0, self.lanes)
+        self.lane_sigma = meaning.lane_sigma(self.highway, self.oneway == 0, self.lanes)
 
 
 def _columns(rows: list[_Kind]) -> dict[str, Column]:

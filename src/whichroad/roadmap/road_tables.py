@@ -155,10 +155,10 @@ def _one_way(
     """1 where a row may be driven as drawn only, -1 the other way only, 0 both; None: unsaid."""
     column = _find(sheet, "oneway")
     if column is not None:
-        said = _each(column[rows], meaning.oneway_word)
-        if unknown := said.count(None):
+        words = _each(column[rows], meaning.oneway_word)
+        if unknown := words.count(None):
             skipped["one-way words that were not understood (taken as two-way)"] += unknown
-        return np.array([word or 0 for word in said], dtype=np.int8)
+        return np.array([word or 0 for word in words], dtype=np.int8)
     back = _find(sheet, "reverse_cost")
     if back is None:
         return None
@@ -218,7 +218,7 @@ def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Count
         links.lat_deg, links.lon_deg, links.node_id, first, node,
         rule_forward=rules[:, 0].astype(np.uint8), rule_backward=rules[:, 1].astype(np.uint8),
         speed=tags.speed, lane=tags.lane(oneway),
-        lane_spread=tags.lane_spread(oneway), service=(tags.service).astype(np.uint8),
+        lane_sigma=tags.lane_sigma(oneway), service=(tags.service).astype(np.uint8),
         highway=Texts.of(tags.highway), columns=columns, skipped=dict(skipped),
     )  # fmt: skip
 
@@ -262,10 +262,10 @@ class _Tags:
         values = zip(self.highway, oneway == 0, self.lanes, self.width, self.ring, strict=True)
         return np.array([meaning.lane_offset(*v) for v in values], dtype=np.float64)
 
-    def lane_spread(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
+    def lane_sigma(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
         """Sigma of the lane driven in, m."""
         values = zip(self.highway, oneway == 0, self.lanes, strict=True)
-        return np.array([meaning.lane_spread(*v) for v in values], dtype=np.float64)
+        return np.array([meaning.lane_sigma(*v) for v in values], dtype=np.float64)
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""

@@ -143,13 +143,13 @@ class RoadMap:
 
     def near(self, x: float, y: float, radius: float) -> Near:
         """Every directed edge within `radius` true metres of a plane point, closest first."""
-        room = 64
+        capacity = 64
         while True:
-            found = records(room, index.CANDIDATE)
+            found = records(capacity, index.CANDIDATE)
             n = index.near(self.arrays, x, y, radius, found)
-            if n < room:
+            if n < capacity:
                 return Near(*(np.ascontiguousarray(found[name][:n]) for name in Near._fields))
-            room *= 4
+            capacity *= 4
 
     def at(self, edge: int, s: float) -> tuple[float, float, float]:
         """Plane point and heading (rad) at abscissa s (true m) of an edge.
@@ -234,10 +234,10 @@ class RoadMap:
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
-        abscissae = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
+        along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
         found = np.empty(len(edges), np.int64)
         topology.find_pieces(
-            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(abscissae), found
+            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(along), found
         )
         return found
 

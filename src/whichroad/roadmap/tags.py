@@ -148,7 +148,7 @@ def lane_offset(highway: str, both_ways: bool, lanes: float, width: float, ring:
     return 1.5 if lanes >= 2.0 and not ring else 0.0
 
 
-def lane_spread(highway: str, both_ways: bool, lanes: float) -> float:
+def lane_sigma(highway: str, both_ways: bool, lanes: float) -> float:
     """Sigma of which lane is driven in, m: w sqrt((n² − 1) / 12) for n lanes of w = 3.3 m.
 
     Without a number of lanes, wide classes and unknown ones have two in a direction.

@@ -234,7 +234,7 @@ def truth_table(drive: SimulatedDrive, roads: "RoadMap") -> "pa.Table":
             "lon": lon,
             "bearing_deg": bearing,
             "edge_id": t.edge,
-            "abscissa_m": t.abscissa,
+            "abscissa_m": t.along,
             "speed_mps": t.speed,
             "on_road": np.ones(len(t), dtype=bool),
             "map_lat": map_lat,

@@ -155,16 +155,16 @@ def gnss_errors(
         during = (time >= begin) & (time < begin + random.exponential(settings.multipath_time))
         error[during] += random.normal(0.0, settings.multipath_sigma, 2)
         false |= during
-    says = settings.gnss_reported * np.exp(
+    reported = settings.gnss_reported * np.exp(
         random.normal(0.0, settings.gnss_reported_spread, len(time))
     )
     shape = stretch @ stretch.T
     return GnssErrors(
         error[:, 0],
         error[:, 1],
-        says**2 * shape[0, 0],
-        says**2 * shape[0, 1],
-        says**2 * shape[1, 1],
+        reported**2 * shape[0, 0],
+        reported**2 * shape[0, 1],
+        reported**2 * shape[1, 1],
         false,
     )
 

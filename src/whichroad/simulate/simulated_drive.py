@@ -52,7 +52,7 @@ class Truth:
     stopped: NDArray[np.bool_]
     travelled: Array  # true m since the drive's start
     edge: NDArray[np.int64]  # directed edge of the map
-    abscissa: Array  # true m from the edge's start
+    along: Array  # true m from the edge's start
     map_x: Array  # m, the same place in the map's frame
     map_y: Array
 
@@ -144,7 +144,7 @@ def _truth(roads: Roads, path: VehiclePath, states: States) -> Truth:
         stopped=states.speed == 0.0,
         travelled=states.travelled - states.travelled[0],
         edge=edge,
-        abscissa=np.minimum(along - path.entry[k], roads.edges.length[edge]),
+        along=np.minimum(along - path.entry[k], roads.edges.length[edge]),
         map_x=np.interp(states.travelled, path.travelled, path.map_x),
         map_y=np.interp(states.travelled, path.travelled, path.map_y),
     )

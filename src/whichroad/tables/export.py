@@ -215,12 +215,12 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
         for k in one
     ]
     rows = np.flatnonzero(vie)
-    told = pa.array(texts, pa.string())
+    plain = pa.array(texts, pa.string())
     also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
     words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    return pa.concat_arrays([told, words]).take(pa.array(at))
+    return pa.concat_arrays([plain, words]).take(pa.array(at))
 
 
 def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
@@ -228,11 +228,11 @@ def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
     road = pa.array(edges[row, rank]).dictionary_encode()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    said = pc.binary_join_element_wise(
+    competitors = pc.binary_join_element_wise(
         _titles(road.dictionary, roads).take(road.indices), _SHARES.take(pa.array(cents)), " "
     )
     ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
-    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
+    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), competitors), " or ")
 
 
 def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
@@ -267,23 +267,23 @@ def _disbelieved(epochs: Records, v: _Estimates, first: Sequence[int]) -> Array:
 
 
 def path_table(
-    names: Sequence[str], way: Traversals, roads: RoadMap, first: Sequence[int] | None = None
+    names: Sequence[str], driven: Traversals, roads: RoadMap, first: Sequence[int] | None = None
 ) -> pa.Table:
     """One row per traversed edge, in driving order, drive after drive.
 
     Args:
         names: (d,) of the drives.
-        way: Their routes, one behind the other.
+        driven: Their routes, one behind the other.
         roads: The map.
         first: (d + 1,) where each begins, and the number of edges; None: there is one.
 
     Returns:
         A table with the columns of `tables.schema.PATH`.
     """
-    count = np.diff(first if first is not None else [0, len(way.edge)])
-    edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
+    count = np.diff(first if first is not None else [0, len(driven.edge)])
+    edges, enter, leave, rows = driven.edge, driven.enter_m, driven.exit_m, len(driven.edge)
     source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    duration = way.exit_time - way.enter_time
+    duration = driven.exit_time - driven.enter_time
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
     of_edges = roads.arrays.edges
@@ -295,14 +295,14 @@ def path_table(
         "from_node": pa.array(of_edges.from_node[edges].astype(np.int64)),
         "to_node": pa.array(of_edges.to_node[edges].astype(np.int64)),
         "forward": forward,
-        "enter_time": times(way.enter_time),
-        "exit_time": times(way.exit_time),
+        "enter_time": times(driven.enter_time),
+        "exit_time": times(driven.exit_time),
         "enter_m": pa.array(enter),
         "exit_m": pa.array(leave),
         "duration_s": pa.array(duration),
         "mean_speed_mps": _nullable(speed, ~passed),
-        "p": pa.array(way.p),
-        "broken_rule": _broken(way),
+        "p": pa.array(driven.p),
+        "broken_rule": _broken(driven),
         "geometry": _lines(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
@@ -326,9 +326,9 @@ def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
     return pa.array(names, pa.string()).take(pa.array(np.repeat(np.arange(len(names)), count)))
 
 
-def _broken(way: Traversals) -> pa.Array:
+def _broken(driven: Traversals) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
-    rules = np.where(way.gap, _GAP, way.rules)
+    rules = np.where(driven.gap, _GAP, driven.rules)
     one, at = _distinct(rules)
     words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))
@@ -341,7 +341,7 @@ def _rule_names(bits: int) -> str | None:
 
 
 def figures_of(
-    epochs: Records, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
+    epochs: Records, output: Output, first: Sequence[int], driven: Traversals, begins: Sequence[int]
 ) -> dict[str, NDArray[Any]]:
     """What `tables.schema.DRIVES` tells of drives in numbers, (d,) each.
 
@@ -349,7 +349,7 @@ def figures_of(
         epochs: (n,) of the drives, one behind the other.
         output: (n,) what was said of them.
         first: (d + 1,) the epoch at which each begins, and n.
-        way: (r,) their routes, one behind the other.
+        driven: (r,) their routes, one behind the other.
         begins: (d + 1,) where each begins, and r.
     """
     rows, time = output.rows, epochs.time
@@ -363,9 +363,9 @@ def figures_of(
         "fixes": _sums(epochs.has_fix > 0, first),
         "epochs_without_answer": high - low - answered,
         "duration_s": np.where(some, ends, 0.0),
-        "path_m": _sums(np.abs(way.exit_m - way.enter_m), begins),
+        "path_m": _sums(np.abs(driven.exit_m - driven.enter_m), begins),
         "edges": np.diff(begins),
-        "gaps": _sums(way.gap > 0, begins),
+        "gaps": _sums(driven.gap > 0, begins),
         "mean_p_road": _sums(rows.p_edge * known, first) / np.maximum(answered, 1),
         "mean_p_off_road": _sums(rows.p_off_road * known, first) / np.maximum(answered, 1),
     }
@@ -387,11 +387,11 @@ def _mean(values: NDArray[Any]) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def summary_of(epochs: Records, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
+def summary_of(epochs: Records, output: Output, driven: Traversals, masked: int) -> dict[str, Any]:
     """The drive in numbers, for people and for JSON."""
     n, rows = len(epochs), output.rows
     shares = {s: float(np.mean(rows.status == i)) for i, s in enumerate(STATUS) if n}
-    figures = figures_of(epochs, output, [0, n], way, [0, len(way.edge)])
+    figures = figures_of(epochs, output, [0, n], driven, [0, len(driven.edge)])
     return {name: column[0].item() for name, column in figures.items()} | {
         "fixes_masked": masked,
         "mean_live_hypotheses": _mean(rows.live[rows.live > 0]),

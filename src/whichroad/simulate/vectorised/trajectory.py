@@ -81,10 +81,10 @@ def _average(values: Vector, work: Vector, n: int, half: int) -> None:
 def _gauss_markov(out: Vector, n: int, every: int, sigma: float, length: float) -> None:
     """Add a Gauss-Markov process drawn each `every` points, a smooth curve between."""
     keep = math.exp(-every / length)
-    fresh = sigma * math.sqrt(1.0 - keep * keep)
+    driving_sigma = sigma * math.sqrt(1.0 - keep * keep)
     p = np.random.normal(0.0, sigma)
-    q = keep * p + fresh * np.random.normal()
-    r = keep * q + fresh * np.random.normal()
+    q = keep * p + driving_sigma * np.random.normal()
+    r = keep * q + driving_sigma * np.random.normal()
     before = p
     k = 0
     while k < n:
@@ -96,7 +96,7 @@ def _gauss_markov(out: Vector, n: int, every: int, sigma: float, length: float) 
                 + f * (1.0 - f) * 0.5 * ((1.0 - f) * (2 * p - before - q) + f * (2 * q - p - r))
             )
         before, p, q = p, q, r
-        r = keep * q + fresh * np.random.normal()
+        r = keep * q + driving_sigma * np.random.normal()
         k += every
 
 
