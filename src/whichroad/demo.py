@@ -47,10 +47,10 @@ def run_demo(
     Args:
         out: folder for everything; an earlier demo's is used again.
         force: use a folder that holds something else.
-        progress: told (what, done, of how many).
+        progress: called with (task, done, total).
 
     Returns:
-        The summary that `summary.json` holds: what is `said` of it in a few lines, all
+        The summary that `summary.json` holds: the headlines as `said`, all
         `figures` against the truth, `seconds` of each step, `files`, and the `picture`.
 
     Raises:
@@ -101,7 +101,7 @@ def run_demo(
 
 
 class _Stopwatch:
-    """Says what begins, and how long what ends took."""
+    """Reports each step as it begins, and keeps how long each took."""
 
     def __init__(self, progress: Progress) -> None:
         self.seconds: dict[str, float] = {}

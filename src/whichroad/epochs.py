@@ -148,7 +148,7 @@ def _odometry(motion: Motion | None, time: Array) -> tuple[Array, Array, NDArray
         return np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
     when, distance, angle = motion.time, motion.distance, motion.turn
     edge = np.searchsorted(when, time).clip(1, len(when) - 1)
-    # between readings far apart the turn is not known; the road tells it to a mere odometer
+    # between readings far apart the turn is not known; a mere odometer takes it from the road
     gap = (when[edge] - when[edge - 1] > _GAP) & (angle is not None)
     known = (time >= when[0]) & (time <= when[-1]) & ~gap
     if time[0] < when[0]:  # before the first reading: at the speed that came then

@@ -1,6 +1,6 @@
 """What passes between modules: columns of a recorded drive, and single observations.
 
-Times are seconds since 1970-01-01 UTC.  Whatever is in degrees says so and stays
+Times are seconds since 1970-01-01 UTC.  Names of what is in degrees end in `_deg`, and it stays
 outside the filter.  A quantity that a sensor did not report has an infinite sigma,
 never a NaN.
 """
@@ -200,7 +200,7 @@ class Detail(Protocol):
     """What an estimate puts into words only when asked."""
 
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All living hypotheses, most probable first."""
+        """All current hypotheses, most probable first."""
 
     def reason(self) -> str:
         """Why the status is what it is."""
@@ -223,7 +223,7 @@ class Detail(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What the localizer says of one epoch."""
+    """The localizer's estimate of one epoch."""
 
     time: float
     pose: Pose
@@ -245,7 +245,7 @@ class Estimate:
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All living hypotheses, most probable first; made when asked for."""
+        """All current hypotheses, most probable first; made when asked for."""
         return self.detail.hypotheses()
 
     @property

@@ -17,12 +17,12 @@ from .observations import Array
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
 _CLOSE = 2.0  # s between two steps, up to which an edge is entered at the second
 _ENTRIES = 256  # edges between two steps, at most
-_DETOUR = 3.0  # times the distance between two edges that no hypothesis joins: longest way
+_DETOUR = 3.0  # times the distance between two edges that no hypothesis joins: longest route
 _DETOUR_MORE = 300.0  # m, added to it
 _RULE_COST = 500.0  # m, cost of a turn that breaks a rule
-_SURE = 0.999  # P(edge) from which on every way passes an edge
-_BEAM = 200  # ways that are followed at once between two such edges
-_LEAST = 1e-4  # P of a way up to which it is left out
+_SURE = 0.999  # P(edge) from which on every route passes an edge
+_BEAM = 200  # routes that are extended at once between two such edges
+_LEAST = 1e-4  # P of a route up to which it is left out
 
 
 class Chain(NamedTuple):
@@ -34,7 +34,7 @@ class Chain(NamedTuple):
 
 
 def tidied(path: Path, *users: NDArray[np.int64]) -> Path:
-    """The path tree with room for more, and only the entries that its users descend from.
+    """The path tree with spare capacity, and only the entries that its users descend from.
 
     Args:
         path: The tree.
@@ -87,7 +87,7 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One way to drive, of several."""
+    """One of several routes."""
 
     p: float
     edges: tuple[int, ...]  # in driving order; those off the roads are left out
@@ -126,7 +126,7 @@ def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = Fa
 
 
 class _Columns(NamedTuple):
-    """Columns of the graph and of the path tree: to look up a field by its name takes long."""
+    """Columns of the graph and of the path tree: access to a field by its name is slow."""
 
     roads: Roads
     time: Array  # of steps
@@ -196,7 +196,7 @@ def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float]]:
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
-    """Edges between the end of edge a and the start of edge b; None: there is no near way."""
+    """Edges between the end of edge a and the start of edge b; None: no route is short enough."""
     end = roads.vertices[roads.edges[a].last_vertex]
     start = roads.vertices[roads.edges[b].first_vertex]
     away = float(np.hypot(end.x - start.x, end.y - start.y))
@@ -223,10 +223,10 @@ def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
 
 
 def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative]:
-    """The drive in parts between sure edges, each with its ways and their probabilities.
+    """The drive in parts between sure edges, each with its routes and their probabilities.
 
     The parts follow each other, the last edge of one being the first of the next; nearly all
-    have one way.
+    have one route.
 
     Args:
         history: The graph, smoothed.
@@ -265,9 +265,9 @@ def _best_edge(c: _Columns, p: Array, step: int) -> int:
 
 
 def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
-    """Ways from one step to a later one, backwards: P(way) = Σ γ(last) Π f over its chains.
+    """Routes from one step to a later one, backwards: P(route) = Σ γ(last) Π f over its chains.
 
-    A way is kept as its last edges, each with what follows, so that ways share their ends.
+    A route is kept as its last edges, each with what follows, so that routes share their ends.
     """
     tails: list[tuple[int, int]] = []  # edge, number of the tail that follows
     number: dict[tuple[int, int], int] = {}
@@ -306,7 +306,7 @@ def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
 
 
 def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Route, ...]:
-    """Ways of the same edges are one."""
+    """Routes of the same edges are one."""
     routes: dict[tuple[int, ...], float] = {}
     for (_, tail), weight in here.items():
         edges: list[int] = []
@@ -328,7 +328,7 @@ def best_routes(parts: list[Alternative], count: int) -> list[Route]:
         count: How many at most.
 
     Returns:
-        Ways from the first edge to the last, the most probable first.
+        Routes from the first edge to the last, the most probable first.
     """
     open_parts = [k for k, part in enumerate(parts) if len(part.routes) > 1]
     start = (0,) * len(open_parts)

@@ -72,7 +72,7 @@ class Past(NamedTuple):
     lag: Lag
 
     def alternatives(self) -> list[Alternative]:
-        """The parts of the drive with the ways that compete."""
+        """The parts of the drive with their competing routes."""
         return alternatives(self.history, self.path, self.roads.arrays)
 
     def decided_until(self) -> float | None:

@@ -21,7 +21,7 @@ class Traversal(NamedTuple):
     edge: int
     enter_time: float  # s
     exit_time: float
-    enter_m: float  # abscissa
+    enter_m: float  # along-track position
     exit_m: float
     p: float  # mean probability of the edge while it was driven
     gap: bool  # does not follow from the edge before

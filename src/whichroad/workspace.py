@@ -12,7 +12,7 @@ from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
 from .graph.network import Roads
 from .settings import Settings, Vehicle, parameters
 
-_ENTRIES = 1 << 15  # of the path tree, for which there is room at first
+_ENTRIES = 1 << 15  # of the path tree, initial capacity
 _STEPS = 1 << 10  # of the history, likewise
 _MOST_STEPS = 1 << 12  # of a history that is kept for the next drive: 10 MiB
 _free = threading.local()  # `workspace`: each thread's, while no drive uses it
@@ -69,7 +69,7 @@ class Workspace:
         return self._history, self._smoother
 
     def enlarged(self, history: History) -> History:
-        """The same history with room for more, kept for the drives to come unless it is huge."""
+        """The same history with more capacity, kept for the drives to come unless it is huge."""
         larger = enlarged(history)
         if len(larger.steps) <= _MOST_STEPS:
             self._history = larger

@@ -69,14 +69,16 @@ def live(
     ] = Clock.sensor,
     lag: Annotated[
         float | None,
-        typer.Option(min=0.0, max=600.0, metavar="S", help="Tell also what is known S later."),
+        typer.Option(
+            min=0.0, max=600.0, metavar="S", help="Add the smoothed state S seconds ago."
+        ),
     ] = None,
     rate: Annotated[
         float,
         typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
     ] = 10.0,
     record: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Record all that comes and is said.")
+        Path | None, typer.Option(metavar="DIR", help="Record all observations and estimates.")
     ] = None,
     state: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the state here, to outlive crashes.")
@@ -99,7 +101,7 @@ def live(
     ] = None,
     page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
 ) -> None:
-    """Say where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
+    """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
     pose, pace = read_start(start), _speed(speed)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
     if token is None and not _is_local(host):
@@ -208,7 +210,7 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
 
 
 def _pages(roads: "RoadMap", tiles: str | None) -> Any:
-    """The page's routes; without MapLibre the service goes on, and says so."""
+    """The page's routes; without MapLibre the service runs without them, with a notice."""
     from ..page import page_routes
 
     try:

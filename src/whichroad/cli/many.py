@@ -34,7 +34,7 @@ def match_trips(
         roads: The map.
         out: Where points go.
         path_out: Where paths go.
-        by_source: Whether they are told by the roads of the source.
+        by_source: Whether paths are given by the roads of the source.
         every: One point in so many seconds.
         force: Replace files that exist.
         options: For `batch.match_stream`.
@@ -95,5 +95,5 @@ def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     if not answered:
         raise DriveError(
             f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
-            f"map were expected; the first one says: {rows[0]['reason']}"
+            f"map were expected; the reason of the first: {rows[0]['reason']}"
         )

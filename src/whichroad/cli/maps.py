@@ -1,4 +1,4 @@
-"""`whichroad map`: compile a road map, or say what one holds."""
+"""`whichroad map`: compile a road map, or describe one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +32,7 @@ def map_build(
 
 @map_app.command("info")
 def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")]) -> None:
-    """Say what a map holds."""
+    """Print what a map holds."""
     from ..roadmap import open_map
 
     with progress_line() as progress:

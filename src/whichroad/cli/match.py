@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..tables.result import Result
 
 
-_EACH = 4  # drives that are told one by one; of more the sums are
+_EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
 _PRINTED_APART = ("skipped", "notes", "diagnosis")
 
@@ -37,7 +37,7 @@ def match(
         typer.Option(
             metavar="LAT,LON,BEARING",
             help="A known pose, in degrees; or `map`: anywhere on it, found by the turns that both "
-            "wheels tell; or `map:LAT,LON,METRES`: about so far from there.",
+            "wheels measure; or `map:LAT,LON,METRES`: about so far from there.",
         ),
     ] = None,
     mask: Annotated[
@@ -83,7 +83,7 @@ def match(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Say where a vehicle was, on which road, and how sure that is."""
+    """Estimate where a vehicle was, on which road, and how sure that is."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 

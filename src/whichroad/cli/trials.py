@@ -22,7 +22,7 @@ def demo(
     print_table(
         "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
     )
-    typer.echo(f"look at {summary['picture']}, or watch it, and mask GNSS while it drives:")
+    typer.echo(f"see {summary['picture']}, or replay the drive and mask GNSS meanwhile:")
     typer.echo(
         f"  whichroad replay {out / 'drive.nmea'} --can {out / 'can.log'} --dbc "
         f"{out / 'vehicle.dbc'} --vehicle {out / 'vehicle.toml'} --map {out / 'map.osm'}"
@@ -62,7 +62,7 @@ def evaluate(
         Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
     ],
 ) -> None:
-    """Say what an answer is worth against a known truth."""
+    """Score an answer against a known truth."""
     from ..evaluate import evaluate_files
 
     with progress_line() as progress:
@@ -91,7 +91,7 @@ def experiments(
     for name, about in done["scenes"].items():
         typer.echo(f"{name}: {about['title']} ({about['figure']})")
         typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))
-    typer.echo(f"seeds {seeds}; look at {done['report']}")
+    typer.echo(f"seeds {seeds}; see {done['report']}")
 
 
 def warmup() -> None:

@@ -20,13 +20,13 @@ _TIME = 1.55  # T over the setting, or under it
 _SURELY = 3.5  # the same where the sigma's being too large would explain it as well
 _SIGMA = 1.18  # σ over what is reported, T being right
 _SIGMA_TOO = 1.25  # the same where T is not
-_SMALL = 0.7  # σ below which the receiver says too much
+_SMALL = 0.7  # σ ratio below which the receiver reports too large errors
 _SCALE = 4.0  # sigmas of the settings' scale and drift
 _GAIN = 0.035  # of turns
 _LATE = 0.2  # s, between clocks
 _ANTENNA = 1.5  # m
 _SURE = 4.0  # sigmas of what was measured
-_MAP = 1.1  # mean square map error over what the settings say
+_MAP = 1.1  # mean square map error over that of the settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +49,14 @@ class Finding:
 
 
 def diagnose(answer: Any) -> list[Finding]:
-    """Say which settings do not fit the data.
+    """Find the settings that do not fit the data.
 
     Args:
         answer: A `Result`, a `Localizer`, or a recorded drive as `localize_recorded` gives it.
 
     Returns:
-        Findings, empty where everything fits, or too little was driven to tell (ten minutes
-        of driving with wheels and fixes; GNSS alone cannot tell).
+        Findings, empty where everything fits, or too little was driven to decide (ten minutes
+        of driving with wheels and fixes; GNSS alone cannot decide).
     """
     return list(answer.diagnosis)
 
@@ -65,7 +65,7 @@ def findings(statistics: Watch) -> tuple[Finding, ...]:
     """What does not fit, so far.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
-    by those before, so that nothing is said of it as long as those do not fit.
+    by those before, so that it is not judged as long as those do not fit.
     """
     if statistics.moving < _LEAST:
         return ()
@@ -201,7 +201,7 @@ def _gnss(statistics: Watch) -> list[Finding]:
 def findings_of(
     epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle
 ) -> tuple[Finding, ...]:
-    """What does not fit in a recorded drive; nothing is said where time alone moves it."""
+    """What does not fit in a recorded drive; none in clock mode."""
     if mode == CLOCK:
         return ()
     statistics = Watch(settings, vehicle)

@@ -1,8 +1,8 @@
-"""Running sums of a drive that tell whether the settings fit it; `findings` reads them.
+"""Consistency statistics of a drive: running sums from which `findings` judges the settings.
 
 The filter's own innovations, a second apart, see hardly more than the white part of the
-GNSS error.  What is looked at here are fixes up to two minutes apart, less what the wheels
-say was driven in between: half of the squared difference grows with the lag L as
+GNSS error.  The statistics are differences of fixes up to two minutes apart, less the
+odometer's displacement in between: half of the squared difference grows with the lag L as
 
     D(L) = w² + σ² (1 − exp(−L / T))     in units of the reported variance,
 
@@ -27,27 +27,27 @@ Chosen = NDArray[Any]
 
 LAGS = (2.0, 10.0, 40.0, 120.0)  # s spent moving
 _REACH = 1.25  # a pair may be that much longer than its lag
-_MIDDLE = 1  # the lag at which turns and clocks are looked at
+_MIDDLE = 1  # index of the lag at which turns and clocks are estimated
 _BREAK = 0.5  # rad, a change of heading in one epoch that no wheel has seen
 _WARM = 30.0  # s of moving before anything counts
-_WHEELS = 1e-3  # m² per m driven, variance of what wheels and heading say was driven
+_WHEELS = 1e-3  # m² per m driven, variance of the displacement by wheels and heading
 _BENT = 9.0  # the same for each (gain of turns − 1)²: headings are wrong after a turn
 _FEW_TURNS = 20.0  # rad², sum of squares
-_MOST = 20.0  # times what is expected a pair may say
-_GRID = np.geomspace(1 / 16, 16, 65)  # of σ² and T over what the settings say
+_MOST = 20.0  # most that a pair may count, times its expectation
+_GRID = np.geomspace(1 / 16, 16, 65)  # σ² and T over those of the settings
 _ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
 _WEIGHT = 0.04  # of log D for each pair and 1/s of lag, beside these
 
 
 class Row(NamedTuple):
-    """What is looked at of one epoch, or columns of n epochs."""
+    """What the statistics need of one epoch, or columns of n epochs."""
 
     time: Any  # s
     arc: Any  # odometer m since the epoch before
     turn: Any  # rad
-    speed: Any  # m/s, from here on what the filter says
+    speed: Any  # m/s, from here on the filter's estimate
     heading: Any  # rad
-    scale: Any  # of the GNSS errors; 0: nothing is said yet
+    scale: Any  # of the GNSS errors; 0: not estimated yet
     x: Any  # plane m
     y: Any
     map_x: Any  # the same in the map's frame
@@ -60,20 +60,20 @@ class Row(NamedTuple):
 
 
 _ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
-_BLOCK = 2048  # epochs that are looked at together on line
+_BLOCK = 2048  # epochs that are accumulated together on line
 
 
 class GnssErrors(NamedTuple):
-    """What fixes far apart say of the GNSS errors."""
+    """GNSS errors as estimated from fixes far apart."""
 
     white: float  # w², over the reported variance
     size: float  # σ², over the reported variance
     time: float  # T, over the setting's
-    size_if_right: float  # σ², if T is what the settings say
+    size_if_right: float  # σ², if T is that of the settings
 
 
 class Shift(NamedTuple):
-    """What fixes say of clocks and the antenna, beyond what the vehicle's numbers say."""
+    """Errors of the clocks' offset and of the lever arm, as estimated from fixes."""
 
     late: float  # s, fixes after the odometer
     antenna: complex  # m, ahead + i left
@@ -102,7 +102,7 @@ class _Fixes(NamedTuple):
 
 
 class Watch:
-    """Running sums over a drive; what they remember does not grow.
+    """Running sums over a drive; their memory does not grow.
 
     Args:
         settings: What is to be judged.
@@ -124,7 +124,7 @@ class Watch:
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
     def look(self, epoch: Record, estimate: Record) -> None:
-        """Add an epoch, as on line; it is looked at later.
+        """Add an epoch, as on line; it is accumulated later.
 
         Args:
             epoch: One of `filter.state.EPOCH`.
@@ -146,7 +146,7 @@ class Watch:
         self.take(self._block[:waiting])
 
     def take(self, rows: Array) -> None:
-        """Add epochs, in time order, columns as `Row` says."""
+        """Add epochs, in time order, columns as in `Row`."""
         rows = rows[rows[:, 5] > 0.0]
         if not len(rows):
             return
@@ -227,7 +227,7 @@ class Watch:
 
     @property
     def moving(self) -> float:
-        """Seconds spent moving that count, after all that waits was looked at."""
+        """Seconds spent moving that count, after all waiting epochs are accumulated."""
         self._flush()
         return float(self._state[0] - _WARM) if self._errors[0] else 0.0
 
@@ -244,7 +244,7 @@ class Watch:
 
     @property
     def map_error(self) -> float:
-        """Mean square of the map's error, as the filter sees it, over what the settings say."""
+        """Mean square of the map's error, as the filter estimates it, over that of the settings."""
         return float(self._errors[2] / self._errors[0])
 
     @property

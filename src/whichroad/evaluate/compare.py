@@ -17,7 +17,7 @@ SLACK_M = 10.0
 NEES_CAP = 1e4
 """One epoch far off must not hide all others."""
 
-_MOVED = 1e-8  # rad between two places of the truth, some centimetres, that tell a course
+_MOVED = 1e-8  # rad between two places of the truth, some centimetres, that define a course
 _LATE_S = 0.5  # an epoch this far outside the truth's span is not compared
 _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; squared eccentricity
 
@@ -40,7 +40,7 @@ class Comparison(NamedTuple):
     stopped: Bools  # in truth
     since: Array  # s since the truth began
     outage: Bools
-    edge_known: Bools  # whether the truth tells its edge
+    edge_known: Bools  # whether the truth names its edge
 
     def rows(self, keep: Bools) -> "Comparison":
         """Some of the rows."""
@@ -101,7 +101,7 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
 
 
 def _bearing(t: Table) -> Array:
-    """The truth's bearing, rad; where it tells none its course, at a standstill the last one."""
+    """The truth's bearing, rad; where it has none its course, at a standstill the last one."""
     if "bearing_deg" in t.names:
         return radians(t.numbers("bearing_deg"))
     lat, lon = radians(t.numbers("lat")), radians(t.numbers("lon"))

@@ -26,7 +26,7 @@ _BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 class Evaluation:
     """Figures of one or many drives; shares are between 0 and 1.
 
-    Of a truth that tells no edges those of edges are NaN.
+    Without edges in the truth the figures of edges are NaN.
     """
 
     epochs: int
@@ -128,7 +128,7 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
     named = (c.p_road > 0.0) & c.edge_known
     sure = named & (c.p_road >= SURE)
     exact = c.strict & c.on_road & c.edge_known
-    some = 1.0 if c.edge_known.any() else np.nan  # of a truth without edges nothing is said of them
+    some = 1.0 if c.edge_known.any() else np.nan  # a truth without edges gives no figures of them
     return Evaluation(
         epochs=len(error),
         rmse_m=_rms(error),
@@ -156,7 +156,7 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
 
 
 def calibration_error(p: Array, right: Bools) -> float:
-    """Expected calibration error: mean |said - happened| over bins of what was said.
+    """Expected calibration error: mean |stated P - frequency| over bins of stated P.
 
     The bins are finer towards 1, where honesty matters most.
 

@@ -55,7 +55,7 @@ def run_experiments(
         scenes: Names among `SCENES`; none: all.
         seeds: Drives of each scene.
         force: Use a folder that holds something else.
-        progress: Told (what, drives done, of how many).
+        progress: Called with (task, drives done, total).
 
     Returns:
         What `experiments.json` holds, and the path of the `report`.

@@ -153,7 +153,7 @@ def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeL
 
 
 def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[int]:
-    """Numbers of the ancestors of the living hypotheses on roads."""
+    """Numbers of the ancestors of the current hypotheses on roads."""
     everyone = {h.number: h for h in known.values()}
     found: set[int] = set()
     for h in living:

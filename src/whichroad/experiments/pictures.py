@@ -89,14 +89,16 @@ _ZOOM_CAPTION = (
     "of its own, so that the truth lies beside its line."
 )
 _OUTAGE_CAPTION = (
-    "the whole way, and the estimates where GPS comes back, once a second, with their 95 % "
+    "the whole drive, and the estimates where GPS comes back, once a second, with their 95 % "
     "ellipses."
 )
 _LANES_CAPTION = (
-    "the lives of the hypotheses. A lane for every road in one direction, coloured by its "
+    "the lifetimes of the hypotheses. A lane for every road in one direction, coloured by its "
     "probability."
 )
-_CURVES_CAPTION = "P of the true road over the way, and how long wrong roads counted (P >= 0.01)."
+_CURVES_CAPTION = (
+    "P of the true road along the route, and how long wrong roads count (P >= 0.01)."
+)
 _ERRORS_CAPTION = (
     "the position error that 63 % of the drives stay below (of Gaussian errors their RMS), dashed "
     "the RMS error that the filter states."
@@ -253,7 +255,7 @@ _NOISE_COLOURS = {PER_FIX: "#0b4f9e", FIXED: "#c9a227"}
 
 
 def _gst_page(example: ExampleDrive) -> Figure:
-    """The way with its fixes, and the middle of it closer."""
+    """The route with its fixes, and the middle of it enlarged."""
     assert example.fixed is not None
     figure = Figure(figsize=(13, 3.0))
     whole, near = figure.subplots(1, 2, width_ratios=[1.9, 1])
@@ -276,7 +278,7 @@ def _gst_page(example: ExampleDrive) -> Figure:
         near.plot(*place.at(lat, lon).T, color=_NOISE_COLOURS[noise], lw=1.8, zorder=5)
     frame(whole, np.array([path.min(axis=0) - 90.0, path.max(axis=0) + 90.0]))
     frame(near, np.array([houses.min(axis=0) - 40.0, houses.max(axis=0) + 40.0]))
-    whole.set_title("The way")
+    whole.set_title("The route")
     near.set_title("Between the houses")
     whole.legend(
         handles=_legend_of_gst(), loc="lower right", ncols=5, bbox_to_anchor=(1.0, 1.0),

@@ -148,7 +148,7 @@ def declared_wrong(r: Run) -> bool:
 
 
 def through_mask(rows: Rows, runs: Sequence[Run], alone: Sequence[float]) -> None:
-    """The paper's Figure 9: the mask, its end, and what wheels alone would say there."""
+    """The paper's Figure 9: the mask, its end, and dead reckoning by wheels there."""
     rows.ratio(
         "true road the most probable in the mask",
         [100.0 * float(r.answer.right[r.dark].sum()) for r in runs],

@@ -93,7 +93,7 @@ def _lifetimes(find: Find) -> str:
 
 
 def _verdict(row: Row) -> str:
-    """What an ANEES and its interval say in words."""
+    """An ANEES and its interval in words."""
     assert row.value is not None
     assert row.ci95 is not None
     low, high = row.ci95

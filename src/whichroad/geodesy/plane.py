@@ -17,7 +17,7 @@ from ..observations import Array
 from . import kernels
 from .angles import bearing_of, degrees, heading_of, radians, wrap
 
-_POLE_DEG = 89.999  # an origin nearer to a pole has no north to speak of
+_POLE_DEG = 89.999  # an origin nearer to a pole has no usable north
 
 
 @dataclass(frozen=True, slots=True)

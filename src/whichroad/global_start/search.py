@@ -1,4 +1,4 @@
-"""The search: a population that follows the wheels until the ordinary belief holds it."""
+"""The search: a large mixture, predicted by odometry until the ordinary belief holds it."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ from .prior import DROP, KNOWN_BEARING, prior_components
 MAP = "map"
 """The start that is anywhere on the map."""
 
-_LONGEST = 6.0  # m, longest piece in which wheels are followed
+_LONGEST = 6.0  # m, longest step of the prediction
 _MERGE = 0.05  # nats, cost of a merge of neighbours
 _SWING = 10.0  # m, distance constant of the sum of recent turns
 _STRAIGHT = 0.15  # rad; a smaller recent turn is a bend that centre lines show
@@ -116,7 +116,7 @@ def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
 
 
 class _Table(NamedTuple):
-    """A population, and its tables as plain arrays, which Python reads faster."""
+    """A mixture, and its tables as plain arrays, which Python reads faster."""
 
     belief: Belief
     hyp: NDArray[np.void]
@@ -129,7 +129,7 @@ def _new_table(capacity: int) -> _Table:
 
 
 class _Search:
-    """The population and what is done to it at each step."""
+    """The mixture and what is done to it at each step."""
 
     def __init__(
         self, roads: RoadMap, vehicle: Vehicle, settings: Settings, start: StartPose | None,
@@ -275,7 +275,7 @@ class _Search:
             self._compact_path()
 
     def _compact_path(self) -> None:
-        """Keep the path entries that living hypotheses descend from."""
+        """Keep the path entries that current hypotheses descend from."""
         path, newest = self.path, self.column("path_entry")
         keep = np.zeros(int(path.size[0]) + 1, bool)
         front = np.unique(newest)
@@ -314,7 +314,7 @@ class _Search:
         output.rows.live[k] = self.size
 
     def fill_belief(self, belief: Belief, rows: NDArray[np.int64]) -> None:
-        """Give rows to the ordinary belief."""
+        """Copy rows to the ordinary belief."""
         match_moments(self.mixture, belief, rows, len(rows))
         normalise(belief)
         belief.state.log_evidence = self.state["log_evidence"]
@@ -339,16 +339,16 @@ def search(
     roads: RoadMap, timeline: Timeline, belief: Belief, output: Output, *, vehicle: Vehicle,
     settings: Settings, start: StartPose | None, progress: Callable[[int], None] | None = None,
 ) -> tuple[int, Path]:  # fmt: skip
-    """Follow the wheels from every road until the ordinary belief holds what is left.
+    """Predict from every road by odometry until the ordinary belief holds what is left.
 
     Args:
         roads: The map.
-        timeline: The drive in epochs, with wheels that tell turns.
+        timeline: The drive in epochs, with odometry that measures turns.
         belief: Empty; filled when the search ends with few hypotheses.
         output: Rows of the epochs that the search estimates are filled.
         vehicle: The car.
         settings: The model's numbers.
-        start: Where to look, roughly; None: the whole map.
+        start: Where to search, roughly; None: the whole map.
         progress: Called with the number of epochs that are done.
 
     Returns:
@@ -360,7 +360,7 @@ def search(
     """
     if timeline.mode != WHEELS:
         raise DriveError(
-            "the drive has no odometry that tells turns; both wheels, or speed and yaw rate, "
+            "the drive has no odometry that measures turns; both wheels, or speed and yaw rate, "
             "were expected to start from the map alone; give a fix or a start pose"
         )
     epochs = timeline.epochs

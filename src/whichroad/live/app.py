@@ -81,7 +81,7 @@ class Service:
         try:
             while True:
                 await socket.receive_text()
-                await asyncio.sleep(0.05)  # whoever talks is heard slowly
+                await asyncio.sleep(0.05)  # limits the rate of incoming messages
         except (WebSocketDisconnect, KeyError):
             pass
         finally:
@@ -99,7 +99,7 @@ class Service:
     async def estimate(self, request: Request) -> Response:
         """The last message."""
         if not self.filter_loop.published:
-            raise HTTPException(503, "nothing was said yet")
+            raise HTTPException(503, "there is no estimate yet")
         headers = {"cache-control": "no-store"}
         return Response(self.filter_loop.published, media_type="application/json", headers=headers)
 
@@ -281,7 +281,7 @@ def _metrics(filter_loop: FilterLoop, broadcaster: Broadcaster) -> list[str]:
         {key: s["skipped"] for key, s in sensors.items()},
     )  # fmt: skip
     lines += metric(
-        "whichroad_sensor_up", "gauge", "1: the input speaks.",
+        "whichroad_sensor_up", "gauge", "1: the input delivers.",
         {key: int(s["ok"]) for key, s in sensors.items()},
     )  # fmt: skip
     lines += metric("whichroad_listeners", "gauge", "Listeners.", {"": broadcaster.listeners})

@@ -141,7 +141,7 @@ class CanStream:
         return [one for role, value in values for one in self._take(role, stamp, value)]
 
     def counted(self) -> dict[str, list[float]]:
-        """What `resume` takes, to go on counting after a crash; JSON can say it."""
+        """What `resume` takes, to go on counting after a crash; JSON can hold it."""
         return {
             role: counter.state for role, counter in self._counters.items() if counter.begun
         }  # fmt: skip
@@ -227,7 +227,7 @@ class _Unwrapped:
 
     @property
     def state(self) -> list[float]:
-        """All that it remembers."""
+        """Its whole state."""
         return [self._time, self._raw, self._rate, self._usual, self._total]
 
     @state.setter
@@ -294,7 +294,7 @@ def _value(bits: _Bits, data: bytes) -> float:
 
 
 def _reverse_value(signals: dict[str, Signal], vehicle: Vehicle) -> float | None:
-    """The value of the `reverse` signal that says backwards; None: any but zero."""
+    """The value of the `reverse` signal that means backwards; None: any but zero."""
     wanted = vehicle.signals.get("reverse_value")
     if wanted is None or "reverse" not in signals:
         return None

@@ -7,14 +7,14 @@ from typing import Any
 from .messages import LatencyMessage, SensorMessage
 
 _BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s
-_WINDOW = 5.0  # s over which rates are said
+_WINDOW = 5.0  # s over which rates are averaged
 _RECENT = 1000  # latencies that p50 and p99 are of
 _SILENT = 1.0  # s without a word, or so many usual intervals
 _INTERVALS = 5.0
 
 
 class Health:
-    """One input: how often it speaks, and when it spoke last.
+    """One input: its rate, and when it last delivered.
 
     Args:
         name: For people.

@@ -1,4 +1,4 @@
-"""What came in and what was said, appended to files that are whole at every moment.
+"""Observations and estimates, appended to files that are whole at every moment.
 
 A recording is a folder: `fixes.arrow` and `odometry.arrow` are drive tables on our clock,
 `points.arrow` is what `match` would have written.  Each is an Arrow stream of small batches;
@@ -115,7 +115,7 @@ class Recorder:
     Args:
         folder: Made if it is not there; an earlier recording is gone on with.
         roads: The map of the estimates.
-        about: Said in `recording.json`.
+        about: Written to `recording.json`.
 
     Raises:
         WriteError: The folder cannot be written to, or holds something else.
@@ -142,7 +142,7 @@ class Recorder:
         self._seen.append(observation)
 
     def record_estimate(self, localizer: Localizer) -> None:
-        """Record what a localizer says of the last observation."""
+        """Record a localizer's estimate after the last observation."""
         self._estimates.append((localizer._epochs.tobytes(), localizer._output.rows.tobytes()))
 
     @property
@@ -208,7 +208,7 @@ def _table(names: tuple[str, ...], columns: list[Any]) -> pa.Table:
 
 
 def _stacked(estimates: list[tuple[bytes, bytes]]) -> tuple[Records, Output]:
-    """What was said one by one, as tables."""
+    """Epochs and estimates recorded one by one, as tables."""
     epochs, rows = (
         np.frombuffer(b"".join(parts), dtype).view(np.recarray)
         for parts, dtype in zip(zip(*estimates, strict=True), (EPOCH, ESTIMATE), strict=True)

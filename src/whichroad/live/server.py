@@ -58,8 +58,8 @@ class Plan:
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
-        report: Told what happens, a line each.
-        ready: Told the web's port when it is open.
+        report: Takes messages for the operator, a line each.
+        ready: Called with the web server's port when it is open.
     """
 
     localizer: Localizer

@@ -132,7 +132,7 @@ class NmeaInput:
 
 
 async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> None:
-    """Take what a connection says until it ends, breaks or is silent for too long."""
+    """Take what a connection sends until it ends, breaks or is silent for too long."""
     with contextlib.suppress(OSError, TimeoutError):
         while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
             into.feed(data)
@@ -282,7 +282,7 @@ async def _in_thread(
     work: Callable[[threading.Event, Callable[[Any, float], None]], None],
     take: Callable[[Any, float], None],
 ) -> None:
-    """Run `work` in a thread; what it tells is taken here, in the loop."""
+    """Run `work` in a thread; what it passes on is taken here, in the loop."""
     loop, stop = asyncio.get_running_loop(), threading.Event()
 
     def pass_on(what: Any, arrival: float) -> None:

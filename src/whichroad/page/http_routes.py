@@ -39,7 +39,7 @@ def page_routes(
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
-        timeline: Whether a whole recorded drive is told at `/timeline`.
+        timeline: Whether a whole recorded drive is served at `/timeline`.
 
     Returns:
         Routes for `/`, `/static/...`, `/maplibre/...`, `/roads/...` and `/favicon.ico`.

@@ -31,7 +31,7 @@ _RANK = {
     "residential": 3, "unclassified": 3, "living_street": 3, "road": 3,
 }  # fmt: skip
 _SMALL = 4  # rank of everything else
-_MAIN = 1  # ranks up to which a road is drawn to find one's way
+_MAIN = 1  # ranks of the main roads, drawn for orientation
 
 
 class RoadLayer:
@@ -135,7 +135,7 @@ class RoadLayer:
     def _streets(
         self, found: NDArray[Any], lines: NDArray[Any], at: tuple[int, int, int]
     ) -> list[Line]:
-        """Streets of one look as one feature each, so that a tile stays small."""
+        """Streets of one style as one feature each, so that a tile stays small."""
         style = 100 * self._rank[found].astype(np.int64)
         style += 10 * self._tunnel[found] + self._one_way[found] + 1
         drawn = []
@@ -170,7 +170,7 @@ class RoadLayer:
 
 
 def attribution(roads: RoadMap) -> str:
-    """Whom the map is to be credited to, where its source tells."""
+    """The map's attribution, where its source is known."""
     source = str(roads.info()["source"]).lower()
     osm = source.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2"))
     return "© OpenStreetMap contributors" if osm else ""

@@ -67,7 +67,7 @@ def _ends(axes: "Axes", scene: Scene) -> None:
 
 
 def _mark_window(axes: "Axes", scene: Scene, window: Window, letter: str) -> None:
-    """A frame with a letter where a zoom looks."""
+    """A frame with a letter around a zoom's area."""
     inside = scene.within(window)
     if len(inside) == 0:
         return
@@ -137,7 +137,7 @@ def _zoom_legend(scene: Scene) -> list[Any]:
 
 
 def _spaced(scene: Scene, window: Window) -> Any:
-    """Epochs of a window at about equal distances along the way."""
+    """Epochs of a window at about equal distances along the route."""
     inside = scene.within(window)
     if len(inside) < 2:
         return inside
@@ -195,7 +195,7 @@ def draw_probability(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
 
 
 def draw_status(axes: "Axes", scene: Scene) -> None:
-    """What was said of each epoch, as a band of colours."""
+    """The status of each epoch, as a band of colours."""
     status = np.array(scene.status)
     cuts = np.flatnonzero(status[1:] != status[:-1]) + 1
     begin, end = np.append(0, cuts), np.append(cuts, len(status) - 1)
@@ -219,7 +219,7 @@ def draw_status(axes: "Axes", scene: Scene) -> None:
 
 
 def draw_error(axes: "Axes", scene: Scene) -> None:
-    """How far from the truth, beside how far the answer said it might be."""
+    """How far from the truth, beside the error bound of the estimate."""
     assert scene.truth is not None
     assert scene.inside is not None
     held = f"holds the truth in {100 * scene.inside.mean():.1f} % of epochs"

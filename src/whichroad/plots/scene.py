@@ -24,7 +24,7 @@ LIVE = 0.02  # hypotheses less probable than this are not counted as a choice
 
 
 class Window(NamedTuple):
-    """A stretch of the drive to look at closely, in seconds from the drive's start."""
+    """A stretch of the drive to enlarge, in seconds from the drive's start."""
 
     title: str
     begin: float

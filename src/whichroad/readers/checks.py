@@ -31,7 +31,7 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
     """All bytes of a file.
 
     Raises:
-        ReadError: It cannot be opened; the message says why.
+        ReadError: It cannot be opened; the message gives the reason.
     """
     try:
         return Path(path).read_bytes()

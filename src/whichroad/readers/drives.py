@@ -39,7 +39,7 @@ _SUFFIXES = {
     ".gpx": "gpx",
     ".pos": "pos",
 }
-_CONTENTS = (  # what the first bytes of a format look like
+_CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
@@ -55,7 +55,7 @@ _STRANGERS = (  # what is not read: what it is, what to do, what it begins with
      re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
     ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
 )  # fmt: skip
-_SNIFF = 1 << 16  # bytes looked at
+_SNIFF = 1 << 16  # bytes read to recognise a format
 _APART = 600.0  # s between odometry and fixes: the clocks are not the same
 _PREFERRED = (WheelCounts, WheelSpeeds, SpeedYawRate, Odometer)
 
@@ -85,7 +85,7 @@ def read_drive(
         paths: One file or several.
         vehicle: Wheels, clocks and the names of CAN signals.
         dbc: What the CAN frames mean.
-        can: A CAN log, where its name does not tell that it is one.
+        can: A CAN log, where its name does not show that it is one.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns in tables.
 
@@ -174,7 +174,7 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part
 
 
 def _has_rows(file: Path) -> bool:
-    """Whether there is a row in an Arrow stream, or something else that its reader will tell of."""
+    """Whether there is a row in an Arrow stream, or something else that its reader will report."""
     import pyarrow as pa
 
     try:

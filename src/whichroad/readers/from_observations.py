@@ -69,7 +69,7 @@ def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array
 
 
 def _reported(fixes: Sequence[GeoFix]) -> Reported:
-    """Fixes as a log says them: NaN for what a record says by an infinite sigma."""
+    """Fixes as in a log: NaN for what a record marks by an infinite sigma."""
     c = _columns(GeoFix, fixes)
     unknown = np.isinf(c["cov_ee"])
     return Reported(

@@ -70,7 +70,7 @@ def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Dr
 class NmeaParser:
     """NMEA bytes in, fixes out, with bounded memory.
 
-    Feed whatever the receiver sends, in pieces of any size.  A fix comes out when its
+    Feed whatever the receiver sends, in chunks of any size.  A fix comes out when its
     burst has ended.  That is known from the first sentence of the next burst, from
     silence (`pause`), or from the burst's last sentence: a receiver that ended three
     bursts with one type of sentence ends the next one with it too.
@@ -196,7 +196,7 @@ class _BurstEnds:
         return done if self._tod is not None else len(found)
 
     def learn(self) -> None:
-        """The burst has ended, as silence or the next burst tells."""
+        """The burst has ended, as silence or the next burst shows."""
         if self._tod is None:
             return
         self._times = self._times + 1 if self._newest == self._seen else 1
@@ -225,7 +225,7 @@ class _Calendar:
 
         Args:
             tod: Time of day, ms, shape (n,).
-            reported: Day that this sentence's epoch says, NaN: none.
+            reported: Day that this sentence's epoch reports, NaN: none.
         """
         before = np.concatenate([[tod[0] if np.isnan(self.tod) else self.tod], tod[:-1]])
         step = tod - before
@@ -254,7 +254,7 @@ def _late(epoch_of_run: Ints) -> Bools:
 
 
 def _report(sentences: Sentences, calendar: _Calendar, skipped: Skipped) -> Reported:
-    """What the epochs with a fix say, by time; NaN where no sentence says anything."""
+    """What the epochs with a fix report, by time; NaN where no sentence reports it."""
     timed = np.flatnonzero(~np.isnan(sentences.tod))
     if not len(timed):
         return Reported(time=np.empty(0), lat_deg=np.empty(0), lon_deg=np.empty(0))
@@ -301,7 +301,7 @@ def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Ski
     keep(fix, _NO_FIX, skipped)
     if disordered := int(np.count_nonzero(late[fix])):
         skipped[BACKWARDS] += disordered
-    # RMC says when its speed is not to be trusted
+    # RMC flags an invalid speed
     speed = np.where(reported["valid"] == 0, np.nan, reported["speed"])
     ellipse = ("sigma_lat", "sigma_lon", "major", "minor", "orientation")
     cov_ee, cov_en, cov_nn, no_correlation = from_gst(*(reported[name] for name in ellipse))

@@ -17,14 +17,14 @@ from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .parsing import Bytes, decimal, hexadecimal
 
-LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it
+LONGEST = 1024  # bytes from $ to checksum; the standard allows 82, some receivers exceed it
 CHECKSUM = "wrong checksum"
 TRUNCATED = "sentence cut short"
 NUMBER = "unparsable number"
 PROPRIETARY = "proprietary sentence"
 SHORT = "too few fields"
 
-# What the sentences say: rows of a table of epochs.
+# What the sentences report: rows of a table of epochs.
 COLUMNS = (
     *("lat", "lon", "quality", "hdop"),  # GGA
     *("rmc_lat", "rmc_lon", "speed", "course", "day", "valid"),  # RMC; VTG, ZDA have some
@@ -40,7 +40,7 @@ class _Type:
     fewest: int  # fields that it must have
     numbers: tuple[int, ...]  # fields that are numbers, the time of day first
     letters: tuple[int, ...]  # fields of which the first letter is read
-    columns: tuple[int, ...]  # what it says, as rows of `COLUMNS`
+    columns: tuple[int, ...]  # what it reports, as rows of `COLUMNS`
     timed: bool = True
 
 
@@ -76,7 +76,7 @@ class Sentences:
     Attributes:
         code: Three letters of the type as one number, shape (n,); all types.
         tod: Time of day, ms (whole numbers), shape (n,); NaN: none, or not read.
-        values: By type, what its sentences say, (columns of the type, sentences of the
+        values: By type, what its sentences report, (columns of the type, sentences of the
             type); NaN where a field is empty.
     """
 
@@ -124,7 +124,7 @@ def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences
         others: Counts good sentences of types that are not needed.
 
     Returns:
-        The sentences, and how many bytes look like no sentence.
+        The sentences, and how many bytes belong to no sentence.
     """
     text = np.frombuffer(data, np.uint8)
     start, star, foreign = _frames(text, skipped)
@@ -158,7 +158,7 @@ def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences
 def _read(
     fields: "_Fields", rows: dict[str, Ints], good: Bools, skipped: Skipped
 ) -> tuple[Array, dict[str, Array]]:
-    """Times of all sentences, and what those of `rows` say; bad ones leave `good`."""
+    """Times of all sentences, and what those of `rows` report; bad ones leave `good`."""
     spans = [fields.spans(rows[name], kind.numbers) for name, kind in TYPES.items()]
     begin = np.concatenate([s[0].ravel() for s in spans])
     number, wrong = decimal(fields.text, begin, np.concatenate([s[1].ravel() for s in spans]))

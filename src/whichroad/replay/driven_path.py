@@ -13,7 +13,7 @@ from ..observations import Array
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-FAR = 3.0  # s between points, from which on the way between them is drawn along the roads
+FAR = 3.0  # s between points, from which on the route between them is drawn along the roads
 AROUND = 2  # edges of the route before and behind one that are the same place, somewhat earlier
 COLUMNS = ("drive_id", "edge_id", "enter_time", "exit_time", "enter_m", "exit_m", "broken_rule")
 
@@ -67,7 +67,7 @@ class Route:
             roads: The map.
 
         Returns:
-            By point: [lat, lon] of the vertices on the way to it from the point before.
+            By point: [lat, lon] of the vertices on the route to it from the point before.
         """
         after = np.flatnonzero(np.diff(time) >= FAR) + 1
         low = np.searchsorted(self.exit, time[after - 1], side="right")

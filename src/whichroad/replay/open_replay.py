@@ -26,7 +26,7 @@ _END = 1e8  # s; a mask that is not over, below the ten years from which on time
 
 
 def is_points(path: str | Path) -> bool:
-    """Whether a file looks like points that `match` wrote, rather than a log."""
+    """Whether a file seems to hold points that `match` wrote, rather than a log."""
     path = Path(path)
     if path.suffix.lower() not in (".parquet", ".arrow", ".feather", ".csv", ".geojson", ".json"):
         return False

@@ -16,7 +16,7 @@ from ..settings import Vehicle
 if TYPE_CHECKING:
     from ..live.messages import ReckoningMessage, SensorMessage
 
-_RATE_WINDOW = 5.0  # s over which a rate is told
+_RATE_WINDOW = 5.0  # s over which a rate is averaged
 _SILENT = 3.0  # s after which a sensor counts as silent
 _GAP = 5.0  # s without a fix after which wheels alone are shown
 _EMPTY = np.zeros(0)

@@ -20,7 +20,7 @@ _UNCLEAR = ("ambiguous", "outage", "off_road", "lost")
 
 
 def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[dict[str, Any]]:
-    """Stretches that are worth a look, in order of time: doubts, and rules broken.
+    """Stretches to check, in order of time: unclear ones, and rules broken.
 
     To pass from one edge to the next makes both probable for a moment; that is no question.
     """
@@ -38,7 +38,7 @@ def _unclear_stretches(
         rows = np.array([k for k in rows.tolist() if not _passes(recorded, roads, k)], np.int64)
     if not len(rows):
         return []
-    # what is said at an epoch holds until the next one
+    # an epoch's estimate holds until the next one
     last = np.append(time[1:], time[-1] + np.diff(time[-2:]).sum())
     apart = (np.diff(rows) > 1) & (np.diff(time[rows]) > _APART)
     places = []

@@ -78,7 +78,7 @@ def _cell(at: Array, size: float) -> Ints32:
 
 
 def _counted(count: Ints32) -> tuple[Ints32, Ints32]:
-    """Each number as often as its count says, and which time it is, from 0."""
+    """Each number as often as its count, and which time it is, from 0."""
     number = np.repeat(np.arange(len(count), dtype=np.int32), count)
     begin = np.cumsum(count, dtype=np.int32) - count
     return number, np.arange(len(number), dtype=np.int32) - begin[number]

@@ -89,7 +89,7 @@ def end_headings(x: Array, y: Array, s: Array, first: Ints32, reach: float) -> t
     Args:
         x: (V,) m, plane.
         y: (V,) m.
-        s: (V,) abscissae, m.
+        s: (V,) along-track positions, m.
         first: (E+1,) first vertex of each edge.
         reach: Length of the chord along the edge, m; the whole edge where it is shorter.
 

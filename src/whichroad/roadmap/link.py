@@ -172,7 +172,7 @@ def _inferred(drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints) -> Li
 
 def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Ints:
     """For each vertex the one that stands for all that meet there."""
-    # feet first: of what meets, the first says where, and a line that is met stays straight
+    # feet first: of what meets, the first decides where, and a line that is met stays straight
     outer = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
     ends = np.concatenate([feet, outer])
     end_x, end_y = x[ends], y[ends]

@@ -14,7 +14,7 @@ from . import tags as meaning
 from .streets import Column, Restriction, Streets, Texts
 
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osh.pbf", ".xml")
-_UNDEFINED = 2**31 - 1  # what osmium says of a node that the extract lacks
+_UNDEFINED = 2**31 - 1  # osmium's coordinate of a node that the extract lacks
 _CARS = ("motorcar", "motor_vehicle")
 # what no car passes; gates and their like may stand open
 _BARRIERS = ("bollard", "block", "jersey_barrier", "log", "cycle_barrier", "debris")
@@ -186,7 +186,7 @@ class _Ways:
         )  # fmt: skip
 
 
-# the tags that `_Kind` and what it calls look at
+# the tags that `_Kind` and what it calls read
 _KEYS = (
     "highway", "junction", "oneway", "oneway:motor_vehicle", "motorcar", "motor_vehicle",
     "vehicle", "access", "maxspeed", "lanes", "width", "layer", "bridge", "tunnel",

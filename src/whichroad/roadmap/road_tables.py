@@ -18,7 +18,7 @@ from .streets import Column, Streets, Texts, take
 
 T = TypeVar("T", bound=Hashable)
 
-# what is looked for under which names, the first that is there wins; case does not matter
+# accepted column names by meaning; the first that is there wins; case does not matter
 NAMES = {
     "source_id": ("id", "edge_id", "link_id", "osmid", "osm_id", "way_id", "fid", "gid", "ogc_fid"),
     "from": ("from", "from_node", "u", "source", "from_id", "from_node_id", "node_from"),
@@ -57,7 +57,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
 
     Args:
         table: GeoDataFrame, Arrow table, or path.
-        crs: Coordinate system where the table does not tell.
+        crs: Coordinate system where the table does not name it.
         directed: Whether a row is one direction only; None: found out.
 
     Returns:
@@ -152,7 +152,7 @@ def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
 def _one_way(
     sheet: Sheet, rows: NDArray[np.int64], skipped: Counter[str]
 ) -> NDArray[np.int8] | None:
-    """1 where a row may be driven as drawn only, -1 the other way only, 0 both; None: unsaid."""
+    """1 where a row may be driven as drawn only, -1 against it only, 0 both; None: unknown word."""
     column = _find(sheet, "oneway")
     if column is not None:
         words = _each(column[rows], meaning.oneway_word)

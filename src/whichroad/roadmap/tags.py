@@ -25,7 +25,7 @@ CLASS_SPEED_KMH = {
     "service": 15.0,
 }
 DEFAULT_SPEED_KMH = 40.0
-WIDE = frozenset({"", "motorway", "trunk"})  # two lanes in a direction, unless told
+WIDE = frozenset({"", "motorway", "trunk"})  # two lanes in a direction, unless tagged
 NARROW = frozenset({"residential", "living_street", "service"})
 
 OPEN, LIMITED, CLOSED = 0, 1, 2

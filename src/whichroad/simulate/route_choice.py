@@ -179,7 +179,7 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
         leg = _shortest_leg(roads, starts, end)
         if not leg:
             raise MapError(
-                f"map of {len(roads.edges)} directed edges: no legal way from junction {begin} "
+                f"map of {len(roads.edges)} directed edges: no legal route from junction {begin} "
                 f"to {end}; a connected pair was expected; choose other places"
             )
         route += leg
@@ -187,7 +187,7 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
 
 
 def _turns(roads: Roads, edge: int) -> list[int]:
-    """Edges that may legally follow, the way back not among them."""
+    """Edges that may legally follow, turning back not among them."""
     turns = _turns_of(roads, edge)
     follow = turns.edge
     ok = (turns.rule == 0) & (roads.edges.rule[follow] == 0)

@@ -103,7 +103,7 @@ class Pull(NamedTuple):
 
 
 class Jump(NamedTuple):
-    """A receiver that is elsewhere for a while, and says nothing of it."""
+    """A receiver that is elsewhere for a while, without reporting it."""
 
     begin: float  # m driven where it begins
     east: float  # m
@@ -112,7 +112,7 @@ class Jump(NamedTuple):
 
 
 class GnssErrors(NamedTuple):
-    """Errors of a drive's fixes, east and north in m, and what the receiver says of them."""
+    """Errors of a drive's fixes, east and north in m, and their reported sigmas."""
 
     east: Array  # (n,)
     north: Array

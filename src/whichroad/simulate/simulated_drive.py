@@ -1,4 +1,4 @@
-"""One simulated drive: a route, the true motion along it, and what the sensors say."""
+"""One simulated drive: a route, the true motion along it, and what the sensors measure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -62,7 +62,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedDrive:
-    """A drive, and everything that a real one would not tell."""
+    """A drive, and everything that a real one would not reveal."""
 
     drive: Drive  # what was recorded
     vehicle: Vehicle  # what its user believes of the car
@@ -80,7 +80,7 @@ class SimulatedDrive:
 
 
 def settings_of(scenario: str | SimulationSettings) -> SimulationSettings:
-    """Look up a preset by its name, or take settings as they are.
+    """Find a preset by its name, or take settings as they are.
 
     Raises:
         SettingError: No such preset.

@@ -92,8 +92,8 @@ def points_table(
 
     Args:
         drive_id: Its name, or those of d drives one behind the other.
-        epochs: (n,) what the sensors said.
-        output: (n,) what the filter said.
+        epochs: (n,) the measurements.
+        output: (n,) the estimates.
         roads: The map.
         attributes: Whether name, class and speed limit of the road are added.
         first: (d,) the row at which each drive begins.
@@ -202,7 +202,7 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
     away = np.rint(_disbelieved(epochs, v, begins))
     scale = np.rint(10.0 * v.gnss_scale)
     scale[away > 0.0] = 0.0
-    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
+    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # each names its roads
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (v.live > 0)
     one, at = _distinct(key)
     texts = [
@@ -322,7 +322,7 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
-    """Each name as often as told."""
+    """Each name, repeated as often as given."""
     return pa.array(names, pa.string()).take(pa.array(np.repeat(np.arange(len(names)), count)))
 
 
@@ -343,11 +343,11 @@ def _rule_names(bits: int) -> str | None:
 def figures_of(
     epochs: Records, output: Output, first: Sequence[int], driven: Traversals, begins: Sequence[int]
 ) -> dict[str, NDArray[Any]]:
-    """What `tables.schema.DRIVES` tells of drives in numbers, (d,) each.
+    """The numeric columns of `tables.schema.DRIVES`, (d,) each.
 
     Args:
         epochs: (n,) of the drives, one behind the other.
-        output: (n,) what was said of them.
+        output: (n,) their estimates.
         first: (d + 1,) the epoch at which each begins, and n.
         driven: (r,) their routes, one behind the other.
         begins: (d + 1,) where each begins, and r.

@@ -1,4 +1,4 @@
-"""What a matched drive says, as tables: points, path, summary."""
+"""A matched drive as tables: points, path, summary."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -109,7 +109,7 @@ class Result:
 
     @property
     def alternatives(self) -> list[Alternative]:
-        """Parts of the drive whose route is not sure, with the ways that compete; see `routes`."""
+        """Parts of the drive whose route is not sure, with competing routes; see `routes`."""
         return [part for part in self._parts if len(part.routes) > 1 and part.routes[1].p >= 0.001]
 
     def routes(self, k: int = 3) -> list[Route]:

@@ -69,7 +69,7 @@ function drawGrid(ctx, box, y, look) {
   ctx.textAlign = "left";
 }
 
-/** One path for each road that was ever worth a look. */
+/** One path for each road that was ever probable enough. */
 function linesOf(series, from, to, x, y) {
   const lines = new Map();
   for (let i = from; i < to; i += 1) {
@@ -109,7 +109,7 @@ function drawStrip(ctx, series, from, to, x, top, look) {
   });
 }
 
-/** Tells of stretches with the same value: (begin, end, value). */
+/** Visits stretches with the same value: (begin, end, value). */
 function runs(series, from, to, valueOf, tell) {
   let begin = from;
   for (let i = from + 1; i <= to; i += 1) {

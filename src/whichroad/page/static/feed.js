@@ -29,7 +29,7 @@ export class Feed {
   }
 }
 
-/** Asks the server to do something; says why not where it does not. */
+/** Asks the server to do something; returns the reason where it does not. */
 export async function control(action, value = null) {
   const answer = await fetch(here("control"), {
     method: "POST",

@@ -69,7 +69,7 @@ function fillStatus(frame, look) {
 /** The reason; the roads that compete are in the list already. */
 function reasonOf(frame) {
   if (frame.status === "ambiguous") return ["several roads fit", ...frame.reason.split("; ").slice(1)].join("; ");
-  return frame.reason || (frame.dead_reckoning ? "no sensor speaks: predicted ahead" : "");
+  return frame.reason || (frame.dead_reckoning ? "no sensor delivers: predicted ahead" : "");
 }
 
 function fillRoads(roads, known, look) {

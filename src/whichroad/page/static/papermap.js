@@ -54,7 +54,7 @@ export class PaperMap {
     });
   }
 
-  /** A name stands on the longest straight pieces of its street. */
+  /** A name stands on the longest straight parts of its street. */
   offer(name, rank, a, b) {
     const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
     if (!this.names.has(name)) this.names.set(name, []);

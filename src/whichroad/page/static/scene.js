@@ -31,7 +31,7 @@ export function drawScene(ctx, view, scene, look) {
   drawVehicle(ctx, view, frame, look);
 }
 
-/** The way so far, along the roads between points far apart, coloured by P(road); what is out of sight or within two pixels is passed over. */
+/** The track so far, along the roads between points far apart, coloured by P(road); what is out of sight or within two pixels is passed over. */
 function drawTrack(ctx, view, series, from, to, look, alpha) {
   const paths = new Map();
   let last = null; // the last place drawn to
@@ -160,7 +160,7 @@ function drawReckoning(ctx, view, scene, look) {
   ctx.stroke();
 }
 
-/** Every hypothesis in the colour of its road's P; each road's P stands on it, some way ahead. */
+/** Every hypothesis in the colour of its road's P; each road's P stands on it, some distance ahead. */
 function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
   const shares = new Map(roadsOf(frame.hypotheses));
   if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;

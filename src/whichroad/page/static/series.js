@@ -1,4 +1,4 @@
-// Columns of what was said, oldest first, in a ring: memory does not grow with time.
+// Columns of estimates, oldest first, in a ring: memory does not grow with time.
 
 const ALTERNATIVES = 6;
 const COLUMNS = ["t", "lat", "lon", "p", "off", "status", "masked", "major"];
@@ -79,7 +79,7 @@ export function roadsOf(hypotheses) {
   return [...sums].sort((a, b) => b[1] - a[1]);
 }
 
-/** A list that forgets its oldest. */
+/** A list that drops its oldest. */
 export class Recent {
   constructor(capacity) {
     this.capacity = capacity;
@@ -136,7 +136,7 @@ export function fixesAt(fixes, t, most = 60) {
   return fixes.slice(Math.max(0, low - most), low);
 }
 
-/** The way by wheels alone up to row k. */
+/** The track by wheels alone up to row k. */
 export function reckoningAt(line, k) {
   const way = [];
   const last = line.reckoning[k];

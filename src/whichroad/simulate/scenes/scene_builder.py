@@ -42,7 +42,7 @@ class Scene(NamedTuple):
 
 @dataclass
 class Street:
-    """One street as drawn: points in m, and what the map says of it."""
+    """One street as drawn: points in m, and its attributes in the map."""
 
     points: Array  # (k, 2)
     highway: str = "secondary"
