@@ -47,9 +47,9 @@ def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tupl
 
 
 def _union(times: list[Array]) -> Array:
-    together: Array = np.sort(np.concatenate(times))
-    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(together) > _SAME])
-    return np.asarray(together[apart])
+    merged: Array = np.sort(np.concatenate(times))
+    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(merged) > _SAME])
+    return np.asarray(merged[apart])
 
 
 def build_timeline(

@@ -69,9 +69,7 @@ def live(
     ] = Clock.sensor,
     lag: Annotated[
         float | None,
-        typer.Option(
-            min=0.0, max=600.0, metavar="S", help="Add the smoothed state S seconds ago."
-        ),
+        typer.Option(min=0.0, max=600.0, metavar="S", help="Add the smoothed state S seconds ago."),
     ] = None,
     rate: Annotated[
         float,
@@ -102,7 +100,7 @@ def live(
     page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
 ) -> None:
     """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
-    pose, pace = read_start(start), _speed(speed)
+    pose, factor = read_start(start), _speed(speed)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
     if token is None and not _is_local(host):
         raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
@@ -114,8 +112,8 @@ def live(
         if plan.recording is None:
             _connect(plan, nmea, can, dbc)
         plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
-        plan.nmea_outputs = _talkers(nmea_outputs)
-    plan.speed, plan.laps, plan.once, plan.rate = pace, laps, once, rate
+        plan.nmea_outputs = _nmea_outputs(nmea_outputs)
+    plan.speed, plan.laps, plan.once, plan.rate = factor, laps, once, rate
     plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
     plan.host, plan.port, plan.token = host, port, token
     plan.report = lambda line: typer.echo(line, err=True)
@@ -168,7 +166,7 @@ def _sink(text: str) -> tuple[str, str, int]:
     return found[1], found[2].strip("[]") or "127.0.0.1", int(found[3])
 
 
-def _talkers(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
+def _nmea_outputs(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
     from ..live.nmea_output import NmeaOutput
 
     return [NmeaOutput(*sink) for sink in sinks]

@@ -99,8 +99,8 @@ def match(
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
-    plain = not (can or dbc or start or mask or report) and model is Model.default
-    if len(drive) == 1 and plain and are_many(drive[0]):
+    defaults = not (can or dbc or start or mask or report) and model is Model.default
+    if len(drive) == 1 and defaults and are_many(drive[0]):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,

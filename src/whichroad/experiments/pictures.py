@@ -96,9 +96,7 @@ _LANES_CAPTION = (
     "the lifetimes of the hypotheses. A lane for every road in one direction, coloured by its "
     "probability."
 )
-_CURVES_CAPTION = (
-    "P of the true road along the route, and how long wrong roads count (P >= 0.01)."
-)
+_CURVES_CAPTION = "P of the true road along the route, and how long wrong roads count (P >= 0.01)."
 _ERRORS_CAPTION = (
     "the position error that 63 % of the drives stay below (of Gaussian errors their RMS), dashed "
     "the RMS error that the filter states."

@@ -230,17 +230,17 @@ def _merge(parts: list[_Part], vehicle: Vehicle) -> list[Drive]:
     """Drives of several files: all one, or matched by their ids."""
     if all(len(part.drives) == 1 for part in parts):
         return [_one([part.drives[0] for part in parts], vehicle)]
-    together: dict[str, list[Drive]] = {}
+    by_drive: dict[str, list[Drive]] = {}
     for part in parts:
         for drive in part.drives:
-            together.setdefault(drive.drive_id, []).append(drive)
-    if len(parts) > 1 and all(len(drives) == 1 for drives in together.values()):
+            by_drive.setdefault(drive.drive_id, []).append(drive)
+    if len(parts) > 1 and all(len(drives) == 1 for drives in by_drive.values()):
         counts = ", ".join(f"{part.name}: {len(part.drives)}" for part in parts)
         raise ReadError(
             f"files of several drives ({counts}) share no drive_id; one drive per file, or a "
             "column drive_id in each, was expected"
         )
-    return [_one(drives, vehicle) for drives in together.values()]
+    return [_one(drives, vehicle) for drives in by_drive.values()]
 
 
 def _one(drives: list[Drive], vehicle: Vehicle) -> Drive:

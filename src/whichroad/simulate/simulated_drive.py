@@ -266,15 +266,15 @@ def simulate_drive(
     """
     settings, arrays = settings_of(scenario), roads.arrays
     streams = (np.random.default_rng([seed, k]) for k in range(6))
-    for_route, for_warp, for_course, for_pace, for_wheels, for_fixes = streams
+    for_route, for_map_error, for_lateral, for_speed, for_wheels, for_fixes = streams
     if route is None:
         edges = random_route(arrays, 1.1 * length_m + 100.0, for_route, allowed)
     else:
         edges = _checked(arrays, route)
-    error_field = error_field or draw_map_error(settings, for_warp)
-    path = draw_path(arrays, edges, error_field, settings, for_course)
+    error_field = error_field or draw_map_error(settings, for_map_error)
+    path = draw_path(arrays, edges, error_field, settings, for_lateral)
     start, stop = _part(path, length_m, route is not None, for_route)
-    profile = draw_speed_profile(arrays, path, start, stop, settings, for_pace)
+    profile = draw_speed_profile(arrays, path, start, stop, settings, for_speed)
     ticks = partial(_grid_times, profile.arrive[-1])
     states = _states(path, profile, ticks(settings.odometry_rate))
     fix_states = _states(path, profile, ticks(settings.gnss_rate))

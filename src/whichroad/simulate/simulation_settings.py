@@ -32,7 +32,7 @@ class SimulationSettings:
     lane_change_rate: float = _number(2e-4, "1/m", "visits to the next lane, on fast roads only")
     lane_width: float = _number(3.3, "m", "how far away that is")
     corner_smoothing: float = _number(4, "m", "sigma over which corners are cut")
-    pace_sigma: float = _number(
+    speed_profile_sigma: float = _number(
         0.1, "", "speed over the road's usual speed, per drive and along it"
     )
     acceleration: float = _number(1.5, "m/s²", "speeding up")

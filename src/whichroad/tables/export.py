@@ -215,12 +215,12 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
         for k in one
     ]
     rows = np.flatnonzero(vie)
-    plain = pa.array(texts, pa.string())
+    usual = pa.array(texts, pa.string())
     also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
     words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    return pa.concat_arrays([plain, words]).take(pa.array(at))
+    return pa.concat_arrays([usual, words]).take(pa.array(at))
 
 
 def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:

@@ -41,14 +41,14 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
     const lat = series.get("lat", i);
     const lon = series.get("lon", i);
     const here = Number.isNaN(lat) ? 16 : outside(view.bounds, lon, lat);
-    const way = i > from ? series.wayTo(i) : undefined; // of a point far from the one before
+    const route = i > from ? series.routeTo(i) : undefined; // of a point far from the one before
     low = Math.min(low, series.get("p", i));
-    if ((here & side && !way) || here & 16) {
+    if ((here & side && !route) || here & 16) {
       last = null;
     } else {
       const at = view.project(lon, lat);
       if (!last && i > from && !(side & 16)) last = view.project(series.get("lon", i - 1), series.get("lat", i - 1));
-      if (last && !way && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
+      if (last && !route && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
         side = here;
         continue;
       }
@@ -56,7 +56,7 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
         const key = Math.round(20 * low) / 20;
         if (!paths.has(key)) paths.set(key, new Path2D());
         paths.get(key).moveTo(last.x, last.y);
-        for (const [north, east] of way ?? []) {
+        for (const [north, east] of route ?? []) {
           const over = view.project(east, north);
           paths.get(key).lineTo(over.x, over.y);
         }
@@ -140,20 +140,20 @@ function drawFixes(ctx, view, scene, look) {
 
 /** Wheels alone: dashed, with an empty arrow at its end. */
 function drawReckoning(ctx, view, scene, look) {
-  const way = scene.reckoning;
-  if (way.length < 2) return;
+  const track = scene.reckoning;
+  if (track.length < 2) return;
   ctx.strokeStyle = look.reckoning;
   ctx.lineWidth = 2;
   ctx.setLineDash([6, 5]);
   ctx.beginPath();
-  way.forEach(([lon, lat], i) => {
+  track.forEach(([lon, lat], i) => {
     const at = view.project(lon, lat);
     if (i) ctx.lineTo(at.x, at.y);
     else ctx.moveTo(at.x, at.y);
   });
   ctx.stroke();
   ctx.setLineDash([]);
-  const end = way[way.length - 1];
+  const end = track[track.length - 1];
   arrow(ctx, view, { lon: end[0], lat: end[1], bearing_deg: end[2] }, 8);
   ctx.fillStyle = look.paper;
   ctx.fill();

@@ -26,7 +26,7 @@ class Numbers(NamedTuple):
     lane_length: float
     lane_change_rate: float
     lane_width: float
-    pace_sigma: float
+    speed_profile_sigma: float
     acceleration: float
     braking: float
     lateral_acceleration: float

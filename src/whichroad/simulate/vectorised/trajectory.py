@@ -214,19 +214,19 @@ def _speed_profile(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
     s = grid[TRAVELLED]
     speed = grid[SPEED]
     wait = grid[A]
-    pace = grid[B]
-    usual = 1.0 + np.random.normal(0.0, par.pace_sigma)
+    ratio = grid[B]
+    usual = 1.0 + np.random.normal(0.0, par.speed_profile_sigma)
     for k in range(n):
-        pace[k] = usual
+        ratio[k] = usual
         wait[k] = 0.0
-    _gauss_markov(pace, n, 25, par.pace_sigma, 300.0)
+    _gauss_markov(ratio, n, 25, par.speed_profile_sigma, 300.0)
     last_stop = 0.0
     for k in range(n):
         bend = abs(grid[HEADING, min(k + 1, n - 1)] - grid[HEADING, max(k - 1, 0)]) / (
             s[min(k + 1, n - 1)] - s[max(k - 1, 0)]
         )
         most = math.sqrt(par.lateral_acceleration / max(bend, 1e-6))
-        speed[k] = max(min(line.limit[k] * min(max(pace[k], 0.5), 1.5), most), 1.0)
+        speed[k] = max(min(line.limit[k] * min(max(ratio[k], 0.5), 1.5), most), 1.0)
         if line.stop[k] and np.random.random() < par.stop_probability and s[k] > last_stop + 80.0:
             wait[k] = 1.0 + np.random.exponential(par.stop_time)
             speed[k] = 0.0
