@@ -36,7 +36,7 @@ from .smoothing import Lag, Past, entries_in_use, smooth
 from .workspace import Workspace, entries_of, without_states
 
 _CHUNK = 20_000  # epochs between two checks of the path tree and progress reports
-_ROOM = 4096  # entries of the path tree below which it is tidied
+_SPARE_ENTRIES = 4096  # entries of the path tree below which it is tidied
 _WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 
 
@@ -107,7 +107,7 @@ def localize_recorded(
         done = run(belief, path, history, epochs, output, ctx, done, target)
         if lag is not None and is_full(history):
             history = workspace.enlarged(history)
-        elif done < target or len(path.entry) - path.size[0] < _ROOM:
+        elif done < target or len(path.entry) - path.size[0] < _SPARE_ENTRIES:
             path = tidied(path, *entries_in_use(belief, history))
         if progress is not None:
             progress(done)

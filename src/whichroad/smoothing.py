@@ -23,7 +23,7 @@ from .roadmap import RoadMap
 FULL = "full"
 SURE = 0.999  # P(edge) from which on it is decided
 _WINDOW = 120.0  # s of history that is kept on line, at least
-_ROOM = 2048  # entries of the path tree that one epoch may need
+_SPARE_ENTRIES = 2048  # entries of the path tree that one epoch may need
 _SLACK = 0.125  # of the lag, by which it may be longer, so that one pass serves several epochs
 
 
@@ -121,7 +121,7 @@ class Window:
             oldest = history.steps.time[steps - 1] - max(2.0 * self.lag, _WINDOW)
             drop = int(np.searchsorted(history.steps.time[:steps], oldest))
             self.history = history = enlarged(history, min(drop, steps - 1), grow=2 * drop < steps)
-        if len(path.entry) - path.size[0] < _ROOM:
+        if len(path.entry) - path.size[0] < _SPARE_ENTRIES:
             path = tidied(path, *entries_in_use(belief, history))
         return path
 

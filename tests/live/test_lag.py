@@ -56,7 +56,7 @@ def test_late_observations_are_looked_back_over_as_in_order(
     town, ride, observations, monkeypatch, room
 ):
     """Also where the tree of edges was tidied between (a room that it hardly has)."""
-    monkeypatch.setattr("whichroad.smoothing._ROOM", room)
+    monkeypatch.setattr("whichroad.smoothing._SPARE_ENTRIES", room)
     rng = random.Random(3)
     chosen = [shifted(one, 0.03) if isinstance(one, GeoFix) else one for one in observations[:1200]]
     chosen.sort(key=lambda one: one.time)

@@ -168,7 +168,7 @@ def _keep_alive(sock: Any) -> None:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
-def _make_room(peers: dict[Any, NmeaInput]) -> Any:
+def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
     """Let go who was of no use for longest, where there are too many; returns who that is."""
     if len(peers) < _MOST_PEERS:
         return None
@@ -182,9 +182,9 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
     peers: dict[asyncio.StreamWriter, NmeaInput] = {}
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        gone = _make_room(peers)
-        if gone is not None:
-            gone.transport.abort()
+        dropped = _drop_oldest(peers)
+        if dropped is not None:
+            dropped.transport.abort()
         into = peers[writer] = make()
         try:
             await _drain(reader, into)
@@ -205,7 +205,7 @@ async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInpu
         def datagram_received(self, data: bytes, addr: Any) -> None:
             into = senders.get(addr)
             if into is None:
-                _make_room(senders)
+                _drop_oldest(senders)
                 into = senders[addr] = make()
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
