@@ -169,7 +169,7 @@ def _keep_alive(sock: Any) -> None:
 
 
 def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
-    """Let go who was of no use for longest, where there are too many; returns who that is."""
+    """Drop the peer idle for longest, where there are too many; return it."""
     if len(peers) < _MOST_PEERS:
         return None
     who = min(peers, key=lambda one: peers[one].useful)
