@@ -28,6 +28,7 @@ from . import Figure, Options, seeds_text
 SEEDS = range(2000, 2008)
 LENGTH_M = 15_000.0
 REPEATS = 5
+_LOOP_EVERY = 50  # calls between two empty loops
 
 
 def timed(work: Callable[[], Any]) -> float:
@@ -84,23 +85,37 @@ def run(options: Options) -> list[Figure]:
     ]
 
 
+def _empty_loop() -> None:
+    for _ in range(1000):
+        pass
+
+
 def online(options: Options) -> list[Figure]:
-    """Each `Localizer.update` of a drive, as a car would call it."""
+    """Each `Localizer.update` of a drive, as a car would call it.
+
+    Machines differ, and one machine from one minute to the next.  An empty Python loop of 1,000
+    rounds is timed between the calls; the goals are multiples of its median.
+    """
     roads, drives = _drives(replace(options, seeds=options.seeds or range(2000, 2002)))
     ticks: list[float] = []
     fixes: list[float] = []
+    asked: list[float] = []
+    loops: list[float] = []
     for warm in (True, False):
         for simulated in drives:
             localizer = Localizer(roads, vehicle=simulated.vehicle)
-            for observation in observations(simulated.drive):
+            for number, observation in enumerate(observations(simulated.drive)):
                 seconds = timed(partial(localizer.update, observation))
+                if number % _LOOP_EVERY == 0:
+                    loops.append(timed(_empty_loop))
+                    asked.append(timed(partial(_ask, localizer)))
                 if not warm:
                     (fixes if isinstance(observation, GeoFix) else ticks).append(seconds)
     seeds = seeds_text(options.seeds or range(2000, 2002))
-    micro = 1e6 * np.array(ticks + fixes)
+    micro, loop = 1e6 * np.array(ticks + fixes), 1e6 * float(np.median(loops))
 
-    def quantile(name: str, q: float, values: np.ndarray, goal: str = "") -> Figure:
-        return Figure(name, float(np.quantile(values, q)), goal, "µs", len(values), seeds=seeds)
+    def quantile(name: str, q: float, values: np.ndarray, goal: str = "", of: str = "µs") -> Figure:
+        return Figure(name, float(np.quantile(values, q)), goal, of, len(values), seeds=seeds)
 
     return [
         quantile("update, median", 0.5, micro),
@@ -108,7 +123,17 @@ def online(options: Options) -> list[Figure]:
         quantile("update, p99.9", 0.999, micro),
         quantile("update with a fix, p99", 0.99, 1e6 * np.array(fixes)),
         quantile("update, slowest", 1.0, micro),
+        quantile("pose, covariance, road and status of an estimate", 0.5, 1e6 * np.array(asked)),
+        quantile("an empty loop of 1,000 rounds", 0.5, 1e6 * np.array(loops)),
+        quantile("update, median, as empty loops", 0.5, micro / loop, "<= 1.7", ""),
+        quantile("update, p99, as empty loops", 0.99, micro / loop, "<= 3", ""),
     ]
+
+
+def _ask(localizer: Localizer) -> None:
+    """What most users ask of an estimate, which is worked out then."""
+    estimate = localizer.estimate()
+    _ = estimate.pose, estimate.cov, estimate.edge, estimate.p_road, estimate.status
 
 
 def observations(drive: Drive) -> list[GeoFix | WheelTicks]:

@@ -9,9 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import whichroad
-from whichroad import batch, batch_filter
-from whichroad.batch import Tables, match_many, match_stream
-from whichroad.batch_filter import filter_batch
+from whichroad.batch import Tables, filtering, match_many, match_stream, trips
+from whichroad.batch.filtering import filter_batch
 from whichroad.geodesy.plane import Plane
 from whichroad.readers import many_trips
 from whichroad.recorded import localize_recorded
@@ -218,8 +217,8 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
             raise ZeroDivisionError("oops")
         return filter_batch(roads, epochs, *more)
 
-    monkeypatch.setattr(batch, "localize_recorded", localize)
-    monkeypatch.setattr(batch, "filter_batch", localize_all)
+    monkeypatch.setattr(trips, "localize_recorded", localize)
+    monkeypatch.setattr(trips, "filter_batch", localize_all)
     rows = match_many(fleet, roads).drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 2 for i in range(7)]
     assert "ZeroDivisionError: oops" in rows[2]["reason"]
@@ -228,8 +227,8 @@ def test_a_failure_nobody_thought_of_is_one_trips_alone(roads, fleet, monkeypatc
 @pytest.mark.parametrize("room", [0, 5, 12])
 def test_trips_that_need_more_room_are_matched_alone(roads, fleet, monkeypatch, room):
     whole = match_many(fleet, roads)
-    monkeypatch.setattr(batch_filter, "_EDGES", 0)
-    monkeypatch.setattr(batch_filter, "_MORE_EDGES", room)  # a trip drives some four edges
+    monkeypatch.setattr(filtering, "_EDGES", 0)
+    monkeypatch.setattr(filtering, "_MORE_EDGES", room)  # a trip drives some four edges
     assert same(whole, match_many(fleet, roads))
 
 
@@ -239,7 +238,7 @@ def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatc
             raise ZeroDivisionError("oops")
         return export.path_table(names, *args)
 
-    monkeypatch.setattr(batch, "path_table", path_table)
+    monkeypatch.setattr(trips, "path_table", path_table)
     many = match_many(fleet, roads)
     rows = many.drives.to_pylist()
     assert [row["answered"] for row in rows] == [i != 3 for i in range(7)]

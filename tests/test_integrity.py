@@ -15,8 +15,8 @@ from whichroad.cli.match import print_summary
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import NO_EDGE
 from whichroad.geodesy.plane import Plane
-from whichroad.observations import Drive, Estimate, Fixes, GeoFix, WheelCounts, WheelTicks
-from whichroad.online import Localizer
+from whichroad.observations import Drive, Fixes, GeoFix, WheelCounts, WheelTicks
+from whichroad.online import Estimate, Localizer
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle

@@ -1,5 +1,6 @@
 """The on-line filter: what it says is what the recorded drive gives, and it refuses openly."""
 
+import copy
 import math
 import pickle
 import threading
@@ -11,15 +12,15 @@ import numpy as np
 import pytest
 
 from scenes import Town, Truth, columns, drive_along, gnss, network
-from whichroad import path, recorded, workspace
+from whichroad import path, recorded, smoothing, workspace
 from whichroad.epochs import build_timeline
-from whichroad.errors import DriveError, MapError, ReadError
+from whichroad.errors import DriveError, MapError, ReadError, SettingError
+from whichroad.filter.history import new_history
 from whichroad.filter.state import Path, new_path
 from whichroad.geodesy.plane import Plane
 from whichroad.observations import (
     Distance,
     Drive,
-    Estimate,
     Fixes,
     GeoFix,
     Observation,
@@ -29,10 +30,11 @@ from whichroad.observations import (
     WheelSpeed,
     WheelTicks,
 )
-from whichroad.online import STATUS, Localizer
+from whichroad.online import Estimate, Localizer, State, localizer, localizer_state
 from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
 from whichroad.recorded import localize_recorded
-from whichroad.settings import Vehicle
+from whichroad.settings import Settings, Vehicle
+from whichroad.tables.status import STATUS
 
 FIELDS = Fixes.__slots__
 PLANE = Plane(49.4, 8.7)
@@ -301,6 +303,131 @@ def test_a_localizer_out_of_a_pickle_goes_on_as_if_nothing_had_been(lag: float |
         np.testing.assert_array_equal(*[said({0.0: estimate}) for estimate in pair])
 
 
+def seen(first: int = 0, last: int = 600) -> list[Observation]:
+    """Wheels and a fix each second."""
+    return list(records(wheels(STRAIGHT), fixes(STRAIGHT, np.arange(0, 600, 10))))[first:last]
+
+
+def test_a_copy_goes_on_alone():
+    online = Localizer(TOWN, vehicle=CAR, lag=5.0)
+    for one in seen(0, 300):
+        online.take(one)
+    before, double = repr(online.estimate()), copy.deepcopy(online)
+    for one in seen(300):
+        double.take(one)
+    assert repr(online.estimate()) == before
+    for one in seen(300):
+        online.take(one)
+    assert repr(online.estimate()) == repr(double.estimate())
+    assert repr(online.lagged()) == repr(double.lagged())
+
+
+@pytest.mark.parametrize("lag", [None, 5.0])
+@pytest.mark.parametrize("until", [0, 1, 2, 3, 300])
+def test_a_localizer_out_of_its_bytes_goes_on_to_the_bit(until: int, lag: float | None):
+    settings, start = Settings(gnss_time=50.0), StartPose(*PLANE.to_geodetic(20.0, 0.0), 90.0)
+    online = Localizer(TOWN, vehicle=CAR, settings=settings, start=start, lag=lag)
+    online.update(WheelTicks(math.nan, 0.0, 0.0))
+    for one in seen(0, until):
+        online.take(one)
+    again = Localizer.from_bytes(online.to_bytes(), TOWN)
+    assert (again.vehicle, again.settings, again.lag) == (CAR, settings, lag)
+    assert again.skipped == {"no time": 1}
+    assert again.answered == online.answered == (until > 0)
+    assert repr(again.estimate()) == repr(online.estimate())
+    for one in seen(until):
+        assert repr(again.update(one)) == repr(online.update(one))
+    assert again.to_bytes() == online.to_bytes() or lag is not None  # its past began anew
+    assert repr(again.lagged() if lag else None) == repr(online.lagged() if lag else None)
+
+
+def test_a_localizer_of_fixes_alone_goes_on_to_the_bit():
+    course = fixes(STRAIGHT, np.arange(0, 600, 10))
+    told = [one for one in records(wheels(STRAIGHT), course) if isinstance(one, GeoFix)]
+    online = Localizer(TOWN)
+    for one in told[:30]:
+        online.take(one)
+    again = Localizer.from_bytes(online.to_bytes(), TOWN)
+    assert repr(again.predict(told[30].time)) == repr(online.predict(told[30].time))
+    for one in told[30:]:
+        assert repr(again.update(one)) == repr(online.update(one))
+
+
+def test_damaged_bytes_are_refused():
+    data = driven_to(20).to_bytes()
+    cut = [data[:n] for n in (0, 7, 25, len(data) - 1)]
+    turned = [
+        data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+        for place in range(25, len(data), 97)
+    ]
+    for damaged in [*cut, *turned, data + b" "]:
+        with pytest.raises(ReadError, match="damaged"):
+            Localizer.from_bytes(damaged, TOWN)
+
+
+def test_bytes_of_another_map_are_refused():
+    other = Town(network(avenue()[:-1], curvature=PLANE.curvature), PLANE)
+    with pytest.raises(MapError, match="it is of the map"):
+        Localizer.from_bytes(driven_to(20).to_bytes(), other)
+
+
+def test_bytes_of_another_version_are_refused(monkeypatch):
+    data = driven_to(20).to_bytes()
+    with pytest.raises(ReadError, match="another version"):
+        Localizer.from_bytes(data.replace(b"localizer 1", b"localizer 0"), TOWN)
+    monkeypatch.setattr(localizer_state, "_RECORDS", "records with other fields")
+    with pytest.raises(ReadError, match="another version"):
+        Localizer.from_bytes(data, TOWN)
+
+
+def test_a_state_kept_with_another_lag_is_refused():
+    state = driven_to(20).state()
+    assert isinstance(state, State)
+    with pytest.raises(SettingError, match="kept with lag=None"):
+        Localizer(TOWN, vehicle=CAR, lag=5.0).restore(state)
+
+
+def test_predicting_leaves_the_estimate_as_it_was():
+    online = driven_to(205)
+    before = repr(online.estimate())
+    online.predict(30.0)
+    assert repr(online.estimate()) == before
+
+
+def test_an_estimate_stays_as_it_was_when_the_filter_goes_on():
+    """Nothing of it was asked for before."""
+    online, other = driven_to(205), driven_to(205)
+    kept, now = online.estimate(), other.estimate()
+    expected = repr(now), now.hypotheses, now.reason, now.map_pose, now.matched, now.speed
+    for one in seen(400):
+        online.take(one)
+    online.predict(100.0)
+    found = repr(kept), kept.hypotheses, kept.reason, kept.map_pose, kept.matched, kept.speed
+    assert repr(found) == repr(expected)
+    with pytest.raises(AttributeError):
+        kept.time = 0.0
+
+
+@pytest.mark.parametrize("steps", [1, 1 << 12])
+def test_tables_of_the_past_that_grow_change_no_estimate(monkeypatch, steps: int):
+    """The kernel is bound to its tables: it must go on with those that take their place."""
+    monkeypatch.setattr(smoothing, "new_history", lambda _: new_history(steps))
+    monkeypatch.setattr(localizer, "new_path", lambda _: new_path(2050))  # 2 entries are free
+    online, alone = Localizer(TOWN, vehicle=CAR, lag=5.0), Localizer(TOWN, vehicle=CAR)
+    history, tree = online._past.history, online._filter.path
+    for one in seen():
+        assert repr(online.update(one)) == repr(alone.update(one))
+    assert online._filter.path is not tree
+    assert (online._past.history is not history) == (steps == 1)
+    assert online._filter.history is online._past.history
+    monkeypatch.undo()
+    roomy = Localizer(TOWN, vehicle=CAR, lag=5.0)
+    for one in seen():
+        roomy.take(one)
+    assert repr(online.lagged()) == repr(roomy.lagged())
+    assert online.decided_until == roomy.decided_until
+
+
 def test_on_line_a_map_that_is_none_is_refused():
     with pytest.raises(MapError, match="NoneType was given; a RoadMap"):
         Localizer(None)
@@ -342,5 +469,5 @@ def test_a_recorded_drive_that_nothing_can_start_is_refused():
 
 def test_speed_is_what_the_wheels_say():
     online = driven_to(100)
-    assert online._output.rows.speed[0] == pytest.approx(10.0, rel=0.03)
+    assert online.estimate().speed == pytest.approx(10.0, rel=0.03)
     assert math.isfinite(online.predict(11.0).pose.x)

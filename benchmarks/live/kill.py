@@ -3,9 +3,9 @@
 import random
 import time
 
-from whichroad import read_drive
+from whichroad import ReadError, read_drive
 from whichroad.evaluate.input_tables import read_table
-from whichroad.live.state import from_bytes
+from whichroad.live.checkpoint import read_checkpoint
 
 from .. import Figure, Options
 from .process import Feed, Receiver, Served, can_options
@@ -32,8 +32,10 @@ def kill(options: Options) -> list[Figure]:
             ages = [one["age_s"] for one in health["sensors"] if one["age_s"] is not None]
             heard = at - min(ages, default=float("inf"))
             resumed += number > 0 and "resumed" in said
-            state = from_bytes((here.folder / "state").read_bytes())
-            behind.append(at - state[1]["written"] if state else float("inf"))
+            try:
+                behind.append(at - read_checkpoint(here.folder / "state")[0]["written"])
+            except (OSError, ReadError):
+                behind.append(float("inf"))
             try:
                 (drive,) = read_drive(here.folder / "rec", vehicle=here.vehicle)
                 readable += read_table(here.folder / "rec").num_rows > 0

@@ -92,18 +92,18 @@ def _spread() -> None:
 
 def _pass(roads: Any, table: Path, threads: int, rows: int) -> float:
     """Fixes per second over the stream, tables built and thrown away."""
-    from whichroad import batch
+    from whichroad.batch import trips
 
-    plain = batch.ThreadPoolExecutor
+    plain = trips.ThreadPoolExecutor
 
     def pinned(workers: int, **more: Any) -> Any:
         return plain(workers, initializer=_spread, **more)
 
-    batch.ThreadPoolExecutor = pinned  # type: ignore[assignment,misc]
+    trips.ThreadPoolExecutor = pinned  # type: ignore[assignment,misc]
     start = time.perf_counter()
-    for _ in batch.match_stream(table, roads, threads=threads):
+    for _ in trips.match_stream(table, roads, threads=threads):
         pass
-    batch.ThreadPoolExecutor = plain  # type: ignore[misc]
+    trips.ThreadPoolExecutor = plain  # type: ignore[misc]
     return rows / (time.perf_counter() - start)
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .matching import match
     from .observations import (
         Distance,
-        Estimate,
         GeoFix,
         Hypothesis,
         Pose,
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
         WheelSpeed,
         WheelTicks,
     )
-    from .online import Localizer
+    from .online import Estimate, Localizer
     from .readers import read_drive, read_vehicle
     from .roadmap import RoadMap
     from .settings import Settings, Vehicle
@@ -45,10 +44,10 @@ _MODULES = {
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
-    "online": ("Localizer",),
+    "online": ("Estimate", "Localizer"),
     "readers": ("read_drive", "read_vehicle"),
     "observations": (
-        "Distance", "Estimate", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
+        "Distance", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
         "WheelSpeed", "WheelTicks",
     ),
     "tables.result": ("Result",),

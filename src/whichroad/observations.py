@@ -6,7 +6,6 @@ never a NaN.
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,81 +193,3 @@ class Hypothesis:
     cov: Array  # (3, 3) x, y, heading; m², m rad, rad²
     abscissa: float  # m from the edge's start; 0 off road
     lateral: float  # m right of the centre line in the map's frame; 0 off road
-
-
-class Detail(Protocol):
-    """What an estimate puts into words only when asked."""
-
-    def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All current hypotheses, most probable first."""
-
-    def reason(self) -> str:
-        """Why the status is what it is."""
-
-    def map_pose(self) -> Pose:
-        """The pose in the map's frame."""
-
-    def map_cov(self) -> Array:
-        """Covariance of the position there, (2, 2), m²."""
-
-    def matched(self) -> tuple[float, float]:
-        """Latitude and longitude of the point on the most probable edge."""
-
-    def speed(self) -> float:
-        """m/s, negative in reverse."""
-
-    def disbelieved(self) -> float:
-        """How far away the last fix lies, if it is not believed, m; else 0."""
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """The localizer's estimate of one epoch."""
-
-    time: float
-    pose: Pose
-    cov: Array  # (3, 3)
-    edge: int | None  # most probable edge, None: off the roads or lost
-    p_road: float
-    p_off_road: float
-    status: str
-    abscissa: float
-    lateral: float
-    protection_level: float  # m, at `Settings.protection_risk`; inf before the first answer
-    gnss_scale: float  # GNSS errors over what is reported, as learnt
-    detail: Detail = field(repr=False, compare=False)
-
-    @property
-    def reason(self) -> str:
-        """Why the status is what it is, for people; the competing roads where it is ambiguous."""
-        return self.detail.reason()
-
-    @property
-    def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All current hypotheses, most probable first; made when asked for."""
-        return self.detail.hypotheses()
-
-    @property
-    def map_pose(self) -> Pose:
-        """The pose in the map's frame: what to draw on the map."""
-        return self.detail.map_pose()
-
-    @property
-    def map_cov(self) -> Array:
-        """Covariance of the position in the map's frame, (2, 2), m²."""
-        return self.detail.map_cov()
-
-    @property
-    def matched(self) -> tuple[float, float]:
-        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
-        return self.detail.matched()
-
-    @property
-    def speed(self) -> float:
-        """Speed, m/s, negative in reverse."""
-        return self.detail.speed()
-
-    @property
-    def disbelieved(self) -> float:
-        """How far away the last fix lies, if it is not believed, m; else 0."""
-        return self.detail.disbelieved()

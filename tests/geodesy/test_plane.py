@@ -1,6 +1,7 @@
 """The plane against pyproj, and its laws."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pyproj
@@ -142,3 +143,20 @@ def test_the_antimeridian_is_a_place_like_any_other():
 def test_an_origin_that_is_none_is_refused(lat, lon):
     with pytest.raises(MapError, match="origin"):
         Plane(lat, lon)
+
+
+def test_threads_that_share_a_plane_get_what_one_thread_gets():
+    """Each thread has bound calls of its own."""
+    plane = Plane(49.4, 8.7)
+    places = [(float(x), float(x) / 3.0, 0.001 * x) for x in range(2000)]
+    expected = [plane.pose(*place) for place in places]
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(lambda _: [plane.pose(*place) for place in places], range(8)):
+            assert found == expected
+
+
+def test_more_planes_than_are_kept_ready_give_the_same():
+    planes = [Plane(40.0 + 0.1 * k, 8.7) for k in range(150)]
+    first = [plane.from_geodetic(45.0, 9.0) for plane in planes]
+    assert [plane.from_geodetic(45.0, 9.0) for plane in planes] == first
+    assert len(set(first)) == len(first)

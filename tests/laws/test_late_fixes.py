@@ -58,11 +58,9 @@ def moved_along(online: whichroad.Localizer, x: float, y: float) -> tuple[float,
     [
         (LEFT, 1 / 12),  # the most probable hypothesis is neither the first nor the last row
         (RIGHT, 1 / 12),
-        pytest.param(RIGHT, 1 / 20, marks=pytest.mark.xfail(
-            strict=True, reason="the first row is taken, which is on the other branch"
-        )),
+        (RIGHT, 1 / 20),  # the first row is on the other branch
     ],
-)  # fmt: skip
+)
 def test_a_late_fix_is_moved_by_the_most_probable_hypothesis(branch, share: float):
     """Its estimate equals that of a punctual fix at the position moved by the delay."""
     truth = drive_along([STEM[0], *branch], margin=20.0)

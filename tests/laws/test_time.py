@@ -12,10 +12,10 @@ from laws.drives import law, way_through
 from laws.geodetic import CAR, degrees, drive, fixes, road_map
 from scenes import columns, drive_along, gnss, grid_town
 from strategies import seeds
-from whichroad import Localizer, match
+from whichroad import Estimate, Localizer, match
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
-from whichroad.observations import Distance, Drive, Estimate, GeoFix, Observation, WheelTicks
+from whichroad.observations import Distance, Drive, GeoFix, Observation, WheelTicks
 from whichroad.recorded import localize_recorded
 from whichroad.tables.status import STATUS
 

@@ -7,6 +7,7 @@ from collections import Counter
 import pytest
 
 from whichroad import GeoFix, Localizer, Vehicle
+from whichroad.filter.state import new_path
 from whichroad.live.checkpoint import Checkpoint
 from whichroad.live.decode import CanStream, _Unwrapped
 from whichroad.live.filter_loop import FilterLoop
@@ -51,12 +52,19 @@ def test_without_a_lag_nothing_is_told_of_the_past(town, ride, observations):
     assert (filter_loop.message["lagged"], filter_loop.message["decided_until"]) == (None, None)
 
 
-@pytest.mark.parametrize("room", [2048, (1 << 14) - 64])
+@pytest.mark.parametrize("room", [1 << 14, 2048 + 32])
 def test_late_observations_are_looked_back_over_as_in_order(
     town, ride, observations, monkeypatch, room
 ):
-    """Also where the tree of edges was tidied between (a room that it hardly has)."""
-    monkeypatch.setattr("whichroad.smoothing._SPARE_ENTRIES", room)
+    """Also where the tree of edges was tidied between: an epoch may need 2048 entries of it."""
+    trees = []
+
+    def tree(capacity):
+        trees.append(new_path(capacity - (1 << 14) + room))
+        return trees[-1]
+
+    monkeypatch.setattr("whichroad.online.localizer.new_path", tree)
+    monkeypatch.setattr("whichroad.path.new_path", tree)
     rng = random.Random(3)
     chosen = [shifted(one, 0.03) if isinstance(one, GeoFix) else one for one in observations[:1200]]
     chosen.sort(key=lambda one: one.time)
@@ -70,6 +78,7 @@ def test_late_observations_are_looked_back_over_as_in_order(
     for one in sorted(chosen[1:], key=lambda one: arrival[id(one)]):
         assert late.take(one)
     assert late.rewinds > 20
+    assert (len(trees) > 2) == (room < 1 << 14)
     a, b = sorted_.localizer.lagged(), late.localizer.lagged()
     assert (a.edge, a.status) == (b.edge, b.status)
     assert b.p_road == pytest.approx(a.p_road, abs=1e-3)

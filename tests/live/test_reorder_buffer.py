@@ -5,10 +5,11 @@ import time
 import numpy as np
 import pytest
 
+from laws.public import road_map
 from whichroad import GeoFix, Localizer
+from whichroad.live.checkpoint import Checkpoint
 from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.reorder_buffer import ReorderBuffer
-from whichroad.live.state import bridge, from_bytes, restore, state_of, to_bytes
 
 
 def localizer(town, ride):
@@ -79,40 +80,52 @@ def test_what_there_is_to_go_back_to_does_not_grow(town, ride, observations):
 
 def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     """A new attribute of the localizer must be kept too, or be named here as one that stays."""
-    kept = {"_belief", "_output", "_odometer", "_rate", "_began", "_reading", "_far_fix"}
-    kept |= {"_interval", "_past", "_par"}  # of the parameters the mode
-    stays = {"roads", "vehicle", "settings", "skipped", "_ctx", "_path", "_epochs"}
-    stays |= {"_start", "_watch", "lag"}
-    views = {"_state", "_answer", "_epoch"}
+    kept = {"_filter", "_odometer", "_rate", "_began", "_reading", "_far_fix", "_interval"}
+    kept |= {"_past", "_watch"}
+    stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_map"}
+    views = {"_ahead"}
     assert vars(localizer(town, ride)).keys() == kept | stays | views
 
 
-def test_a_state_goes_through_bytes_unchanged(town, ride, observations):
+def test_a_localizer_taken_back_says_what_it_said(town, ride, observations):
     one = answer(town, ride, observations[:500])
-    data = to_bytes(state_of(one), {"map": "m"})
-    found = from_bytes(data)
-    assert found is not None
-    state, about = found
-    assert about == {"map": "m"}
-    other = localizer(town, ride)
-    restore(other, state)
-    for observation in observations[500:700]:
-        assert same(one.update(observation), other.update(observation))
+    state = one.state()
+    first = [one.update(observation) for observation in observations[500:700]]
+    one.restore(state)
+    for observation, before in zip(observations[500:700], first, strict=True):
+        assert same(one.update(observation), before)
 
 
-def test_damaged_bytes_are_no_state(town, ride, observations):
-    data = to_bytes(state_of(answer(town, ride, observations[:100])), {})
-    assert from_bytes(b"") is None
-    assert from_bytes(data[:-1]) is None
-    for place in range(0, len(data), 997):
-        assert from_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]) is None
+def test_damaged_files_are_no_state(town, ride, observations, tmp_path):
+    file = tmp_path / "state"
+    Checkpoint(file, answer(town, ride, observations[:100])).taken()()
+    data, fresh = file.read_bytes(), Checkpoint(file, localizer(town, ride))
+    assert fresh.resume(replay=True)[0] is not None
+    cut = [data[:n] for n in (0, 5, 40, len(data) - 1)]
+    turned = [
+        data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+        for place in range(0, len(data), 997)
+    ]
+    for damaged in cut + turned:
+        file.write_bytes(damaged)
+        when, why = fresh.resume(replay=True)
+        assert when is None
+        assert "damaged" in why
+
+
+def test_a_state_of_another_map_is_left_alone(town, ride, observations, tmp_path):
+    Checkpoint(tmp_path / "state", answer(town, ride, observations[:100])).taken()()
+    other = Localizer(road_map([[[0.0, 0.0], [500.0, 0.0]]]))
+    when, why = Checkpoint(tmp_path / "state", other).resume(replay=True)
+    assert when is None
+    assert "another map" in why
 
 
 @pytest.mark.parametrize("age", [0.5, 5.0, 20.0])
 def test_who_slept_is_where_it_would_be_and_less_sure(town, ride, observations, age):
     one = answer(town, ride, observations[:500])
     before = one.estimate()
-    bridge(one, before.time + age)
+    one.wake(before.time + age)
     after = one.estimate()
     assert after.time == before.time + age
     assert np.trace(after.cov[:2, :2]) > np.trace(before.cov[:2, :2]) + (0.5 * age) ** 2

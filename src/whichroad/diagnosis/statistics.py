@@ -13,12 +13,14 @@ and turns as the filter corrects them, and of the map's error as it sees it.
 """
 
 import math
+import struct
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compile import Record, Records
+from .._compile import Records
 from ..filter.estimate import Output
 from ..observations import Array
 from ..settings import Settings, Vehicle
@@ -60,6 +62,7 @@ class Row(NamedTuple):
 
 
 _ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
+_ROW = struct.Struct(f"={len(Row._fields)}d")
 _BLOCK = 2048  # epochs that are accumulated together on line
 
 
@@ -123,23 +126,31 @@ class Watch:
         self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
-    def look(self, epoch: Record, estimate: Record) -> None:
+    def look(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
         """Add an epoch, as on line; it is accumulated later.
 
         Args:
-            epoch: One of `filter.state.EPOCH`.
-            estimate: One of `filter.estimate.ESTIMATE`.
+            epoch: Time, arc, turn, the five numbers of its fix, and 1 where it has one.
+            estimate: Of it: x, y, heading, map_x, map_y, speed, gnss_scale.
         """
-        row = self._block[self._waiting]
-        row[0], row[1], row[2] = epoch["time"], epoch["arc"], epoch["turn"]
-        row[3:10] = [estimate[name] for name in _ESTIMATED]
-        fixed = epoch["has_fix"]
-        row[10] = fixed
-        if fixed:
-            row[11:] = epoch["fix"][:4]
+        time, arc, turn, fix_x, fix_y, major, minor, _, fixed = epoch
+        x, y, heading, map_x, map_y, speed, scale = estimate
+        _ROW.pack_into(
+            self._block.data, self._waiting * _ROW.size, time, arc, turn, speed, heading, scale,
+            x, y, map_x, map_y, fixed, fix_x, fix_y, major, minor,
+        )  # fmt: skip
         self._waiting += 1
         if self._waiting == _BLOCK:
             self._flush()
+
+    @property
+    def waiting(self) -> int:
+        """How many epochs were added that are not looked at yet."""
+        return self._waiting
+
+    def forget_after(self, waiting: int) -> None:
+        """Forget the last epochs that wait, so that no more than so many do."""
+        self._waiting = min(max(waiting, 0), self._waiting)
 
     def _flush(self) -> None:
         waiting, self._waiting = self._waiting, 0

@@ -6,8 +6,10 @@ plane metres per true metre.
 """
 
 import math
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import overload
+from typing import NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,7 +61,7 @@ class Plane:
     def from_geodetic(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> tuple[object, object]:
         """Plane coordinates x, y (m) of WGS84 positions in degrees."""
         if isinstance(lat_deg, float) and isinstance(lon_deg, float):
-            return kernels.to_plane(self.sphere, radians(lat_deg), radians(lon_deg))
+            return _calls(self.sphere).to_plane(radians(lat_deg), radians(lon_deg))
         lat = radians(np.asarray(lat_deg, dtype=np.float64))
         lon = radians(np.asarray(lon_deg, dtype=np.float64))
         x, y = np.empty_like(lat), np.empty_like(lat)
@@ -80,7 +82,7 @@ class Plane:
     def to_geodetic(self, x: ArrayLike, y: ArrayLike) -> tuple[object, object]:
         """Latitude and longitude (degrees, WGS84, longitude in [-180, 180)) of plane points."""
         if isinstance(x, float) and isinstance(y, float):
-            lat, lon = kernels.to_geodetic(self.sphere, x, y)
+            lat, lon = _calls(self.sphere).to_geodetic(x, y)
             return degrees(lat), degrees(lon)
         lats, lons = _geodetic(
             self.sphere, np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -94,7 +96,7 @@ class Plane:
     def convergence(self, x: ArrayLike, y: ArrayLike) -> object:
         """Heading of true north less that of the plane's y axis, rad, counter-clockwise."""
         if isinstance(x, float) and isinstance(y, float):
-            return kernels.convergence(self.sphere, x, y)
+            return _calls(self.sphere).convergence(x, y)
         east, north = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         out = np.empty(east.shape)
         kernels.convergence_all(self.sphere, east.ravel(), north.ravel(), out.ravel())
@@ -140,10 +142,39 @@ class Plane:
     def pose(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> tuple[object, object, object]:
         """Latitude, longitude (degrees) and bearing (degrees) of poses in the plane."""
         if isinstance(x, float) and isinstance(y, float) and isinstance(heading, float):
-            lat_rad, lon_rad, turn = kernels.place_on_earth(self.sphere, x, y)
+            lat_rad, lon_rad, turn = _calls(self.sphere).place_on_earth(x, y)
             return degrees(lat_rad), degrees(lon_rad), bearing_of(heading, turn)
         lat, lon = self.to_geodetic(x, y)  # type: ignore[call-overload]
         return lat, lon, self.bearing(heading, x, y)  # type: ignore[call-overload]
+
+
+class _Calls(NamedTuple):
+    """The kernels of one point, bound to a sphere: an unbound call takes four times as long."""
+
+    to_plane: Callable[[float, float], tuple[float, float]]
+    to_geodetic: Callable[[float, float], tuple[float, float]]
+    convergence: Callable[[float, float], float]
+    place_on_earth: Callable[[float, float], tuple[float, float, float]]
+
+
+_bound = threading.local()  # a bound call is for one thread
+_MOST_BOUND = 64  # spheres
+
+
+def _calls(sphere: kernels.Sphere) -> _Calls:
+    """The kernels bound to a sphere, for this thread."""
+    known = cast(dict[kernels.Sphere, _Calls], _bound.__dict__)
+    calls = known.get(sphere)
+    if calls is None:
+        if len(known) >= _MOST_BOUND:
+            known.clear()
+        calls = known[sphere] = _Calls(
+            kernels.to_plane.bind(sphere, ..., ...),
+            kernels.to_geodetic.bind(sphere, ..., ...),
+            kernels.convergence.bind(sphere, ..., ...),
+            kernels.place_on_earth.bind(sphere, ..., ...),
+        )
+    return calls
 
 
 def _sphere_at(lat0: float, lon0: float) -> kernels.Sphere:

@@ -1,18 +1,22 @@
 """What the filter knows, on disk twice a second, so that a crash costs less than one."""
 
+import json
 import os
+import struct
 import time
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
-from ..errors import WriteError
-from ..online import Localizer
+from ..errors import MapError, ReadError, WriteError
+from ..online import Localizer, State
 from .decode import CanStream
-from .state import bridge, fingerprint, from_bytes, restore, state_of, to_bytes
 
 EVERY = 0.5  # s
 OLDEST = 60.0  # s after which a state says nothing about where the vehicle is
-_FORMAT = 1
+_MAGIC = b"whichroad service 5\n"
+_NUMBERS = struct.Struct("<II")  # check sum of all that follows, length of the JSON
 
 
 class Checkpoint:
@@ -36,7 +40,6 @@ class Checkpoint:
         self._path, self._localizer = path, localizer
         self._buses = {} if buses is None else buses
         self.counted: dict[str, dict[str, list[float]]] = {}
-        self._map = fingerprint(localizer.roads)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._part.write_bytes(b"")
@@ -53,16 +56,15 @@ class Checkpoint:
 
     def taken(self) -> Callable[[], None]:
         """The state that is, as a call that writes it: from any thread, one at a time."""
-        state = state_of(self._localizer)
+        state = self._localizer.state()
         about = {
-            "format": _FORMAT, "map": self._map, "lag": self._localizer.lag,
             "written": time.time(),
             "counted": {name: stream.counted() for name, stream in self._buses.items()},
-        }  # fmt: skip
+        }
 
         def write() -> None:
             part = self._part
-            part.write_bytes(to_bytes(state, about))
+            part.write_bytes(_with(about, state.to_bytes()))
             os.replace(part, self._path)
 
         return write
@@ -77,23 +79,47 @@ class Checkpoint:
             The event time that the filter is at (None: it starts anew), and why, in words.
         """
         try:
-            found = from_bytes(self._path.read_bytes())
+            about, data = read_checkpoint(self._path)
+            state = State.from_bytes(data)
         except OSError:
             return None, "there is no earlier state"
-        if found is None:
-            return None, "the earlier state is damaged; starting anew"
-        state, about = found
+        except ReadError:
+            return None, "the earlier state is damaged, or of another version; starting anew"
         age = 0.0 if replay else time.time() - about["written"]
-        if about.get("format") != _FORMAT or about.get("map") != self._map:
-            return None, "the earlier state is of another map or version; starting anew"
-        if about.get("lag") != self._localizer.lag:
+        if state.made.lag != self._localizer.lag:
             return None, "the earlier state was kept with another --lag; starting anew"
-        if not state.started:
+        if not state.count:
             return None, "the earlier state knows nothing; starting anew"
         if not 0.0 <= age <= OLDEST:
             return None, f"the earlier state is {age:.0f} s old; starting anew"
-        restore(self._localizer, state)
-        self.counted = about.get("counted", {})
+        try:
+            self._localizer.restore(state)
+        except MapError:
+            return None, "the earlier state is of another map; starting anew"
+        self.counted = about["counted"]
         if not replay:
-            bridge(self._localizer, state.time + age)
+            self._localizer.wake(state.time + age)
         return state.time + age, f"resumed a state {age:.1f} s old"
+
+
+def _with(about: dict[str, Any], state: bytes) -> bytes:
+    """What is said about a state, and the state, as bytes that tell when they are damaged."""
+    text = json.dumps(about).encode()
+    numbers = struct.pack("<I", len(text))
+    return _MAGIC + _NUMBERS.pack(zlib.crc32(numbers + text), len(text)) + text + state
+
+
+def read_checkpoint(path: Path) -> tuple[dict[str, Any], bytes]:
+    """What is said about the state in a file, and the state as `State.from_bytes` takes it.
+
+    Raises:
+        OSError: There is no such file.
+        ReadError: It is damaged, or something else.
+    """
+    data = path.read_bytes()
+    begin = len(_MAGIC) + _NUMBERS.size
+    if data.startswith(_MAGIC) and len(data) >= begin:
+        check, size = _NUMBERS.unpack_from(data, len(_MAGIC))
+        if zlib.crc32(data[begin - 4 : begin + size]) == check:
+            return json.loads(data[begin : begin + size]), data[begin + size :]
+    raise ReadError(f"{path}: {len(data):,} bytes that are damaged or no state of the service")

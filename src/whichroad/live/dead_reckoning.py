@@ -3,7 +3,8 @@
 import math
 
 from ..geodesy.plane import Plane
-from ..observations import Distance, Estimate, GeoFix, Observation
+from ..observations import Distance, GeoFix, Observation
+from ..online import Estimate
 from ..sensors.odometry import step_between
 from ..settings import Vehicle
 from .messages import ReckoningMessage

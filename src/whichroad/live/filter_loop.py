@@ -10,15 +10,14 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..observations import Estimate, GeoFix, Observation
-from ..online import Localizer
+from ..observations import GeoFix, Observation
+from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
 from .messages import Around, EstimateMessage, Messages, PlayMessage
 from .recording import Recorder
 from .reorder_buffer import ReorderBuffer
-from .state import restore, state_of
 
 Sink = Callable[[bytes, EstimateMessage], None]
 
@@ -69,7 +68,7 @@ class FilterLoop:
         self.play: Callable[[], PlayMessage] = lambda: LIVE
         self.least = _LEAST  # s, shortest time between messages triggered by fixes
         self._every = 1.0 / rate
-        self._blank = state_of(localizer)
+        self._blank = localizer.state()
         self._fix: GeoFix | None = None
         self._fix_masked = False
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
@@ -132,7 +131,7 @@ class FilterLoop:
         else:
             return True
         if silent > _OTHERS_SILENT:
-            restore(self.localizer, self._blank)
+            self.localizer.restore(self._blank)
             buffer.begin(-math.inf)
             self.reckoning.stop()
             buffer.skipped["clock jumped: started anew"] += 1
@@ -195,7 +194,7 @@ class FilterLoop:
     @property
     def answered(self) -> bool:
         """Whether the filter has started."""
-        return bool(self.localizer._state["count"])
+        return self.localizer.answered
 
     def mask(self, masked: bool) -> None:
         """Withhold fixes from the filter, or stop doing so."""

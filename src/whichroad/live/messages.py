@@ -16,7 +16,8 @@ from typing import Any, TypedDict
 
 from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
-from ..observations import Array, Estimate, GeoFix, Hypothesis
+from ..observations import Array, GeoFix, Hypothesis
+from ..online import Estimate
 from ..roadmap import RoadMap
 
 VERSION = 1

@@ -22,9 +22,9 @@ from ..observations import (
     WheelSpeeds,
     WheelTicks,
 )
+from ..online import State
 from .filter_loop import FilterLoop
 from .messages import PlayMessage
-from .state import State, restore, state_of
 
 _KINDS: dict[type, Callable[..., Observation]] = {
     WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,
@@ -222,7 +222,7 @@ class Player:
         when = self.recording.when(self._at)
         if self._kept and when - self.recording.when(self._kept[-1][0]) < self._every:
             return
-        self._kept.append((self._at, state_of(self.filter_loop.localizer)))
+        self._kept.append((self._at, self.filter_loop.localizer.state()))
         if len(self._kept) > _MOST_KEPT:
             self._kept = self._kept[::2]
             self._every *= 2.0
@@ -268,8 +268,8 @@ class Player:
         if target < self._at:
             while len(self._kept) > 1 and self._kept[-1][0] > target:
                 self._kept.pop()
-            at, state = self._kept[-1] if self._kept else (0, state_of(self.filter_loop.localizer))
-            restore(self.filter_loop.localizer, state)
+            at, state = self._kept[-1] if self._kept else (0, self.filter_loop.localizer.state())
+            self.filter_loop.localizer.restore(state)
             self._at = at
             self.filter_loop.reckoning.stop()
             self.filter_loop.buffer.begin(self.recording.when(at))

@@ -143,7 +143,7 @@ class Recorder:
 
     def record_estimate(self, localizer: Localizer) -> None:
         """Record a localizer's estimate after the last observation."""
-        self._estimates.append((localizer._epochs.tobytes(), localizer._output.rows.tobytes()))
+        self._estimates.append(localizer.last_rows())
 
     @property
     def waiting(self) -> int:

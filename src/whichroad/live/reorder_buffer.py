@@ -11,8 +11,7 @@ from collections import Counter, deque
 from dataclasses import replace
 
 from ..observations import Observation
-from ..online import Localizer
-from .state import State, restore, state_of
+from ..online import Localizer, State
 
 _EVERY = 0.05  # s between stored states
 
@@ -64,7 +63,7 @@ class ReorderBuffer:
     def _keep(self, time: float) -> None:
         """Store the state before an observation; drop states beyond the window."""
         states, taken = self._states, self._taken
-        state = state_of(self.localizer)
+        state = self.localizer.state()
         when = time if states else self._floor
         states.append(replace(state, time=when))
         while len(states) > 1 and states[1].time <= time - self.window:
@@ -88,11 +87,11 @@ class ReorderBuffer:
         # a state of time t is from before the observations of that time
         first = next(i for i, one in enumerate(self._taken) if one.time >= state.time)
         again = list(self._taken)[first:]
-        restore(self.localizer, state)
+        self.localizer.restore(state)
         mine = True
         for one in again:
             if one.time - states[-1].time >= _EVERY:
-                kept = state_of(self.localizer)
+                kept = self.localizer.state()
                 states.append(replace(kept, time=one.time))
             taken = self.localizer.take(one)
             mine = taken if one is observation else mine

@@ -6,17 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._compile import Records
-from .filter.best_path import TRAVERSAL
-from .filter.estimate import Output, new_output
-from .filter.history import new_history
-from .filter.many import Drives, localize_each, time_each
-from .filter.state import CLOCK
-from .graph.network import records
-from .roadmap import RoadMap
-from .settings import Settings, Vehicle
-from .traversals import Traversals
-from .workspace import Workspace
+from .._compile import Records
+from ..filter.best_path import TRAVERSAL
+from ..filter.estimate import Output, new_output
+from ..filter.history import new_history
+from ..filter.many import Drives, localize_each, time_each
+from ..filter.state import CLOCK
+from ..graph.network import records
+from ..roadmap import RoadMap
+from ..settings import Settings, Vehicle
+from ..traversals import Traversals
+from ..workspace import Workspace
 
 _EDGES = 16  # driven from one epoch to the next, for which there is room
 _MORE_EDGES = 1 << 12  # added to it

@@ -17,22 +17,22 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ._compile import Records
-from .batch_filter import Batch, filter_batch, one_batch
-from .epochs import Timeline, epochs_of_fixes
-from .errors import SettingError, WhichroadError
-from .filter.state import CLOCK, new_epochs
-from .matching import are_near, timeline_of, tuned_by
-from .observations import Drive
-from .readers import drive_from_table, read_vehicle
-from .readers.many_trips import TripBatch, batched_fixes, trip_batches
-from .recorded import localize_recorded
-from .roadmap import RoadMap, open_map
-from .settings import Settings, Vehicle
-from .smoothing import Lag
-from .tables.export import figures_of, path_table, points_table
-from .tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
-from .traversals import traversals
+from .._compile import Records
+from ..epochs import Timeline, epochs_of_fixes
+from ..errors import SettingError, WhichroadError
+from ..filter.state import CLOCK, new_epochs
+from ..matching import are_near, timeline_of, tuned_by
+from ..observations import Drive
+from ..readers import drive_from_table, read_vehicle
+from ..readers.many_trips import TripBatch, batched_fixes, trip_batches
+from ..recorded import localize_recorded
+from ..roadmap import RoadMap, open_map
+from ..settings import Settings, Vehicle
+from ..smoothing import Lag
+from ..tables.export import figures_of, path_table, points_table
+from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
+from ..traversals import traversals
+from .filtering import Batch, filter_batch, one_batch
 
 Progress = Callable[[str, int, int], None]
 

@@ -1,0 +1,207 @@
+"""What the localizer says of one epoch: numbers copied at once, put into words when asked."""
+
+import math
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..filter.state import OFF_ROAD
+from ..geodesy.plane import Plane
+from ..observations import Array, Hypothesis, Pose
+from ..roadmap import RoadMap
+from ..tables.status import RECENT, STATUS, reason
+from .epoch_filter import Living, Row, living, row_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
+    """A pose in the plane, in degrees too."""
+    return Pose(x, y, heading, *plane.pose(x, y, heading))
+
+
+class Estimate:
+    """Where the vehicle is, on which road, and how sure that is.
+
+    It never changes: what the filter held is copied when it is made.  Most of it is worked out
+    when it is first asked for.
+
+    Args:
+        time: s since 1970.
+        row: A record of `filter.estimate.ESTIMATE`.
+        hypotheses: As `living_words` copies them.
+        roads: The map.
+        far_fix: Time of the last fix (s), and how far away it lies if it is not believed (m).
+        unknown: P(what no hypothesis knows).
+    """
+
+    __slots__ = ("_far_fix", "_found", "_hypotheses", "_pose", "_roads", "_row", "_time",
+                 "_unknown")  # fmt: skip
+
+    def __init__(
+        self, time: float, row: bytes, hypotheses: NDArray[np.int64], roads: RoadMap,
+        far_fix: tuple[float, float], unknown: float,
+    ) -> None:  # fmt: skip
+        self._time, self._row, self._hypotheses = time, row, hypotheses
+        self._roads, self._far_fix, self._unknown = roads, far_fix, unknown
+        self._found: Row | None = None
+        self._pose: Pose | None = None
+
+    def __repr__(self) -> str:
+        names = ("time", "pose", "cov", "edge", "p_road", "p_off_road", "status", "abscissa",
+                 "lateral", "protection_level", "gnss_scale")  # fmt: skip
+        return f"Estimate({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
+
+    @property
+    def _said(self) -> Row:
+        if self._found is None:
+            self._found = row_of(self._row)
+        return self._found
+
+    @property
+    def time(self) -> float:
+        """Of the observation, s since 1970."""
+        return self._time
+
+    @property
+    def pose(self) -> Pose:
+        """Where M, the middle of the rear axle, is: the mean of all hypotheses."""
+        if self._pose is None:
+            said = self._said
+            self._pose = pose_at(self._roads.plane, said.x, said.y, said.heading)
+        return self._pose
+
+    @property
+    def cov(self) -> Array:
+        """Its covariance, (3, 3) x, y, heading; m², m rad, rad²."""
+        said = self._said
+        return np.array(
+            [
+                [said.xx, said.xy, said.xh],
+                [said.xy, said.yy, said.yh],
+                [said.xh, said.yh, said.hh],
+            ]
+        )
+
+    @property
+    def edge(self) -> int | None:
+        """The most probable edge; None: off the roads or lost."""
+        edge = self._said.edge
+        return edge if edge >= 0 else None
+
+    @property
+    def p_road(self) -> float:
+        """P(the vehicle is on that edge)."""
+        return self._said.p_edge
+
+    @property
+    def p_off_road(self) -> float:
+        """P(the vehicle is on no mapped road)."""
+        return self._said.p_off_road
+
+    @property
+    def status(self) -> str:
+        """on_road, ambiguous, off_road, outage, stopped or lost."""
+        return STATUS[self._said.status]
+
+    @property
+    def abscissa(self) -> float:
+        """Place on the edge, m from its start."""
+        return self._said.s
+
+    @property
+    def lateral(self) -> float:
+        """Offset right of the centre line in the map's frame, m."""
+        return self._said.lateral
+
+    @property
+    def protection_level(self) -> float:
+        """Bound on the position error at `Settings.protection_risk`, m; inf before an answer."""
+        return self._said.protection_level if self._said.live else math.inf
+
+    @property
+    def gnss_scale(self) -> float:
+        """GNSS errors over what is reported, as learnt; 1 before an answer."""
+        return self._said.gnss_scale if self._said.live else 1.0
+
+    @property
+    def reason(self) -> str:
+        """Why the status is what it is, for people; the competing roads where it is ambiguous."""
+        known = self._living()
+        shares: dict[int, float] = {}
+        weights = ((1.0 - self._unknown) * known.weight).tolist()
+        for edge, p in zip(known.edge.tolist(), weights, strict=True):
+            shares[edge] = shares.get(edge, 0.0) + p
+        return reason(
+            self.status,
+            roads=sorted(shares.items(), key=lambda share: -share[1]),
+            name=self._street,
+            disbelieved=self.disbelieved,
+            scale=self._said.gnss_scale,
+            answered=len(shares) > 0,
+        )
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All living hypotheses, most probable first, and what none of them knows.
+
+        That is off the roads, and where the vehicle is by all of them.
+        """
+        known = self._living()
+        found = list(self._each(known))
+        if found and self._unknown:
+            found.append(Hypothesis(self._unknown, None, self.pose, self.cov, 0.0, 0.0))
+        return tuple(sorted(found, key=lambda one: -one.p))
+
+    @property
+    def map_pose(self) -> Pose:
+        """The pose in the map's frame: what to draw on the map."""
+        said = self._said
+        return pose_at(self._roads.plane, said.map_x, said.map_y, said.heading)
+
+    @property
+    def map_cov(self) -> Array:
+        """Covariance of the position in the map's frame, (2, 2), m²."""
+        said = self._said
+        return np.array([[said.map_xx, said.map_xy], [said.map_xy, said.map_yy]])
+
+    @property
+    def matched(self) -> tuple[float, float]:
+        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
+        return self._roads.plane.to_geodetic(self._said.match_x, self._said.match_y)
+
+    @property
+    def speed(self) -> float:
+        """Speed, m/s, negative in reverse."""
+        return self._said.speed
+
+    @property
+    def disbelieved(self) -> float:
+        """How far away the last fix lies, if it is not believed, m; else 0."""
+        time, metres = self._far_fix
+        return metres if self._time - time <= RECENT else 0.0
+
+    def _living(self) -> Living:
+        return living(self._hypotheses)
+
+    def _each(self, known: Living) -> "Iterator[Hypothesis]":
+        plane = self._roads.plane
+        for i in np.argsort(-known.weight):
+            x, y, heading, lateral, xx, xy, xh, yy, yh, hh, weight, along = (
+                float(column[i]) for column in known[:-1]
+            )
+            edge = int(known.edge[i])
+            on = edge != OFF_ROAD
+            yield Hypothesis(
+                (1.0 - self._unknown) * weight,
+                edge if on else None,
+                pose_at(plane, x, y, heading),
+                np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
+                along if on else 0.0,
+                lateral if on else 0.0,
+            )
+
+    def _street(self, edge: int) -> str | None:
+        return cast(str | None, self._roads.attributes(edge).get("name"))

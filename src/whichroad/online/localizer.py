@@ -1,0 +1,400 @@
+"""The filter on line: one observation in, one estimate out.
+
+It runs `filter.step.run`, which is the method in the paper's order (its Figure 7), for one
+epoch at a time.  The localizer owns the belief; nothing else remembers.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..diagnosis.findings import Finding, findings
+from ..diagnosis.statistics import Watch
+from ..errors import SettingError
+from ..filter.estimate import Output
+from ..filter.state import (
+    CLOCK,
+    DISTANCE,
+    WHEELS,
+    Belief,
+    Context,
+    new_belief,
+    new_path,
+    new_work,
+)
+from ..global_start import start_at
+from ..observations import Distance, GeoFix, Observation, StartPose
+from ..roadmap import RoadMap, open_map
+from ..sensors.gnss import fix_row
+from ..sensors.odometry import bridged_step
+from ..sensors.validation import validated
+from ..settings import Settings, Vehicle, parameters
+from ..smoothing import Window
+from ..tables.status import far_off
+from .epoch_filter import EpochFilter, living_words, memory, row_of, words_of
+from .estimates import Estimate
+from .localizer_state import Made, Odometry, Reading, State, fingerprint
+
+_LATE = 1.0  # s; an observation later than this is refused
+_SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
+# receiver says
+_TURNING = 1.0  # s that a turn goes on while nothing is heard of it
+_LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
+_OF_SPEED = 0.3  # share of the distance since then that is uncertain
+
+
+class Localizer:
+    """The on-line filter: one observation in, one estimate out.
+
+    Example:
+        >>> localizer = Localizer(roads)                                # doctest: +SKIP
+        >>> estimate = localizer.update(GeoFix(time=0.0, lat_deg=49.4, lon_deg=8.7))
+        >>> estimate.edge, estimate.p_road
+
+    Args:
+        roads: The map, or its path.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
+            the filter.
+        lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
+
+    Raises:
+        SettingError: The lag is not a number of seconds.
+        MapError: It is no map.
+    """
+
+    def __init__(
+        self,
+        roads: RoadMap | str | Path,
+        *,
+        vehicle: Vehicle | None = None,
+        settings: Settings | None = None,
+        start: StartPose | tuple[float, float, float] | None = None,
+        lag: float | str | None = None,
+    ) -> None:
+        self.roads = open_map(roads)
+        self.vehicle = vehicle or Vehicle()
+        self.settings = settings or Settings()
+        self.skipped: dict[str, int] = {}  # reason -> observations refused
+        self._past = None if lag is None else Window(lag)
+        self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
+        par = parameters(self.settings, self.vehicle, CLOCK)
+        ctx = Context(par, self.roads.arrays, new_work())
+        self._filter = EpochFilter(ctx)
+        if self._past is not None:
+            tree = new_path(1 << 14)
+            self._filter = EpochFilter(ctx, new_belief(True), tree, self._past.history)
+        self._ahead: EpochFilter | None = None  # of `predict`
+        self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
+        self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._interval = 0.0  # s, usually between odometry readings
+        self._began: float | None = None  # when the first fix came, until the next reading
+        self._reading: Reading | None = None
+        self._start = StartPose.of(start)
+        self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
+        self._watch = Watch(self.settings, self.vehicle)
+        self._map = ""  # fingerprint of the map, once it was asked for
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_ahead": None}
+
+    def update(self, observation: Observation) -> Estimate:
+        """Take one observation and say where the vehicle is.
+
+        A fix that is up to a second late is moved along with the vehicle; an older
+        observation, and one that cannot be, is refused and counted in `skipped`.
+
+        Args:
+            observation: A fix or an odometry reading; times in seconds, one clock.
+
+        Returns:
+            The estimate at the observation's time.
+
+        Raises:
+            ReadError: It is no observation, or its time is not in seconds since 1970.
+        """
+        if not self.take(observation):
+            return self.predict(self._filter.time)
+        return self.estimate()
+
+    def take(self, observation: Observation) -> bool:
+        """Take one observation and say nothing, for those who ask less often than they tell.
+
+        Args:
+            observation: As `update` takes it.
+
+        Returns:
+            Whether it was taken; False: it is too late or cannot be, and counted in `skipped`.
+        """
+        if (possible := validated(observation, self.skipped)) is None:
+            return False
+        late = self._filter.time - possible.time
+        if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
+            self.skipped["late"] = self.skipped.get("late", 0) + 1
+            return False
+        if isinstance(possible, GeoFix):
+            self._take_fix(possible, max(late, 0.0))
+        else:
+            self._take_odometry(possible)
+        if self._filter.mode != CLOCK:
+            self._watch.look(*self._filter.watched())
+        return True
+
+    @property
+    def answered(self) -> bool:
+        """Whether there is an answer yet: a fix came, or a pose was given."""
+        return self._filter.count > 0
+
+    @property
+    def diagnosis(self) -> tuple[Finding, ...]:
+        """Settings that do not fit the data so far; nothing without odometry."""
+        return findings(self._watch)
+
+    def predict(self, time: float) -> Estimate:
+        """Dead reckoning to a later time, without changing the filter.
+
+        Args:
+            time: Not before the last observation, s.
+
+        Returns:
+            The estimate expected there.
+        """
+        now = self._filter
+        if self._ahead is None:
+            self._ahead = EpochFilter(now.ctx)
+        double, ahead = self._ahead, max(time - now.time, 0.0)
+        double.copy_from(now)
+        double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), False)
+        double.run()
+        return self._estimate(double.time, double.estimate, double.living())
+
+    def _take_odometry(self, reading: Reading) -> None:
+        arc, turn = self._increment(reading)
+        self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
+        self._begin_at_start(reading.time)
+        self._filter.fill(reading.time, arc, turn, True)
+        self._run()
+
+    def _increment(self, reading: Reading) -> tuple[float, float]:
+        """Arc and turn since the last epoch, less what a fix in between already took."""
+        before, self._reading = self._reading, reading
+        if before is None or type(before) is not type(reading):
+            self._odometer = (reading.time, 0.0, 0.0)
+            return 0.0, 0.0
+        dt = reading.time - before.time
+        arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
+        taken = self._odometer or (0.0, 0.0, 0.0)
+        self._interval = self._interval or dt
+        if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went
+            self._odometer = (reading.time, 0.0, 0.0)
+            return self._rate[0] * (reading.time - taken[0]), 0.0
+        self._interval += 0.2 * (dt - self._interval)
+        if dt > 0:
+            self._rate = (arc / dt, turn / dt)
+        if self._began is not None and dt > 0:  # what was driven before the start is no one's
+            part = min(max((self._began - before.time) / dt, 0.0), 1.0)
+            arc, turn = arc * (1.0 - part), turn * (1.0 - part)
+        self._odometer, self._began = (reading.time, 0.0, 0.0), None
+        return arc - taken[1], turn - taken[2]
+
+    def _is_silent(self, seconds: float) -> bool:
+        """Whether that is longer than odometry usually says nothing."""
+        return seconds > max(_SILENT, 3.0 * self._interval)
+
+    def _take_fix(self, fix: GeoFix, late: float) -> None:
+        now = self._filter
+        time = max(fix.time, now.time) if late else fix.time
+        if not now.started and self._start is None:
+            self._began = time
+        self._begin_at_start(time)
+        ahead = time - now.time if now.started else 0.0
+        silent = self._reading is not None and self._is_silent(time - self._reading.time)
+        if silent:
+            on = fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0]
+            self._rate = (on, 0.0)
+        arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
+        if self._odometer is not None:
+            _, a, t = self._odometer
+            self._odometer = (time, a + arc, t + turn)
+        now.fill(time, arc, turn, now.mode != CLOCK and not silent)
+        (x, y, major, minor, axis), course, sigma = fix_row(
+            fix, self.roads.plane, self.settings.default_sigma_m
+        )
+        if late and now.count:
+            heading = now.heading()
+            x += now.speed * late * math.cos(heading)
+            y += now.speed * late * math.sin(heading)
+        now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
+        self._run()
+        self._far_fix = (time, self._disbelieved(x, y, major))
+
+    def _disbelieved(self, x: float, y: float, sigma: float) -> float:
+        """How far away (m) the fix of this epoch lies, if it is not believed, else 0."""
+        row = row_of(self._filter.estimate)
+        away = math.hypot(x - row.x, y - row.y)
+        variance = (sigma * max(row.gnss_scale, 1.0)) ** 2 + row.xx + row.yy
+        return away if far_off(away, math.sqrt(variance)) else 0.0
+
+    def _begin_at_start(self, time: float) -> None:
+        if self._start is not None and not self._filter.started:
+            belief, path, ctx = self._filter.belief, self._filter.path, self._filter.ctx
+            start_at(belief, self.roads, path, ctx, self._start, time, self.settings)
+
+    def _run(self) -> None:
+        now = self._filter
+        if not now.run() and self._past is not None:
+            path = self._past.make_room(now.belief, now.path)
+            now.keep(path, self._past.history)
+            now.run()
+
+    def estimate(self) -> Estimate:
+        """The estimate at the last observation that was taken."""
+        now = self._filter
+        return self._estimate(now.time, now.estimate, now.living())
+
+    def lagged(self) -> Estimate | None:
+        """The estimate of a moment the lag ago, by all that was observed since.
+
+        Of the last epoch before that moment at which something was observed; None before
+        there is one.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(True)
+        if found is None:
+            return None
+        belief, output, _ = found
+        words = living_words(words_of(belief), int(belief.state[0].count))
+        return self._estimate(float(belief.state[0].time), memory(output.rows), words)
+
+    @property
+    def decided_until(self) -> float | None:
+        """The last time at which one road has 0.999 of the probability, by all that is known.
+
+        What was driven before it is decided as well as it ever will be; None: nothing is.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._look(False)
+        return None if found is None else found[2]
+
+    def _look(self, back: bool) -> tuple[Belief, Output, float | None] | None:
+        if self._past is None:
+            raise SettingError(
+                "lag is None; seconds were expected, to look back: Localizer(lag=10)"
+            )
+        return self._past.look(self._filter.ctx, self._filter.path, self._filter.time, back)
+
+    def _estimate(self, time: float, row: memoryview, living: NDArray[np.int64]) -> Estimate:
+        data, unknown = row.tobytes(), self.settings.unknown
+        return Estimate(time, data, living, self.roads, self._far_fix, unknown)
+
+    def last_rows(self) -> tuple[bytes, bytes]:
+        """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
+        return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
+
+    def to_bytes(self) -> bytes:
+        """All that this localizer remembers but its map, for `from_bytes`.
+
+        Not among it are the sums behind `diagnosis`, and the past that `lagged` looks back at:
+        these begin anew.
+        """
+        return self.state().to_bytes()
+
+    @classmethod
+    def from_bytes(
+        cls, data: bytes, roads: RoadMap | str | Path, *, vehicle: Vehicle | None = None,
+        settings: Settings | None = None,
+    ) -> "Localizer":  # fmt: skip
+        """A localizer that goes on where another one was, to the bit.
+
+        Args:
+            data: What `to_bytes` gave.
+            roads: The same map, or its path.
+            vehicle: None: the car that it had.
+            settings: None: those that it had.
+
+        Raises:
+            ReadError: The bytes are damaged, or of another version.
+            MapError: They are of another map.
+        """
+        state = State.from_bytes(data)
+        made = state.made
+        localizer = cls(
+            roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
+            start=made.start, lag=made.lag,
+        )  # fmt: skip
+        localizer.restore(state)
+        localizer.skipped = dict(state.skipped)
+        return localizer
+
+    def state(self) -> State:
+        """A copy of all that this localizer remembers, to go back to by `restore`."""
+        now = self._filter
+        odometry = Odometry(
+            self._odometer, self._rate, self._interval, self._began, self._reading, self._far_fix,
+            now.mode,
+        )  # fmt: skip
+        made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
+        return State(
+            now.time, now.count, now.tables(), odometry, made, dict(self.skipped),
+            self._watch.waiting, now.path,
+        )  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Remember what a state says, and nothing else.
+
+        Settings, vehicle, map and counts of what was skipped stay.  What was watched after that
+        moment for the diagnosis is forgotten as far as it was not summed up.
+
+        Args:
+            state: Of this localizer, or of one with the same map and lag.
+
+        Raises:
+            MapError: It is of another map.
+            SettingError: It was kept with another lag.
+        """
+        state.made.check(self._fingerprint(), self.lag)
+        now, known = self._filter, state.odometry
+        now.set_tables(state.tables)
+        now.set_mode(known.mode)
+        self._odometer, self._rate, self._interval = known.odometer, known.rate, known.interval
+        self._began, self._reading, self._far_fix = known.began, known.reading, known.far_fix
+        if self._past is not None:
+            if now.path is not state.path:  # tidied since, or of another process: begun anew
+                now.belief.hyp["path_entry"][: state.count] = -1
+            self._past.forget_after(state.time, now.belief)
+        self._watch.forget_after(state.watched)
+
+    def wake(self, time: float) -> None:
+        """Go on after a pause of which nothing is known, less sure by what it may have brought.
+
+        The vehicle goes on at the speed that was, through the roads that may follow; its place
+        along the heading becomes uncertain by a share of that way.  Odometer readings before
+        are forgotten: the next one is the first.
+
+        Args:
+            time: When it wakes up, s.
+        """
+        now = self._filter
+        age = time - now.time
+        if age <= 0.0 or not now.started:
+            return
+        speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
+        now.fill(time, speed * age, turn * min(age, _TURNING), False)
+        self._run()
+        away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
+        now.spread_along(away)
+        self._reading, self._odometer, self._began = None, None, None
+        now.fill(time, 0.0, 0.0, False)
+        self._run()
+
+    def _fingerprint(self) -> str:
+        self._map = self._map or fingerprint(self.roads)
+        return self._map

@@ -1,0 +1,194 @@
+"""All that a localizer remembers, as a value: to go back by seconds, or to outlive a crash."""
+
+import json
+import struct
+import zlib
+from dataclasses import asdict, dataclass, fields
+from typing import Any, NamedTuple
+
+from ..errors import MapError, ReadError, SettingError
+from ..filter.estimate import ESTIMATE
+from ..filter.history import MOTION, REFERENCE
+from ..filter.state import EPOCH, FILTER, HYPOTHESIS, Path
+from ..observations import Distance, SpeedYaw, StartPose, WheelSpeed, WheelTicks
+from ..roadmap import RoadMap
+from ..settings import Settings, Vehicle
+
+_NAME = b"whichroad localizer "
+_MAGIC = _NAME + b"1\n"
+_NUMBERS = struct.Struct("<II")  # check sum of all that follows, length of the JSON
+_READINGS = {kind.__name__: kind for kind in (WheelTicks, WheelSpeed, Distance, SpeedYaw)}
+
+Reading = WheelTicks | WheelSpeed | Distance | SpeedYaw
+
+
+class Made(NamedTuple):
+    """What a localizer was made with."""
+
+    map: str  # fingerprint
+    lag: float | None
+    vehicle: Vehicle
+    settings: Settings
+    start: StartPose | None
+
+    def check(self, map: str, lag: float | None) -> None:
+        """See that a localizer with this map and lag can take what this one knew.
+
+        Raises:
+            MapError: It was made with another map.
+            SettingError: It was made with another lag.
+        """
+        if self.map != map:
+            raise MapError(
+                f"localizer's state: it is of the map {self.map}; one of {map} was expected, "
+                "because edges are known by their numbers; begin with a new Localizer"
+            )
+        if self.lag != lag:
+            raise SettingError(
+                f"localizer's state: it was kept with lag={self.lag}; {lag} was expected"
+            )
+
+
+class Odometry(NamedTuple):
+    """What a localizer knows of the last odometry and fix."""
+
+    odometer: tuple[float, float, float] | None  # time, distance and turn since the last reading
+    rate: tuple[float, float]  # m/s, rad/s
+    interval: float  # s, usually between readings
+    began: float | None  # when the first fix came, until the next reading
+    reading: Reading | None  # the last one
+    far_fix: tuple[float, float]  # time of the last fix, m it is away if not believed
+    mode: int  # WHEELS, DISTANCE or CLOCK
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a localizer knows at one moment.
+
+    Attributes:
+        time: s since 1970.
+        count: How many hypotheses lived.
+        tables: Records of the filter by name, as bytes; of the hypotheses those that live.
+        odometry: What is known of the last readings.
+        made: What the localizer was made with.
+        skipped: Observations refused until then, by reason.
+        watched: How many epochs waited to be looked at for the diagnosis; -1: not kept.
+        path: Tree of the edges by which hypotheses came; None: it was another process's.
+    """
+
+    time: float
+    count: int
+    tables: dict[str, bytes]
+    odometry: Odometry
+    made: Made
+    skipped: dict[str, int]
+    watched: int = -1
+    path: Path | None = None
+
+    def to_bytes(self) -> bytes:
+        """The state as bytes that tell when they are damaged."""
+        reading = self.odometry.reading
+        kept = self.odometry._asdict() | {
+            "reading": None if reading is None else [type(reading).__name__, asdict(reading)]
+        }
+        made = self.made._asdict() | {
+            "vehicle": asdict(self.made.vehicle), "settings": asdict(self.made.settings),
+            "start": None if self.made.start is None else asdict(self.made.start),
+        }  # fmt: skip
+        head = {
+            "records": _RECORDS, "time": self.time, "count": self.count, "odometry": kept,
+            "made": made, "skipped": self.skipped,
+            "tables": {name: len(table) for name, table in self.tables.items()},
+        }  # fmt: skip
+        text = json.dumps(head).encode()
+        content = text + b"".join(self.tables.values())
+        size = struct.pack("<I", len(text))
+        return _MAGIC + _NUMBERS.pack(zlib.crc32(size + content), len(text)) + content
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "State":
+        """The state that these bytes hold.
+
+        Raises:
+            ReadError: They are damaged, or of another version.
+        """
+        begin = len(_MAGIC) + _NUMBERS.size
+        if data.startswith(_NAME) and len(data) >= begin and not data.startswith(_MAGIC):
+            raise _other_version()
+        if not data.startswith(_MAGIC) or len(data) < begin:
+            raise _damaged(len(data))
+        check, size = _NUMBERS.unpack_from(data, len(_MAGIC))
+        if zlib.crc32(data[begin - 4 :]) != check:
+            raise _damaged(len(data))
+        head = json.loads(data[begin : begin + size])
+        if head["records"] != _RECORDS:
+            raise _other_version()
+        tables, at = {}, begin + size
+        for name, length in head["tables"].items():
+            tables[name] = data[at : at + length]
+            at += length
+        return cls(
+            head["time"], head["count"], tables, _odometry(head["odometry"]), _made(head["made"]),
+            head["skipped"],
+        )  # fmt: skip
+
+
+def _odometry(kept: dict[str, Any]) -> Odometry:
+    """What `State.to_bytes` made of an `Odometry`."""
+    reading, odometer = kept["reading"], kept["odometer"]
+    return Odometry(
+        **kept
+        | {
+            "odometer": None if odometer is None else tuple(odometer),
+            "rate": tuple(kept["rate"]),
+            "far_fix": tuple(kept["far_fix"]),
+            "reading": None if reading is None else _READINGS[reading[0]](**reading[1]),
+        }
+    )
+
+
+def _made(kept: dict[str, Any]) -> Made:
+    """What `State.to_bytes` made of a `Made`."""
+    start = kept["start"]
+    return Made(
+        **kept
+        | {
+            "vehicle": Vehicle(**kept["vehicle"]),
+            "settings": Settings(**kept["settings"]),
+            "start": None if start is None else StartPose(**start),
+        }
+    )
+
+
+def fingerprint(roads: RoadMap) -> str:
+    """Tells maps apart: edges of one are nothing in another."""
+    vertices, edges = roads.arrays.vertices, roads.arrays.edges
+    sums = [
+        zlib.crc32(column.tobytes())
+        for column in (edges.first_vertex, vertices.x, vertices.y, edges.rule)
+    ]
+    return f"{len(edges)}-" + "-".join(f"{s:08x}" for s in sums)
+
+
+def _records() -> str:
+    """Tells versions apart: fields of the records, and of what a localizer is made with."""
+    known = [repr(d.descr) for d in (HYPOTHESIS, FILTER, EPOCH, ESTIMATE, MOTION, REFERENCE)]
+    known += [field.name for kind in (Settings, Vehicle, StartPose) for field in fields(kind)]
+    return f"{zlib.crc32(' '.join(known).encode()):08x}"
+
+
+_RECORDS = _records()
+
+
+def _damaged(length: int) -> ReadError:
+    return ReadError(
+        f"localizer's state: {length:,} bytes that are damaged or something else; what "
+        "Localizer.to_bytes gave was expected; begin with a new Localizer"
+    )
+
+
+def _other_version() -> ReadError:
+    return ReadError(
+        "localizer's state: bytes of another version of whichroad; what Localizer.to_bytes of "
+        "this version gave was expected; begin with a new Localizer"
+    )
