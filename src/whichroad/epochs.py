@@ -20,7 +20,7 @@ from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
 
-_SAME = 1e-4  # s; closer readings are one epoch
+_SAME = 1e-4  # s, distance below which readings are one epoch
 _GAP = 2.0  # s without odometry after which it no longer counts as known
 
 

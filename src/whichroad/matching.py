@@ -33,7 +33,7 @@ Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
 
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
-_FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
+_FAR = 20_000.0  # m, distance from the map at which a whole drive is refused
 
 
 def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:

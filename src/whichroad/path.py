@@ -16,9 +16,9 @@ from .observations import Array
 
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
 _CLOSE = 2.0  # s between two steps, up to which an edge is entered at the second
-_ENTRIES = 256  # edges between two steps, at most
-_DETOUR = 3.0  # times the distance between two edges that no hypothesis joins: longest route
-_DETOUR_MORE = 300.0  # m, added to it
+_ENTRIES = 256  # edges between two steps, at most, read from the path tree
+_DETOUR = 3.0  # longest route between unlinked edges, over their distance
+_DETOUR_MORE = 300.0  # m, added to that longest route
 _RULE_COST = 500.0  # m, cost of a turn that breaks a rule
 _SURE = 0.999  # P(edge) from which on every route passes an edge
 _BEAM = 200  # routes that are extended at once between two such edges

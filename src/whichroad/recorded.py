@@ -36,7 +36,7 @@ from .smoothing import Lag, Past, entries_in_use, smooth
 from .workspace import Workspace, entries_of, without_states
 
 _CHUNK = 20_000  # epochs between two checks of the path tree and progress reports
-_SPARE_ENTRIES = 4096  # entries of the path tree below which it is tidied
+_SPARE_ENTRIES = 4096  # free entries of the path tree, below which it is tidied
 _WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 
 

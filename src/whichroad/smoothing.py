@@ -22,9 +22,9 @@ from .roadmap import RoadMap
 
 FULL = "full"
 SURE = 0.999  # P(edge) from which on it is decided
-_WINDOW = 120.0  # s of history that is kept on line, at least
+_WINDOW = 120.0  # s, shortest history kept on line
 _SPARE_ENTRIES = 2048  # entries of the path tree that one epoch may need
-_SLACK = 0.125  # of the lag, by which it may be longer, so that one pass serves several epochs
+_SLACK = 0.125  # largest excess over the lag, relative, so that one pass serves several epochs
 
 
 class Lag(NamedTuple):

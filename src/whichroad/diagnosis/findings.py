@@ -14,19 +14,19 @@ from ..filter.state import CLOCK
 from ..settings import Settings, Vehicle
 from .statistics import Watch, rows_of
 
-_ENOUGH = 3000.0  # s of moving from which on the bands are as they are
-_LEAST = 600.0  # and below which there is no verdict
-_TIME = 1.55  # T over the setting, or under it
-_SURELY = 3.5  # the same where the sigma's being too large would explain it as well
-_SIGMA = 1.18  # σ over what is reported, T being right
-_SIGMA_TOO = 1.25  # the same where T is not
+_ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
+_LEAST = 600.0  # s of moving, below which there is no verdict
+_TIME = 1.55  # largest ratio between T and its setting, either direction
+_SURELY = 3.5  # that ratio where a too large sigma explains the data as well
+_SIGMA = 1.18  # largest σ over the reported one, where T is right
+_SIGMA_TOO = 1.25  # largest σ over the reported one, where T is wrong
 _SMALL = 0.7  # σ ratio below which the receiver reports too large errors
-_SCALE = 4.0  # sigmas of the settings' scale and drift
-_GAIN = 0.035  # of turns
-_LATE = 0.2  # s, between clocks
-_ANTENNA = 1.5  # m
-_SURE = 4.0  # sigmas of what was measured
-_MAP = 1.1  # mean square map error over that of the settings
+_SCALE = 4.0  # largest scale and drift, in sigmas of the settings
+_GAIN = 0.035  # largest relative error of turns
+_LATE = 0.2  # s, largest offset between clocks
+_ANTENNA = 1.5  # m, largest error of the lever arm
+_SURE = 4.0  # significance of a measured offset, in sigmas
+_MAP = 1.1  # largest mean square map error over that of the settings
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,17 +28,17 @@ from ..settings import Settings, Vehicle
 Chosen = NDArray[Any]
 
 LAGS = (2.0, 10.0, 40.0, 120.0)  # s spent moving
-_REACH = 1.25  # a pair may be that much longer than its lag
+_REACH = 1.25  # longest interval of a pair over its nominal lag
 _MIDDLE = 1  # index of the lag at which turns and clocks are estimated
-_BREAK = 0.5  # rad, a change of heading in one epoch that no wheel has seen
+_BREAK = 0.5  # rad, largest change of heading in one epoch beside that of the odometry
 _WARM = 30.0  # s of moving before anything counts
 _WHEELS = 1e-3  # m² per m driven, variance of the displacement by wheels and heading
-_BENT = 9.0  # the same for each (gain of turns − 1)²: headings are wrong after a turn
-_FEW_TURNS = 20.0  # rad², sum of squares
+_BENT = 9.0  # the same per squared error of the turns' gain
+_FEW_TURNS = 20.0  # rad², least sum of squared turns
 _MOST = 20.0  # most that a pair may count, times its expectation
 _GRID = np.geomspace(1 / 16, 16, 65)  # σ² and T over those of the settings
 _ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
-_WEIGHT = 0.04  # of log D for each pair and 1/s of lag, beside these
+_WEIGHT = 0.04  # weight of log D for each pair and 1/s of lag
 
 
 class Row(NamedTuple):
@@ -145,7 +145,7 @@ class Watch:
 
     @property
     def waiting(self) -> int:
-        """How many epochs were added that are not looked at yet."""
+        """How many epochs were added that are not accumulated yet."""
         return self._waiting
 
     def forget_after(self, waiting: int) -> None:

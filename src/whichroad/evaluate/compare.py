@@ -18,7 +18,7 @@ NEES_CAP = 1e4
 """One epoch far off must not hide all others."""
 
 _MOVED = 1e-8  # rad between two places of the truth, some centimetres, that define a course
-_LATE_S = 0.5  # an epoch this far outside the truth's span is not compared
+_LATE_S = 0.5  # s, how far outside the truth's span epochs are compared
 _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; squared eccentricity
 
 

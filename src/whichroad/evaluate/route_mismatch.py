@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..geodesy.angles import radians
 from ..observations import Array
 
-_NEAR = 3.0  # m, two geometries are the same road ...
+_NEAR = 3.0  # m, largest distance between geometries of one road
 _TURN = radians(60.0)  # largest angle between directions that match
 _STEP = 1.0  # m, between the samples compared
-_REACH = _NEAR * np.sqrt(2.0)  # of place and direction together
-_TURN_RADIUS = _NEAR / (2.0 * np.sin(0.5 * _TURN))  # m; turning by 60° is as far as 3 m
+_REACH = _NEAR * np.sqrt(2.0)  # m, search radius in position and direction
+_TURN_RADIUS = _NEAR / (2.0 * np.sin(0.5 * _TURN))  # m per unit vector, so that 60° count as 3 m
 
 
 class Mismatch(NamedTuple):

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 COLOURS = {"paper": "#d9730d", "default": "#0b4f9e"}
 _GRID = 500
-_ONE_SIGMA = 1.0 - math.exp(-1.0)  # of a Gaussian in the plane lies within its RMS
-_PLOTTED_STEPS = 14.0  # at least
+_ONE_SIGMA = 1.0 - math.exp(-1.0)  # probability of a plane Gaussian within its RMS
+_PLOTTED_STEPS = 14.0  # s, shortest time axis
 
 
 def on_grid(r: Run, values: Array, metres: Array) -> Array:

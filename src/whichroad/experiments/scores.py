@@ -14,8 +14,8 @@ SEVEN = 7.0 * STEP_S
 """The paper's seven steps, s."""
 
 BELIEVED = 0.95
-_CHI2_95 = 5.991  # two degrees of freedom
-_WARM_UP = 10.0  # s at the start of which nothing is asked
+_CHI2_95 = 5.991  # 95 % quantile of chi-square, two degrees of freedom
+_WARM_UP = 10.0  # s at the start that are not scored
 
 
 class Rows:

@@ -40,7 +40,7 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
 
     Args:
         roads: The map.
-        settings: For the weight of driving against a one-way.
+        settings: For the weight of driving against one-ways.
         start: Where the vehicle may be; a bearing with a large sigma is ignored.
 
     Returns:

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 _COOKIE = "whichroad"
 _LOCAL = frozenset({"localhost", "127.0.0.1", "::1"})
 _MOST_CALLERS = 4096
-_SMALL_BODY = 16_384  # bytes
+_SMALL_BODY = 16_384  # bytes, largest request body without a length limit of its own
 _SAFE = [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
 
 

@@ -27,7 +27,7 @@ from .playback import Player
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes
 _MOST_EPOCHS = 200_000
-_BODY_TIME = 30.0  # s in which a body must have come
+_BODY_TIME = 30.0  # s, timeout of a request's body
 _KINDS = {
     "text/csv": ".csv",
     "application/json": ".json",

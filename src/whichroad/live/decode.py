@@ -17,9 +17,9 @@ from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
 
-_JITTER = 0.02  # s
-_STALE = 0.5  # s after which one signal no longer belongs to another
-_REASONABLE = 1e9  # s since 1970; smaller times of frames count from somewhere else
+_JITTER = 0.02  # s, tolerance of time stamps
+_STALE = 0.5  # s, largest age of a signal combined with another
+_REASONABLE = 1e9  # s since 1970, below which frame times have another origin
 
 
 class NmeaStream:

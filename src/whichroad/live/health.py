@@ -6,10 +6,10 @@ from typing import Any
 
 from .messages import LatencyMessage, SensorMessage
 
-_BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s
+_BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s, of bins
 _WINDOW = 5.0  # s over which rates are averaged
-_RECENT = 1000  # latencies that p50 and p99 are of
-_SILENT = 1.0  # s without a word, or so many usual intervals
+_RECENT = 1000  # sample size of p50 and p99
+_SILENT = 1.0  # s without a reading, or number of usual intervals
 _INTERVALS = 5.0
 
 

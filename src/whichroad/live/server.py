@@ -31,10 +31,10 @@ from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
 
 _TICK = 0.05  # s
-_REQUEST_TIME = 10.0  # s in which a request's head must have come
-_PATIENCE = 5.0  # s between pings of a WebSocket, and until they must be answered
+_REQUEST_TIME = 10.0  # s, timeout of a request's head
+_PATIENCE = 5.0  # s, interval and timeout of WebSocket pings
 _FAST = 0.05  # s between messages while a recording is played as fast as possible
-_MOST_ROWS = 20_000  # that wait to be recorded
+_MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
 
 @dataclass(slots=True)

@@ -22,10 +22,10 @@ from .health import Health
 Deliver = Callable[[Health, Sequence[Observation], float], None]
 
 QUIET = 0.03  # s of silence that end a burst
-_DEAD = 15.0  # s without a byte after which a connection is made anew
-_FIRST, _MOST = 0.2, 5.0  # s between two tries
-_MOST_BYTES = 500_000  # a second; 460,800 baud are 46,000
-_MOST_PEERS = 16  # of a port that listens
+_DEAD = 15.0  # s without a byte, after which a connection is renewed
+_FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
+_MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
+_MOST_PEERS = 16  # peers of a listening port, at most
 _EXTENDED = 1 << 31
 _ADDRESS = re.compile(r"(tcp|udp|listen)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
 _SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM|\\\\\.\\)[^@]+)(?:@(\d+))?")

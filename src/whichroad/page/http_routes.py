@@ -24,8 +24,8 @@ _KINDS = {
     ".js": "text/javascript",
     ".svg": "image/svg+xml",
 }
-_KEPT = "public, max-age=31536000, immutable"  # what has its version in its address
-_EDGES = 64  # at most, in one question
+_KEPT = "public, max-age=31536000, immutable"  # cache header of versioned files
+_EDGES = 64  # edges in one request, at most
 
 
 def page_routes(

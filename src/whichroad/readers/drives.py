@@ -56,7 +56,7 @@ _STRANGERS = (  # what is not read: what it is, what to do, what it begins with
     ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
 )  # fmt: skip
 _SNIFF = 1 << 16  # bytes read to recognise a format
-_APART = 600.0  # s between odometry and fixes: the clocks are not the same
+_APART = 600.0  # s between odometry and fixes that imply different clocks
 _PREFERRED = (WheelCounts, WheelSpeeds, SpeedYawRate, Odometer)
 
 

@@ -17,7 +17,7 @@ Remake = Callable[[list[Window]], RecordedMessages]
 
 TICK = 0.05  # s between updates of the clock
 FASTEST = 100.0  # multiple of real time for `as fast as possible`
-_MOMENT = 1e-3  # s; what is masked up to now is not masked now
+_MOMENT = 1e-3  # s, before now, where an open mask ends
 _LATER = 1e12  # s since 1970; a mask that is not over
 
 

@@ -12,10 +12,10 @@ from .recorded_messages import RecordedMessages
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_APART = 3.0  # s; stretches closer than this are one
-_SHORT = 0.4  # s; shorter stretches are not listed
+_APART = 3.0  # s, gap below which stretches are joined
+_SHORT = 0.4  # s, shortest listed stretch
 _PLACES = 300
-_SURE = 0.9  # P of edges in a row from which on it is only a question of where
+_SURE = 0.9  # P of consecutive edges from which on only the position is unclear
 _UNCLEAR = ("ambiguous", "outage", "off_road", "lost")
 
 

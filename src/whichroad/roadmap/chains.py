@@ -66,7 +66,7 @@ def _rings(done: Ints32, successor: Ints32) -> list[list[int]]:
     left[done] = False
     for half in np.flatnonzero(left).tolist():
         if left[half]:
-            # the way back leaves the same node by the half that led there, driven back
+            # back, the same node is left by the half that led there, reversed
             ring = _round(half, successor)
             pair = sorted((ring, _round(ring[-1] ^ 1, successor)))
             rings += pair

@@ -23,7 +23,7 @@ Ints32 = NDArray[np.int32]
 
 CELL_SIZE = 64.0  # m: about two search radii, so that a query reads four cells
 REACH = 2.0e6  # m from the origin, up to which the plane's scale is good to 1e-4
-_LEAST = 1e-3  # m; a shorter segment has no direction worth the name
+_LEAST = 1e-3  # m, shortest segment with a meaningful direction
 _CHORD = 8.0  # m over which headings at a node are taken
 
 

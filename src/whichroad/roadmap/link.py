@@ -16,7 +16,7 @@ from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts
 
 SNAP = 0.5  # m within which ends meet, and vertices are the same
-_FARTHEST = 100.0  # m from its node: more than half of the ends so far are no accident
+_FARTHEST = 100.0  # m, distance of an end from its node that counts as wrong
 
 
 @dataclass(frozen=True, slots=True)

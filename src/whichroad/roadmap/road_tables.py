@@ -37,7 +37,7 @@ NAMES = {
     "junction": ("junction", "roundabout"),
     "access": ("access",),
 }
-_DIRECTED_SHARE = 0.1  # of rows that have an opposite row: then rows are directions
+_DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
     "11": "motorway", "12": "motorway_link", "13": "trunk", "14": "trunk_link",

@@ -45,7 +45,7 @@ _ZONES_KMH = {
 }
 _COUNTRY_ZONES_KMH = {"de:rural": 100.0, "at:rural": 100.0, "de:living_street": 7.0}
 _NUMBER = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(km/h|kmh|kph|mph|knots|m|ft|'|lanes)?", re.IGNORECASE)
-_ABSURD = 1e4  # neither km/h nor m of any road
+_ABSURD = 1e4  # bound of plausible speeds (km/h) and widths (m)
 _FACTORS = {"mph": 1.609344, "knots": 1.852, "ft": 0.3048, "'": 0.3048}
 _YES = frozenset({"yes", "true", "1", "t", "y", "1.0", "f", "forward", "ft"})
 _REVERSE = frozenset({"-1", "reverse", "backward", "-1.0", "tf"})

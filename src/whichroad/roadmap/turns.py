@@ -17,8 +17,8 @@ Ints32 = NDArray[np.int32]
 _STRAIGHT = radians(34.0)
 _SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
-_U_TURN_MID_ROAD = 1e-4  # where there is no junction
-_SERVED = 500.0  # m; of a shorter dead end fewer drives are bound for
+_U_TURN_MID_ROAD = 1e-4  # prior of a U-turn where there is no junction
+_SERVED = 500.0  # m, length from which on a dead end attracts full traffic
 _INTO_SERVICE = 0.3
 WRONG_WAY = 2e-4
 

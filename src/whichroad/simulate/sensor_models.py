@@ -11,7 +11,7 @@ from .lateral_profile import gauss_markov
 from .simulation_settings import SimulationSettings
 
 _COURSE_FROM = 1.0  # m/s, below which a receiver reports no course
-_COUNTER = 65536  # a counter has been running since the car was built
+_COUNTER = 65536  # largest initial count
 
 
 class Wheels(NamedTuple):

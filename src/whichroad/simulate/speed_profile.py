@@ -10,8 +10,8 @@ from .lateral_profile import VehiclePath, gauss_markov
 from .simulation_settings import SimulationSettings
 
 _SLOWEST = 1.0  # m/s while moving
-_BEFORE_JUNCTION = 4.0  # m, where one stops
-_BETWEEN_STOPS = 80.0  # m
+_BEFORE_JUNCTION = 4.0  # m, distance of stops from junctions
+_BETWEEN_STOPS = 80.0  # m, least distance between stops
 _RHYTHM = 300.0  # m, correlation length of the driver's speed factor
 
 

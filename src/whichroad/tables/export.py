@@ -27,7 +27,7 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
-_GAP = 1 << 20  # beyond all rules
+_GAP = 1 << 20  # flag of a gap, above all rules
 _STATUS = pa.array(STATUS)
 _SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 

@@ -7,7 +7,7 @@ STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
 
 RECENT = 3.0  # s, validity of the verdict on a fix
 COUNTS = 0.05  # P from which on a third road is named
-_FAR = 20.0  # m
+_FAR = 20.0  # m, distance from which on a fix may be disbelieved
 _SIGMAS = 6.0
 _LARGE = 1.5  # of the GNSS scale, from which on it is worth a word
 

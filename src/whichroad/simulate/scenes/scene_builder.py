@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _ORIGIN = Plane(49.41, 2.82)
 _ROUNDING = 4.0  # m, sigma over which corners are cut
-_STOP_BEFORE = 4.0  # m
-_FIRST, _LAST = 0.1, 0.15  # of the first and the last street, that are not driven
+_STOP_BEFORE = 4.0  # m, between stop and junction
+_FIRST, _LAST = 0.1, 0.15  # shares of the first and the last street not driven
 
 
 class Route(NamedTuple):
