@@ -138,6 +138,36 @@ def test_what_is_public_has_a_docstring(path: Path):
     assert [getattr(n, "name", title(path)) for n in nodes if not ast.get_docstring(n)] == []
 
 
+def kernels() -> list[ast.FunctionDef]:
+    """All kernels of the compiled core."""
+    found = []
+    for folder in ("filter", "graph"):
+        for path in sorted((ROOT / "src" / "whichroad" / folder).glob("*.py")):
+            for node in ast.parse(path.read_text("utf-8")).body:
+                marks = [ast.unparse(d) for d in getattr(node, "decorator_list", [])]
+                if any(mark.startswith(("kernel", "entry")) for mark in marks):
+                    assert isinstance(node, ast.FunctionDef)
+                    found.append(node)
+    return found
+
+
+def test_kernels_take_at_most_eight_arguments():
+    assert len(kernels()) > 200
+    assert [k.name for k in kernels() if len(k.args.args) > 8] == []
+
+
+def test_only_what_adds_up_row_by_row_is_longer_than_forty_lines():
+    long = []
+    for kernel in kernels():
+        body = kernel.body[1:] if ast.get_docstring(kernel) else kernel.body
+        if (body[-1].end_lineno or 0) - body[0].lineno + 1 > 40:
+            long.append(kernel.name)
+    assert set(long) <= {
+        "_average_energy", "_road_noise", "_spreads", "observe_position", "predict_plane",
+        "predict_road",
+    }  # fmt: skip
+
+
 LINES = 400
 # files whose length was discussed: one algorithm each, which reads worse in two files
 DISCUSSED: dict[str, int] = {
