@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import whichroad
 from strategies import seeds
-from whichroad.cli.match import say
+from whichroad.cli.match import print_summary
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import NO_EDGE
 from whichroad.geodesy.plane import Plane
@@ -247,7 +247,7 @@ def test_a_drive_by_gnss_alone_or_by_the_paper_is_not_judged(
 def test_the_command_line_tells_what_does_not_fit_beside_the_answer(
     town: RoadMap, ignorant: SimulatedDrive, capsys: pytest.CaptureFixture[str]
 ):
-    say(whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle))
+    print_summary(whichroad.match(ignorant.drive, town, vehicle=ignorant.vehicle))
     said = capsys.readouterr()
     assert "warning: wheels: scale: 1.1" in said.err
     assert "correct metres_per_tick" in said.err

@@ -19,7 +19,7 @@ from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
 from whichroad.observations import GeoFix
 from whichroad.online import Localizer
-from whichroad.path import Alternative, Way, alternatives, best_ways, joins, shortest
+from whichroad.path import Alternative, Route, alternatives, best_routes, joins, shortest
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate.town import draw_town
 from whichroad.smoothing import Lag
@@ -227,14 +227,14 @@ def test_ways_have_the_probability_of_all_their_chains(seed: int):
     parts = alternatives(history, new_path(1), roads._replace(turns=turns))
     if len(parts) != 1:
         return
-    for way in parts[0].ways:
-        assert way.p == pytest.approx(exact[way.edges], abs=2e-3)
+    for route in parts[0].routes:
+        assert route.p == pytest.approx(exact[route.edges], abs=2e-3)
 
 
 def test_routes_come_in_the_order_of_their_probability():
-    one = Alternative(0.0, 1.0, (Way(0.7, (0, 1, 2)), Way(0.3, (0, 5, 2))))
-    two = Alternative(3.0, 4.0, (Way(0.6, (2, 3)), Way(0.4, (2, 4, 3))))
-    routes = best_ways([one, two], 10)
+    one = Alternative(0.0, 1.0, (Route(0.7, (0, 1, 2)), Route(0.3, (0, 5, 2))))
+    two = Alternative(3.0, 4.0, (Route(0.6, (2, 3)), Route(0.4, (2, 4, 3))))
+    routes = best_routes([one, two], 10)
     assert [r.p for r in routes] == pytest.approx([0.42, 0.28, 0.18, 0.12])
     assert routes[0].edges == (0, 1, 2, 3)
     assert routes[3].edges == (0, 5, 2, 4, 3)
@@ -273,7 +273,7 @@ def test_the_call_for_people_tells_lag_routes_and_alternatives(tmp_path):
     assert 0.0 < routes[0].p <= 1.0
     assert all(joins(roads.arrays, a, b) for a, b in itertools.pairwise(routes[0].edges))
     for part in result.alternatives:
-        assert len(part.ways) > 1
+        assert len(part.routes) > 1
         assert part.start <= part.end
     with pytest.raises(SettingError, match="paper"):
         whichroad.match(drive.drive, roads, model="paper", lag=5)

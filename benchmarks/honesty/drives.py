@@ -130,7 +130,8 @@ def work(task: Task) -> np.ndarray:
         answer = localize(one, settings, task.noise)
         score_drive(
             row, answer.output.rows, one.truth, np.ascontiguousarray(one.epochs.time),
-            one.route.line, one.scene.road_of, one.route.decision, one.route.watch, roads, chances,
+            one.route.line, one.scene.road_of, one.route.decision, one.route.evaluated_to,
+            roads, chances,
         )  # fmt: skip
         rows[k] = row
         if CLASSES[task.name].tested:
@@ -149,7 +150,7 @@ def exact_test(one: Drive, how: SimulationSettings) -> tuple[float, float, float
     moving = np.cumsum(np.diff(epochs.time[at], prepend=epochs.time[at[0]]) * went)
     ratio = log_ratio(one.scene, one.driven, x, y, moving, one.buffers.drawn, how)
     along = one.route.line.along[truth.place[at]]
-    after = (along >= one.route.decision) & (along <= one.route.watch)
+    after = (along >= one.route.decision) & (along <= one.route.evaluated_to)
     declared, wrong, when = declares(ratio, after)
     seconds = epochs.time[at[when]] - epochs.time[at[np.argmax(after)]] if declared else 0.0
     return declared, wrong, seconds

@@ -154,7 +154,7 @@ def _pose(row: Vector, at: int, ex: float, ey: float, xx: float, xy: float, yy: 
 @by_numba
 def score_drive(
     row: Vector, rows: Records, truth: Truth, time: Vector, line: Line, road_of: Ints32,
-    decision: float, watch: float, roads: Ints32, chances: Vector,
+    decision: float, evaluated_to: float, roads: Ints32, chances: Vector,
 ) -> None:  # fmt: skip
     """Fill a `Row` from what the filter said.
 
@@ -166,7 +166,7 @@ def score_drive(
         line: What was driven.
         road_of: (E,) road of each edge.
         decision: Branch point, m along the line.
-        watch: End of the stretch where declarations count, m along the line.
+        evaluated_to: End of the stretch where declarations count, m along the line.
         roads: (ALTERNATIVES,) scratch.
         chances: (ALTERNATIVES,) scratch.
     """
@@ -189,7 +189,7 @@ def score_drive(
         place = truth.place[k]
         along = line.along[place]
         said = rows[k]
-        if along >= decision and along <= watch:
+        if along >= decision and along <= evaluated_to:
             if passed < 0.0:
                 passed = time[k]
             count = _chances(rows, k, road_of, roads, chances)
@@ -212,7 +212,7 @@ def score_drive(
             if before < decision + FAR <= along:
                 _decide(row, 10, line, place, count, roads, chances)
                 at = k
-            if truth.speed[k] > 0.5 and watch - along > SLACK:
+            if truth.speed[k] > 0.5 and evaluated_to - along > SLACK:
                 last = k
         before = along
         if truth.speed[k] == 0.0 or time[k] < begun + WARM_UP:

@@ -64,7 +64,7 @@ def one(seed: int, *, settings: Settings) -> Row:
         outages_m=((dark, np.inf),),
     )  # fmt: skip
     said = answer(roads, drive, settings)
-    past = np.where(drive.truth.edge == branch, drive.truth.abscissa, -1.0)
+    past = np.where(drive.truth.edge == branch, drive.truth.along, -1.0)
     right, wrong = said.p_of(named(roads, taken)), said.p_of(named(roads, other))
     seen = (past >= LOOKED_AT[0]) & (past <= LOOKED_AT[1])
     until = (past >= 0.0) & (past <= LOOKED_AT[1])

@@ -120,7 +120,7 @@ def _score(
 ) -> Row:
     """P(off-road) where it should be one, and where it should be none."""
     truth = drive.truth
-    missing = removed[roads.pieces.way[roads.piece(truth.edge, truth.abscissa)]]
+    missing = removed[roads.pieces.way[roads.piece(truth.edge, truth.along)]]
     counted = ~truth.stopped & (truth.time > truth.time[0] + WARM_UP_S)
     off = said.rows.p_off_road
     on = np.flatnonzero(counted & missing & (since(missing, truth.travelled) > FIRST_M))

@@ -129,7 +129,7 @@ def _route(roads: Any, truth: Any, at: np.ndarray) -> tuple[np.ndarray, np.ndarr
     edge = truth.edge[at[0] : at[-1] + 1]
     runs = edge[np.flatnonzero(np.diff(edge, prepend=-9))].tolist()
     ends: list[tuple[float | None, float | None]] = [(None, None)] * len(runs)
-    start, end = float(truth.abscissa[at[0]]), float(truth.abscissa[at[-1]])
+    start, end = float(truth.along[at[0]]), float(truth.along[at[-1]])
     ends[0], ends[-1] = (start, None), (start if len(runs) == 1 else None, end)
 
     def line(cuts: list[tuple[float | None, float | None]]) -> np.ndarray:

@@ -59,7 +59,7 @@ _MODULES = {
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __version__ = "0.1.0"
-__all__ = [  # noqa: RUF022 - by module, as a reader looks for them
+__all__ = [  # noqa: RUF022 - by module, in the order of use
     "match", "match_many", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
     "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from .observations import Array, Drive
 
-Tell = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 
 SUMMARY = "summary.json"
 _MADE_BY = "whichroad demo"
@@ -40,17 +40,17 @@ def _silent(what: str, done: int, total: int) -> None:
 
 
 def run_demo(
-    out: str | os.PathLike[str], *, force: bool = False, tell: Tell = _silent
+    out: str | os.PathLike[str], *, force: bool = False, progress: Progress = _silent
 ) -> dict[str, Any]:
     """Simulate the paper's drive into files, answer it from them, and draw the answer.
 
     Args:
         out: folder for everything; an earlier demo's is used again.
         force: use a folder that holds something else.
-        tell: told (what, done, of how many).
+        progress: called with (task, done, total).
 
     Returns:
-        The summary that `summary.json` holds: what is `said` of it in a few lines, all
+        The summary that `summary.json` holds: the headlines as `said`, all
         `figures` against the truth, `seconds` of each step, `files`, and the `picture`.
 
     Raises:
@@ -58,40 +58,40 @@ def run_demo(
     """
     out = Path(out)
     _check(out, force)
-    watch = _Watch(tell)
-    watch("simulating a drive")
+    stopwatch = _Stopwatch(progress)
+    stopwatch("simulating a drive")
     written, _ = write_demo(out, force=True)
 
-    watch("reading its files")
+    stopwatch("reading its files")
     roads = RoadMap.from_osm(out / "map.osm")
     car = read_vehicle(out / "vehicle.toml")
     (drive,) = read_drive(
         out / "drive.nmea", vehicle=car, can=out / "can.log", dbc=out / "vehicle.dbc"
     )
 
-    watch("answering it")
-    result = match(drive, roads, vehicle=car, hypotheses=True, progress=tell)
+    stopwatch("answering it")
+    result = match(drive, roads, vehicle=car, hypotheses=True, progress=progress)
     result.write(out / "points.parquet", force=True)
     result.write_path(out / "path.parquet", force=True)
 
-    watch("comparing with the truth")
+    stopwatch("comparing with the truth")
     truth = _read(out / "truth.parquet")
     figures = evaluate(result.to_arrow(), truth).figures()
 
-    watch("drawing")
+    stopwatch("drawing")
     masked = _outages(truth)
     alone = _wheels_alone(drive, car, roads, truth, masked)
     pictures = plot_drive(
         result, roads, truth, drive.fixes, out=out, windows=_windows(truth, roads), masked=masked,
         reckoning=alone, title=_title(truth, figures),
     )  # fmt: skip
-    watch("")
+    stopwatch("")
     summary = {
         "made_by": _MADE_BY,
-        "said": _said(truth, figures, _drift(alone, truth, roads)),
+        "said": _headlines(truth, figures, _drift(alone, truth, roads)),
         "figures": figures,
         "match": result.summary,
-        "seconds": watch.seconds,
+        "seconds": stopwatch.seconds,
         "files": [path.name for path in written] + ["points.parquet", "path.parquet"],
         "pictures": [path.name for path in pictures],
         "picture": str(pictures[-1]),
@@ -100,12 +100,12 @@ def run_demo(
     return summary
 
 
-class _Watch:
-    """Says what begins, and how long what ends took."""
+class _Stopwatch:
+    """Reports each step as it begins, and keeps how long each took."""
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, progress: Progress) -> None:
         self.seconds: dict[str, float] = {}
-        self._tell, self._what, self._since = tell, "", time.perf_counter()
+        self._progress, self._what, self._since = progress, "", time.perf_counter()
 
     def __call__(self, what: str) -> None:
         now = time.perf_counter()
@@ -113,7 +113,7 @@ class _Watch:
             self.seconds[self._what] = round(now - self._since, 2)
         self._what, self._since = what, now
         if what:
-            self._tell(what, 0, 0)
+            self._progress(what, 0, 0)
 
 
 def _check(out: Path, force: bool) -> None:
@@ -208,7 +208,7 @@ def _title(truth: "pa.Table", figures: dict[str, Any]) -> str:
     )
 
 
-def _said(truth: "pa.Table", figures: dict[str, Any], drift: float) -> dict[str, str]:
+def _headlines(truth: "pa.Table", figures: dict[str, Any], drift: float) -> dict[str, str]:
     """The figures that matter, in words."""
     length, hidden = _lengths(truth)
 

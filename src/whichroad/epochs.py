@@ -20,7 +20,7 @@ from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
 
-_SAME = 1e-4  # s; closer readings are one epoch
+_SAME = 1e-4  # s, distance below which readings are one epoch
 _GAP = 2.0  # s without odometry after which it no longer counts as known
 
 
@@ -47,9 +47,9 @@ def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tupl
 
 
 def _union(times: list[Array]) -> Array:
-    together: Array = np.sort(np.concatenate(times))
-    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(together) > _SAME])
-    return np.asarray(together[apart])
+    merged: Array = np.sort(np.concatenate(times))
+    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(merged) > _SAME])
+    return np.asarray(merged[apart])
 
 
 def build_timeline(
@@ -148,7 +148,7 @@ def _odometry(motion: Motion | None, time: Array) -> tuple[Array, Array, NDArray
         return np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
     when, distance, angle = motion.time, motion.distance, motion.turn
     edge = np.searchsorted(when, time).clip(1, len(when) - 1)
-    # between readings far apart the turn is not known; the road tells it to a mere odometer
+    # between readings far apart the turn is not known; a mere odometer takes it from the road
     gap = (when[edge] - when[edge - 1] > _GAP) & (angle is not None)
     known = (time >= when[0]) & (time <= when[-1]) & ~gap
     if time[0] < when[0]:  # before the first reading: at the speed that came then

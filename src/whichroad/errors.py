@@ -7,7 +7,7 @@
     ├── WriteError     the output cannot be written
     ├── SettingError   a setting is out of bounds or contradicts another (also a ValueError)
     └── NetworkError   a network of `whichroad.exact`, its evidence or a question about it makes
-                       no sense (also a ValueError; it lives there)
+                       no sense (also a ValueError; defined there)
 
 Every message reads `where: what was seen; what was expected; what to do`.
 """

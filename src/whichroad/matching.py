@@ -1,4 +1,4 @@
-"""One call from files to tables: read, localize, tell."""
+"""One call from files to tables: read, localize, make tables."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
 
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
-_FAR = 20_000.0  # m; a drive wholly farther than this from the map is a mistake
+_FAR = 20_000.0  # m, distance from the map at which a whole drive is refused
 
 
 def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:
@@ -111,7 +111,7 @@ def match(
     crs: Any = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
-    """Say where a vehicle was at every epoch, on which road, and how sure that is.
+    """Estimate where a vehicle was at every epoch, on which road, and how sure that is.
 
     Args:
         drive: Paths of logs and tables, a DataFrame or Arrow table, `Drive` records, or a list
@@ -120,17 +120,17 @@ def match(
             GeoDataFrame of edges.
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
         settings: The model's numbers.
-        model: "default"; "paper" is the literal method, for comparison.
+        model: "default"; "paper" is the paper's method, for comparison.
         start: A known pose (lat, lon, bearing in degrees), or a vague one (a `StartPose` with
             a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
-            both wheels tell; else the first fix starts.
+            both wheels measure; else the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
         lag: By how much later knowledge an epoch is answered: seconds, "200m" driven, or "full"
             for the drive's end.  None: by what was known then, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
-        progress: Told (drive_id, epochs done, epochs in all).
+        progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:
         Tables of points and path, and a summary.
@@ -146,7 +146,7 @@ def match(
     pose = _start(start, model)
     later = Lag.of(lag)
     if later is not None and model == "paper":
-        raise SettingError(f"lag is {lag!r}; None was expected: the paper's method looks at now")
+        raise SettingError(f"lag is {lag!r}; None was expected: the paper's method does not smooth")
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     road_map = open_map(roads)
@@ -169,7 +169,7 @@ def match(
             failed.append(str(error))
     if not parts:
         raise DriveError(failed[0] if failed else "there is no drive in the input")
-    return _together(parts, failed)
+    return _pooled_result(parts, failed)
 
 
 MODELS = ("default", "paper")
@@ -200,11 +200,11 @@ def _match_one(
             attributes=attributes,
         ),
         lambda: path_table([drive.drive_id], way(), roads),
-        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _looked_back(recorded),
+        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _lag_figures(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
         Answered(timeline.epochs, recorded.output, way),
-        None if recorded.past is None else recorded.past.ways,
+        None if recorded.past is None else recorded.past.alternatives,
     )  # fmt: skip
 
 
@@ -225,8 +225,8 @@ def _summary(
     }
 
 
-def _looked_back(recorded: Recorded) -> dict[str, Any]:
-    """What the summary says of the lag."""
+def _lag_figures(recorded: Recorded) -> dict[str, Any]:
+    """The summary's figures of the lag."""
     past = recorded.past
     return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
 
@@ -295,7 +295,7 @@ def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _together(parts: list[Result], failed: list[str]) -> Result:
+def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
     if len(parts) == 1 and not failed:
         return parts[0]
     return Result(
@@ -304,7 +304,7 @@ def _together(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
-        ways=parts[0].ways if len(parts) == 1 else None,
+        find_alternatives=parts[0]._find_alternatives if len(parts) == 1 else None,
     )
 
 

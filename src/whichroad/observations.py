@@ -1,6 +1,6 @@
 """What passes between modules: columns of a recorded drive, and single observations.
 
-Times are seconds since 1970-01-01 UTC.  Whatever is in degrees says so and stays
+Times are seconds since 1970-01-01 UTC.  Names of what is in degrees end in `_deg`, and it stays
 outside the filter.  A quantity that a sensor did not report has an infinite sigma,
 never a NaN.
 """

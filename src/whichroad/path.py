@@ -16,13 +16,13 @@ from .observations import Array
 
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
 _CLOSE = 2.0  # s between two steps, up to which an edge is entered at the second
-_ENTRIES = 256  # edges between two steps, at most
-_DETOUR = 3.0  # times the distance between two edges that no hypothesis joins: longest way
-_DETOUR_MORE = 300.0  # m, added to it
+_ENTRIES = 256  # edges between two steps, at most, read from the path tree
+_DETOUR = 3.0  # longest route between unlinked edges, over their distance
+_DETOUR_MORE = 300.0  # m, added to that longest route
 _RULE_COST = 500.0  # m, cost of a turn that breaks a rule
-_SURE = 0.999  # P(edge) from which on every way passes an edge
-_BEAM = 200  # ways that are followed at once between two such edges
-_LEAST = 1e-4  # P of a way up to which it is left out
+_SURE = 0.999  # P(edge) from which on every route passes an edge
+_BEAM = 200  # routes that are extended at once between two such edges
+_LEAST = 1e-4  # P of a route up to which it is left out
 
 
 class Chain(NamedTuple):
@@ -34,7 +34,7 @@ class Chain(NamedTuple):
 
 
 def tidied(path: Path, *users: NDArray[np.int64]) -> Path:
-    """The path tree with room for more, and only the entries that its users descend from.
+    """The path tree with spare capacity, and only the entries that its users descend from.
 
     Args:
         path: The tree.
@@ -86,8 +86,8 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """One way to drive, of several."""
+class Route:
+    """One of several routes."""
 
     p: float
     edges: tuple[int, ...]  # in driving order; those off the roads are left out
@@ -99,7 +99,7 @@ class Alternative:
 
     start: float  # s, when the last sure edge before was still driven
     end: float  # s, when the first sure edge after it was
-    ways: tuple[Way, ...]  # the most probable first; from the one edge to the other
+    routes: tuple[Route, ...]  # the most probable first; from the one edge to the other
 
 
 def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = False) -> Chain:
@@ -126,7 +126,7 @@ def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = Fa
 
 
 class _Columns(NamedTuple):
-    """Columns of the graph and of the path tree: to look up a field by its name takes long."""
+    """Columns of the graph and of the path tree: access to a field by its name is slow."""
 
     roads: Roads
     time: Array  # of steps
@@ -196,7 +196,7 @@ def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float]]:
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
-    """Edges between the end of edge a and the start of edge b; None: there is no near way."""
+    """Edges between the end of edge a and the start of edge b; None: no route is short enough."""
     end = roads.vertices[roads.edges[a].last_vertex]
     start = roads.vertices[roads.edges[b].first_vertex]
     away = float(np.hypot(end.x - start.x, end.y - start.y))
@@ -223,10 +223,10 @@ def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
 
 
 def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative]:
-    """The drive in parts between sure edges, each with its ways and their probabilities.
+    """The drive in parts between sure edges, each with its routes and their probabilities.
 
     The parts follow each other, the last edge of one being the first of the next; nearly all
-    have one way.
+    have one route.
 
     Args:
         history: The graph, smoothed.
@@ -252,9 +252,9 @@ def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative
         a, b = sure[k], sure[k + 1]
         if b == a + 1 and best[k] == best[k + 1]:
             continue
-        parts.append(Alternative(float(time[a]), float(time[b]), _ways(c, a, b)))
+        parts.append(Alternative(float(time[a]), float(time[b]), _routes(c, a, b)))
     if not parts and steps:
-        alone = Way(1.0, (best[0],) if best[0] != OFF_ROAD else ())
+        alone = Route(1.0, (best[0],) if best[0] != OFF_ROAD else ())
         parts.append(Alternative(float(time[0]), float(time[steps - 1]), (alone,)))
     return parts
 
@@ -264,10 +264,10 @@ def _best_edge(c: _Columns, p: Array, step: int) -> int:
     return int(c.edge[first + int(np.argmax(p[first:last]))])
 
 
-def _ways(c: _Columns, first: int, last: int) -> tuple[Way, ...]:
-    """Ways from one step to a later one, backwards: P(way) = Σ γ(last) Π f over its chains.
+def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
+    """Routes from one step to a later one, backwards: P(route) = Σ γ(last) Π f over its chains.
 
-    A way is kept as its last edges, each with what follows, so that ways share their ends.
+    A route is kept as its last edges, each with what follows, so that routes share their ends.
     """
     tails: list[tuple[int, int]] = []  # edge, number of the tail that follows
     number: dict[tuple[int, int], int] = {}
@@ -305,22 +305,22 @@ def _ways(c: _Columns, first: int, last: int) -> tuple[Way, ...]:
     return _summed(here, tails)
 
 
-def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Way, ...]:
-    """Ways of the same edges are one."""
-    ways: dict[tuple[int, ...], float] = {}
+def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Route, ...]:
+    """Routes of the same edges are one."""
+    routes: dict[tuple[int, ...], float] = {}
     for (_, tail), weight in here.items():
         edges: list[int] = []
         while tail >= 0:
             edge, tail = tails[tail]
             if edge != OFF_ROAD and (not edges or edges[-1] != edge):
                 edges.append(edge)
-        ways[tuple(edges)] = ways.get(tuple(edges), 0.0) + weight
-    total = math.fsum(ways.values())
-    kept = sorted(((w / total, e) for e, w in ways.items() if w > _LEAST * total), reverse=True)
-    return tuple(Way(p, edges) for p, edges in kept)
+        routes[tuple(edges)] = routes.get(tuple(edges), 0.0) + weight
+    total = math.fsum(routes.values())
+    kept = sorted(((w / total, e) for e, w in routes.items() if w > _LEAST * total), reverse=True)
+    return tuple(Route(p, edges) for p, edges in kept)
 
 
-def best_ways(parts: list[Alternative], count: int) -> list[Way]:
+def best_routes(parts: list[Alternative], count: int) -> list[Route]:
     """The most probable whole routes: parts are independent, given the sure edges between.
 
     Args:
@@ -328,25 +328,25 @@ def best_ways(parts: list[Alternative], count: int) -> list[Way]:
         count: How many at most.
 
     Returns:
-        Ways from the first edge to the last, the most probable first.
+        Routes from the first edge to the last, the most probable first.
     """
-    open_parts = [k for k, part in enumerate(parts) if len(part.ways) > 1]
+    open_parts = [k for k, part in enumerate(parts) if len(part.routes) > 1]
     start = (0,) * len(open_parts)
 
     def log_p(choice: tuple[int, ...]) -> float:
         return math.fsum(
-            math.log(parts[k].ways[c].p) for k, c in zip(open_parts, choice, strict=True)
+            math.log(parts[k].routes[c].p) for k, c in zip(open_parts, choice, strict=True)
         )
 
     queue, seen = [(-log_p(start), start)], {start}
-    found: list[Way] = []
+    found: list[Route] = []
     while queue and len(found) < count:
         cost, choice = heapq.heappop(queue)
         found.append(
-            Way(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True))))
+            Route(math.exp(-cost), _joined(parts, dict(zip(open_parts, choice, strict=True))))
         )
         for at, c in enumerate(choice):
-            if c + 1 < len(parts[open_parts[at]].ways):
+            if c + 1 < len(parts[open_parts[at]].routes):
                 other = (*choice[:at], c + 1, *choice[at + 1 :])
                 if other not in seen:
                     seen.add(other)
@@ -357,7 +357,7 @@ def best_ways(parts: list[Alternative], count: int) -> list[Way]:
 def _joined(parts: list[Alternative], choice: dict[int, int]) -> tuple[int, ...]:
     edges: list[int] = []
     for k, part in enumerate(parts):
-        for edge in part.ways[choice.get(k, 0)].edges:
+        for edge in part.routes[choice.get(k, 0)].edges:
             if not edges or edges[-1] != edge:
                 edges.append(edge)
     return tuple(edges)

@@ -35,8 +35,8 @@ from .settings import Settings, Vehicle, parameters
 from .smoothing import Lag, Past, entries_in_use, smooth
 from .workspace import Workspace, entries_of, without_states
 
-_CHUNK = 20_000  # epochs between two looks at the path tree and the progress bar
-_ROOM = 4096  # entries of the path tree below which it is tidied
+_CHUNK = 20_000  # epochs between two checks of the path tree and progress reports
+_SPARE_ENTRIES = 4096  # free entries of the path tree, below which it is tidied
 _WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 
 
@@ -50,7 +50,7 @@ class Recorded(NamedTuple):
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Settings that do not fit the data; looked for when asked."""
+        """Settings that do not fit the data; found when asked for."""
         return self.diagnose()
 
 
@@ -76,7 +76,7 @@ def localize_recorded(
             a sigma of more than 40 m or 45 degrees is searched for by wheels and map); else
             the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
-        progress: Told how many epochs are done, now and then.
+        progress: Called now and then with the number of epochs done.
         lag: By how much later knowledge epochs are answered; None: by what was known then.
 
     Returns:
@@ -107,7 +107,7 @@ def localize_recorded(
         done = run(belief, path, history, epochs, output, ctx, done, target)
         if lag is not None and is_full(history):
             history = workspace.enlarged(history)
-        elif done < target or len(path.entry) - path.size[0] < _ROOM:
+        elif done < target or len(path.entry) - path.size[0] < _SPARE_ENTRIES:
             path = tidied(path, *entries_in_use(belief, history))
         if progress is not None:
             progress(done)
@@ -136,7 +136,7 @@ def localize_by_paper(
     poses: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Recorded:
-    """Localize a recorded drive by the paper's method, taken literally (`filter.paper`).
+    """Localize a recorded drive by the paper's method (`filter.paper`).
 
     Args:
         roads: The map.
@@ -145,7 +145,7 @@ def localize_by_paper(
         settings: The noise of odometry, and the numbers named `paper_`.
         start: A known pose at the first epoch; else the first fix starts the filter.
         poses: Whether the poses of the alternatives are kept too, for pictures.
-        progress: Told how many epochs are done, now and then.
+        progress: Called now and then with the number of epochs done.
 
     Returns:
         One estimate per epoch, its pose that of the most probable hypothesis, and the
@@ -185,7 +185,7 @@ def _check_start(timeline: Timeline, start: StartPose | str | None, more: str) -
 
 
 def _paper_start(belief: Belief, roads: RoadMap, start: StartPose, time: float, mode: int) -> None:
-    """Begin from a given pose of M, as the paper does; the first epoch looks for roads."""
+    """Begin from a given pose of M, as the paper does; the first epoch searches for roads."""
     x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
     turn = roads.plane.convergence(x, y)
     hyp, state = belief.hyp[0], belief.state[0]

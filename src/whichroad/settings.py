@@ -32,7 +32,7 @@ class Settings:
     turn_noise: float = _number(0.012, 0, 0.5, "", "heading error per radian turned")
     along_noise: float = _number(0.01, 0, 1, "m/√m", "along-road random walk of wheel odometry")
     lateral_noise: float = _number(0.02, 0, 1, "m/√m", "cross-road random walk of wheel odometry")
-    yaw_bias_noise: float = _number(2e-6, 0, 0.1, "rad/m/√m", "wander of the heading drift")
+    yaw_bias_noise: float = _number(2e-6, 0, 0.1, "rad/m/√m", "random walk of the heading drift")
     acceleration_noise: float = _number(
         1.5, 0.01, 20, "m/s/√s", "speed random walk where there is no odometry"
     )
@@ -66,7 +66,7 @@ class Settings:
         1.5, 1, 100, "", "GNSS sigmas over the reported ones, until fixes have shown"
     )
     gnss_fault_time: float = _number(
-        60, 1, 1e9, "s", "how long a receiver that has lost its way stays lost"
+        60, 1, 1e9, "s", "mean duration of gross errors of the receiver"
     )
     gnss_lost: float = _number(
         0.02, 0, 0.5, "", "P(the belief was wrong) when a fix is far from it"
@@ -145,7 +145,7 @@ def parameters(settings: Settings, vehicle: Vehicle, mode: int, *, paper: bool =
         settings: The model's.
         vehicle: For its antenna and the side on which it is driven.
         mode: WHEELS, DISTANCE or CLOCK, see `filter.state`.
-        paper: Whether the filter is the paper's literal one.
+        paper: Whether the filter is the paper's own.
 
     Returns:
         (1,) `filter.state.PARAMETERS`.

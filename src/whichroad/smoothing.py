@@ -22,9 +22,9 @@ from .roadmap import RoadMap
 
 FULL = "full"
 SURE = 0.999  # P(edge) from which on it is decided
-_WINDOW = 120.0  # s of history that is kept on line, at least
-_ROOM = 2048  # entries of the path tree that one epoch may need
-_SLACK = 0.125  # of the lag, by which it may be longer, so that one pass serves several epochs
+_WINDOW = 120.0  # s, shortest history kept on line
+_SPARE_ENTRIES = 2048  # entries of the path tree that one epoch may need
+_SLACK = 0.125  # largest excess over the lag, relative, so that one pass serves several epochs
 
 
 class Lag(NamedTuple):
@@ -71,8 +71,8 @@ class Past(NamedTuple):
     filtered: Output
     lag: Lag
 
-    def ways(self) -> list[Alternative]:
-        """The parts of the drive with the ways that compete."""
+    def alternatives(self) -> list[Alternative]:
+        """The parts of the drive with their competing routes."""
         return alternatives(self.history, self.path, self.roads.arrays)
 
     def decided_until(self) -> float | None:
@@ -103,7 +103,7 @@ class Window:
             raise SettingError(f"lag is {lag!r}; a number of seconds was expected on line")
         self.lag = given.length
         self.history = new_history(1 << 8)
-        self._lookback, self._output = new_lookback(), new_output(1, False)
+        self._buffers, self._output = new_lookback(), new_output(1, False)
 
     def make_room(self, belief: Belief, path: Path) -> Path:
         """Drop what is older than can be asked for, before the next epoch.
@@ -121,7 +121,7 @@ class Window:
             oldest = history.steps.time[steps - 1] - max(2.0 * self.lag, _WINDOW)
             drop = int(np.searchsorted(history.steps.time[:steps], oldest))
             self.history = history = enlarged(history, min(drop, steps - 1), grow=2 * drop < steps)
-        if len(path.entry) - path.size[0] < _ROOM:
+        if len(path.entry) - path.size[0] < _SPARE_ENTRIES:
             path = tidied(path, *entries_in_use(belief, history))
         return path
 
@@ -165,10 +165,10 @@ class Window:
         if steps == 0 or (back and step < 0):
             return None
         decided = look_at(
-            self._lookback, history, path, ctx, self._output, step if back else -1, SURE
+            self._buffers, history, path, ctx, self._output, step if back else -1, SURE
         )
         until = float(time[decided]) if decided >= 0 else None
-        return self._lookback.belief, self._output, until
+        return self._buffers.belief, self._output, until
 
 
 def entries_in_use(belief: Belief, history: History) -> tuple[Any, Any]:
@@ -183,7 +183,7 @@ def travelled(past: Past) -> Array:
     return np.asarray(np.cumsum(np.abs(past.filtered.rows.speed) * np.clip(dt, 0.0, None)))
 
 
-def smooth(past: Past, ctx: Context, lookback: Lookback | None = None) -> Output:
+def smooth(past: Past, ctx: Context, buffers: Lookback | None = None) -> Output:
     """Estimate every epoch by what was known the lag later.
 
     A fixed lag may be longer by an eighth, as one backward pass serves several epochs.
@@ -191,7 +191,7 @@ def smooth(past: Past, ctx: Context, lookback: Lookback | None = None) -> Output
     Args:
         past: The drive.
         ctx: The constants that it was filtered with.
-        lookback: Buffers, as new; None: they are made.
+        buffers: Buffers, as new; None: they are made.
 
     Returns:
         An estimate of each epoch; those before the first estimate stay empty.
@@ -200,13 +200,13 @@ def smooth(past: Past, ctx: Context, lookback: Lookback | None = None) -> Output
     steps = int(past.history.count[0].steps)
     if not steps or past.lag.length == 0.0:
         return output
-    lookback = lookback or new_lookback()
-    for look in _looks(past, steps):
-        look_back(lookback, past.history, past.path, ctx, past.epochs, past.filtered, output, look)
+    buffers = buffers or new_lookback()
+    for look in _spans(past, steps):
+        look_back(buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, look)
     return output
 
 
-def _looks(past: Past, steps: int) -> list[Look]:
+def _spans(past: Past, steps: int) -> list[Look]:
     """The backward passes that together estimate all steps."""
     lag = past.lag
     if math.isinf(lag.length):
@@ -214,7 +214,7 @@ def _looks(past: Past, steps: int) -> list[Look]:
     at = np.ascontiguousarray(past.history.steps.time[:steps])
     if lag.metres:
         at = travelled(past)[past.history.steps.epoch[:steps]]
-    looks = []
+    spans = []
     first = 0
     while first < steps:
         known = int(np.searchsorted(at, at[first] + (1.0 + _SLACK) * lag.length))
@@ -222,6 +222,6 @@ def _looks(past: Past, steps: int) -> list[Look]:
         if known < steps - 1:
             last = int(np.searchsorted(at, at[known] - lag.length, side="right"))
         last = max(min(last, known + 1), first + 1)
-        looks.append(Look(min(known, steps - 1), first, last))
+        spans.append(Look(min(known, steps - 1), first, last))
         first = last
-    return looks
+    return spans

@@ -21,16 +21,16 @@ class Traversal(NamedTuple):
     edge: int
     enter_time: float  # s
     exit_time: float
-    enter_m: float  # abscissa
+    enter_m: float  # along-track position
     exit_m: float
     p: float  # mean probability of the edge while it was driven
     gap: bool  # does not follow from the edge before
     rules: int = 0  # that driving into it and along it broke, see `graph.network`
 
 
-def traversal_rows(way: Traversals) -> list[Traversal]:
+def traversal_rows(driven: Traversals) -> list[Traversal]:
     """Traversals one by one."""
-    columns = (way[name].tolist() for name in Traversal._fields)
+    columns = (driven[name].tolist() for name in Traversal._fields)
     return [Traversal(*row) for row in zip(*columns, strict=True)]
 
 
@@ -57,15 +57,15 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
         One row per edge, in driving order.
     """
     at = _joined(chain.edge)
-    way = records(len(at), TRAVERSAL)
+    driven = records(len(at), TRAVERSAL)
     if not len(at):
-        return way
-    way.edge, way.entered, way.along = chain.edge[at], chain.time[at], chain.along[at]
+        return driven
+    driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
     first = np.zeros(len(at) + 1, np.int64)
-    first_epochs(way, epochs, first)
-    broken_rules(roads, way)
+    first_epochs(driven, epochs, first)
+    broken_rules(roads, driven)
     estimates = output.rows
     known = np.flatnonzero(estimates.live > 0)
     last = int(known[-1]) if len(known) else len(epochs) - 1
-    time_edges(roads, way, first, epochs, estimates, last)
-    return way
+    time_edges(roads, driven, first, epochs, estimates, last)
+    return driven

@@ -12,7 +12,7 @@ from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
 from .graph.network import Roads
 from .settings import Settings, Vehicle, parameters
 
-_ENTRIES = 1 << 15  # of the path tree, for which there is room at first
+_ENTRIES = 1 << 15  # of the path tree, initial capacity
 _STEPS = 1 << 10  # of the history, likewise
 _MOST_STEPS = 1 << 12  # of a history that is kept for the next drive: 10 MiB
 _free = threading.local()  # `workspace`: each thread's, while no drive uses it
@@ -25,7 +25,7 @@ class Workspace:
         self._empty = new_belief()
         self._beliefs = {lineage: new_belief(lineage) for lineage in (False, True)}
         self._work, self._path = new_work(), new_path(_ENTRIES)
-        self._lookback: Lookback | None = None
+        self._smoother: Lookback | None = None
         self._history = new_history(0)
 
     @classmethod
@@ -60,16 +60,16 @@ class Workspace:
 
     def smoothing(self) -> tuple[History, Lookback]:
         """An empty history, and buffers to smooth it."""
-        if self._lookback is None:
-            self._history, self._lookback = new_history(_STEPS), new_lookback()
-        clear(self._lookback.belief, self._empty)
+        if self._smoother is None:
+            self._history, self._smoother = new_history(_STEPS), new_lookback()
+        clear(self._smoother.belief, self._empty)
         self._history.count.fill(0)
         self._history.since.fill(0)
         self._history.reference.fill(0)
-        return self._history, self._lookback
+        return self._history, self._smoother
 
     def enlarged(self, history: History) -> History:
-        """The same history with room for more, kept for the drives to come unless it is huge."""
+        """The same history with more capacity, kept for the drives to come unless it is huge."""
         larger = enlarged(history)
         if len(larger.steps) <= _MOST_STEPS:
             self._history = larger

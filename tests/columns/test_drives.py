@@ -149,7 +149,7 @@ def test_trips_in_one_batch_keep_their_names():
 def test_unused_columns_are_noted():
     mine = trips()[trips().drive_id == "plain"].assign(bearing_deg=90.0)
     row = whichroad.match_many(mine, town()).drives.to_pylist()[0]
-    note = "bearings not used: there is no speed to tell whether they mean anything"
+    note = "bearings not used: without a speed it is unknown whether they are valid"
     assert row["notes"] == [note]
 
 

@@ -186,7 +186,7 @@ def test_a_fix_that_fits_nothing_starts_the_filter_anew(town: whichroad.RoadMap)
 
 def test_a_drive_that_tells_no_turns_is_refused(town: whichroad.RoadMap):
     epochs = new_epochs(10)
-    with pytest.raises(DriveError, match="no odometry that tells turns"):
+    with pytest.raises(DriveError, match="no odometry that measures turns"):
         localize_recorded(town, Timeline(epochs, DISTANCE, 0), start="map")
 
 

@@ -17,7 +17,7 @@ def record(folder, town, ride, observations, every=50):
     for number, one in enumerate(observations):
         recorder.observe(one)
         localizer.take(one)
-        recorder.say(localizer)
+        recorder.record_estimate(localizer)
         if number % every == 0:
             recorder.flush()
     recorder.close()

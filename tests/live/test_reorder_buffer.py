@@ -162,7 +162,7 @@ def test_a_clock_far_from_the_others_is_refused_until_only_it_speaks(town, ride,
     assert filter_loop.buffer.skipped == {
         "clock ahead of the others": 10, "clock behind the others": 10
     }  # fmt: skip
-    filter_loop._heard -= 10.0
+    filter_loop._last_arrival -= 10.0
     for fix in fixes[10:15]:
         filter_loop.take(there, [shifted(fix, -3600.0)], time.perf_counter())
     assert filter_loop.estimate().time == fixes[14].time - 3600.0

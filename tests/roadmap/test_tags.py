@@ -82,8 +82,8 @@ def test_no_word_is_too_strange(word):
 def test_which_lane_is_driven_in_spreads_as_the_lanes_lie(lanes: int):
     """Each lane of 3.3 m is as probable as another."""
     spread = float(np.std(3.3 * np.arange(lanes)))
-    assert tags.lane_spread("primary", False, lanes) == pytest.approx(spread)
-    assert tags.lane_spread("primary", True, 2 * lanes) == pytest.approx(spread)
+    assert tags.lane_sigma("primary", False, lanes) == pytest.approx(spread)
+    assert tags.lane_sigma("primary", True, 2 * lanes) == pytest.approx(spread)
 
 
 @pytest.mark.parametrize(
@@ -92,11 +92,11 @@ def test_which_lane_is_driven_in_spreads_as_the_lanes_lie(lanes: int):
 )
 @pytest.mark.parametrize("both_ways", [True, False])
 def test_without_a_number_of_lanes_the_class_tells_it(highway, lanes, both_ways):
-    told = tags.lane_spread(highway, False, lanes)
-    assert tags.lane_spread(highway, both_ways, 0.0) == pytest.approx(told)
+    told = tags.lane_sigma(highway, False, lanes)
+    assert tags.lane_sigma(highway, both_ways, 0.0) == pytest.approx(told)
 
 
 @given(st.floats(0.1, 300.0), st.floats(0.1, 300.0), st.booleans())
 def test_more_lanes_never_spread_less_and_absurd_ones_no_more_than_twelve(one, other, both_ways):
-    spread = [tags.lane_spread("primary", both_ways, n) for n in sorted((one, other))]
-    assert 0.0 <= spread[0] <= spread[1] <= tags.lane_spread("primary", both_ways, 12.0)
+    spread = [tags.lane_sigma("primary", both_ways, n) for n in sorted((one, other))]
+    assert 0.0 <= spread[0] <= spread[1] <= tags.lane_sigma("primary", both_ways, 12.0)

@@ -55,7 +55,7 @@ def told(one, road: int, p: float, at: np.ndarray) -> np.ndarray:
     row, roads, chances = new_scratch()
     score_drive(
         row, out, one.truth, np.ascontiguousarray(one.epochs.time), one.route.line,
-        one.scene.road_of, one.route.decision, one.route.watch, roads, chances,
+        one.scene.road_of, one.route.decision, one.route.evaluated_to, roads, chances,
     )  # fmt: skip
     return row
 

@@ -199,11 +199,11 @@ def test_edges_follow_the_route_and_the_map_position_lies_on_them(hand_made):
     truth, roads = drive.truth, hand_made.arrays
     changes = truth.edge[np.concatenate([[True], np.diff(truth.edge) != 0])]
     assert list(changes) == list(drive.route[: len(changes)])
-    assert (truth.abscissa >= 0).all()
-    assert (truth.abscissa <= roads.edges.length[truth.edge]).all()
+    assert (truth.along >= 0).all()
+    assert (truth.along <= roads.edges.length[truth.edge]).all()
     x = np.empty(len(truth))
     y = np.empty(len(truth))
-    for k, (e, s) in enumerate(zip(truth.edge, truth.abscissa, strict=True)):
+    for k, (e, s) in enumerate(zip(truth.edge, truth.along, strict=True)):
         v = roads.vertices[roads.edges.first_vertex[e] : roads.edges.last_vertex[e] + 1]
         x[k], y[k] = np.interp(s, v.s, v.x), np.interp(s, v.s, v.y)
     # usual lane 1.75 m + next lane 3.3 m + streets and strays, corners cut by a few metres
@@ -217,7 +217,7 @@ def test_one_keeps_to_the_driving_side(hand_made, side):
     a, b = (hand_made.arrays.vertices[v] for v in (edges.first_vertex, edges.last_vertex))
     dx, dy = b.x - a.x, b.y - a.y
     right = ((truth.map_x - a.x) * dy - (truth.map_y - a.y) * dx) / np.hypot(dx, dy)
-    middle = np.abs(truth.abscissa / edges.length - 0.5) < 0.3
+    middle = np.abs(truth.along / edges.length - 0.5) < 0.3
     assert np.median(right[middle]) == pytest.approx(1.75 if side == "right" else -1.75, abs=0.5)
     assert drive.vehicle.driving_side == side
 

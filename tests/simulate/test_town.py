@@ -95,7 +95,7 @@ def test_map_positions_lie_on_their_edges(town):
         mine = near.edge == truth.edge[k]
         assert mine.any()
         assert near.distance[mine].min() < 10.0
-        assert abs(near.s[mine] - truth.abscissa[k]).min() < 12.0  # corners are cut
+        assert abs(near.s[mine] - truth.along[k]).min() < 12.0  # corners are cut
 
 
 def test_the_demo_is_legal_and_four_to_six_kilometres_long(town):

@@ -25,7 +25,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.add_typer(map_app, name="map", help="Compile a road map, or say what one holds.")
+app.add_typer(map_app, name="map", help="Compile a road map, or describe one.")
 # as help lists them
 for command in (
     demo, match, replay, report, live, simulate, evaluate, experiments, warmup,
@@ -34,7 +34,7 @@ for command in (
 
 
 def main() -> NoReturn:
-    """Run the command line; every way out is an exit code and no traceback."""
+    """Run the command line; every end is an exit code and no traceback."""
     try:
         app()
     except WhichroadError as error:
@@ -67,7 +67,7 @@ def _version(asked: bool) -> None:
 def whichroad(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Say the version."),
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
     """Where exactly a vehicle is, on which road, and how sure that is."""

@@ -96,7 +96,7 @@ def read_window(text: str) -> tuple[Moment, Moment]:
 
 
 def _moment(text: str) -> Moment | None:
-    """Seconds, or a time (UTC unless it says otherwise), or None."""
+    """Seconds, or a time (UTC unless it has an offset), or None."""
     try:
         return float(text)
     except ValueError:

@@ -25,13 +25,13 @@ def progress_line() -> Iterator[Callable[[str, int, int], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=None)
 
-        def tell(what: str, done: int, total: int) -> None:
+        def report(what: str, done: int, total: int) -> None:
             bar.update(task, description=what, completed=done, total=total or None)
 
-        yield tell
+        yield report
 
 
-def say_table(title: str, rows: Iterable[tuple[str, Any]]) -> None:
+def print_table(title: str, rows: Iterable[tuple[str, Any]]) -> None:
     """Names and values, one a line."""
     texts = [(str(name).replace("_", " "), _text(value)) for name, value in rows]
     width = max((len(name) for name, _ in texts), default=0)

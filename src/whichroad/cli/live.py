@@ -69,14 +69,14 @@ def live(
     ] = Clock.sensor,
     lag: Annotated[
         float | None,
-        typer.Option(min=0.0, max=600.0, metavar="S", help="Tell also what is known S later."),
+        typer.Option(min=0.0, max=600.0, metavar="S", help="Add the smoothed state S seconds ago."),
     ] = None,
     rate: Annotated[
         float,
         typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
     ] = 10.0,
     record: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Record all that comes and is said.")
+        Path | None, typer.Option(metavar="DIR", help="Record all observations and estimates.")
     ] = None,
     state: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the state here, to outlive crashes.")
@@ -99,8 +99,8 @@ def live(
     ] = None,
     page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
 ) -> None:
-    """Say where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
-    pose, pace = read_start(start), _speed(speed)
+    """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
+    pose, factor = read_start(start), _speed(speed)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
     if token is None and not _is_local(host):
         raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
@@ -112,12 +112,12 @@ def live(
         if plan.recording is None:
             _connect(plan, nmea, can, dbc)
         plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
-        plan.nmea_outputs = _talkers(nmea_outputs)
-    plan.speed, plan.laps, plan.once, plan.rate = pace, laps, once, rate
+        plan.nmea_outputs = _nmea_outputs(nmea_outputs)
+    plan.speed, plan.laps, plan.once, plan.rate = factor, laps, once, rate
     plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
     plan.host, plan.port, plan.token = host, port, token
-    plan.tell = lambda line: typer.echo(line, err=True)
-    plan.ready = lambda bound: _say_ready(host, bound, plan)
+    plan.report = lambda line: typer.echo(line, err=True)
+    plan.ready = lambda bound: _print_addresses(host, bound, plan)
     from ..live.server import serve
 
     serve(plan)
@@ -166,7 +166,7 @@ def _sink(text: str) -> tuple[str, str, int]:
     return found[1], found[2].strip("[]") or "127.0.0.1", int(found[3])
 
 
-def _talkers(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
+def _nmea_outputs(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
     from ..live.nmea_output import NmeaOutput
 
     return [NmeaOutput(*sink) for sink in sinks]
@@ -208,7 +208,7 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
 
 
 def _pages(roads: "RoadMap", tiles: str | None) -> Any:
-    """The page's routes; without MapLibre the service goes on, and says so."""
+    """The page's routes; without MapLibre the service runs without them, with a notice."""
     from ..page import page_routes
 
     try:
@@ -220,8 +220,8 @@ def _pages(roads: "RoadMap", tiles: str | None) -> Any:
         return ()
 
 
-def _say_ready(host: str, port: int, plan: "Plan") -> None:
-    shown = f"[{host}]" if ":" in host else host
-    typer.echo(f"http://{shown}:{port}/")
+def _print_addresses(host: str, port: int, plan: "Plan") -> None:
+    address_text = f"[{host}]" if ":" in host else host
+    typer.echo(f"http://{address_text}:{port}/")
     for output in plan.nmea_outputs:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

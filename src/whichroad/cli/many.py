@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
-from .console import progress_line, say_table
+from .console import print_table, progress_line
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_TOLD = 10  # reasons
+_MOST_PRINTED = 10  # reasons
 
 
 def match_trips(
@@ -34,7 +34,7 @@ def match_trips(
         roads: The map.
         out: Where points go.
         path_out: Where paths go.
-        by_source: Whether they are told by the roads of the source.
+        by_source: Whether paths are given by the roads of the source.
         every: One point in so many seconds.
         force: Replace files that exist.
         options: For `batch.match_stream`.
@@ -62,12 +62,12 @@ def match_trips(
             trips.append(part.drives)
         if not trips:
             raise DriveError(f"{table}: there is no trip in it; rows with a drive_id were expected")
-    _say(table, trips)
+    _print_summary(table, trips)
     if out is None and path_out is None:
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
 
-def _say(table: Path, parts: "list[pa.Table]") -> None:
+def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     """How many trips were answered; why others were not goes to the standard error."""
     rows = [row for part in parts for row in part.to_pylist()]
     skipped: Counter[str] = Counter()
@@ -75,14 +75,14 @@ def _say(table: Path, parts: "list[pa.Table]") -> None:
         skipped.update(dict(row["skipped"] or ()))
     for reason, count in skipped.items():
         typer.echo(f"skipped: {count} {reason}", err=True)
-    silent = [row for row in rows if not row["answered"]]
-    for row in silent[:_TOLD]:
+    unanswered = [row for row in rows if not row["answered"]]
+    for row in unanswered[:_MOST_PRINTED]:
         name = row["drive_id"] or "(no name)"
         typer.echo(f"no answer: {name}: {row['reason'].removeprefix(f'{name}: ')}", err=True)
-    if len(silent) > _TOLD:
-        typer.echo(f"no answer: {len(silent) - _TOLD:,} more", err=True)
+    if len(unanswered) > _MOST_PRINTED:
+        typer.echo(f"no answer: {len(unanswered) - _MOST_PRINTED:,} more", err=True)
     answered = [row for row in rows if row["answered"]]
-    say_table(
+    print_table(
         table.name,
         [
             ("trips", len(rows)),
@@ -95,5 +95,5 @@ def _say(table: Path, parts: "list[pa.Table]") -> None:
     if not answered:
         raise DriveError(
             f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
-            f"map were expected; the first one says: {rows[0]['reason']}"
+            f"map were expected; the reason of the first: {rows[0]['reason']}"
         )

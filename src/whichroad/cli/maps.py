@@ -1,4 +1,4 @@
-"""`whichroad map`: compile a road map, or say what one holds."""
+"""`whichroad map`: compile a road map, or describe one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .arguments import Force
-from .console import progress_line, say_table
+from .console import print_table, progress_line
 
 map_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -32,10 +32,10 @@ def map_build(
 
 @map_app.command("info")
 def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")]) -> None:
-    """Say what a map holds."""
+    """Print what a map holds."""
     from ..roadmap import open_map
 
     with progress_line() as progress:
         progress(f"reading {roads}", 0, 0)
         info = open_map(roads).info()
-    say_table(str(roads), info.items())
+    print_table(str(roads), info.items())

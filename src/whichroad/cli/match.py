@@ -8,16 +8,16 @@ import typer
 
 from ..errors import DriveError
 from .arguments import Force, MapOption, Model, read_start, read_window
-from .console import progress_line, say_table
+from .console import print_table, progress_line
 from .many import match_trips
 
 if TYPE_CHECKING:
     from ..tables.result import Result
 
 
-_EACH = 4  # drives that are told one by one; of more the sums are
+_EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
-_TOLD = ("skipped", "notes", "diagnosis")
+_PRINTED_APART = ("skipped", "notes", "diagnosis")
 
 
 def match(
@@ -37,7 +37,7 @@ def match(
         typer.Option(
             metavar="LAT,LON,BEARING",
             help="A known pose, in degrees; or `map`: anywhere on it, found by the turns that both "
-            "wheels tell; or `map:LAT,LON,METRES`: about so far from there.",
+            "wheels measure; or `map:LAT,LON,METRES`: about so far from there.",
         ),
     ] = None,
     mask: Annotated[
@@ -83,7 +83,7 @@ def match(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Say where a vehicle was, on which road, and how sure that is."""
+    """Estimate where a vehicle was, on which road, and how sure that is."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 
@@ -99,8 +99,8 @@ def match(
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
-    plain = not (can or dbc or start or mask or report) and model is Model.default
-    if len(drive) == 1 and plain and are_many(drive[0]):
+    defaults = not (can or dbc or start or mask or report) and model is Model.default
+    if len(drive) == 1 and defaults and are_many(drive[0]):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
@@ -136,7 +136,7 @@ def match(
             shown = Remaking(one_of(drives, None), network, car)
             recorded = shown.recorded(result, shown.absolute(windows))
             write_report(recorded, report, network, force=force)
-    say(result)
+    print_summary(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         raise DriveError(
             f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
@@ -155,7 +155,7 @@ def _write(result: "Result", out: Path | None, every: float | None, force: bool)
         write_table(thinned(points, every) if every else points, out, force=force)
 
 
-def say(result: "Result") -> None:
+def print_summary(result: "Result") -> None:
     """The summary; what was skipped or failed goes to the standard error."""
     each = result.summary.get("each", [result.summary])
     skipped: Counter[str] = Counter()
@@ -166,22 +166,22 @@ def say(result: "Result") -> None:
     for note in dict.fromkeys(note for one in each for note in one.get("notes", ())):
         typer.echo(f"note: {note}", err=True)
     for finding in (finding for one in each for finding in one.get("diagnosis", ())):
-        typer.echo(_told(finding), err=True)
+        typer.echo(_finding_line(finding), err=True)
     if len(each) > _EACH:
-        say_table("all", [(name, result.summary[name]) for name in _OF_ALL])
+        print_table("all", [(name, result.summary[name]) for name in _OF_ALL])
     for one in each if len(each) <= _EACH else ():
-        figures = {name: value for name, value in one.items() if name not in _TOLD}
+        figures = {name: value for name, value in one.items() if name not in _PRINTED_APART}
         title = str(figures.pop("drive_id", "drive"))
         shares = figures.get("status", {})
         figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
-        say_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
+        print_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)
 
 
-def _told(finding: dict[str, Any]) -> str:
+def _finding_line(finding: dict[str, Any]) -> str:
     """One setting that does not fit, as a line."""
     from ..diagnosis.findings import Finding
 
-    told = Finding(**finding)
-    return f"{told.level}: {told}"
+    found = Finding(**finding)
+    return f"{found.level}: {found}"

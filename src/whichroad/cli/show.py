@@ -1,4 +1,4 @@
-"""`whichroad replay` and `whichroad report`: looking at a drive again."""
+"""`whichroad replay` and `whichroad report`: replay of a recorded drive."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +17,7 @@ DriveId = Annotated[
 
 PathFile = Annotated[
     Path | None,
-    typer.Option("--path", help="The path of `match --path-out`: the way between far fixes."),
+    typer.Option("--path", help="The path of `match --path-out`: the route between distant fixes."),
 ]
 
 

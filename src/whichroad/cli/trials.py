@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .arguments import Force, MapOption, Preset, Scene
-from .console import progress_line, say_table
+from .console import print_table, progress_line
 
 
 def demo(
@@ -17,12 +17,12 @@ def demo(
     from ..demo import run_demo
 
     with progress_line() as progress:
-        summary = run_demo(out, force=force, tell=progress)
+        summary = run_demo(out, force=force, progress=progress)
     seconds = {"seconds": summary["seconds"]}
-    say_table(
+    print_table(
         "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
     )
-    typer.echo(f"look at {summary['picture']}, or watch it, and mask GNSS while it drives:")
+    typer.echo(f"see {summary['picture']}, or replay the drive and mask GNSS meanwhile:")
     typer.echo(
         f"  whichroad replay {out / 'drive.nmea'} --can {out / 'can.log'} --dbc "
         f"{out / 'vehicle.dbc'} --vehicle {out / 'vehicle.toml'} --map {out / 'map.osm'}"
@@ -62,13 +62,13 @@ def evaluate(
         Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
     ],
 ) -> None:
-    """Say what an answer is worth against a known truth."""
+    """Score an answer against a known truth."""
     from ..evaluate import evaluate_files
 
     with progress_line() as progress:
         progress("comparing", 0, 0)
         figures = evaluate_files(result, truth)
-    say_table(f"{result} against {truth}", figures.items())
+    print_table(f"{result} against {truth}", figures.items())
 
 
 def experiments(
@@ -87,11 +87,11 @@ def experiments(
 
     drives, names = range(int(first), int(last)), [one.value for one in scene or ()]
     with progress_line() as progress:
-        done = run_experiments(out, scenes=names, seeds=drives, force=force, tell=progress)
+        done = run_experiments(out, scenes=names, seeds=drives, force=force, progress=progress)
     for name, about in done["scenes"].items():
         typer.echo(f"{name}: {about['title']} ({about['figure']})")
         typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))
-    typer.echo(f"seeds {seeds}; look at {done['report']}")
+    typer.echo(f"seeds {seeds}; see {done['report']}")
 
 
 def warmup() -> None:

@@ -1,1 +1,1 @@
-"""Whether the settings fit the data: running statistics of a drive, and what they say."""
+"""Whether the settings fit the data: consistency statistics of a drive, and findings from them."""

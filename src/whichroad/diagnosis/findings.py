@@ -14,19 +14,19 @@ from ..filter.state import CLOCK
 from ..settings import Settings, Vehicle
 from .statistics import Watch, rows_of
 
-_ENOUGH = 3000.0  # s of moving from which on the bands are as they are
-_LEAST = 600.0  # and below which there is no verdict
-_TIME = 1.55  # T over the setting, or under it
-_SURELY = 3.5  # the same where the sigma's being too large would explain it as well
-_SIGMA = 1.18  # σ over what is reported, T being right
-_SIGMA_TOO = 1.25  # the same where T is not
-_SMALL = 0.7  # σ below which the receiver says too much
-_SCALE = 4.0  # sigmas of the settings' scale and drift
-_GAIN = 0.035  # of turns
-_LATE = 0.2  # s, between clocks
-_ANTENNA = 1.5  # m
-_SURE = 4.0  # sigmas of what was measured
-_MAP = 1.1  # mean square map error over what the settings say
+_ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
+_LEAST = 600.0  # s of moving, below which there is no verdict
+_TIME = 1.55  # largest ratio between T and its setting, either direction
+_SURELY = 3.5  # that ratio where a too large sigma explains the data as well
+_SIGMA = 1.18  # largest σ over the reported one, where T is right
+_SIGMA_TOO = 1.25  # largest σ over the reported one, where T is wrong
+_SMALL = 0.7  # σ ratio below which the receiver reports too large errors
+_SCALE = 4.0  # largest scale and drift, in sigmas of the settings
+_GAIN = 0.035  # largest relative error of turns
+_LATE = 0.2  # s, largest offset between clocks
+_ANTENNA = 1.5  # m, largest error of the lever arm
+_SURE = 4.0  # significance of a measured offset, in sigmas
+_MAP = 1.1  # largest mean square map error over that of the settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,37 +49,37 @@ class Finding:
 
 
 def diagnose(answer: Any) -> list[Finding]:
-    """Say which settings do not fit the data.
+    """Find the settings that do not fit the data.
 
     Args:
         answer: A `Result`, a `Localizer`, or a recorded drive as `localize_recorded` gives it.
 
     Returns:
-        Findings, empty where everything fits, or too little was driven to tell (ten minutes
-        of driving with wheels and fixes; GNSS alone cannot tell).
+        Findings, empty where everything fits, or too little was driven to decide (ten minutes
+        of driving with wheels and fixes; GNSS alone cannot decide).
     """
     return list(answer.diagnosis)
 
 
-def findings(watch: Watch) -> tuple[Finding, ...]:
+def findings(statistics: Watch) -> tuple[Finding, ...]:
     """What does not fit, so far.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
-    by those before, so that nothing is said of it as long as those do not fit.
+    by those before, so that it is not judged as long as those do not fit.
     """
-    if watch.moving < _LEAST:
+    if statistics.moving < _LEAST:
         return ()
-    return tuple(_wheels(watch) or _shift(watch) or _map(watch) or _gnss(watch))
+    return tuple(_wheels(statistics) or _shift(statistics) or _map(statistics) or _gnss(statistics))
 
 
-def _wider(watch: Watch, band: float) -> float:
+def _wider(statistics: Watch, band: float) -> float:
     """The band about 1 (a ratio), wider for drives that are shorter."""
-    return float(band ** math.sqrt(max(1.0, _ENOUGH / watch.moving)))
+    return float(band ** math.sqrt(max(1.0, _ENOUGH / statistics.moving)))
 
 
-def _wheels(watch: Watch) -> list[Finding]:
+def _wheels(statistics: Watch) -> list[Finding]:
     found = []
-    s, scale = watch.settings, watch.scale
+    s, scale = statistics.settings, statistics.scale
     band = _SCALE * s.scale_sigma
     scale_off = abs(scale - 1.0) > band
     if scale_off:
@@ -90,10 +90,10 @@ def _wheels(watch: Watch) -> list[Finding]:
                 "or the speed's unit",
             )
         )  # fmt: skip
-    gain, drift = watch.turns()
+    gain, drift = statistics.turns()
     band = max(_GAIN, 2.5 * s.turn_noise)
     if abs(gain - 1.0) > band and not (scale_off and abs(gain - scale) < 1.5 * band):
-        width = watch.vehicle.track_width / gain
+        width = statistics.vehicle.track_width / gain
         found.append(
             Finding(
                 "wheels: track width", "warning", gain, 1.0 - band, 1.0 + band,
@@ -113,9 +113,9 @@ def _wheels(watch: Watch) -> list[Finding]:
     return found
 
 
-def _shift(watch: Watch) -> list[Finding]:
+def _shift(statistics: Watch) -> list[Finding]:
     found = []
-    late, antenna, sigma_late, sigma_antenna = watch.shift()
+    late, antenna, sigma_late, sigma_antenna = statistics.shift()
     band = max(_LATE, _SURE * sigma_late)
     if abs(late) > band:
         found.append(
@@ -127,7 +127,9 @@ def _shift(watch: Watch) -> list[Finding]:
         )  # fmt: skip
     band = max(_ANTENNA, _SURE * sigma_antenna)
     if abs(antenna) > band:
-        right = antenna + complex(watch.vehicle.antenna_forward, watch.vehicle.antenna_left)
+        right = antenna + complex(
+            statistics.vehicle.antenna_forward, statistics.vehicle.antenna_left
+        )
         found.append(
             Finding(
                 "antenna", "warning", abs(antenna), 0.0, band,
@@ -138,45 +140,45 @@ def _shift(watch: Watch) -> list[Finding]:
     return found
 
 
-def _map(watch: Watch) -> list[Finding]:
+def _map(statistics: Watch) -> list[Finding]:
     """The map's error as the filter sees it, which it holds for smaller than it is."""
-    cells = watch.metres / watch.settings.map_length
+    cells = statistics.metres / statistics.settings.map_length
     if cells < 5.0:
         return []
     high = 0.6 + (_MAP - 0.6) * math.sqrt(max(1.0, 90.0 / cells))
-    square = watch.map_error
+    square = statistics.map_error
     if square <= high:
         return []
-    larger = watch.settings.map_sigma * math.sqrt(2.0 * square)
+    larger = statistics.settings.map_sigma * math.sqrt(2.0 * square)
     return [
         Finding(
             "map_sigma", "warning", math.sqrt(square), 0.0, math.sqrt(high),
-            f"the map is {watch.settings.map_sigma * math.sqrt(square):.1f} m off as far as "
+            f"the map is {statistics.settings.map_sigma * math.sqrt(square):.1f} m off as far as "
             f"can be seen; set map_sigma to about {larger:.0f} m",
         )
     ]  # fmt: skip
 
 
-def _gnss(watch: Watch) -> list[Finding]:
+def _gnss(statistics: Watch) -> list[Finding]:
     found = []
-    if watch.hidden:
+    if statistics.hidden:
         return []  # fixes as good as the wheels are not judged by them
-    white, size, time, size_if_right = watch.errors()
-    band = _wider(watch, _TIME)
-    if time > 1.0 and white <= size_if_right * watch.settings.gnss_white_ratio**2:
-        band = _wider(watch, _SURELY)
+    white, size, time, size_if_right = statistics.errors()
+    band = _wider(statistics, _TIME)
+    if time > 1.0 and white <= size_if_right * statistics.settings.gnss_white_ratio**2:
+        band = _wider(statistics, _SURELY)
     time_off = not 1.0 / band <= time <= band
     if time_off:
-        right = time * watch.settings.gnss_time
+        right = time * statistics.settings.gnss_time
         found.append(
             Finding(
-                "gnss_time", "warning", right, watch.settings.gnss_time / band,
-                watch.settings.gnss_time * band,
+                "gnss_time", "warning", right, statistics.settings.gnss_time / band,
+                statistics.settings.gnss_time * band,
                 f"GNSS errors last {right:.0f} s of driving; set gnss_time to that",
             )
         )  # fmt: skip
     sigma = math.sqrt(size if time_off else size_if_right)
-    high, low = _wider(watch, _SIGMA_TOO if time_off else _SIGMA), _wider(watch, _SMALL)
+    high, low = _wider(statistics, _SIGMA_TOO if time_off else _SIGMA), _wider(statistics, _SMALL)
     if sigma > high:
         found.append(
             Finding(
@@ -199,9 +201,9 @@ def _gnss(watch: Watch) -> list[Finding]:
 def findings_of(
     epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle
 ) -> tuple[Finding, ...]:
-    """What does not fit in a recorded drive; nothing is said where time alone moves it."""
+    """What does not fit in a recorded drive; none in clock mode."""
     if mode == CLOCK:
         return ()
-    watch = Watch(settings, vehicle)
-    watch.take(rows_of(epochs, output))
-    return findings(watch)
+    statistics = Watch(settings, vehicle)
+    statistics.take(rows_of(epochs, output))
+    return findings(statistics)

@@ -1,8 +1,8 @@
-"""Running sums of a drive that tell whether the settings fit it; `findings` reads them.
+"""Consistency statistics of a drive: running sums from which `findings` judges the settings.
 
 The filter's own innovations, a second apart, see hardly more than the white part of the
-GNSS error.  What is looked at here are fixes up to two minutes apart, less what the wheels
-say was driven in between: half of the squared difference grows with the lag L as
+GNSS error.  The statistics are differences of fixes up to two minutes apart, less the
+odometer's displacement in between: half of the squared difference grows with the lag L as
 
     D(L) = w² + σ² (1 − exp(−L / T))     in units of the reported variance,
 
@@ -28,28 +28,28 @@ from ..settings import Settings, Vehicle
 Chosen = NDArray[Any]
 
 LAGS = (2.0, 10.0, 40.0, 120.0)  # s spent moving
-_REACH = 1.25  # a pair may be that much longer than its lag
-_MIDDLE = 1  # the lag at which turns and clocks are looked at
-_BREAK = 0.5  # rad, a change of heading in one epoch that no wheel has seen
+_REACH = 1.25  # longest interval of a pair over its nominal lag
+_MIDDLE = 1  # index of the lag at which turns and clocks are estimated
+_BREAK = 0.5  # rad, largest change of heading in one epoch beside that of the odometry
 _WARM = 30.0  # s of moving before anything counts
-_WHEELS = 1e-3  # m² per m driven, variance of what wheels and heading say was driven
-_BENT = 9.0  # the same for each (gain of turns − 1)²: headings are wrong after a turn
-_FEW_TURNS = 20.0  # rad², sum of squares
-_MOST = 20.0  # times what is expected a pair may say
-_GRID = np.geomspace(1 / 16, 16, 65)  # of σ² and T over what the settings say
+_WHEELS = 1e-3  # m² per m driven, variance of the displacement by wheels and heading
+_BENT = 9.0  # the same per squared error of the turns' gain
+_FEW_TURNS = 20.0  # rad², least sum of squared turns
+_MOST = 20.0  # most that a pair may count, times its expectation
+_GRID = np.geomspace(1 / 16, 16, 65)  # σ² and T over those of the settings
 _ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
-_WEIGHT = 0.04  # of log D for each pair and 1/s of lag, beside these
+_WEIGHT = 0.04  # weight of log D for each pair and 1/s of lag
 
 
 class Row(NamedTuple):
-    """What is looked at of one epoch, or columns of n epochs."""
+    """What the statistics need of one epoch, or columns of n epochs."""
 
     time: Any  # s
     arc: Any  # odometer m since the epoch before
     turn: Any  # rad
-    speed: Any  # m/s, from here on what the filter says
+    speed: Any  # m/s, from here on the filter's estimate
     heading: Any  # rad
-    scale: Any  # of the GNSS errors; 0: nothing is said yet
+    scale: Any  # of the GNSS errors; 0: not estimated yet
     x: Any  # plane m
     y: Any
     map_x: Any  # the same in the map's frame
@@ -63,20 +63,20 @@ class Row(NamedTuple):
 
 _ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
 _ROW = struct.Struct(f"={len(Row._fields)}d")
-_BLOCK = 2048  # epochs that are looked at together on line
+_BLOCK = 2048  # epochs that are accumulated together on line
 
 
 class GnssErrors(NamedTuple):
-    """What fixes far apart say of the GNSS errors."""
+    """GNSS errors as estimated from fixes far apart."""
 
     white: float  # w², over the reported variance
     size: float  # σ², over the reported variance
     time: float  # T, over the setting's
-    size_if_right: float  # σ², if T is what the settings say
+    size_if_right: float  # σ², if T is that of the settings
 
 
 class Shift(NamedTuple):
-    """What fixes say of clocks and the antenna, beyond what the vehicle's numbers say."""
+    """Errors of the clocks' offset and of the lever arm, as estimated from fixes."""
 
     late: float  # s, fixes after the odometer
     antenna: complex  # m, ahead + i left
@@ -105,7 +105,7 @@ class _Fixes(NamedTuple):
 
 
 class Watch:
-    """Running sums over a drive; what they remember does not grow.
+    """Running sums over a drive; their memory does not grow.
 
     Args:
         settings: What is to be judged.
@@ -127,7 +127,7 @@ class Watch:
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
     def look(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
-        """Add an epoch, as on line; it is looked at later.
+        """Add an epoch, as on line; it is accumulated later.
 
         Args:
             epoch: Time, arc, turn, the five numbers of its fix, and 1 where it has one.
@@ -145,7 +145,7 @@ class Watch:
 
     @property
     def waiting(self) -> int:
-        """How many epochs were added that are not looked at yet."""
+        """How many epochs were added that are not accumulated yet."""
         return self._waiting
 
     def forget_after(self, waiting: int) -> None:
@@ -157,7 +157,7 @@ class Watch:
         self.take(self._block[:waiting])
 
     def take(self, rows: Array) -> None:
-        """Add epochs, in time order, columns as `Row` says."""
+        """Add epochs, in time order, columns as in `Row`."""
         rows = rows[rows[:, 5] > 0.0]
         if not len(rows):
             return
@@ -170,20 +170,20 @@ class Watch:
         middle = table.heading - 0.5 * swing
         driven = self._driven + np.cumsum(step * np.exp(1j * middle))
         limit = _BREAK if self._state[2] or table.turn.any() else math.pi / 2 + _BREAK
-        gone = np.column_stack(
+        change = np.column_stack(
             [
                 since * (np.abs(table.speed) > 0.05), swing, table.turn, np.abs(table.arc),
                 np.abs(swing - table.turn) > limit,
             ]
         )  # fmt: skip
-        state = self._state + np.cumsum(gone, axis=0)
+        state = self._state + np.cumsum(change, axis=0)
         cell = np.floor(np.append(self._state[0], state[:, 0]))
         self._driven, self._state = complex(driven[-1]), state[-1]
         warm = state[:, 0] > _WARM
-        self._metres += [np.abs(step[warm]).sum(), gone[warm, 3].sum()]
+        self._metres += [np.abs(step[warm]).sum(), change[warm, 3].sum()]
         seen = np.flatnonzero((table.has_fix > 0) & warm)
-        fresh = np.diff(cell[seen + 1], prepend=cell[0]) > 0
-        seen = seen[fresh]  # one a second at most, none while standing
+        first_in_cell = np.diff(cell[seen + 1], prepend=cell[0]) > 0
+        seen = seen[first_in_cell]  # one a second at most, none while standing
         at = Row(*rows[seen].T)
         ahead = np.exp(1j * at.heading)
         error = at.fix_x + 1j * at.fix_y - self._antenna * ahead - driven[seen]
@@ -221,10 +221,10 @@ class Watch:
             self._recent = _Fixes(*(column[keep] for column in every))
 
     def _add_shift(
-        self, fixes: _Fixes, a: Chosen, b: Chosen, variance: Array, sound: Chosen
+        self, fixes: _Fixes, a: Chosen, b: Chosen, variance: Array, plausible: Chosen
     ) -> None:  # fmt: skip
         """Differences between fixes a and b, of errors, velocities and directions."""
-        a, b, weight = a[sound], b[sound], 1.0 / variance[sound]
+        a, b, weight = a[plausible], b[plausible], 1.0 / variance[plausible]
         velocity = fixes.speed * fixes.ahead
         v, u, e = (x[b] - x[a] for x in (velocity, fixes.ahead, fixes.error))
         self._shifting += [
@@ -238,7 +238,7 @@ class Watch:
 
     @property
     def moving(self) -> float:
-        """Seconds spent moving that count, after all that waits was looked at."""
+        """Seconds spent moving that count, after all waiting epochs are accumulated."""
         self._flush()
         return float(self._state[0] - _WARM) if self._errors[0] else 0.0
 
@@ -250,12 +250,12 @@ class Watch:
     @property
     def scale(self) -> float:
         """Metres for each metre of the odometer, as the filter has learnt."""
-        said, counted = self._metres
-        return float(said / counted) if counted > 0.0 else 1.0
+        filtered, counted = self._metres
+        return float(filtered / counted) if counted > 0.0 else 1.0
 
     @property
     def map_error(self) -> float:
-        """Mean square of the map's error, as the filter sees it, over what the settings say."""
+        """Mean square of the map's error, as the filter estimates it, over that of the settings."""
         return float(self._errors[2] / self._errors[0])
 
     @property
@@ -310,10 +310,10 @@ class Watch:
             return Shift(0.0, 0j, math.inf, math.inf)
         late = (uu * ve - vu * ue) / rest
         antenna = (vv * ue - vu.conjugate() * ve) / rest
-        spread = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
+        variance = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
         return Shift(
             float(-late.real),
             complex(antenna),
-            math.sqrt(spread * uu.real),
-            math.sqrt(spread * vv.real),
+            math.sqrt(variance * uu.real),
+            math.sqrt(variance * vv.real),
         )

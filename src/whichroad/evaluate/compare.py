@@ -17,8 +17,8 @@ SLACK_M = 10.0
 NEES_CAP = 1e4
 """One epoch far off must not hide all others."""
 
-_MOVED = 1e-8  # rad between two places of the truth, some centimetres, that tell a course
-_LATE_S = 0.5  # an epoch this far outside the truth's span is not compared
+_MOVED = 1e-8  # rad between two places of the truth, some centimetres, that define a course
+_LATE_S = 0.5  # s, how far outside the truth's span epochs are compared
 _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; squared eccentricity
 
 
@@ -33,14 +33,14 @@ class Comparison(NamedTuple):
     map_error: Array  # m, of the pose in the map's frame; infinite where not given
     right: Bools  # the edge is right within `SLACK_M`, or there is none and none was true
     strict: Bools  # the edge is the true one at that very moment
-    abscissa: Array  # m along the edge where strictly right, else 0
+    along_error: Array  # m along the edge where strictly right, else 0
     p_road: Array  # of the edge; 0 where none is given
     p_off: Array
     on_road: Bools  # in truth
     stopped: Bools  # in truth
     since: Array  # s since the truth began
     outage: Bools
-    told: Bools  # whether the truth tells its edge
+    edge_known: Bools  # whether the truth names its edge
 
     def rows(self, keep: Bools) -> "Comparison":
         """Some of the rows."""
@@ -89,19 +89,19 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
         map_error=map_error,
         right=_within_slack(edge, nearest, true_edge, _travelled(t)),
         strict=strict,
-        abscissa=np.where(strict & (edge >= 0), p.numbers("abscissa_m", 0.0) - place, 0.0),
+        along_error=np.where(strict & (edge >= 0), p.numbers("abscissa_m", 0.0) - place, 0.0),
         p_road=p.numbers("p_road", 0.0),
         p_off=p.numbers("p_off_road", 0.0),
         on_road=on_road[nearest],
         stopped=speed == 0.0,
         since=time - true_time[0],
         outage=outage,
-        told=np.full(len(time), "edge_id" in t.names),
+        edge_known=np.full(len(time), "edge_id" in t.names),
     )
 
 
 def _bearing(t: Table) -> Array:
-    """The truth's bearing, rad; where it tells none its course, at a standstill the last one."""
+    """The truth's bearing, rad; where it has none its course, at a standstill the last one."""
     if "bearing_deg" in t.names:
         return radians(t.numbers("bearing_deg"))
     lat, lon = radians(t.numbers("lat")), radians(t.numbers("lon"))

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..geodesy.angles import radians
 from ..observations import Array
 
-_NEAR = 3.0  # m, two geometries are the same road ...
-_TURN = radians(60.0)  # ... if they also point the same way within this
+_NEAR = 3.0  # m, largest distance between geometries of one road
+_TURN = radians(60.0)  # largest angle between directions that match
 _STEP = 1.0  # m, between the samples compared
-_REACH = _NEAR * np.sqrt(2.0)  # of place and direction together
-_TURN_RADIUS = _NEAR / (2.0 * np.sin(0.5 * _TURN))  # m; turning by 60° is as far as 3 m
+_REACH = _NEAR * np.sqrt(2.0)  # m, search radius in position and direction
+_TURN_RADIUS = _NEAR / (2.0 * np.sin(0.5 * _TURN))  # m per unit vector, so that 60° count as 3 m
 
 
 class Mismatch(NamedTuple):
@@ -35,7 +35,7 @@ def route_mismatch(
     """Compare routes by their geometry alone, however a program cuts and names its roads.
 
     Both are sampled every metre.  A sample is covered if one of the other route lies near
-    it and points the same way: distance² + (turn as metres)² <= 2 (3 m)², where a turn of
+    it and points in the same direction: distance² + (turn as metres)² <= 2 (3 m)², where a turn of
     60° is 3 m.
 
     Args:
@@ -63,9 +63,9 @@ def _sample(lines: Sequence[ArrayLike]) -> Array:
         of, many = np.repeat(k, count), np.repeat(count, count)
         part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         share = (part + 0.5) / many
-        way = step[of] / size[of, None]
+        direction = step[of] / size[of, None]
         place = p[of] + share[:, None] * step[of]
-        rows.append(np.column_stack([place, _TURN_RADIUS * way, size[of] / many]))
+        rows.append(np.column_stack([place, _TURN_RADIUS * direction, size[of] / many]))
     return np.concatenate(rows)
 
 

@@ -26,7 +26,7 @@ _BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 class Evaluation:
     """Figures of one or many drives; shares are between 0 and 1.
 
-    Of a truth that tells no edges those of edges are NaN.
+    Without edges in the truth the figures of edges are NaN.
     """
 
     epochs: int
@@ -125,10 +125,10 @@ def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
 
 def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
     error = np.hypot(c.along, c.cross)
-    named = (c.p_road > 0.0) & c.told
+    named = (c.p_road > 0.0) & c.edge_known
     sure = named & (c.p_road >= SURE)
-    exact = c.strict & c.on_road & c.told
-    some = 1.0 if c.told.any() else np.nan  # of a truth without edges nothing is said of them
+    exact = c.strict & c.on_road & c.edge_known
+    some = 1.0 if c.edge_known.any() else np.nan  # a truth without edges gives no figures of them
     return Evaluation(
         epochs=len(error),
         rmse_m=_rms(error),
@@ -142,12 +142,12 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
         # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)
         coverage=tuple(float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
         map_rmse_m=_rms(c.map_error),
-        right_edge=some * _mean(c.right[c.told]),
-        right_edge_strict=some * _mean(c.strict[c.told]),
-        abscissa_rmse_m=some * _rms(c.abscissa[exact]),
+        right_edge=some * _mean(c.right[c.edge_known]),
+        right_edge_strict=some * _mean(c.strict[c.edge_known]),
+        abscissa_rmse_m=some * _rms(c.along_error[exact]),
         brier=some * _mean((c.p_road - c.right)[named] ** 2),
         calibration_error=some * calibration_error(c.p_road[named], c.right[named]),
-        sure=some * _mean(sure[c.told]),
+        sure=some * _mean(sure[c.edge_known]),
         sure_wrong=some * _mean(~c.right[sure]),
         p_off_on_road=_mean(c.p_off[c.on_road]),
         p_off_off_road=_mean(c.p_off[~c.on_road]),
@@ -156,7 +156,7 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
 
 
 def calibration_error(p: Array, right: Bools) -> float:
-    """Expected calibration error: mean |said - happened| over bins of what was said.
+    """Expected calibration error: mean |stated P - frequency| over bins of stated P.
 
     The bins are finer towards 1, where honesty matters most.
 

@@ -16,8 +16,8 @@ from ..errors import WhichroadError
 Array = NDArray[np.float64]
 Value = int | float | Sequence[float] | Array
 
-_SUM = 1e-9  # how far from one the probabilities of a row may sum
-_NEGATIVE = 1e-9  # how negative an eigenvalue of a correlation matrix may be rounded
+_SUM = 1e-9  # tolerance of a row's sum of probabilities
+_NEGATIVE = 1e-9  # tolerance of negative eigenvalues of a correlation matrix
 
 
 class NetworkError(WhichroadError, ValueError):

@@ -2,7 +2,7 @@
 
 Collect: from the leaves to the root each clique eliminates its residual, continuous
 variables by turning their arcs round, discrete ones by summing, and sends what is left.
-Distribute: from the root back each clique extends what the separator says by what it
+Distribute: from the root back each clique extends the separator's posterior by what it
 had eliminated.  Observed variables are never eliminated: they travel towards the root
 until nothing continuous stands in their tail, and then their density weighs the modes
 (Lauritzen & Jensen 2001 call it a push; Cowell 2005 does the same with single variables).
@@ -123,7 +123,7 @@ class _Collect:
 
 
 class Posterior:
-    """What the evidence says about every node; made by `infer`.
+    """Posterior of every node given the evidence; made by `infer`.
 
     Attributes:
         log_likelihood: log p(evidence), a density in its continuous part.
@@ -194,7 +194,9 @@ class Posterior:
             if up >= 0:
                 factors[up] += factors[k]
         if total == -math.inf:
-            raise NetworkError("the evidence has probability zero in this network; look for a typo")
+            raise NetworkError(
+                "the evidence has probability zero in this network; is there a typo?"
+            )
         self.log_likelihood = total
 
     def _first(self, names: Sequence[str]) -> int:
@@ -202,7 +204,7 @@ class Posterior:
         return self._home[min(names, key=self._place.__getitem__)] if names else -1
 
     def _descend(self, k: int, above: Joint, keep: Modes) -> Joint:
-        """A clique's posterior from its parent's, of which the modes `keep` are told apart."""
+        """A clique's posterior from its parent's, with the modes `keep` distinguished."""
         clique, done = self.cliques[k], self._collected[k]
         names = tuple(n for n in clique.separator if n in self._network.gaussian)
         joint = above.onto(names, keep).with_modes(done.table, self._modes)
@@ -254,7 +256,7 @@ class Posterior:
 
         Args:
             node: A Gaussian node.
-            given: Discrete nodes that are told apart; unobserved.
+            given: Discrete nodes whose values are distinguished; unobserved.
 
         Raises:
             NetworkError: For other nodes.
@@ -295,7 +297,7 @@ class Posterior:
         return Mixture((), np.ones(()), value, np.zeros((len(value), len(value))))
 
     def _extended(self, k: int) -> Joint:
-        """A clique's posterior with all modes told apart that its variables depend on."""
+        """A clique's posterior with all modes distinguished that its variables depend on."""
         clique = self.cliques[k]
         if not any(n in self._network.gaussian for n in clique.separator):
             return self._joints[k]

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Modes = tuple[str, ...]
 
 _LOG_2PI = math.log(2.0 * math.pi)
-_RANK = 1e-13  # eigenvalues of a correlation matrix below this count as zero
+_RANK = 1e-13  # eigenvalue of a correlation matrix that counts as zero
 
 
 def spread_modes(array: Array, own: Modes, all_modes: Modes) -> Array:

@@ -69,7 +69,7 @@ def unroll(models: SwitchingModel | Sequence[SwitchingModel], window: Observatio
         models: One for all slices, or one for each; `initial`, `mean` and `cov` are the
             first one's.
         window: For each slice, sensor to value; a sensor that is missing or None there
-            did not speak, and has no node.
+            did not report, and has no node.
 
     Raises:
         NetworkError: For an empty window, unknown sensors, and what `Network` refuses.

@@ -21,7 +21,7 @@ from .scores import score
 from .summary_text import seen
 from .wheels_alone import wheels_alone_error
 
-Tell = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 
 NUMBERS, REPORT, TABLE = "experiments.json", "experiments.html", "experiments.md"
 _MADE_BY = "whichroad experiments"
@@ -35,7 +35,7 @@ class Outcome:
     scene: Scene
     rows: list[Row]
     seen: list[str]  # what is seen, in sentences made from the rows
-    shown_seed: int
+    example_seed: int
     pictures: list[Picture]
     logs: list[Path]
 
@@ -46,7 +46,7 @@ def _silent(what: str, done: int, total: int) -> None:
 
 def run_experiments(
     out: str | os.PathLike[str], *, scenes: Sequence[str] = (), seeds: range | None = None,
-    force: bool = False, tell: Tell = _silent,
+    force: bool = False, progress: Progress = _silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Drive the paper's scenes over many seeds, by its method and by ours, and report.
 
@@ -55,7 +55,7 @@ def run_experiments(
         scenes: Names among `SCENES`; none: all.
         seeds: Drives of each scene.
         force: Use a folder that holds something else.
-        tell: Told (what, drives done, of how many).
+        progress: Called with (task, drives done, total).
 
     Returns:
         What `experiments.json` holds, and the path of the `report`.
@@ -70,7 +70,7 @@ def run_experiments(
     _prepare(out, force)
     outcomes = []
     for number, scene in enumerate(chosen):
-        outcomes.append(_run_scene(scene, seeds, out, number, len(chosen), tell))
+        outcomes.append(_run_scene(scene, seeds, out, number, len(chosen), progress))
     about = {
         "made_by": _MADE_BY,
         "version": __version__,
@@ -126,28 +126,28 @@ def _about(o: Outcome) -> dict[str, Any]:
         "title": o.scene.title,
         "paper": o.scene.claim,
         "seen": o.seen,
-        "shown_seed": o.shown_seed,
+        "shown_seed": o.example_seed,
         "pictures": [p.path.name for p in o.pictures],
         "logs": [p.name for p in o.logs],
     }
 
 
 def _run_scene(
-    scene: Scene, seeds: range, out: Path, number: int, count: int, tell: Tell
+    scene: Scene, seeds: range, out: Path, number: int, count: int, progress: Progress
 ) -> Outcome:
     kinds: Sequence[Kind] = KINDS if scene.name == "gst" else [(m, PER_FIX) for m in MODELS]
     runs: dict[Kind, list[Run]] = {kind: [] for kind in kinds}
     alone = []
     for done, seed in enumerate(seeds):
-        tell(f"{scene.name}, seed {seed}", number * len(seeds) + done, count * len(seeds))
+        progress(f"{scene.name}, seed {seed}", number * len(seeds) + done, count * len(seeds))
         drive = scene.drive(scene.roads, seed)
         if scene.name == "outage":
             alone.append(wheels_alone_error(drive))
         for kind in kinds:
             model, noise = kind
-            told = drive if noise == PER_FIX else fixed_sigma(drive)
-            runs[kind].append(run_of(scene, told, answer(scene, told, model)))
-    tell(f"{scene.name}, drawing", (number + 1) * len(seeds), count * len(seeds))
+            given = drive if noise == PER_FIX else fixed_sigma(drive)
+            runs[kind].append(run_of(scene, given, answer(scene, given, model)))
+    progress(f"{scene.name}, drawing", (number + 1) * len(seeds), count * len(seeds))
     example = answer_example(scene, median_seed(scene, runs["default", PER_FIX]))
     logs = [
         path

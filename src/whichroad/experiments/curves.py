@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 COLOURS = {"paper": "#d9730d", "default": "#0b4f9e"}
 _GRID = 500
-_ONE_SIGMA = 1.0 - math.exp(-1.0)  # of a Gaussian in the plane lies within its RMS
-_SHOWN_STEPS = 14.0  # at least
+_ONE_SIGMA = 1.0 - math.exp(-1.0)  # probability of a plane Gaussian within its RMS
+_PLOTTED_STEPS = 14.0  # s, shortest time axis
 
 
 def on_grid(r: Run, values: Array, metres: Array) -> Array:
@@ -31,7 +31,7 @@ def on_grid(r: Run, values: Array, metres: Array) -> Array:
 
 
 def draw_band(axes: "Axes", model: str, runs: Sequence[Run], window: tuple[float, float]) -> None:
-    """P of the true road over the way: median, and between which nine in ten drives lie."""
+    """P of the true road over the distance: median, and the range of nine in ten drives."""
     metres = np.linspace(*window, _GRID)
     p = np.array([on_grid(r, r.right, metres) for r in runs])
     low, middle, high = np.quantile(p, [0.05, 0.5, 0.95], axis=0)
@@ -50,7 +50,7 @@ def draw_survival(axes: "Axes", scene: Scene, runs: Mapping[str, Sequence[Run]])
         for model, answered in runs.items()
     }
     longest = max((float(np.quantile(s, 0.99)) for s in found.values() if len(s)), default=0.0)
-    grid = np.linspace(0.0, max(_SHOWN_STEPS, longest), _GRID)
+    grid = np.linspace(0.0, max(_PLOTTED_STEPS, longest), _GRID)
     for model, steps in found.items():
         if len(steps):
             share = (steps[None, :] > grid[:, None]).mean(axis=1)
@@ -67,10 +67,10 @@ Line = tuple[str, str, Sequence[Run]]
 
 
 def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]) -> float:
-    """Position error over the way, and dashed the RMS error that the covariances say.
+    """Position error over the distance, and dashed the RMS error by the covariances.
 
     The error is what 63 % of the drives stay below: of Gaussian errors that is their RMS,
-    and one drive that went astray does not hide the others.
+    and one drive that was lost does not hide the others.
 
     Returns:
         The largest value drawn, m.

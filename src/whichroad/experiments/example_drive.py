@@ -25,8 +25,10 @@ class ExampleDrive:
 
 def median_seed(scene: Scene, runs: Sequence[Run]) -> int:
     """The seed of the drive with the median of the longest lifetime of a wrong road."""
-    doubt = [max((lifetime.seconds for lifetime in lifetimes(scene, r)), default=0.0) for r in runs]
-    return runs[int(np.argsort(doubt, kind="stable")[len(doubt) // 2])].seed
+    longest = [
+        max((lifetime.seconds for lifetime in lifetimes(scene, r)), default=0.0) for r in runs
+    ]
+    return runs[int(np.argsort(longest, kind="stable")[len(longest) // 2])].seed
 
 
 def answer_example(scene: Scene, seed: int) -> ExampleDrive:

@@ -51,11 +51,11 @@ code{font-size:.9em}
 
 _INTRO = """What the paper shows on one drive each, with known truth and over many: {drives}
 simulated drives a scene, each with its own map error, car, receiver and driver. Both methods
-answer the same drives; of what the errors are made says <code>whichroad.simulate</code>."""
+answer the same drives; <code>whichroad.simulate</code> describes the errors."""
 
 _TERMS = """A road <b>counts</b> while its probability is at least 0.01, and is <b>declared</b> from
-0.999 on; both its directions are one road. A <b>step</b> is one second: the paper does not say how
-long its steps are. <b>ANEES</b> is the squared error of the position over what the covariance says,
+0.999 on; both its directions are one road. A <b>step</b> is one second: the paper does not
+state its own. <b>ANEES</b> is the squared error of the position over its covariance,
 1 if the covariance is true. Brackets hold 95 % intervals, resampled over drives; of shares they are
 exact."""
 
@@ -95,12 +95,12 @@ that are drawn: the CSV files beside it.</footer>
 
 def _section(o: "Outcome") -> str:
     scene = o.scene
-    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in o.seen)
+    paragraphs = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in o.seen)
     first, *others = (_figure(p) for p in o.pictures)
     return f"""<section id="{scene.name}">
 <h2>{html.escape(scene.title)} <small>{html.escape(scene.figure)}</small></h2>
 <blockquote>The paper: {html.escape(scene.claim)}</blockquote>
-{said}{first}
+{paragraphs}{first}
 <div class="wide">{_table(o.rows)}</div>
 {"".join(others)}</section>"""
 

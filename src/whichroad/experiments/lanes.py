@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FAINT = "#9aa0a8"
-_HALF = 0.22  # of a lane's strip
+_HALF = 0.22  # half width of a strip, in lanes
 _SIGNS = {"outweighed": "X", "pruned": "X", "left behind": ">", "out of reach": "D"}
 
 

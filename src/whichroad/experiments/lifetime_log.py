@@ -130,10 +130,10 @@ def _epochs_of_paper(
 def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeLog:
     """Run a model over a drive and log every hypothesis."""
     timeline = build_timeline(drive.drive, scene.roads.plane, drive.vehicle)
-    follow = _epochs_of_paper if model == "paper" else _epochs_of_ours
+    epochs_of = _epochs_of_paper if model == "paper" else _epochs_of_ours
     known: dict[int, Hypothesis] = {}
     alive: dict[int, Hypothesis] = {}
-    for k, seen in enumerate(follow(scene, drive, timeline)):
+    for k, seen in enumerate(epochs_of(scene, drive, timeline)):
         now = {s.key: s for s in seen}
         for key, s in now.items():
             if key not in known:
@@ -153,7 +153,7 @@ def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeL
 
 
 def _ancestors(living: list[Hypothesis], known: dict[int, Hypothesis]) -> set[int]:
-    """Numbers of the ancestors of the living hypotheses on roads."""
+    """Numbers of the ancestors of the current hypotheses on roads."""
     everyone = {h.number: h for h in known.values()}
     found: set[int] = set()
     for h in living:

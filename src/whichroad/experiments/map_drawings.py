@@ -22,7 +22,7 @@ from .scenes import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_EDGE = 4.0  # m, of map about what is drawn
+_EDGE = 4.0  # m, margin of the map around the drawing
 
 
 class Place:

@@ -89,14 +89,14 @@ _ZOOM_CAPTION = (
     "of its own, so that the truth lies beside its line."
 )
 _OUTAGE_CAPTION = (
-    "the whole way, and the estimates where GPS comes back, once a second, with their 95 % "
+    "the whole drive, and the estimates where GPS comes back, once a second, with their 95 % "
     "ellipses."
 )
 _LANES_CAPTION = (
-    "the lives of the hypotheses. A lane for every road in one direction, coloured by its "
+    "the lifetimes of the hypotheses. A lane for every road in one direction, coloured by its "
     "probability."
 )
-_CURVES_CAPTION = "P of the true road over the way, and how long wrong roads counted (P >= 0.01)."
+_CURVES_CAPTION = "P of the true road along the route, and how long wrong roads count (P >= 0.01)."
 _ERRORS_CAPTION = (
     "the position error that 63 % of the drives stay below (of Gaussian errors their RMS), dashed "
     "the RMS error that the filter states."
@@ -150,7 +150,7 @@ def _outage_page(example: ExampleDrive) -> Figure:
     figure = Figure(figsize=(13, 4.9))
     whole, *panels = figure.subplots(1, 3, width_ratios=[5.2, 1, 1])
     place = Place(example.scene)
-    _draw_way(whole, example, place)
+    _draw_route(whole, example, place)
     for axes, model in zip(panels, MODELS, strict=True):
         draw_roads(axes, place, 5.0)
         draw_hypotheses(axes, example, place, example.results[model], example.scene.near_m)
@@ -160,7 +160,7 @@ def _outage_page(example: ExampleDrive) -> Figure:
     return figure
 
 
-def _draw_way(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -> None:
+def _draw_route(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -> None:
     truth, (begin, end) = example.drive.truth, example.drive.outages[0]
     draw_roads(axes, place, 1.6)
     path = place.here(truth.x, truth.y)
@@ -179,10 +179,10 @@ def _draw_way(axes: matplotlib.axes.Axes, example: ExampleDrive, place: Place) -
     low, high = path.min(axis=0) - 170.0, path.max(axis=0) + 170.0
     frame(axes, np.array([low, high]))
     axes.set_title("1.5 km without GPS")
-    axes.legend(handles=_legend_of_way(), loc="upper left")
+    axes.legend(handles=_legend_of_route(), loc="upper left")
 
 
-def _legend_of_way() -> list[Line2D | Patch]:
+def _legend_of_route() -> list[Line2D | Patch]:
     return [
         Line2D([], [], color=TRUTH, lw=2.4, label="truth"),
         *(Line2D([], [], color=COLOURS[m], lw=1.4, label=called) for m, called in MODELS.items()),
@@ -253,7 +253,7 @@ _NOISE_COLOURS = {PER_FIX: "#0b4f9e", FIXED: "#c9a227"}
 
 
 def _gst_page(example: ExampleDrive) -> Figure:
-    """The way with its fixes, and the middle of it closer."""
+    """The route with its fixes, and the middle of it enlarged."""
     assert example.fixed is not None
     figure = Figure(figsize=(13, 3.0))
     whole, near = figure.subplots(1, 2, width_ratios=[1.9, 1])
@@ -276,7 +276,7 @@ def _gst_page(example: ExampleDrive) -> Figure:
         near.plot(*place.at(lat, lon).T, color=_NOISE_COLOURS[noise], lw=1.8, zorder=5)
     frame(whole, np.array([path.min(axis=0) - 90.0, path.max(axis=0) + 90.0]))
     frame(near, np.array([houses.min(axis=0) - 40.0, houses.max(axis=0) + 40.0]))
-    whole.set_title("The way")
+    whole.set_title("The route")
     near.set_title("Between the houses")
     whole.legend(
         handles=_legend_of_gst(), loc="lower right", ncols=5, bbox_to_anchor=(1.0, 1.0),

@@ -1,4 +1,4 @@
-"""The paper's situations: what it says of each, and the drives through them.
+"""The paper's situations: its claims, and the drives through them.
 
 Everything random in a drive comes from its seed: the map's error, the car, the receiver,
 the driver.  They are those of the simulator's preset `GOOD`, errors correlated in time and
@@ -33,13 +33,13 @@ class Scene:
     name: str
     figure: str  # of the paper
     title: str
-    claim: str  # what the paper says of it, in our words
+    claim: str  # the paper's claim, in our words
     drive: Callable[["RoadMap", int], SimulatedDrive]
     zero: str  # what lies at 0 m
     decision_m: float  # where that is, m driven
     centre: tuple[float, float]  # and on the map as drawn, m
     near_m: tuple[float, float]  # what the map shows, m driven from there
-    far_m: tuple[float, float]  # and the curves over the way
+    far_m: tuple[float, float]  # range of the curves over the distance
     counted_m: tuple[float, float]  # where a wrong road may begin to count
 
     @property
@@ -49,8 +49,8 @@ class Scene:
 
 
 def _fork(roads: "RoadMap", seed: int) -> SimulatedDrive:
-    ways = (["1", "2a", "2"], ["1", "3"], ["1", "2a", "4"])
-    route = along(roads, ways[seed % 3])
+    routes = (["1", "2a", "2"], ["1", "3"], ["1", "2a", "4"])
+    route = along(roads, routes[seed % 3])
     return simulate_drive(roads, seed=seed, route=route, scenario=STEADY)
 
 
@@ -132,8 +132,8 @@ def fixed_sigma(drive: SimulatedDrive) -> SimulatedDrive:
     assert fixes is not None
     mean = float(np.mean(0.5 * (fixes.cov_ee + fixes.cov_nn)))
     same, none = np.full(len(fixes), mean), np.zeros(len(fixes))
-    told: Fixes = replace(fixes, cov_ee=same, cov_en=none, cov_nn=same)
-    return replace(drive, drive=replace(drive.drive, fixes=told))
+    given: Fixes = replace(fixes, cov_ee=same, cov_en=none, cov_nn=same)
+    return replace(drive, drive=replace(drive.drive, fixes=given))
 
 
 SCENES = {
@@ -171,7 +171,7 @@ SCENES = {
         ),
         Scene(
             "gst", "Section 2.2", "The receiver's own covariance for each fix",
-            "The noise of GPS is not stationary: the receiver tells the covariance of every fix "
+            "The noise of GPS is not stationary: the receiver reports the covariance of every fix "
             "(NMEA GST), and the filter uses it. Nothing is compared.",
             _gst, "where the houses begin", CANYON_M[0], (0.0, 0.0),
             (0.0, CANYON_M[1] - CANYON_M[0]), (-400.0, 1900.0), (-150.0, 1e9),

@@ -14,8 +14,8 @@ SEVEN = 7.0 * STEP_S
 """The paper's seven steps, s."""
 
 BELIEVED = 0.95
-_CHI2_95 = 5.991  # two degrees of freedom
-_WARM_UP = 10.0  # s at the start of which nothing is asked
+_CHI2_95 = 5.991  # 95 % quantile of chi-square, two degrees of freedom
+_WARM_UP = 10.0  # s at the start that are not scored
 
 
 class Rows:
@@ -104,8 +104,8 @@ def life_times(rows: Rows, scene: Scene, runs: Sequence[Run]) -> None:
 
 def believed_after(r: Run) -> float:
     """From where on the true road is believed for good, m past the decision, 0 at least."""
-    doubted = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
-    return float(max(r.past[doubted[-1]], 0.0)) if len(doubted) else 0.0
+    uncertain = np.flatnonzero((r.right <= BELIEVED) & (r.past > 0.0))
+    return float(max(r.past[uncertain[-1]], 0.0)) if len(uncertain) else 0.0
 
 
 def choice(rows: Rows, runs: Sequence[Run], asked_m: Sequence[float]) -> None:
@@ -148,7 +148,7 @@ def declared_wrong(r: Run) -> bool:
 
 
 def through_mask(rows: Rows, runs: Sequence[Run], alone: Sequence[float]) -> None:
-    """The paper's Figure 9: the mask, its end, and what wheels alone would say there."""
+    """The paper's Figure 9: the mask, its end, and dead reckoning by wheels there."""
     rows.ratio(
         "true road the most probable in the mask",
         [100.0 * float(r.answer.right[r.dark].sum()) for r in runs],

@@ -20,7 +20,11 @@ def seen(scene: Scene, rows: Sequence[Row]) -> list[str]:
     if scene.name == "gst":
         return _gst(find)
     first = _mask(find) if scene.name == "outage" else _claim(find)
-    return [*first, _lives(find), _trust(find, " in the mask" if scene.name == "outage" else "")]
+    return [
+        *first,
+        _lifetimes(find),
+        _trust(find, " in the mask" if scene.name == "outage" else ""),
+    ]
 
 
 def text(row: Row) -> str:
@@ -72,31 +76,31 @@ def _mask(find: Find) -> list[str]:
     ]
 
 
-def _lives(find: Find) -> str:
-    said = []
+def _lifetimes(find: Find) -> str:
+    stated = []
     for model, whose in (("paper", "the paper's method"), ("default", "ours")):
         row = find(model, "a wrong road counted for")
         if row.value is None or row.spread95 is None:
-            said.append(f"by {whose} never")
+            stated.append(f"by {whose} never")
             continue
         metres = find(model, "a wrong road counted over")
         low, high = row.spread95
-        said.append(
+        stated.append(
             f"by {whose} for {text(row)} steps of a second ({text(metres)} m; 95 % of them "
             f"{number(low)} to {number(high)} steps)"
         )
-    return "A wrong road counted (P >= 0.01), in the median, " + ", ".join(said) + "."
+    return "A wrong road counted (P >= 0.01), in the median, " + ", ".join(stated) + "."
 
 
 def _verdict(row: Row) -> str:
-    """What an ANEES and its interval say in words."""
+    """An ANEES and its interval in words."""
     assert row.value is not None
     assert row.ci95 is not None
     low, high = row.ci95
-    said = f"ANEES {text(row)}, 95 %: {number(low)} to {number(high)}"
+    stated = f"ANEES {text(row)}, 95 %: {number(low)} to {number(high)}"
     if low > 1.1:
-        return f"over-confident ({said})"
-    return f"over-cautious ({said})" if high < 0.9 else f"honest ({said})"
+        return f"over-confident ({stated})"
+    return f"over-cautious ({stated})" if high < 0.9 else f"honest ({stated})"
 
 
 def _trust(find: Find, note: str) -> str:
@@ -108,17 +112,17 @@ def _trust(find: Find, note: str) -> str:
 
 
 def _gst(find: Find) -> list[str]:
-    said = []
+    stated = []
     for model, whose in (("paper", "the paper's method"), ("default", "whichroad")):
-        told, fixed = (f"{model}, {noise}" for noise in (PER_FIX, FIXED))
-        won = find(told, "drives in which the fixes' own covariance is better")
-        error = [find(kind, "position error") for kind in (told, fixed)]
-        open_sky = [find(kind, "position error under open sky") for kind in (told, fixed)]
-        anees = [_verdict(find(kind, "ANEES")) for kind in (told, fixed)]
-        said.append(
+        per_fix, fixed = (f"{model}, {noise}" for noise in (PER_FIX, FIXED))
+        won = find(per_fix, "drives in which the fixes' own covariance is better")
+        error = [find(kind, "position error") for kind in (per_fix, fixed)]
+        open_sky = [find(kind, "position error under open sky") for kind in (per_fix, fixed)]
+        anees = [_verdict(find(kind, "ANEES")) for kind in (per_fix, fixed)]
+        stated.append(
             f"With {whose} the covariance of each fix is the better one in {text(won)} % of the "
             f"drives: {text(error[0])} m against {text(error[1])} m with one for all, "
             f"{text(open_sky[0])} against {text(open_sky[1])} m under open sky; with it the filter "
             f"is {anees[0]}, without {anees[1]}."
         )
-    return said
+    return stated

@@ -19,7 +19,7 @@ from ..observations import Array
 from . import kernels
 from .angles import bearing_of, degrees, heading_of, radians, wrap
 
-_POLE_DEG = 89.999  # an origin nearer to a pole has no north to speak of
+_POLE_DEG = 89.999  # largest latitude of an origin; nearer to a pole north is undefined
 
 
 @dataclass(frozen=True, slots=True)

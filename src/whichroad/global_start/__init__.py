@@ -1,8 +1,8 @@
 """A start from odometry and the map alone: no fix, and no pose or only a vague one.
 
-Every piece of every road gets a hypothesis, and all of them follow the wheels until the
+Every stretch of every road gets a hypothesis, and all of them follow the wheels until the
 turns driven fit so few roads that the ordinary belief holds them.  Until then every epoch
-is estimated from the whole population: `ambiguous`, with probabilities that sum to one.
+is estimated from the whole mixture: `ambiguous`, with probabilities that sum to one.
 
 One more hypothesis, off the mapped roads, is as wide as the region of the search.  Its
 vehicle may return to any road, so where nothing fits the search begins again.

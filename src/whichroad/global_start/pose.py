@@ -52,7 +52,7 @@ def start_at(
     """
     par = ctx.par.copy()
     mode = int(par.mode[0])
-    par.mode = WHEELS  # a pose tells the heading: hypotheses are merged as with wheels
+    par.mode = WHEELS  # a pose includes the heading: hypotheses are merged as with wheels
     x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
     turn = roads.plane.convergence(x, y)
     known = Start(

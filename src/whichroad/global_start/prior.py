@@ -1,4 +1,4 @@
-"""Prior of a start on the map: pieces of road, each with a weight."""
+"""Prior of a start on the map: a Gaussian mixture over the roads."""
 
 import math
 from typing import NamedTuple
@@ -17,19 +17,19 @@ from ..settings import Settings
 KNOWN_BEARING = 45.0  # degrees; a bearing with a larger sigma is ignored
 DROP = 1e-3  # share of the average weight below which a hypothesis is dropped
 
-_PIECE = 40.0  # m, longest piece of road that one Gaussian stands for
-_BEND = 0.3  # rad, most that a piece turns
+_LONGEST = 40.0  # m, longest stretch of road of one prior component
+_BEND = 0.3  # rad, largest turn within a component
 _SHORTEST = 12.0  # m
-_SIGMA_SHARE = 0.4  # sigma of a piece over its length; even at the joints
-_MOST = 250_000  # pieces, about 1.5 GB
+_SIGMA_RATIO = 0.4  # along-track sigma of a component over its length: a flat density at the joints
+_MOST = 250_000  # components, about 1.5 GB
 
 
 class Components(NamedTuple):
-    """Where a vehicle may be: pieces of road, (n,) each."""
+    """Prior components: where a vehicle may be, (n,) each."""
 
     edge: NDArray[np.int32]
-    s: Array  # abscissa of the middle, m
-    sigma: Array  # of the abscissa, m
+    s: Array  # along-track position of the mean, m
+    sigma: Array  # along-track sigma, m
     log_weight: Array  # weights sum to one
     x: Array  # m, plane
     y: Array
@@ -40,11 +40,11 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
 
     Args:
         roads: The map.
-        settings: For the weight of wrong ways.
+        settings: For the weight of driving against one-ways.
         start: Where the vehicle may be; a bearing with a large sigma is ignored.
 
     Returns:
-        Pieces and their prior: length, less on service roads, next to nothing against
+        Components; their weight: length, less on service roads, next to nothing against
         one-ways, times the Gaussian of the start.
 
     Raises:
@@ -52,7 +52,7 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
     """
     network = roads.arrays
     edges = network.edges
-    longest = _PIECE if start is None else min(_PIECE, max(2.0 * start.sigma_m, _SHORTEST))
+    longest = _LONGEST if start is None else min(_LONGEST, max(2.0 * start.sigma_m, _SHORTEST))
     turns = np.zeros(len(edges))
     turn_sums(network, turns)
     wanted = np.maximum(edges.length / longest, turns / _BEND)
@@ -71,7 +71,7 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
     edge = np.repeat(np.arange(len(count), dtype=np.int32), count)
     nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     length = (edges.length / np.maximum(count, 1))[edge]
-    s, sigma, log_weight = length * (nth + 0.5), _SIGMA_SHARE * length, np.log(weight[edge])
+    s, sigma, log_weight = length * (nth + 0.5), _SIGMA_RATIO * length, np.log(weight[edge])
     x, y, heading = np.zeros((3, len(edge)))
     locate_all(network, edge, s, sigma, x, y, heading)
     if start is not None:

@@ -1,4 +1,4 @@
-"""The search: a population that follows the wheels until the ordinary belief holds it."""
+"""The search: a large mixture, predicted by odometry until the ordinary belief holds it."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ from .prior import DROP, KNOWN_BEARING, prior_components
 MAP = "map"
 """The start that is anywhere on the map."""
 
-_LONGEST = 6.0  # m, longest piece in which wheels are followed
+_LONGEST = 6.0  # m, longest step of the prediction
 _MERGE = 0.05  # nats, cost of a merge of neighbours
 _SWING = 10.0  # m, distance constant of the sum of recent turns
 _STRAIGHT = 0.15  # rad; a smaller recent turn is a bend that centre lines show
@@ -98,17 +98,17 @@ def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
     fixes = np.flatnonzero(epochs.has_fix)
     last = int(fixes[0]) if len(fixes) else len(epochs)
     for k in range(1, last):
-        pieces = max(1, math.ceil(abs(arcs[k]) / _LONGEST))
+        parts = max(1, math.ceil(abs(arcs[k]) / _LONGEST))
         forward, left = float(forwards[k]), float(lefts[k])
-        piece_arc, piece_turn = float(arcs[k]) / pieces, float(turns[k]) / pieces
-        if pieces > 1:  # the same circle
-            forward, left = arc_chord(piece_arc, piece_turn)
-        for piece in range(pieces):
+        part_arc, part_turn = float(arcs[k]) / parts, float(turns[k]) / parts
+        if parts > 1:  # the same circle
+            forward, left = arc_chord(part_arc, part_turn)
+        for k_part in range(parts):
             c, s = math.cos(turn), math.sin(turn)
             x, y = x + c * forward - s * left, y + s * forward + c * left
-            turn, arc, metres = turn + piece_turn, arc + piece_arc, metres + abs(piece_arc)
+            turn, arc, metres = turn + part_turn, arc + part_arc, metres + abs(part_arc)
             measured = measured and bool(measurements[k])
-            whole = piece == pieces - 1
+            whole = k_part == parts - 1
             if metres >= least() or (whole and k == last - 1):
                 yield Step(k, whole, x, y, turn, arc, metres, measured)
                 x = y = turn = arc = metres = 0.0
@@ -116,7 +116,7 @@ def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
 
 
 class _Table(NamedTuple):
-    """A population, and its tables as plain arrays, which Python reads faster."""
+    """A mixture, and its tables as plain arrays, which Python reads faster."""
 
     belief: Belief
     hyp: NDArray[np.void]
@@ -129,7 +129,7 @@ def _new_table(capacity: int) -> _Table:
 
 
 class _Search:
-    """The population and what is done to it at each step."""
+    """The mixture and what is done to it at each step."""
 
     def __init__(
         self, roads: RoadMap, vehicle: Vehicle, settings: Settings, start: StartPose | None,
@@ -141,19 +141,19 @@ class _Search:
         par.lane_length = min(settings.lane_length, _LANE_LENGTH)
         self.ctx = Context(par, roads.arrays, new_work())
         self.prior = prior_components(roads, settings, start)
-        room = 3 * len(self.prior.edge) + 1000
-        self.table, self.spare = _new_table(room), _new_table(room)
-        self.part = new_belief()
+        capacity = 3 * len(self.prior.edge) + 1000
+        self.table, self.spare = _new_table(capacity), _new_table(capacity)
+        self.reduced = new_belief()
         self.path = new_path(max(1 << 16, 16 * len(self.prior.edge)))
         self.since_beginning, self.again = 0.0, _AGAIN
         self.swing = 0.0  # rad, sum of recent turns
-        initial_state(self.population, time, settings)
+        initial_state(self.mixture, time, settings)
         self._begin_off_road()
         self._begin(1.0 - settings.off_road_start)
         self._reduce()
 
     @property
-    def population(self) -> Belief:
+    def mixture(self) -> Belief:
         """The hypotheses."""
         return self.table.belief
 
@@ -185,7 +185,7 @@ class _Search:
         share = max(self.settings.off_road_start, 1e-300)
         self.state["scale"] = plane_scale(self.ctx.roads, x, y)
         initialise(
-            self.population, self.ctx, p.edge[:1], p.s[:1], p.sigma[:1],
+            self.mixture, self.ctx, p.edge[:1], p.s[:1], p.sigma[:1],
             np.array([math.log(share)]),
         )  # fmt: skip
         mean, cov = self.column("mu")[0], self.column("cov")[0]
@@ -199,13 +199,13 @@ class _Search:
         """A vehicle begins somewhere on the roads, with that much of the weight."""
         p = self.prior
         log_weight = p.log_weight + math.log(max(share, 1e-300))
-        initialise(self.population, self.ctx, p.edge, p.s, p.sigma, log_weight)
+        initialise(self.mixture, self.ctx, p.edge, p.s, p.sigma, log_weight)
         self.since_beginning = 0.0
 
     def step(self, step: Step) -> None:
         """Predict, branch, observe the map, weigh, merge, prune."""
         move = Increment(step.arc, step.turn, step.forward, step.left)
-        predict_all(self.population, self.ctx, move, step.measured)
+        predict_all(self.mixture, self.ctx, move, step.measured)
         self._branch(step.arc)
         self.state["since_map"] += step.metres
         self.swing = self.swing * math.exp(-step.metres / _SWING) + abs(step.turn)
@@ -216,7 +216,7 @@ class _Search:
     def _branch(self, arc: float) -> None:
         self.ctx.par.prune = self._floor()
         while not branch_all(
-            self.population, self.spare.belief, self.part, self.path, self.ctx, arc
+            self.mixture, self.spare.belief, self.reduced, self.path, self.ctx, arc
         ):
             self._reduce(2 * self.size // 3)
             self.ctx.par.prune = self._floor()
@@ -230,7 +230,7 @@ class _Search:
         par.edge_heading_sigma = math.hypot(
             given.edge_heading_sigma, loose * given.node_heading_sigma
         )
-        observe_map(self.population, self.ctx, True)
+        observe_map(self.mixture, self.ctx, True)
         self.state["since_map"] = 0.0
 
     def least(self) -> float:
@@ -243,12 +243,12 @@ class _Search:
 
     def _exchange_off_road(self, metres: float) -> None:
         """Rates per metre, as in the filter; the off-road mode may return to any road."""
-        normalise(self.population)
+        normalise(self.mixture)
         off, log_weight = self.off_road, self.column("log_weight")
-        leave = min(self.settings.off_road_leave * metres, 0.5)
+        p_leave = min(self.settings.off_road_leave * metres, 0.5)
         p_off = math.exp(log_weight[off])
-        log_weight += math.log1p(-leave)
-        p_off += leave * (1.0 - p_off)
+        log_weight += math.log1p(-p_leave)
+        p_off += p_leave * (1.0 - p_off)
         self.since_beginning += metres
         share = p_off * min(self.settings.off_road_return * self.since_beginning, 0.5)
         if self.since_beginning >= self.again and share > 1e-3:
@@ -256,26 +256,26 @@ class _Search:
             self._begin(share)
             self.again *= _LESS_OFTEN
         log_weight[off] = math.log(max(p_off, 1e-300))
-        normalise(self.population)
+        normalise(self.mixture)
 
     def _reduce(self, most: int | None = None) -> None:
         """Drop what is too light, or all but so many; merge what is close."""
-        normalise(self.population)
+        normalise(self.mixture)
         evidence = float(self.state["log_evidence"][0])
         edge = self.column("edge")
         keep = np.flatnonzero((self.column("weight") > self._floor()) | (edge == OFF_ROAD))
         if most is not None:
             keep = self.heaviest()[:most]
         order = keep[np.lexsort((self.column("along")[keep], edge[keep]))]
-        merge_neighbours(self.population, self.spare.belief, self.path, order, _MERGE)
+        merge_neighbours(self.mixture, self.spare.belief, self.path, order, _MERGE)
         self.table, self.spare = self.spare, self.table
-        normalise(self.population)
+        normalise(self.mixture)
         self.state["log_evidence"] = evidence
         if self.path.size[0] > 0.8 * len(self.path.entry):
             self._compact_path()
 
     def _compact_path(self) -> None:
-        """Keep the path entries that living hypotheses descend from."""
+        """Keep the path entries that current hypotheses descend from."""
         path, newest = self.path, self.column("path_entry")
         keep = np.zeros(int(path.size[0]) + 1, bool)
         front = np.unique(newest)
@@ -309,13 +309,13 @@ class _Search:
     def summarise(self, output: Output, k: int) -> None:
         """Write the estimate of epoch k."""
         order = self.heaviest()
-        match_moments(self.population, self.part, order, min(KEPT - 1, len(order)))
-        summarise(self.part, self.ctx, output, k, 0.0)
+        match_moments(self.mixture, self.reduced, order, min(KEPT - 1, len(order)))
+        summarise(self.reduced, self.ctx, output, k, 0.0)
         output.rows.live[k] = self.size
 
-    def hand_over(self, belief: Belief, rows: NDArray[np.int64]) -> None:
-        """Give rows to the ordinary belief."""
-        match_moments(self.population, belief, rows, len(rows))
+    def fill_belief(self, belief: Belief, rows: NDArray[np.int64]) -> None:
+        """Copy rows to the ordinary belief."""
+        match_moments(self.mixture, belief, rows, len(rows))
         normalise(belief)
         belief.state.log_evidence = self.state["log_evidence"]
 
@@ -339,16 +339,16 @@ def search(
     roads: RoadMap, timeline: Timeline, belief: Belief, output: Output, *, vehicle: Vehicle,
     settings: Settings, start: StartPose | None, progress: Callable[[int], None] | None = None,
 ) -> tuple[int, Path]:  # fmt: skip
-    """Follow the wheels from every road until the ordinary belief holds what is left.
+    """Predict from every road by odometry until the ordinary belief holds what is left.
 
     Args:
         roads: The map.
-        timeline: The drive in epochs, with wheels that tell turns.
+        timeline: The drive in epochs, with odometry that measures turns.
         belief: Empty; filled when the search ends with few hypotheses.
         output: Rows of the epochs that the search estimates are filled.
         vehicle: The car.
         settings: The model's numbers.
-        start: Where to look, roughly; None: the whole map.
+        start: Where to search, roughly; None: the whole map.
         progress: Called with the number of epochs that are done.
 
     Returns:
@@ -360,38 +360,38 @@ def search(
     """
     if timeline.mode != WHEELS:
         raise DriveError(
-            "the drive has no odometry that tells turns; both wheels, or speed and yaw rate, "
+            "the drive has no odometry that measures turns; both wheels, or speed and yaw rate, "
             "were expected to start from the map alone; give a fix or a start pose"
         )
     epochs = timeline.epochs
     time = epochs.time
     n = len(epochs)
-    population = _Search(roads, vehicle, settings, start, float(time[0]))
+    mixture = _Search(roads, vehicle, settings, start, float(time[0]))
     if epochs.has_fix[0]:
-        return _meet_fix(population, belief, epochs, 0)
-    population.summarise(output, 0)
+        return _meet_fix(mixture, belief, epochs, 0)
+    mixture.summarise(output, 0)
     done, firm = 1, 0.0
-    for step in steps(epochs, population.least):
+    for step in steps(epochs, mixture.least):
         k = step.epoch
         _repeat(output, done, k)
-        population.state["time"] = time[k]
-        population.state["speed"] = step.metres / max(time[k] - time[done - 1], 1e-3)
-        population.step(step)
+        mixture.state["time"] = time[k]
+        mixture.state["speed"] = step.metres / max(time[k] - time[done - 1], 1e-3)
+        mixture.step(step)
         if step.whole:
-            population.summarise(output, k)
+            mixture.summarise(output, k)
             done = k + 1
-            firm = firm + step.metres if population.is_decided() else 0.0
+            firm = firm + step.metres if mixture.is_decided() else 0.0
             if firm > _PROBATION:
-                population.hand_over(belief, population.heaviest()[1:KEPT])
-                return done, population.path
+                mixture.fill_belief(belief, mixture.heaviest()[1:KEPT])
+                return done, mixture.path
         if progress is not None:
             progress(done)
     if done < n:
-        return _meet_fix(population, belief, epochs, done)
-    rows = population.heaviest()[1:KEPT]
-    if population.column("weight")[rows].sum() > 0.5:
-        population.hand_over(belief, rows)
-    return n, population.path
+        return _meet_fix(mixture, belief, epochs, done)
+    rows = mixture.heaviest()[1:KEPT]
+    if mixture.column("weight")[rows].sum() > 0.5:
+        mixture.fill_belief(belief, rows)
+    return n, mixture.path
 
 
 def _repeat(output: Output, first: int, last: int) -> None:
@@ -405,5 +405,5 @@ def _meet_fix(search: _Search, belief: Belief, epochs: Records, k: int) -> tuple
     """A fix at epoch k ends the search; where it fits nothing, it starts the filter."""
     rows = search.fitting(epochs.fix[k], abs(float(epochs.arc[k])) + 1.0)
     if len(rows):
-        search.hand_over(belief, rows)
+        search.fill_belief(belief, rows)
     return k, search.path

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 _COOKIE = "whichroad"
 _LOCAL = frozenset({"localhost", "127.0.0.1", "::1"})
 _MOST_CALLERS = 4096
-_SMALL_BODY = 16_384  # bytes
+_SMALL_BODY = 16_384  # bytes, largest request body without a length limit of its own
 _SAFE = [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
 
 
@@ -124,14 +124,17 @@ class AccessControl:
 
     def _knows_token(self, scope: Scope, headers: dict[str, str]) -> bool:
         assert self._token is not None
-        said = [headers.get("authorization", "").removeprefix("Bearer "), _query_token(scope) or ""]
+        offered = [
+            headers.get("authorization", "").removeprefix("Bearer "),
+            _query_token(scope) or "",
+        ]
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
         except CookieError:
             cookie = None
-        said.append(cookie.value if cookie else "")
+        offered.append(cookie.value if cookie else "")
         token = self._token.encode()
-        return any(hmac.compare_digest(one.encode(), token) for one in said)
+        return any(hmac.compare_digest(one.encode(), token) for one in offered)
 
     def _cookie(self, scope: Scope) -> list[tuple[bytes, bytes]]:
         """The cookie that keeps the token in a browser that was opened with it."""

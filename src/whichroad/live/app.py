@@ -27,7 +27,7 @@ from .playback import Player
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes
 _MOST_EPOCHS = 200_000
-_BODY_TIME = 30.0  # s in which a body must have come
+_BODY_TIME = 30.0  # s, timeout of a request's body
 _KINDS = {
     "text/csv": ".csv",
     "application/json": ".json",
@@ -81,7 +81,7 @@ class Service:
         try:
             while True:
                 await socket.receive_text()
-                await asyncio.sleep(0.05)  # whoever talks is heard slowly
+                await asyncio.sleep(0.05)  # limits the rate of incoming messages
         except (WebSocketDisconnect, KeyError):
             pass
         finally:
@@ -99,7 +99,7 @@ class Service:
     async def estimate(self, request: Request) -> Response:
         """The last message."""
         if not self.filter_loop.published:
-            raise HTTPException(503, "nothing was said yet")
+            raise HTTPException(503, "there is no estimate yet")
         headers = {"cache-control": "no-store"}
         return Response(self.filter_loop.published, media_type="application/json", headers=headers)
 
@@ -175,13 +175,13 @@ def application(
         token: Asked of everybody; None: nobody.
     """
     access = Middleware(AccessControl, local=local, token=token, largest={"/match": LARGEST_TRACE})
-    handlers: dict[Any, Any] = {HTTPException: _told, Exception: _broken}
+    handlers: dict[Any, Any] = {HTTPException: _refusal, Exception: _broken}
     return Starlette(
         routes=[*service.routes(), *pages], middleware=[access], exception_handlers=handlers
     )
 
 
-async def _told(request: Request, error: Exception) -> Response:
+async def _refusal(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     return JSONResponse({"error": error.detail}, error.status_code, headers=error.headers)
 
@@ -250,9 +250,15 @@ def _columns(body: bytes) -> Any:
     import pyarrow as pa
 
     try:
-        said = json.loads(body)
-        said = said.get("points", said) if isinstance(said, dict) else said
-        return pa.Table.from_pylist(said) if isinstance(said, list) else pa.table(said)
+        rows_given = json.loads(body)
+        rows_given = (
+            rows_given.get("points", rows_given) if isinstance(rows_given, dict) else rows_given
+        )
+        return (
+            pa.Table.from_pylist(rows_given)
+            if isinstance(rows_given, list)
+            else pa.table(rows_given)
+        )
     except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
         raise HTTPException(
             400, "JSON rows with time, lat and lon, or columns of them, were expected"
@@ -275,7 +281,7 @@ def _metrics(filter_loop: FilterLoop, broadcaster: Broadcaster) -> list[str]:
         {key: s["skipped"] for key, s in sensors.items()},
     )  # fmt: skip
     lines += metric(
-        "whichroad_sensor_up", "gauge", "1: the input speaks.",
+        "whichroad_sensor_up", "gauge", "1: the input delivers.",
         {key: int(s["ok"]) for key, s in sensors.items()},
     )  # fmt: skip
     lines += metric("whichroad_listeners", "gauge", "Listeners.", {"": broadcaster.listeners})

@@ -17,9 +17,9 @@ from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
 
-_JITTER = 0.02  # s
-_STALE = 0.5  # s after which one signal no longer belongs to another
-_REASONABLE = 1e9  # s since 1970; smaller times of frames count from somewhere else
+_JITTER = 0.02  # s, tolerance of time stamps
+_STALE = 0.5  # s, largest age of a signal combined with another
+_REASONABLE = 1e9  # s since 1970, below which frame times have another origin
 
 
 class NmeaStream:
@@ -125,7 +125,7 @@ class CanStream:
         if wanted is None:
             return []
         stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
-        fresh = []
+        values = []
         for bits in wanted:
             if len(data) < bits.bytes:
                 self.skipped_why["frame cut short"] += 1
@@ -137,11 +137,11 @@ class CanStream:
                 wanted_value = self._reverse_value
                 self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
             else:
-                fresh.append((bits.role, value))
-        return [one for role, value in fresh for one in self._take(role, stamp, value)]
+                values.append((bits.role, value))
+        return [one for role, value in values for one in self._take(role, stamp, value)]
 
     def counted(self) -> dict[str, list[float]]:
-        """What `resume` takes, to go on counting after a crash; JSON can say it."""
+        """What `resume` takes, to go on counting after a crash; JSON can hold it."""
         return {
             role: counter.state for role, counter in self._counters.items() if counter.begun
         }  # fmt: skip
@@ -227,7 +227,7 @@ class _Unwrapped:
 
     @property
     def state(self) -> list[float]:
-        """All that it remembers."""
+        """Its whole state."""
         return [self._time, self._raw, self._rate, self._usual, self._total]
 
     @state.setter
@@ -294,7 +294,7 @@ def _value(bits: _Bits, data: bytes) -> float:
 
 
 def _reverse_value(signals: dict[str, Signal], vehicle: Vehicle) -> float | None:
-    """The value of the `reverse` signal that says backwards; None: any but zero."""
+    """The value of the `reverse` signal that means backwards; None: any but zero."""
     wanted = vehicle.signals.get("reverse_value")
     if wanted is None or "reverse" not in signals:
         return None

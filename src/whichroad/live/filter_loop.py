@@ -26,7 +26,7 @@ _SILENCE = 0.3  # s without an observation after which dead reckoning starts
 _HORIZON = 60.0  # s, longest dead reckoning without an observation
 _LEAST = 0.02  # s, shortest time between messages triggered by fixes
 _AHEAD = 5.0  # s, largest difference of clocks beyond the window
-_DOUBT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
+_OTHERS_SILENT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
 _RECENT = 0.25  # s after a fix during which the next fix is expected
 _BETWEEN = 1.5  # factor on the message interval for odometry while a fix is expected
 _RECORDED = 0.09  # s of event time between recorded estimates
@@ -71,8 +71,8 @@ class FilterLoop:
         self._blank = localizer.state()
         self._fix: GeoFix | None = None
         self._fix_masked = False
-        self._told = self._heard = -1e9  # clock at the last message and observation
-        self._fresh = -1e9  # clock at the last message triggered by a fix
+        self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
+        self._last_fix_message = -1e9  # clock at the last message triggered by a fix
         self._recorded = -1e18
 
     @property
@@ -104,20 +104,23 @@ class FilterLoop:
         if not recorded and not self._in_time(observations, now):
             health.skipped += len(observations)
             return
-        fresh = self.observe(observations)
+        has_fix = self.observe(observations)
         health.heard(
             len(observations), now, None if recorded else time.time() - observations[-1].time
         )
-        self._heard = now
-        if fresh and now - self._fresh >= self.least:
-            self._fresh = now
+        self._last_arrival = now
+        if has_fix and now - self._last_fix_message >= self.least:
+            self._last_fix_message = now
             self.publish(arrival=arrival)
-        elif now - self._told >= (_BETWEEN if now - self._fresh < _RECENT else 1.0) * self._every:
+        elif (
+            now - self._last_message
+            >= (_BETWEEN if now - self._last_fix_message < _RECENT else 1.0) * self._every
+        ):
             self.publish(arrival=arrival)
 
     def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
         """Whether an input's clock agrees with the others; a lone input is accepted."""
-        buffer, silent = self.buffer, now - self._heard
+        buffer, silent = self.buffer, now - self._last_arrival
         if buffer.now < 0.0:
             return True
         ahead = observations[0].time - buffer.now
@@ -127,7 +130,7 @@ class FilterLoop:
             why = "clock behind the others"
         else:
             return True
-        if silent > _DOUBT:
+        if silent > _OTHERS_SILENT:
             self.localizer.restore(self._blank)
             buffer.begin(-math.inf)
             self.reckoning.stop()
@@ -138,13 +141,13 @@ class FilterLoop:
 
     def observe(self, observations: Sequence[Observation]) -> bool:
         """Process observations without publishing; returns whether one was a fix."""
-        fresh = False
+        has_fix = False
         recorder, buffer, reckoning = self.recorder, self.buffer, self.reckoning
         for one in observations:
             if recorder is not None:
                 recorder.observe(one)
             if isinstance(one, GeoFix):
-                fresh = True
+                has_fix = True
                 self._fix, self._fix_masked = one, self.gnss_masked
                 if self.gnss_masked:
                     continue
@@ -153,14 +156,14 @@ class FilterLoop:
             buffer.take(one)
             if recorder is not None and buffer.now - self._recorded >= _RECORDED:
                 self._recorded = buffer.now
-                recorder.say(self.localizer)
-        return fresh
+                recorder.record_estimate(self.localizer)
+        return has_fix
 
     def tick(self) -> None:
         """Publish by dead reckoning while no observation arrives; called regularly."""
         now = time.perf_counter()
-        silent = now - self._heard
-        if silent >= _SILENCE and now - self._told >= self._every and self.buffer.now > 0.0:
+        silent = now - self._last_arrival
+        if silent >= _SILENCE and now - self._last_message >= self._every and self.buffer.now > 0.0:
             self.publish(ahead=min(silent, _HORIZON))
 
     def estimate(self, ahead: float = 0.0) -> Estimate:
@@ -176,7 +179,7 @@ class FilterLoop:
             arrival: Arrival time of the newest observation, for the latency.
             ahead: Dead reckoning since the last observation, s.
         """
-        now = self._told = time.perf_counter()
+        now = self._last_message = time.perf_counter()
         estimate = self.estimate(ahead)
         if not self.reckoning.begun and estimate.status not in ("lost",) and self.answered:
             self.reckoning.reset(estimate)

@@ -6,15 +6,15 @@ from typing import Any
 
 from .messages import LatencyMessage, SensorMessage
 
-_BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s
-_WINDOW = 5.0  # s over which rates are said
-_RECENT = 1000  # latencies that p50 and p99 are of
-_SILENT = 1.0  # s without a word, or so many usual intervals
+_BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s, of bins
+_WINDOW = 5.0  # s over which rates are averaged
+_RECENT = 1000  # sample size of p50 and p99
+_SILENT = 1.0  # s without a reading, or number of usual intervals
 _INTERVALS = 5.0
 
 
 class Health:
-    """One input: how often it speaks, and when it spoke last.
+    """One input: its rate, and when it last delivered.
 
     Args:
         name: For people.
@@ -88,8 +88,8 @@ class Latency:
 
     def __init__(self) -> None:
         self._recent: deque[float] = deque(maxlen=_RECENT)
-        self._said: LatencyMessage = {"p50": None, "p99": None}
-        self._said_at = -math.inf
+        self._latest: LatencyMessage = {"p50": None, "p99": None}
+        self._latest_at = -math.inf
         self.counts = [0] * (len(_BOUNDS) + 1)
         self.total = 0.0
 
@@ -101,11 +101,11 @@ class Latency:
 
     def message(self, now: float) -> LatencyMessage:
         """p50 and p99 of the last thousand, made once a second."""
-        if now - self._said_at >= 1.0 and self._recent:
-            self._said_at, ordered = now, sorted(self._recent)
+        if now - self._latest_at >= 1.0 and self._recent:
+            self._latest_at, ordered = now, sorted(self._recent)
             p50, p99 = (ordered[int(q * (len(ordered) - 1))] for q in (0.5, 0.99))
-            self._said = {"p50": round(1e3 * p50, 3), "p99": round(1e3 * p99, 3)}
-        return self._said
+            self._latest = {"p50": round(1e3 * p50, 3), "p99": round(1e3 * p99, 3)}
+        return self._latest
 
     def histogram(self, name: str) -> list[str]:
         """Lines of a Prometheus histogram."""
@@ -117,9 +117,9 @@ class Latency:
         return [*lines, f"{name}_sum {self.total:.6f}", f"{name}_count {total}"]
 
 
-def metric(name: str, kind: str, told: str, rows: dict[str, Any]) -> list[str]:
+def metric(name: str, kind: str, description: str, rows: dict[str, Any]) -> list[str]:
     """Lines of one Prometheus metric; the keys of `rows` are its labels as they are written."""
-    head = [f"# HELP {name} {told}", f"# TYPE {name} {kind}"]
+    head = [f"# HELP {name} {description}", f"# TYPE {name} {kind}"]
     return head + [f"{name}{labels} {value}" for labels, value in rows.items()]
 
 

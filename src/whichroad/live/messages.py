@@ -75,7 +75,7 @@ class FixMessage(TypedDict):
     lat: float
     lon: float
     ellipse: Ellipse | None  # null: the receiver reported none
-    believed: bool | None  # false: it lies too far from what is said; null: masked
+    believed: bool | None  # false: too far from the estimate; null: masked
     masked: bool  # withheld from the filter by hand
 
 
@@ -157,8 +157,8 @@ class EstimateMessage(TypedDict):
     p_off_road: float
     road: RoadMessage
     status: str  # on_road, ambiguous, off_road, outage, stopped, lost
-    reason: str  # why, in words; empty where nothing needs to be said
-    dead_reckoning: bool  # predicted: no sensor has spoken for a while
+    reason: str  # why, in words; empty where none is needed
+    dead_reckoning: bool  # predicted: no sensor has delivered for a while
     lagged: LaggedMessage | None  # null: no --lag, or nothing reaches back so far
     decided_until: float | None  # s since 1970, before which roads are decided; null: none is
     hypotheses: list[HypothesisMessage]  # most probable first
@@ -172,7 +172,7 @@ class EstimateMessage(TypedDict):
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What a message says besides the estimate."""
+    """What a message holds besides the estimate."""
 
     seq: int = 0
     fix: GeoFix | None = None
@@ -199,7 +199,7 @@ NO_ROAD = RoadMessage(
 
 
 class Messages:
-    """Makes messages; remembers what the roads of a map are called.
+    """Makes messages; caches the names of a map's roads.
 
     Args:
         roads: The map that the estimates are of.
@@ -213,7 +213,7 @@ class Messages:
         """The message of one estimate.
 
         Args:
-            estimate: What the localizer said.
+            estimate: The localizer's.
             around: Everything else.
         """
         hypotheses = estimate.hypotheses
@@ -258,7 +258,7 @@ class Messages:
         )
 
     def _lagged(self, estimate: Estimate) -> LaggedMessage:
-        """What is said of the moment that is looked back to."""
+        """The smoothed estimate, of the moment the lag ago."""
         pose = estimate.pose
         return LaggedMessage(
             time=iso(estimate.time),
@@ -305,7 +305,7 @@ class Messages:
         )
 
     def _street(self, edge: int, s: float) -> dict[str, Any]:
-        """Columns of the street there, each looked up once."""
+        """Columns of the street there, each read once."""
         piece = int(self._roads.piece(edge, s)[0])
         street = self._streets.get(piece)
         if street is None:

@@ -112,7 +112,7 @@ class _Listener(asyncio.Protocol):
     """A TCP client; what it sends is ignored."""
 
     def __init__(self, sockets: Sockets) -> None:
-        self._sockets, self._said = sockets, 0
+        self._sockets, self._received = sockets, 0
         self._transport: Any = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -124,8 +124,8 @@ class _Listener(asyncio.Protocol):
         self._sockets.add(self._transport)
 
     def data_received(self, data: bytes) -> None:
-        self._said += len(data)
-        if self._said > _MOST_IGNORED:
+        self._received += len(data)
+        if self._received > _MOST_IGNORED:
             self._transport.pause_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:

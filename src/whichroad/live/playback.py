@@ -189,9 +189,9 @@ class Player:
                 self._play_slice(len(self.recording))
                 await asyncio.sleep(0)
             else:
-                await self._keep_pace(self.speed)
+                await self._play_at(self.speed)
 
-    async def _keep_pace(self, speed: float) -> None:
+    async def _play_at(self, speed: float) -> None:
         clock, recorded = self._anchor
         due = recorded + speed * (time.perf_counter() - clock)
         when = self.recording.when(self._at)

@@ -1,4 +1,4 @@
-"""What came in and what was said, appended to files that are whole at every moment.
+"""Observations and estimates, appended to files that are whole at every moment.
 
 A recording is a folder: `fixes.arrow` and `odometry.arrow` are drive tables on our clock,
 `points.arrow` is what `match` would have written.  Each is an Arrow stream of small batches;
@@ -115,7 +115,7 @@ class Recorder:
     Args:
         folder: Made if it is not there; an earlier recording is gone on with.
         roads: The map of the estimates.
-        about: Said in `recording.json`.
+        about: Written to `recording.json`.
 
     Raises:
         WriteError: The folder cannot be written to, or holds something else.
@@ -135,26 +135,26 @@ class Recorder:
         self._odometry = Appended(folder / "odometry.arrow", _schema(_COLUMNS))
         self._points = Appended(folder / "points.arrow", POINTS.with_metadata(RECORDING))
         self._seen: list[Observation] = []
-        self._said: list[tuple[bytes, bytes]] = []  # an epoch, its estimate
+        self._estimates: list[tuple[bytes, bytes]] = []  # an epoch, its estimate
 
     def observe(self, observation: Observation) -> None:
         """Record an observation, whether it is used or not."""
         self._seen.append(observation)
 
-    def say(self, localizer: Localizer) -> None:
-        """Record what a localizer says of the last observation."""
-        self._said.append(localizer.last_rows())
+    def record_estimate(self, localizer: Localizer) -> None:
+        """Record a localizer's estimate after the last observation."""
+        self._estimates.append(localizer.last_rows())
 
     @property
     def waiting(self) -> int:
         """Rows that are not written yet."""
-        return len(self._seen) + len(self._said)
+        return len(self._seen) + len(self._estimates)
 
     def taken(self) -> Callable[[], None]:
         """What waits, as a call that writes it: from any thread, one at a time, in order."""
         seen, self._seen = self._seen, []
-        said, self._said = self._said, []
-        return lambda: self._write(seen, said)
+        estimates, self._estimates = self._estimates, []
+        return lambda: self._write(seen, estimates)
 
     def flush(self) -> None:
         """Write what waits."""
@@ -166,15 +166,15 @@ class Recorder:
         for stream in (self._fixes, self._odometry, self._points):
             stream.close()
 
-    def _write(self, seen: list[Observation], said: list[tuple[bytes, bytes]]) -> None:
+    def _write(self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]) -> None:
         fixes = [one for one in seen if isinstance(one, GeoFix)]
         if fixes:
             self._fixes.append(_fix_table(fixes))
         odometry = [one for one in seen if not isinstance(one, GeoFix)]
         if odometry:
             self._odometry.append(_odometry_table(odometry))
-        if said:
-            epochs, output = _stacked(said)
+        if estimates:
+            epochs, output = _stacked(estimates)
             self._points.append(points_table(self._name, epochs, output, self._roads))
 
 
@@ -207,10 +207,10 @@ def _table(names: tuple[str, ...], columns: list[Any]) -> pa.Table:
     return pa.table(arrays, names=list(names))
 
 
-def _stacked(said: list[tuple[bytes, bytes]]) -> tuple[Records, Output]:
-    """What was said one by one, as tables."""
+def _stacked(estimates: list[tuple[bytes, bytes]]) -> tuple[Records, Output]:
+    """Epochs and estimates recorded one by one, as tables."""
     epochs, rows = (
         np.frombuffer(b"".join(parts), dtype).view(np.recarray)
-        for parts, dtype in zip(zip(*said, strict=True), (EPOCH, ESTIMATE), strict=True)
+        for parts, dtype in zip(zip(*estimates, strict=True), (EPOCH, ESTIMATE), strict=True)
     )
     return epochs, Output(rows, np.zeros((0, 0, 0)))

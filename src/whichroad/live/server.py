@@ -31,10 +31,10 @@ from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
 
 _TICK = 0.05  # s
-_REQUEST_TIME = 10.0  # s in which a request's head must have come
-_PATIENCE = 5.0  # s between pings of a WebSocket, and until they must be answered
+_REQUEST_TIME = 10.0  # s, timeout of a request's head
+_PATIENCE = 5.0  # s, interval and timeout of WebSocket pings
 _FAST = 0.05  # s between messages while a recording is played as fast as possible
-_MOST_ROWS = 20_000  # that wait to be recorded
+_MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
 
 @dataclass(slots=True)
@@ -58,8 +58,8 @@ class Plan:
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
-        tell: Told what happens, a line each.
-        ready: Told the web's port when it is open.
+        report: Takes messages for the operator, a line each.
+        ready: Called with the web server's port when it is open.
     """
 
     localizer: Localizer
@@ -79,7 +79,7 @@ class Plan:
     port: int = 8080
     token: str | None = None
     pages: Sequence[BaseRoute] = ()
-    tell: Callable[[str], None] = field(default=lambda line: None)
+    report: Callable[[str], None] = field(default=lambda line: None)
     ready: Callable[[int], None] = field(default=lambda port: None)
 
 
@@ -218,8 +218,8 @@ class Run:
         if self.checkpoint is None:
             return
         replay = self.plan.recording is not None
-        when, told = self.checkpoint.resume(replay=replay)
-        self.plan.tell(told)
+        when, message = self.checkpoint.resume(replay=replay)
+        self.plan.report(message)
         if when is not None:
             self.filter_loop.buffer.begin(when)
 

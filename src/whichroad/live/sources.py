@@ -22,10 +22,10 @@ from .health import Health
 Deliver = Callable[[Health, Sequence[Observation], float], None]
 
 QUIET = 0.03  # s of silence that end a burst
-_DEAD = 15.0  # s without a byte after which a connection is made anew
-_FIRST, _MOST = 0.2, 5.0  # s between two tries
-_MOST_BYTES = 500_000  # a second; 460,800 baud are 46,000
-_MOST_PEERS = 16  # of a port that listens
+_DEAD = 15.0  # s without a byte, after which a connection is renewed
+_FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
+_MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
+_MOST_PEERS = 16  # peers of a listening port, at most
 _EXTENDED = 1 << 31
 _ADDRESS = re.compile(r"(tcp|udp|listen)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
 _SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM|\\\\\.\\)[^@]+)(?:@(\d+))?")
@@ -132,7 +132,7 @@ class NmeaInput:
 
 
 async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> None:
-    """Take what a connection says until it ends, breaks or is silent for too long."""
+    """Take what a connection sends until it ends, breaks or is silent for too long."""
     with contextlib.suppress(OSError, TimeoutError):
         while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
             into.feed(data)
@@ -168,8 +168,8 @@ def _keep_alive(sock: Any) -> None:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
-def _make_room(peers: dict[Any, NmeaInput]) -> Any:
-    """Let go who was of no use for longest, where there are too many; returns who that is."""
+def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
+    """Drop the peer idle for longest, where there are too many; return it."""
     if len(peers) < _MOST_PEERS:
         return None
     who = min(peers, key=lambda one: peers[one].useful)
@@ -182,9 +182,9 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
     peers: dict[asyncio.StreamWriter, NmeaInput] = {}
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        gone = _make_room(peers)
-        if gone is not None:
-            gone.transport.abort()
+        dropped = _drop_oldest(peers)
+        if dropped is not None:
+            dropped.transport.abort()
         into = peers[writer] = make()
         try:
             await _drain(reader, into)
@@ -205,7 +205,7 @@ async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInpu
         def datagram_received(self, data: bytes, addr: Any) -> None:
             into = senders.get(addr)
             if into is None:
-                _make_room(senders)
+                _drop_oldest(senders)
                 into = senders[addr] = make()
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
@@ -224,7 +224,7 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
 
     into = make()
 
-    def work(stop: threading.Event, tell: Callable[[bytes, float], None]) -> None:
+    def work(stop: threading.Event, pass_on: Callable[[bytes, float], None]) -> None:
         wait = _FIRST
         while not stop.is_set():
             try:
@@ -232,7 +232,7 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
                     wait, health.link = _FIRST, "open"
                     while not stop.is_set():
                         if data := port.read(max(1, port.in_waiting)):
-                            tell(data, time.perf_counter())
+                            pass_on(data, time.perf_counter())
             except (serial.SerialException, OSError, TypeError):  # TypeError: closed under a read
                 health.link = "lost"
             stop.wait(wait)
@@ -250,7 +250,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
         for k in stream.frames
     ]
 
-    def work(stop: threading.Event, tell: Callable[[Any, float], None]) -> None:
+    def work(stop: threading.Event, pass_on: Callable[[Any, float], None]) -> None:
         wait = _FIRST
         while not stop.is_set():
             try:
@@ -260,7 +260,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
                     wait, health.link = _FIRST, "open"
                     while not stop.is_set():
                         if (frame := bus.recv(0.2)) is not None:
-                            tell(frame, time.perf_counter())
+                            pass_on(frame, time.perf_counter())
             except (can.CanError, OSError, ValueError):
                 health.link = "lost"
             stop.wait(wait)
@@ -282,14 +282,14 @@ async def _in_thread(
     work: Callable[[threading.Event, Callable[[Any, float], None]], None],
     take: Callable[[Any, float], None],
 ) -> None:
-    """Run `work` in a thread; what it tells is taken here, in the loop."""
+    """Run `work` in a thread; what it passes on is taken here, in the loop."""
     loop, stop = asyncio.get_running_loop(), threading.Event()
 
-    def tell(what: Any, arrival: float) -> None:
+    def pass_on(what: Any, arrival: float) -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed: we are going
             loop.call_soon_threadsafe(take, what, arrival)
 
-    thread = threading.Thread(target=work, args=(stop, tell), daemon=True)
+    thread = threading.Thread(target=work, args=(stop, pass_on), daemon=True)
     thread.start()
     try:
         while thread.is_alive():

@@ -24,8 +24,8 @@ _KINDS = {
     ".js": "text/javascript",
     ".svg": "image/svg+xml",
 }
-_KEPT = "public, max-age=31536000, immutable"  # what has its version in its address
-_EDGES = 64  # at most, in one question
+_KEPT = "public, max-age=31536000, immutable"  # cache header of versioned files
+_EDGES = 64  # edges in one request, at most
 
 
 def page_routes(
@@ -39,7 +39,7 @@ def page_routes(
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
-        timeline: Whether a whole recorded drive is told at `/timeline`.
+        timeline: Whether a whole recorded drive is served at `/timeline`.
 
     Returns:
         Routes for `/`, `/static/...`, `/maplibre/...`, `/roads/...` and `/favicon.ico`.
@@ -83,9 +83,9 @@ def _policy(tiles_url: str | None) -> str:
 
 async def _page(path: Path, about: dict[str, object], policy: str, _: Request) -> Response:
     text = path.read_text("utf-8")
-    told = json.dumps(about).replace("<", "\\u003c")
+    encoded = json.dumps(about).replace("<", "\\u003c")
     return Response(
-        text.replace("{{about}}", told),
+        text.replace("{{about}}", encoded),
         media_type="text/html",
         headers={
             "Content-Security-Policy": policy,

@@ -31,7 +31,7 @@ _RANK = {
     "residential": 3, "unclassified": 3, "living_street": 3, "road": 3,
 }  # fmt: skip
 _SMALL = 4  # rank of everything else
-_MAIN = 1  # ranks up to which a road is drawn to find one's way
+_MAIN = 1  # ranks of the main roads, drawn for orientation
 
 
 class RoadLayer:
@@ -135,22 +135,22 @@ class RoadLayer:
     def _streets(
         self, found: NDArray[Any], lines: NDArray[Any], at: tuple[int, int, int]
     ) -> list[Line]:
-        """Streets of one look as one feature each, so that a tile stays small."""
-        look = 100 * self._rank[found].astype(np.int64)
-        look += 10 * self._tunnel[found] + self._one_way[found] + 1
+        """Streets of one style as one feature each, so that a tile stays small."""
+        style = 100 * self._rank[found].astype(np.int64)
+        style += 10 * self._tunnel[found] + self._one_way[found] + 1
         drawn = []
-        for key in np.unique(look).tolist():
+        for key in np.unique(style).tolist():
             rank, rest = divmod(key, 100)
-            tunnel, way = divmod(rest, 10)
+            tunnel, direction = divmod(rest, 10)
             properties: dict[str, str | int] = {"rank": rank}
             if tunnel:
                 properties["tunnel"] = 1
-            if way != 1:
+            if direction != 1:
                 properties["oneway"] = 1
-            of_look = lines[look == key]
-            if way == 0:  # drawn against its only direction
-                of_look = shapely.reverse(of_look)
-            drawn.append(Line(_parts(of_look, at), properties))
+            of_style = lines[style == key]
+            if direction == 0:  # drawn against its only direction
+                of_style = shapely.reverse(of_style)
+            drawn.append(Line(_parts(of_style, at), properties))
         return drawn[::-1]
 
     def _names(
@@ -170,7 +170,7 @@ class RoadLayer:
 
 
 def attribution(roads: RoadMap) -> str:
-    """Whom the map is to be credited to, where its source tells."""
+    """The map's attribution, where its source is known."""
     source = str(roads.info()["source"]).lower()
     osm = source.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2"))
     return "© OpenStreetMap contributors" if osm else ""

@@ -21,13 +21,13 @@ def standalone(title: str, data: dict[str, Any]) -> str:
     """
     style = "".join(_read(f"{name}.css") for name in ("look", "report"))
     scripts = "".join(_EXPORT.sub("", _IMPORT.sub("", _read(f"{name}.js"))) for name in MODULES)
-    told = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    encoded = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     parts = {
         "title": title.replace("&", "&amp;").replace("<", "&lt;"),
         "style": style,
         "theme": _read("theme.js"),
         "script": scripts,
-        "data": told.replace("<", "\\u003c"),
+        "data": encoded.replace("<", "\\u003c"),
     }
     page = re.split(r"\{\{(\w+)\}\}", _read("report.html"))
     return "".join(parts[part] if i % 2 else part for i, part in enumerate(page))

@@ -38,12 +38,12 @@ def plot_drive(
         result: the answer, kept with its hypotheses.
         roads: the map that it was matched to.
         truth: `time, lat, lon`, if known.
-        fixes: what the receiver said.
+        fixes: the receiver's.
         out: folder for the pictures; those of the same name there are replaced.
         windows: stretches to zoom in on; the two most ambiguous ones when empty.
         masked: stretches without GNSS, s from the drive's start.
         reckoning: `lat, lon` of dead reckoning alone, for comparison.
-        title: one sentence that says what one sees.
+        title: one sentence that describes the picture.
 
     Returns:
         The PNG files: `overview`, `hypotheses`, `probability`, and `drive` with all of it.

@@ -67,7 +67,7 @@ def _ends(axes: "Axes", scene: Scene) -> None:
 
 
 def _mark_window(axes: "Axes", scene: Scene, window: Window, letter: str) -> None:
-    """A frame with a letter where a zoom looks."""
+    """A frame with a letter around a zoom's area."""
     inside = scene.within(window)
     if len(inside) == 0:
         return
@@ -112,17 +112,17 @@ def draw_zoom(axes: "Axes", scene: Scene, window: Window) -> None:
         axes.plot(*near.T, color=TRUTH, lw=0.9, zorder=4)
     if len(scene.fixes):
         axes.plot(*scene.fixes.T, "+", color=FIX, ms=7, mew=1.5, zorder=5)
-    shown = {name: values[epochs].ravel() for name, values in scene.hypotheses.items()}
-    keep = (shown["edge"] != -2) & (shown["p"] > LIVE / 2)
-    order = np.flatnonzero(keep)[np.argsort(shown["p"][keep])]  # the most probable on top
-    shown = {name: values[order] for name, values in shown.items()}
-    _ellipses(axes, shown)
+    rows = {name: values[epochs].ravel() for name, values in scene.hypotheses.items()}
+    keep = (rows["edge"] != -2) & (rows["p"] > LIVE / 2)
+    order = np.flatnonzero(keep)[np.argsort(rows["p"][keep])]  # the most probable on top
+    rows = {name: values[order] for name, values in rows.items()}
+    _ellipses(axes, rows)
     axes.scatter(
-        shown["x"], shown["y"], c=shown["p"], cmap=PROBABLE, norm=UNIT, s=9 + 22 * shown["p"],
+        rows["x"], rows["y"], c=rows["p"], cmap=PROBABLE, norm=UNIT, s=9 + 22 * rows["p"],
         edgecolors="white", linewidths=0.5, zorder=7,
     )  # fmt: skip
     if len(order):
-        _metres(axes, *_box(np.column_stack([shown["x"], shown["y"]]), 25))
+        _metres(axes, *_box(np.column_stack([rows["x"], rows["y"]]), 25))
     axes.legend(handles=_zoom_legend(scene), loc="upper left")
 
 
@@ -137,7 +137,7 @@ def _zoom_legend(scene: Scene) -> list[Any]:
 
 
 def _spaced(scene: Scene, window: Window) -> Any:
-    """Epochs of a window at about equal distances along the way."""
+    """Epochs of a window at about equal distances along the route."""
     inside = scene.within(window)
     if len(inside) < 2:
         return inside
@@ -147,17 +147,17 @@ def _spaced(scene: Scene, window: Window) -> Any:
     return inside[np.unique(np.searchsorted(along, wanted).clip(max=len(inside) - 1))]
 
 
-def _ellipses(axes: "Axes", shown: dict[str, Any]) -> None:
-    covs = np.empty((len(shown["p"]), 2, 2))
-    covs[:, 0, 0], covs[:, 1, 1] = shown["cov_xx"], shown["cov_yy"]
-    covs[:, 0, 1] = covs[:, 1, 0] = shown["cov_xy"]
+def _ellipses(axes: "Axes", rows: dict[str, Any]) -> None:
+    covs = np.empty((len(rows["p"]), 2, 2))
+    covs[:, 0, 0], covs[:, 1, 1] = rows["cov_xx"], rows["cov_yy"]
+    covs[:, 0, 1] = covs[:, 1, 0] = rows["cov_xy"]
     squares, axes_of = np.linalg.eigh(covs)
     minor, major = 2 * np.sqrt(CHI2_95 * squares.T)
     angle = degrees(np.arctan2(axes_of[:, 1, 1], axes_of[:, 0, 1]))
-    colours = PROBABLE(UNIT(shown["p"]))
+    colours = PROBABLE(UNIT(rows["p"]))
     ellipses = EllipseCollection(
         major, minor, angle, units="xy", offset_transform=axes.transData,
-        offsets=np.column_stack([shown["x"], shown["y"]]), linewidths=0.9, zorder=6,
+        offsets=np.column_stack([rows["x"], rows["y"]]), linewidths=0.9, zorder=6,
     )  # fmt: skip
     ellipses.set_edgecolor([(*colour[:3], 0.85) for colour in colours])
     ellipses.set_facecolor([(*colour[:3], 0.10) for colour in colours])
@@ -195,7 +195,7 @@ def draw_probability(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
 
 
 def draw_status(axes: "Axes", scene: Scene) -> None:
-    """What was said of each epoch, as a band of colours."""
+    """The status of each epoch, as a band of colours."""
     status = np.array(scene.status)
     cuts = np.flatnonzero(status[1:] != status[:-1]) + 1
     begin, end = np.append(0, cuts), np.append(cuts, len(status) - 1)
@@ -219,7 +219,7 @@ def draw_status(axes: "Axes", scene: Scene) -> None:
 
 
 def draw_error(axes: "Axes", scene: Scene) -> None:
-    """How far from the truth, beside how far the answer said it might be."""
+    """How far from the truth, beside the error bound of the estimate."""
     assert scene.truth is not None
     assert scene.inside is not None
     held = f"holds the truth in {100 * scene.inside.mean():.1f} % of epochs"

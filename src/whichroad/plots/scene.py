@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 HYPOTHESIS = ("edge", "p", "x", "y", "cov_xx", "cov_xy", "cov_yy")
 CHI2_95 = 5.991  # 95 % of a two-dimensional Gaussian lies within this squared distance
 MARGIN = 150.0  # m of map drawn about the drive
-LOOK = 8.0  # s shown before and after an unclear moment
+_AROUND = 8.0  # s shown before and after an unclear moment
 LIVE = 0.02  # hypotheses less probable than this are not counted as a choice
 
 
 class Window(NamedTuple):
-    """A stretch of the drive to look at closely, in seconds from the drive's start."""
+    """A stretch of the drive to enlarge, in seconds from the drive's start."""
 
     title: str
     begin: float
@@ -110,14 +110,14 @@ def ambiguous_windows(scene: Scene, count: int = 2) -> list[Window]:
     when = np.flatnonzero(second > LIVE)
     if len(when) == 0:
         middle = float(scene.time[-1]) / 2
-        return [Window("Half-way", middle - LOOK, middle + LOOK)]
+        return [Window("Half-way", middle - _AROUND, middle + _AROUND)]
     stretches = np.split(when, np.flatnonzero(np.diff(scene.time[when]) > 5) + 1)
     stretches.sort(key=lambda run: -float(second[run].sum()))
     middles = sorted(
         float(np.average(scene.time[run], weights=second[run])) for run in stretches[:count]
     )
     return [
-        Window(f"Which road, {middle:.0f} s after the start?", middle - LOOK, middle + LOOK)
+        Window(f"Which road, {middle:.0f} s after the start?", middle - _AROUND, middle + _AROUND)
         for middle in middles
     ]
 

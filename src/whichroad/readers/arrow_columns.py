@@ -82,7 +82,7 @@ def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipp
 
     Args:
         column: ISO 8601 text, Arrow timestamps, or numbers.
-        meaning: Says the unit of numbers, where the column's name does.
+        meaning: Gives the unit of numbers, where the column's name does.
         where: The source, for errors.
         skipped: Counts cells that are no time.
 

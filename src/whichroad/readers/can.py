@@ -208,7 +208,7 @@ def _slow(signal: Signal, data: bytes) -> float:
 def _reversing(
     series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle
 ) -> Reversing | None:
-    """When the vehicle goes backwards, where a signal tells."""
+    """When the vehicle goes backwards, where a signal reports it."""
     if "reverse" not in series:
         return None
     time, value = series["reverse"]

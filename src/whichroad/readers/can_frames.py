@@ -109,10 +109,10 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
     count = 0
     try:
         with counted_warnings("can", "part of the log not understood", skipped):
-            for time, identifier, extended, data, plain in _messages(path):
+            for time, identifier, extended, data, is_data in _messages(path):
                 count += 1
                 k = key(identifier, extended)
-                if not plain:
+                if not is_data:
                     skipped["remote or error frame"] += 1
                 elif k in wanted:
                     found.setdefault(k, []).append((time, data))
@@ -142,8 +142,8 @@ def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, byt
         mode, errors="replace" if text else None, encoding="utf-8" if text else None
     ) as file:
         for m in getattr(can, reader)(file, **more):
-            plain = not (m.is_remote_frame or m.is_error_frame)
-            yield m.timestamp, m.arbitration_id, m.is_extended_id, bytes(m.data), plain
+            is_data = not (m.is_remote_frame or m.is_error_frame)
+            yield m.timestamp, m.arbitration_id, m.is_extended_id, bytes(m.data), is_data
 
 
 def _columns(rows: Rows) -> Frames:

@@ -31,7 +31,7 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
     """All bytes of a file.
 
     Raises:
-        ReadError: It cannot be opened; the message says why.
+        ReadError: It cannot be opened; the message gives the reason.
     """
     try:
         return Path(path).read_bytes()
@@ -45,8 +45,8 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
 def listed(names: Iterable[str], most: int = 20) -> str:
     """Names as one line of an error message."""
     names = list(names)
-    shown = [name[:40] if name.isprintable() else ascii(name[:40]) for name in names[:most]]
-    return ", ".join(shown) + (", ..." if len(names) > most else "") if names else "none"
+    texts = [name[:40] if name.isprintable() else ascii(name[:40]) for name in names[:most]]
+    return ", ".join(texts) + (", ..." if len(names) > most else "") if names else "none"
 
 
 @contextmanager

@@ -41,13 +41,13 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         if isinstance(odometry, SpeedYawRate):
             own.pop("speed", None)
         elif "bearing" in own and "speed" not in own:
-            notes.append("bearings not used: there is no speed to tell whether they mean anything")
+            notes.append("bearings not used: without a speed it is unknown whether they are valid")
         fixes = make_fixes(reported(own), settings, skipped)
     return Drive("", fixes, odometry, notes=tuple(notes))
 
 
 def reported(columns: Columns) -> Reported:
-    """What columns of fixes say, by the most exact of their covariances."""
+    """Fixes from columns, by the most exact of their covariances."""
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is counted as no covariance
         ee, en, nn = _covariance(columns)
     return Reported(
@@ -64,7 +64,7 @@ def reported(columns: Columns) -> Reported:
 
 
 def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | None]:
-    """The most that the columns say of the fixes' errors: matrix, ellipse, then circle."""
+    """The most exact covariance that the columns give: matrix, ellipse, then circle."""
     get = columns.get
     ee, en, nn = get("cov_ee"), get("cov_en"), get("cov_nn")
     if ee is not None and nn is not None:
@@ -80,7 +80,7 @@ def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | N
         circle = accuracy / RADIUS_68
     if circle is None:
         return None, None, None
-    # zero or less is what receivers write who do not know: a HDOP says more, or it is counted
+    # zero or less is what receivers write for unknown: a HDOP is used instead, or it is counted
     unknown = np.nan if "hdop" in columns else -1.0
     variance = np.where(circle <= 0, unknown, circle**2)
     return variance, np.zeros(len(circle)), variance
@@ -127,7 +127,7 @@ def speed_yaw_rate(
 
 
 def odometer(time: Array, distance: Array, skipped: Skipped) -> Odometer | None:
-    """The readings that say something, in order; None where there are none."""
+    """The readings that are not empty, in order; None where there are none."""
     known = np.flatnonzero(np.isfinite(distance) & np.isfinite(time))
     rows = known[in_order(time[known], skipped)]
     return Odometer(time[rows], distance[rows]) if len(rows) else None

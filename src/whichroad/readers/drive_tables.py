@@ -1,7 +1,7 @@
 """Drive tables: CSV, Parquet and Arrow files, and tables in memory, by the names of their columns.
 
-One table may hold fixes, odometry or both, of one drive or of many.  Empty cells say
-nothing; what cannot be understood is skipped and counted.
+One table may hold fixes, odometry or both, of one drive or of many.  Empty cells hold
+no value; what cannot be understood is skipped and counted.
 """
 
 import csv
@@ -282,7 +282,7 @@ def _drives(
     settings: Settings | None,
     crs: Any,
 ) -> list[Drive]:
-    """Each drive of a table; what is skipped before they part is told with the first."""
+    """Each drive of a table; what is skipped before the split counts with the first."""
     table, names = seen
     where = source.where
     found = find(table.column_names)
@@ -374,7 +374,7 @@ def _unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     except pyproj.exceptions.ProjError as error:
         raise ReadError(f"{where}: crs {crs!r} cannot be used ({_first_line(error)})") from None
     known = np.isfinite(x) & np.isfinite(y)
-    # pyproj says infinity for what lies outside its grid, and for NaN
+    # pyproj returns infinity for what lies outside its grid, and for NaN
     return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
 
 

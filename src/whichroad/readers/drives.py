@@ -39,7 +39,7 @@ _SUFFIXES = {
     ".gpx": "gpx",
     ".pos": "pos",
 }
-_CONTENTS = (  # what the first bytes of a format look like
+_CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
@@ -55,8 +55,8 @@ _STRANGERS = (  # what is not read: what it is, what to do, what it begins with
      re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
     ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
 )  # fmt: skip
-_SNIFF = 1 << 16  # bytes looked at
-_APART = 600.0  # s between odometry and fixes: the clocks are not the same
+_SNIFF = 1 << 16  # bytes read to recognise a format
+_APART = 600.0  # s between odometry and fixes that imply different clocks
 _PREFERRED = (WheelCounts, WheelSpeeds, SpeedYawRate, Odometer)
 
 
@@ -85,7 +85,7 @@ def read_drive(
         paths: One file or several.
         vehicle: Wheels, clocks and the names of CAN signals.
         dbc: What the CAN frames mean.
-        can: A CAN log, where its name does not tell that it is one.
+        can: A CAN log, where its name does not show that it is one.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns in tables.
 
@@ -174,7 +174,7 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part
 
 
 def _has_rows(file: Path) -> bool:
-    """Whether there is a row in an Arrow stream, or something else that its reader will tell of."""
+    """Whether there is a row in an Arrow stream, or something else that its reader will report."""
     import pyarrow as pa
 
     try:
@@ -230,17 +230,17 @@ def _merge(parts: list[_Part], vehicle: Vehicle) -> list[Drive]:
     """Drives of several files: all one, or matched by their ids."""
     if all(len(part.drives) == 1 for part in parts):
         return [_one([part.drives[0] for part in parts], vehicle)]
-    together: dict[str, list[Drive]] = {}
+    by_drive: dict[str, list[Drive]] = {}
     for part in parts:
         for drive in part.drives:
-            together.setdefault(drive.drive_id, []).append(drive)
-    if len(parts) > 1 and all(len(drives) == 1 for drives in together.values()):
+            by_drive.setdefault(drive.drive_id, []).append(drive)
+    if len(parts) > 1 and all(len(drives) == 1 for drives in by_drive.values()):
         counts = ", ".join(f"{part.name}: {len(part.drives)}" for part in parts)
         raise ReadError(
             f"files of several drives ({counts}) share no drive_id; one drive per file, or a "
             "column drive_id in each, was expected"
         )
-    return [_one(drives, vehicle) for drives in together.values()]
+    return [_one(drives, vehicle) for drives in by_drive.values()]
 
 
 def _one(drives: list[Drive], vehicle: Vehicle) -> Drive:

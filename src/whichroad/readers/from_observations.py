@@ -45,7 +45,7 @@ def drive_of_observations(
         ReadError: Odometry is of several kinds, or something is no observation.
     """
     skipped: Skipped = Counter()
-    possible = [o for o in (validated(said, skipped) for said in observations) if o is not None]
+    possible = [o for o in (validated(one, skipped) for one in observations) if o is not None]
     kinds = {type(o) for o in possible} - {GeoFix}
     if len(kinds) > 1:
         raise ReadError(
@@ -69,7 +69,7 @@ def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array
 
 
 def _reported(fixes: Sequence[GeoFix]) -> Reported:
-    """Fixes as a log says them: NaN for what a record says by an infinite sigma."""
+    """Fixes as in a log: NaN for what a record marks by an infinite sigma."""
     c = _columns(GeoFix, fixes)
     unknown = np.isinf(c["cov_ee"])
     return Reported(

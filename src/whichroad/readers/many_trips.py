@@ -119,7 +119,7 @@ def _check(names: list[str]) -> None:
 
 
 def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
-    """The table, of all whose columns are told, with its trips' names in a column `drive_id`."""
+    """The columns whose meaning is known, and trips' names in a column `drive_id`."""
     found = find(table.column_names)
     if "time" not in found:
         _check(names)
@@ -260,7 +260,7 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
 
     Returns:
         Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
-        same fixes, with nothing skipped or noted.  None: no trip can be read this way.
+        same fixes, with nothing skipped or noted.  None: no trip can be read so.
     """
     found = find(table.column_names)
     found.pop("drive_id", None)
@@ -306,7 +306,7 @@ def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
 
 
 def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
-    """Seconds since 1970; None where the sizes of bare numbers tell of several units."""
+    """Seconds since 1970; None where the sizes of bare numbers imply several units."""
     import pyarrow as pa
 
     column = table.column(meaning.place)

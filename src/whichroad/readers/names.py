@@ -19,7 +19,7 @@ class Column(NamedTuple):
 
     place: int  # counted from 0
     name: str
-    factor: float  # to SI; 0: a time whose unit its size tells
+    factor: float  # to SI; 0: a time whose unit follows from its size
 
 
 def _names(text: str, factor: float = 1.0) -> dict[str, float]:

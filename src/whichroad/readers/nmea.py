@@ -23,7 +23,7 @@ _BLOCK = 1 << 19  # bytes of a log scanned at once
 _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back
 _LONGEST_BURST = 1000  # sentences with one time that a stream may hold back
 _DAY = 86_400_000  # ms
-_CLOCK_SET = 3600.0  # s by which time falls where a receiver's clock was set anew
+_CLOCK_SET = 3600.0  # s, step back of time that means a newly set clock
 _SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
 _FOREIGN = "bytes that are no sentence"
@@ -70,7 +70,7 @@ def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Dr
 class NmeaParser:
     """NMEA bytes in, fixes out, with bounded memory.
 
-    Feed whatever the receiver sends, in pieces of any size.  A fix comes out when its
+    Feed whatever the receiver sends, in chunks of any size.  A fix comes out when its
     burst has ended.  That is known from the first sentence of the next burst, from
     silence (`pause`), or from the burst's last sentence: a receiver that ended three
     bursts with one type of sentence ends the next one with it too.
@@ -196,7 +196,7 @@ class _BurstEnds:
         return done if self._tod is not None else len(found)
 
     def learn(self) -> None:
-        """The burst has ended, as silence or the next burst tells."""
+        """The burst has ended, as silence or the next burst shows."""
         if self._tod is None:
             return
         self._times = self._times + 1 if self._newest == self._seen else 1
@@ -217,7 +217,7 @@ class _Calendar:
     day: int = 0
     dated: bool = False
 
-    def days(self, tod: Array, said: Array) -> Ints:
+    def days(self, tod: Array, reported: Array) -> Ints:
         """The day of each sentence in log order.
 
         Time of day falling by more than half a day is midnight.  Days before the first
@@ -225,18 +225,18 @@ class _Calendar:
 
         Args:
             tod: Time of day, ms, shape (n,).
-            said: Day that this sentence's epoch says, NaN: none.
+            reported: Day that this sentence's epoch reports, NaN: none.
         """
         before = np.concatenate([[tod[0] if np.isnan(self.tod) else self.tod], tod[:-1]])
         step = tod - before
         midnights = np.cumsum((step < -_DAY / 2).astype(np.int64) - (step > _DAY / 2))
-        known = np.flatnonzero(~np.isnan(said))
+        known = np.flatnonzero(~np.isnan(reported))
         base = np.full(len(tod), self.day, np.int64)
         if len(known):
             latest = np.searchsorted(known, np.arange(len(tod)), side="right") - 1
             if not self.dated:
                 latest = np.maximum(latest, 0)
-            dates = said[known].astype(np.int64) - midnights[known]
+            dates = reported[known].astype(np.int64) - midnights[known]
             base = np.where(latest >= 0, dates[np.maximum(latest, 0)], base)
             self.dated = True
         days: Ints = base + midnights
@@ -254,7 +254,7 @@ def _late(epoch_of_run: Ints) -> Bools:
 
 
 def _report(sentences: Sentences, calendar: _Calendar, skipped: Skipped) -> Reported:
-    """What the epochs with a fix say, by time; NaN where no sentence says anything."""
+    """What the epochs with a fix report, by time; NaN where no sentence reports it."""
     timed = np.flatnonzero(~np.isnan(sentences.tod))
     if not len(timed):
         return Reported(time=np.empty(0), lat_deg=np.empty(0), lon_deg=np.empty(0))
@@ -292,19 +292,19 @@ def _report(sentences: Sentences, calendar: _Calendar, skipped: Skipped) -> Repo
 _DATE = COLUMNS.index("day")
 
 
-def _reported(time: Array, said: dict[str, Array], late: Bools, skipped: Skipped) -> Reported:
+def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Skipped) -> Reported:
     """The epochs with a fix: RMC's position where GGA gives none, GST's covariance."""
-    from_gga = ~np.isnan(said["quality"])
-    lat = np.where(from_gga, said["lat"], said["rmc_lat"])
-    lon = np.where(from_gga, said["lon"], said["rmc_lon"])
-    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(said["quality"] == 0)
+    from_gga = ~np.isnan(reported["quality"])
+    lat = np.where(from_gga, reported["lat"], reported["rmc_lat"])
+    lon = np.where(from_gga, reported["lon"], reported["rmc_lon"])
+    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(reported["quality"] == 0)
     keep(fix, _NO_FIX, skipped)
     if disordered := int(np.count_nonzero(late[fix])):
         skipped[BACKWARDS] += disordered
-    # RMC says when its speed is not to be trusted
-    speed = np.where(said["valid"] == 0, np.nan, said["speed"])
+    # RMC flags an invalid speed
+    speed = np.where(reported["valid"] == 0, np.nan, reported["speed"])
     ellipse = ("sigma_lat", "sigma_lon", "major", "minor", "orientation")
-    cov_ee, cov_en, cov_nn, doubt = from_gst(*(said[name] for name in ellipse))
+    cov_ee, cov_en, cov_nn, no_correlation = from_gst(*(reported[name] for name in ellipse))
     return Reported(
         time=time,
         lat_deg=lat,
@@ -312,8 +312,8 @@ def _reported(time: Array, said: dict[str, Array], late: Bools, skipped: Skipped
         cov_ee=cov_ee,
         cov_en=cov_en,
         cov_nn=cov_nn,
-        no_correlation=doubt,
-        hdop=said["hdop"],
+        no_correlation=no_correlation,
+        hdop=reported["hdop"],
         speed=speed,
-        bearing_deg=said["course"],
+        bearing_deg=reported["course"],
     ).rows(np.flatnonzero(fix))

@@ -17,14 +17,14 @@ from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .parsing import Bytes, decimal, hexadecimal
 
-LONGEST = 1024  # bytes from $ to checksum; the standard says 82, some receivers exceed it
+LONGEST = 1024  # bytes from $ to checksum; the standard allows 82, some receivers exceed it
 CHECKSUM = "wrong checksum"
 TRUNCATED = "sentence cut short"
 NUMBER = "unparsable number"
 PROPRIETARY = "proprietary sentence"
 SHORT = "too few fields"
 
-# What the sentences say: rows of a table of epochs.
+# What the sentences report: rows of a table of epochs.
 COLUMNS = (
     *("lat", "lon", "quality", "hdop"),  # GGA
     *("rmc_lat", "rmc_lon", "speed", "course", "day", "valid"),  # RMC; VTG, ZDA have some
@@ -40,7 +40,7 @@ class _Type:
     fewest: int  # fields that it must have
     numbers: tuple[int, ...]  # fields that are numbers, the time of day first
     letters: tuple[int, ...]  # fields of which the first letter is read
-    columns: tuple[int, ...]  # what it says, as rows of `COLUMNS`
+    columns: tuple[int, ...]  # what it reports, as rows of `COLUMNS`
     timed: bool = True
 
 
@@ -52,9 +52,9 @@ def _type(
     columns: str,
     timed: bool = True,
 ) -> _Type:
-    says = tuple(COLUMNS.index(column) for column in columns.split())
+    indices = tuple(COLUMNS.index(column) for column in columns.split())
     code = int.from_bytes(name.encode())
-    return _Type(code, fewest, tuple(numbers), tuple(letters), says, timed)
+    return _Type(code, fewest, tuple(numbers), tuple(letters), indices, timed)
 
 
 # Later types overwrite: GGA's position is the finer one, RMC's date and speed the surer.
@@ -76,7 +76,7 @@ class Sentences:
     Attributes:
         code: Three letters of the type as one number, shape (n,); all types.
         tod: Time of day, ms (whole numbers), shape (n,); NaN: none, or not read.
-        values: By type, what its sentences say, (columns of the type, sentences of the
+        values: By type, what its sentences report, (columns of the type, sentences of the
             type); NaN where a field is empty.
     """
 
@@ -124,7 +124,7 @@ def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences
         others: Counts good sentences of types that are not needed.
 
     Returns:
-        The sentences, and how many bytes look like no sentence.
+        The sentences, and how many bytes belong to no sentence.
     """
     text = np.frombuffer(data, np.uint8)
     start, star, foreign = _frames(text, skipped)
@@ -158,7 +158,7 @@ def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences
 def _read(
     fields: "_Fields", rows: dict[str, Ints], good: Bools, skipped: Skipped
 ) -> tuple[Array, dict[str, Array]]:
-    """Times of all sentences, and what those of `rows` say; bad ones leave `good`."""
+    """Times of all sentences, and what those of `rows` report; bad ones leave `good`."""
     spans = [fields.spans(rows[name], kind.numbers) for name, kind in TYPES.items()]
     begin = np.concatenate([s[0].ravel() for s in spans])
     number, wrong = decimal(fields.text, begin, np.concatenate([s[1].ravel() for s in spans]))
@@ -176,14 +176,14 @@ def _read(
             continue
         if kind.timed:
             tod[mine] = _time_of_day(numbers[0], bad)
-        said = _MEANING[name](numbers, fields.letters(mine, kind.letters), bad)
+        decoded = _MEANING[name](numbers, fields.letters(mine, kind.letters), bad)
         fine = keep(~bad, NUMBER, skipped)
         if kind.timed:
             fine = fine & keep(bad | ~np.isnan(tod[mine]), NO_TIME, skipped)
         if not fine.all():
             good[mine[~fine]] = False
-            said = said[:, fine]
-        values[name] = said
+            decoded = decoded[:, fine]
+        values[name] = decoded
     return tod, values
 
 
@@ -213,8 +213,8 @@ def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
         dollar, star, proprietary = dollar[whole], star[whole], proprietary[whole]
 
     running = np.bitwise_xor.accumulate(text) if len(text) else text
-    said, bad = hexadecimal(text, star + 1, 2)
-    good = ~bad & ((running[star - 1] ^ running[dollar]) == said)
+    decoded, bad = hexadecimal(text, star + 1, 2)
+    good = ~bad & ((running[star - 1] ^ running[dollar]) == decoded)
     keep(good, CHECKSUM, skipped)
     keep(~(good & proprietary), PROPRIETARY, skipped)
     good &= ~proprietary
@@ -294,9 +294,9 @@ def _gga(numbers: Array, letters: Bytes, bad: Bools) -> Array:
 def _rmc(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     valid = letters[0] == ord("A")
     place = _place(numbers[1:3], letters[1:], bad)
-    said = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
-    said[:5, ~valid] = np.nan  # receivers that search write anything
-    return said
+    decoded = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
+    decoded[:5, ~valid] = np.nan  # receivers that search write anything
+    return decoded
 
 
 def _gst(numbers: Array, letters: Bytes, bad: Bools) -> Array:

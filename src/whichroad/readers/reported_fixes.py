@@ -1,7 +1,7 @@
 """From what a receiver reported to `Fixes`: places checked, covariances chosen, rows in order.
 
 All formats that give positions end here, so that a covariance means the same from
-each.  NaN marks what a row does not say; none leaves this module.
+each.  NaN marks what a row does not report; none leaves this module.
 """
 
 from dataclasses import dataclass, fields
@@ -15,7 +15,7 @@ from ..observations import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, Geo
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
 
-SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that does not say
+SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
@@ -29,7 +29,7 @@ NOT_A_COVARIANCE = "covariance that is not one (settings' default used)"
 
 @dataclass(slots=True)
 class Reported:
-    """What the rows of a log say, NaN where they say nothing; shape (n,) each."""
+    """What the rows of a log report, NaN where nothing; shape (n,) each."""
 
     time: Array  # s since 1970 UTC
     lat_deg: Array
@@ -99,7 +99,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
 
     Impossible places are skipped, late rows put in order, repeated times dropped, all
     counted.  A fix without covariance gets HDOP times the range error, or the
-    settings' default, and a flag that says so.
+    settings' default, and a flag for it.
 
     Args:
         reported: The rows that carry a position.
@@ -115,7 +115,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
 def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
     """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked."""
     cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
-    # phones write -1 for what they do not know
+    # phones write -1 for unknown values
     speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
     course = r.bearing_deg
     course = _without(course, None if course is None else course == -1.0, NO_COURSE, skipped)
@@ -153,11 +153,11 @@ def _covariance(
     n = len(r.time)
     ee, nn, hdop = _column(r.cov_ee, n), _column(r.cov_nn, n), _column(r.hdop, n)
     en = np.zeros(n) if r.cov_en is None else r.cov_en
-    said = ~(np.isnan(ee) & np.isnan(nn))
+    given = ~(np.isnan(ee) & np.isnan(nn))
     with np.errstate(over="ignore", invalid="ignore"):
         good = (ee > 0) & (nn > 0) & (ee * nn > en * en) & np.isfinite(ee * nn)
-    keep(good | ~said, NOT_A_COVARIANCE, skipped)
-    by_hdop = ~said & (hdop > 0) & np.isfinite(hdop)
+    keep(good | ~given, NOT_A_COVARIANCE, skipped)
+    by_hdop = ~given & (hdop > 0) & np.isfinite(hdop)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
     flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
     if r.no_correlation is not None:

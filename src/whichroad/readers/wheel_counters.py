@@ -14,7 +14,7 @@ from .checks import Bools, Ints, Skipped, in_order, keep
 _JITTER = 0.02  # s, by which logged frames come too close together
 _GAP = 3.0  # usual intervals, beyond which a short counter may have wrapped more than once
 _RECENT = 10  # steps that give the speed across a gap
-_LARGEST = 2.0**53  # counts; beyond it floats no longer tell neighbours apart
+_LARGEST = 2.0**53  # counts; beyond it floats no longer resolve single counts
 JUMP = "wheel counter jumped (bridged)"
 NO_COUNT = "wheel counter beyond 2^53"
 
@@ -39,9 +39,9 @@ def cumulative(
         time: Increasing times of the readings, s, shape (n,).
         raw: The readings, counts.
         bits: Width of the counter; 0: it does not wrap.
-        metres_per_tick: Tells what step is possible.
+        metres_per_tick: Limits the possible steps.
         skipped: Counts the jumps.
-        reversing: Where the counter only counts up and a flag says the direction.
+        reversing: Where the counter only counts up and a flag gives the direction.
 
     Returns:
         Cumulative counts, beginning at the first reading.
@@ -73,7 +73,7 @@ def cumulative(
 
 
 def _nearest(step: Array, modulus: float, expected: Array) -> Array:
-    """The step nearest to the expected one among those that the counter cannot tell apart."""
+    """The step nearest to the expected one among those that the counter cannot distinguish."""
     return np.asarray(step + modulus * np.round((expected - step) / modulus))
 
 
@@ -92,16 +92,16 @@ def _bridge(step: Array, interval: Array, good: Bools) -> Array:
 
 
 def held(reversing: Reversing, time: Array) -> Bools:
-    """Whether the vehicle goes backwards at each time, as last said; forwards before."""
-    said_at, flag = reversing
-    if len(said_at) == 0:
+    """Whether the vehicle goes backwards at each time, as last reported; forwards before."""
+    flag_time, flag = reversing
+    if len(flag_time) == 0:
         return np.zeros(len(time), np.bool_)
-    index = np.searchsorted(said_at, time, side="right") - 1
+    index = np.searchsorted(flag_time, time, side="right") - 1
     return np.asarray((index >= 0) & flag[np.maximum(index, 0)])
 
 
 def _known(time: Array, value: Array, skipped: Skipped) -> tuple[Array, Array]:
-    """The readings that say something, by increasing time."""
+    """The readings that are not empty, by increasing time."""
     known = np.isfinite(time) & np.isfinite(value)
     time, value = time[known], value[known]
     rows: Ints = in_order(time, skipped)
@@ -141,7 +141,7 @@ def wheel_counts(
         vehicle: Gives the scales and, where `bits` is None, the width.
         skipped: Where to count.
         bits: Width of the counters; 0: they do not wrap.
-        reversing: Where they only count up and a flag says the direction.
+        reversing: Where they only count up and a flag gives the direction.
     """
     wheels = []
     scales = (vehicle.metres_per_tick_left, vehicle.metres_per_tick_right)

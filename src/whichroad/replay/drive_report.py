@@ -113,7 +113,7 @@ def _poses(recorded: RecordedMessages, at: NDArray[Any]) -> list[list[list[float
     """Poses of the alternatives, where there is a choice: p, edge, pose, ellipse."""
     rows: list[list[list[float | None]]] = []
     for k in at.tolist():
-        said = [
+        alternatives = [
             one for one in recorded.hypotheses(k) if one["lat"] is not None and one["p"] > 0.002
         ]
         rows.append(
@@ -123,9 +123,9 @@ def _poses(recorded: RecordedMessages, at: NDArray[Any]) -> list[list[list[float
                     round(one["lat"], 7), round(one["lon"], 7), round(one["bearing_deg"], 1),
                     *(round(one["ellipse"][n], 2) for n in ("major_m", "minor_m", "bearing_deg")),
                 ]
-                for one in said
+                for one in alternatives
             ]
-            if len(said) > 1
+            if len(alternatives) > 1
             else []
         )  # fmt: skip
     return rows

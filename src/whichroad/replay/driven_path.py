@@ -13,7 +13,7 @@ from ..observations import Array
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-FAR = 3.0  # s between points, from which on the way between them is drawn along the roads
+FAR = 3.0  # s between points, from which on the route between them is drawn along the roads
 AROUND = 2  # edges of the route before and behind one that are the same place, somewhat earlier
 COLUMNS = ("drive_id", "edge_id", "enter_time", "exit_time", "enter_m", "exit_m", "broken_rule")
 
@@ -56,18 +56,18 @@ class Route:
         return float(np.sum(self.exit_m - self.enter_m))
 
     def between(
-        self, time: Array, edge: NDArray[np.int64], abscissa: Array, roads: "RoadMap"
+        self, time: Array, edge: NDArray[np.int64], along: Array, roads: "RoadMap"
     ) -> dict[int, list[list[float]]]:
         """Where the route runs between points that are far apart in time.
 
         Args:
             time: (n,) of the points, s since 1970.
             edge: (n,) on which each was matched.
-            abscissa: (n,) m along it.
+            along: (n,) m along it.
             roads: The map.
 
         Returns:
-            By point: [lat, lon] of the vertices on the way to it from the point before.
+            By point: [lat, lon] of the vertices on the route to it from the point before.
         """
         after = np.flatnonzero(np.diff(time) >= FAR) + 1
         low = np.searchsorted(self.exit, time[after - 1], side="right")
@@ -81,11 +81,11 @@ class Route:
             (after, row == high[gap] - 1, end),
         ):
             own = where & (self.edge[row] == edge[at][gap])
-            cut[own] = abscissa[at][gap][own]
+            cut[own] = along[at][gap][own]
         x, y, first = roads.edge_lines(self.edge[row], begin, np.maximum(begin, end))
         lat, lon = roads.plane.to_geodetic(x, y)
         points = np.round(np.column_stack([lat, lon]), 6)
-        ways: dict[int, list[list[float]]] = {}
+        lines: dict[int, list[list[float]]] = {}
         ends = np.concatenate([[0], np.cumsum(count)])
         for k, a, b in zip(after.tolist(), first[ends[:-1]], first[ends[1:]], strict=True):
             if b > a:
@@ -93,8 +93,8 @@ class Route:
                 new = np.append(True, (line[1:] != line[:-1]).any(axis=1))
                 inner = line[new][1:-1]  # its ends are those of the points themselves
                 if len(inner):
-                    ways[k] = inner.tolist()
-        return ways
+                    lines[k] = inner.tolist()
+        return lines
 
     def near(self, time: float, edge: int) -> set[int]:
         """Edges of the route about a moment, where it drives along an edge then; else none.

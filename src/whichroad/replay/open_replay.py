@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from ..settings import Vehicle
     from ..tables.result import Result
 
-_LOOK = 1 << 16  # bytes at either end of a file in which the columns of points are named
+_ENDS = 1 << 16  # bytes at either end of a file in which the columns of points are named
 _END = 1e8  # s; a mask that is not over, below the ten years from which on times are absolute
 
 
 def is_points(path: str | Path) -> bool:
-    """Whether a file looks like points that `match` wrote, rather than a log."""
+    """Whether a file seems to hold points that `match` wrote, rather than a log."""
     path = Path(path)
     if path.suffix.lower() not in (".parquet", ".arrow", ".feather", ".csv", ".geojson", ".json"):
         return False
     try:
         with open(path, "rb") as file:
-            head = file.read(_LOOK)
-            file.seek(max(path.stat().st_size - _LOOK, 0))
-            return b"p_road" in head + file.read(_LOOK)
+            head = file.read(_ENDS)
+            file.seek(max(path.stat().st_size - _ENDS, 0))
+            return b"p_road" in head + file.read(_ENDS)
     except OSError:
         return False  # the reader will report the error
 

@@ -17,7 +17,7 @@ Remake = Callable[[list[Window]], RecordedMessages]
 
 TICK = 0.05  # s between updates of the clock
 FASTEST = 100.0  # multiple of real time for `as fast as possible`
-_MOMENT = 1e-3  # s; what is masked up to now is not masked now
+_MOMENT = 1e-3  # s, before now, where an open mask ends
 _LATER = 1e12  # s since 1970; a mask that is not over
 
 
@@ -49,7 +49,7 @@ class Player:
         self._windows: list[Window] = list(recorded.masked)
         self.position, self.speed, self.paused = position, 1.0, paused
         self._max = False
-        self._seq, self._shown, self._edition = 0, -1, 0
+        self._seq, self._sent, self._edition = 0, -1, 0
         self._changed = asyncio.Condition()
         self._making = asyncio.Lock()
         self.message: EstimateMessage = recorded.message(recorded.at(position), 0, self._play())
@@ -80,9 +80,9 @@ class Player:
         if self.position >= self.recorded.length:
             self.paused = True
         k = self.recorded.at(self.position)
-        if k == self._shown and not always:
+        if k == self._sent and not always:
             return
-        self._shown = k
+        self._sent = k
         self._seq += 1
         self.message = self.recorded.message(k, self._seq, self._play())
         async with self._changed:

@@ -129,18 +129,18 @@ class RecordedMessages:
         """
         if self.route is None or self._roads is None:
             return {}
-        abscissa = self.columns["abscissa_m"]
-        return self.route.between(self.time[at], self.edge[at], abscissa[at], self._roads)
+        along = self.columns["abscissa_m"]
+        return self.route.between(self.time[at], self.edge[at], along[at], self._roads)
 
     def track(self) -> tuple[Array, Array]:
         """Latitudes and longitudes of the track, along the roads between distant epochs."""
         known = np.flatnonzero(np.isfinite(self.columns["lat"]))
         lat, lon = self.columns["lat"][known], self.columns["lon"][known]
-        ways = self.between(known)
-        if not ways:
+        lines = self.between(known)
+        if not lines:
             return lat, lon
-        place = np.repeat(list(ways), [len(way) for way in ways.values()])
-        more = np.array([point for way in ways.values() for point in way])
+        place = np.repeat(list(lines), [len(line) for line in lines.values()])
+        more = np.array([point for line in lines.values() for point in line])
         return np.insert(lat, place, more[:, 0]), np.insert(lon, place, more[:, 1])
 
     @property
@@ -193,7 +193,7 @@ class RecordedMessages:
     def hypotheses(self, k: int) -> list[dict[str, Any]]:
         """The alternatives of epoch k, most probable first."""
         c = self.choices
-        said = []
+        found = []
         for j in range(c.edge.shape[1]):
             edge = int(c.edge[k, j])
             if edge == NONE or c.p[k, j] <= 0.0:
@@ -204,7 +204,7 @@ class RecordedMessages:
                 "minor_m": round(float(c.minor[k, j]), 3),
                 "bearing_deg": round(float(c.axis_deg[k, j]), 2),
             }
-            said.append(
+            found.append(
                 {
                     "p": round(float(c.p[k, j]), 6),
                     "edge_id": edge if edge >= 0 else None,
@@ -215,7 +215,7 @@ class RecordedMessages:
                     "ellipse": shape if known else None,
                 }
             )
-        return said
+        return found
 
     def _get(self, name: str, k: int) -> float | None:
         column = self.columns.get(name)

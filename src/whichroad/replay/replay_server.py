@@ -43,20 +43,20 @@ def replay_app(
     """
     crowd: set[WebSocket] = set()
 
-    async def show(looker: WebSocket) -> None:
+    async def show(viewer: WebSocket) -> None:
         if len(crowd) >= _CROWD:
-            return await looker.close(1013)
-        await looker.accept()
-        crowd.add(looker)
-        listening = asyncio.create_task(_listen(looker))
-        telling = asyncio.create_task(_tell(looker, player))
+            return await viewer.close(1013)
+        await viewer.accept()
+        crowd.add(viewer)
+        listening = asyncio.create_task(_listen(viewer))
+        sending = asyncio.create_task(_send_frames(viewer, player))
         try:
-            await asyncio.wait((listening, telling), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((listening, sending), return_when=asyncio.FIRST_COMPLETED)
         finally:
             listening.cancel()
-            telling.cancel()
-            await asyncio.gather(listening, telling, return_exceptions=True)
-            crowd.discard(looker)
+            sending.cancel()
+            await asyncio.gather(listening, sending, return_exceptions=True)
+            crowd.discard(viewer)
 
     async def control(request: Request) -> JSONResponse:
         return await _control(request, player)
@@ -117,20 +117,20 @@ def serve(app: Starlette, listener: socket.socket, page: str | None = None) -> N
     uvicorn.Server(config).run(sockets=[listener])
 
 
-async def _listen(looker: WebSocket) -> None:
+async def _listen(viewer: WebSocket) -> None:
     """Read until the viewer disconnects; its messages are ignored."""
     try:
         while True:
-            await looker.receive_text()
+            await viewer.receive_text()
     except (WebSocketDisconnect, RuntimeError, KeyError):
         return
 
 
-async def _tell(looker: WebSocket, player: Player) -> None:
+async def _send_frames(viewer: WebSocket, player: Player) -> None:
     try:
         async for message in player.messages():
             text = json.dumps(message, ensure_ascii=False, separators=(",", ":"))
-            await asyncio.wait_for(looker.send_text(text), _SLOW)
+            await asyncio.wait_for(viewer.send_text(text), _SLOW)
     except (WebSocketDisconnect, RuntimeError, TimeoutError, OSError):
         return
 

@@ -16,7 +16,7 @@ from ..settings import Vehicle
 if TYPE_CHECKING:
     from ..live.messages import ReckoningMessage, SensorMessage
 
-_LOOK = 5.0  # s over which a rate is told
+_RATE_WINDOW = 5.0  # s over which a rate is averaged
 _SILENT = 3.0  # s after which a sensor counts as silent
 _GAP = 5.0  # s without a fix after which wheels alone are shown
 _EMPTY = np.zeros(0)
@@ -91,55 +91,55 @@ class Signals:
 
     def sensors(self, time: float) -> "list[SensorMessage]":
         """Their health at a time."""
-        told: list[SensorMessage] = []
+        sensors: list[SensorMessage] = []
         motion = self.motion.time if self.motion is not None else _EMPTY
         for kind, times in (("gnss", self.fix_times), ("wheels", motion)):
             if not len(times):
                 continue
             count = int(np.searchsorted(times, time + 1e-6, side="right"))
-            recent = count - int(np.searchsorted(times, time - _LOOK, side="right"))
+            recent = count - int(np.searchsorted(times, time - _RATE_WINDOW, side="right"))
             age = time - float(times[count - 1]) if count else None
             ok = age is not None and age <= _SILENT
             state = "ok" if ok else "waiting" if age is None else "silent"
-            told.append(
+            sensors.append(
                 {
                     "name": kind, "kind": kind, "state": state, "ok": ok,
-                    "rate_hz": round(recent / _LOOK, 1),
+                    "rate_hz": round(recent / _RATE_WINDOW, 1),
                     "age_s": None if age is None else round(age, 2),
                     "count": count, "skipped": 0, "delay_s": None,
                 }
             )  # fmt: skip
-        return told
+        return sensors
 
-    def reckoning(self, said: Estimates, used: Array) -> Reckoning:
+    def reckoning(self, estimates: Estimates, used: Array) -> Reckoning:
         """Equation (1) of the paper through every gap, from the pose before it.
 
         Args:
-            said: The estimates.
+            estimates: The estimates.
             used: Times of the fixes that it was given.
         """
-        n = len(said.time)
+        n = len(estimates.time)
         out = Reckoning(*(np.full(n, np.nan) for _ in range(5)))
         motion = self.motion
         if motion is None or motion.turn is None or not len(self.fix_times):
             return out
-        edges = np.concatenate([used, said.time[-1:] + _GAP if n else used[:0]])
+        edges = np.concatenate([used, estimates.time[-1:] + _GAP if n else used[:0]])
         for begin, end in itertools.pairwise(edges):
             if end - begin <= _GAP:
                 continue
-            a, b = np.searchsorted(said.time, (begin, end))
-            if a < n and np.isfinite(said.columns["lat"][a]):
-                _reckon(motion, said, slice(int(a), min(int(b) + 1, n)), out)
+            a, b = np.searchsorted(estimates.time, (begin, end))
+            if a < n and np.isfinite(estimates.columns["lat"][a]):
+                _reckon(motion, estimates, slice(int(a), min(int(b) + 1, n)), out)
         return out
 
 
-def _reckon(motion: Motion, said: Estimates, rows: slice, out: Reckoning) -> None:
+def _reckon(motion: Motion, estimates: Estimates, rows: slice, out: Reckoning) -> None:
     """Integrate distance and turn from the pose of the first row on."""
     assert motion.turn is not None
-    time = said.time[rows]
+    time = estimates.time[rows]
     distance = np.interp(time, motion.time, motion.distance)
     turn = np.interp(time, motion.time, motion.turn)
-    lat0, lon0, bearing0 = (said.columns[n][rows.start] for n in ("lat", "lon", "bearing_deg"))
+    lat0, lon0, bearing0 = (estimates.columns[n][rows.start] for n in ("lat", "lon", "bearing_deg"))
     bearing = radians(bearing0) - (turn - turn[0])
     middle, step = 0.5 * (bearing[1:] + bearing[:-1]), np.diff(distance)
     east = np.concatenate([[0.0], np.cumsum(step * np.sin(middle))])

@@ -12,23 +12,25 @@ from .recorded_messages import RecordedMessages
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_APART = 3.0  # s; stretches closer than this are one
-_SHORT = 0.4  # s; shorter stretches are not listed
+_APART = 3.0  # s, gap below which stretches are joined
+_SHORT = 0.4  # s, shortest listed stretch
 _PLACES = 300
-_SURE = 0.9  # P of edges in a row from which on it is only a question of where
-_LOOK_AT = ("ambiguous", "outage", "off_road", "lost")
+_SURE = 0.9  # P of consecutive edges from which on only the position is unclear
+_UNCLEAR = ("ambiguous", "outage", "off_road", "lost")
 
 
 def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[dict[str, Any]]:
-    """Stretches that are worth a look, in order of time: doubts, and rules broken.
+    """Stretches to check, in order of time: unclear ones, and rules broken.
 
     To pass from one edge to the next makes both probable for a moment; that is no question.
     """
-    found = [place for word in _LOOK_AT for place in _doubts(recorded, roads, word)]
+    found = [place for word in _UNCLEAR for place in _unclear_stretches(recorded, roads, word)]
     return sorted(found + _broken(recorded), key=lambda place: float(place["begin"]))[:_PLACES]
 
 
-def _doubts(recorded: RecordedMessages, roads: "RoadMap | None", word: str) -> list[dict[str, Any]]:
+def _unclear_stretches(
+    recorded: RecordedMessages, roads: "RoadMap | None", word: str
+) -> list[dict[str, Any]]:
     """Stretches of one status."""
     time, p = recorded.time, np.nan_to_num(recorded.columns["p_road"])
     rows = np.flatnonzero(recorded.status == STATUS.index(word))
@@ -36,7 +38,7 @@ def _doubts(recorded: RecordedMessages, roads: "RoadMap | None", word: str) -> l
         rows = np.array([k for k in rows.tolist() if not _passes(recorded, roads, k)], np.int64)
     if not len(rows):
         return []
-    # what is said at an epoch holds until the next one
+    # an epoch's estimate holds until the next one
     last = np.append(time[1:], time[-1] + np.diff(time[-2:]).sum())
     apart = (np.diff(rows) > 1) & (np.diff(time[rows]) > _APART)
     places = []

@@ -15,7 +15,7 @@ Ints32 = NDArray[np.int32]
 
 _HALF = 2**31  # columns and rows count from -2³¹, as in `graph.index.cell_key`
 _AT_ONCE = 1 << 14  # segments; what they need while they are cut is a small part of the map
-_SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
+_SLACK = 1e-6  # m, bound of rounding errors at the border of a cell
 
 
 def build(x: Array, y: Array, first: Ints32, size: float) -> tuple[Ints, Ints32, Records]:
@@ -78,7 +78,7 @@ def _cell(at: Array, size: float) -> Ints32:
 
 
 def _counted(count: Ints32) -> tuple[Ints32, Ints32]:
-    """Each number as often as its count says, and which time it is, from 0."""
+    """Each number as often as its count, and which time it is, from 0."""
     number = np.repeat(np.arange(len(count), dtype=np.int32), count)
     begin = np.cumsum(count, dtype=np.int32) - count
     return number, np.arange(len(number), dtype=np.int32) - begin[number]

@@ -28,7 +28,7 @@ def chains(head: Ints32, cut: Bytes, out_first: Ints32, out: Ints32) -> tuple[In
     Returns:
         (C+1,) first place of each chain, and (2M,) halves in driving order.
     """
-    follows = _following(head, out_first, out)
+    successor = _following(head, out_first, out)
     last = cut[head] > 0
     at = np.flatnonzero(last.reshape(-1, 2)[:, ::-1].ravel()).astype(np.int32)
     count = len(at)
@@ -36,13 +36,13 @@ def chains(head: Ints32, cut: Bytes, out_first: Ints32, out: Ints32) -> tuple[In
     halves, chain = [at], [which]
     while len(at):  # all chains at once, one half further
         going = ~last[at]
-        at, which = follows[at[going]], which[going]
+        at, which = successor[at[going]], which[going]
         halves.append(at)
         chain.append(which)
     half, number = np.concatenate(halves), np.concatenate(chain)
     ordered = half[np.argsort(number, kind="stable")]
     length = np.bincount(number, minlength=count)
-    rings = _rings(ordered, follows)
+    rings = _rings(ordered, successor)
     return (
         np.cumsum(np.concatenate([[0], length, [len(r) for r in rings]])).astype(np.int32),
         np.concatenate([ordered, *rings]).astype(np.int32),
@@ -59,26 +59,26 @@ def _following(head: Ints32, out_first: Ints32, out: Ints32) -> Ints32:
     return following
 
 
-def _rings(done: Ints32, follows: Ints32) -> list[list[int]]:
+def _rings(done: Ints32, successor: Ints32) -> list[list[int]]:
     """Both directions of every ring without a junction."""
     rings: list[list[int]] = []
-    left = np.ones(len(follows), bool)
+    left = np.ones(len(successor), bool)
     left[done] = False
     for half in np.flatnonzero(left).tolist():
         if left[half]:
-            # the way back leaves the same node by the half that led there, driven back
-            ring = _round(half, follows)
-            pair = sorted((ring, _round(ring[-1] ^ 1, follows)))
+            # back, the same node is left by the half that led there, reversed
+            ring = _round(half, successor)
+            pair = sorted((ring, _round(ring[-1] ^ 1, successor)))
             rings += pair
             for found in pair:
                 left[found] = False
     return rings
 
 
-def _round(half: int, follows: Ints32) -> list[int]:
+def _round(half: int, successor: Ints32) -> list[int]:
     """The halves of a ring from one of them on."""
     ring = [half]
-    while (after := int(follows[ring[-1]])) != half:
+    while (after := int(successor[ring[-1]])) != half:
         ring.append(after)
     return ring
 
@@ -89,7 +89,7 @@ def end_headings(x: Array, y: Array, s: Array, first: Ints32, reach: float) -> t
     Args:
         x: (V,) m, plane.
         y: (V,) m.
-        s: (V,) abscissae, m.
+        s: (V,) along-track positions, m.
         first: (E+1,) first vertex of each edge.
         reach: Length of the chord along the edge, m; the whole edge where it is shorter.
 

@@ -21,9 +21,9 @@ from .turns import Graph, successors
 
 Ints32 = NDArray[np.int32]
 
-CELL_SIZE = 64.0  # m: about two search radii, so that a query looks into four cells
+CELL_SIZE = 64.0  # m: about two search radii, so that a query reads four cells
 REACH = 2.0e6  # m from the origin, up to which the plane's scale is good to 1e-4
-_LEAST = 1e-3  # m; a shorter segment has no direction worth the name
+_LEAST = 1e-3  # m, shortest segment with a meaningful direction
 _CHORD = 8.0  # m over which headings at a node are taken
 
 
@@ -33,7 +33,7 @@ class Pieces(NamedTuple):
     first: Ints32  # (E+1,)
     way: Ints32  # (P,) street
     forward: Bytes  # (P,) 1 where it is driven as it was drawn
-    start: Array  # (P,) abscissa at which it begins, true m
+    start: Array  # (P,) along-track position at which it begins, true m
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ def _drawn_once(half: _Halves, order: Ints, nodes: int) -> tuple[_Halves, int]:
 
     Each of its directions is that of the best street: one that is legal there, else open,
     then of the highest class, then the earliest.  Two one-way streets drawn on each other in
-    opposite directions so become one that is driven both ways, by two names.
+    opposite directions so become one that is driven in both directions, by two names.
 
     Args:
         half: All segments.
@@ -243,7 +243,7 @@ def _network(
     )  # fmt: skip
     edges.from_node, edges.to_node, edges.opposite = from_node, to_node, opposite
     edges.lane = np.where(rule & AGAINST_ONE_WAY, 0.0, streets.lane[way])
-    edges.lane_sigma = streets.lane_spread[way]
+    edges.lane_sigma = streets.lane_sigma[way]
     edges.rule, edges.service = rule, service
     edge_costs(edges, vertices)
     turn_costs(edges, turns.table)
@@ -262,7 +262,7 @@ def plane_record(curvature: float, cell_size: float) -> Records:
 
 
 def _shape(half: _Halves, chain_first: Ints32, chain: Ints32) -> tuple[Ints32, Ints32, Array]:
-    """First vertices of the edges, the nodes that are their vertices, and the abscissae.
+    """First vertices of the edges, the nodes that are their vertices, their positions along.
 
     Each edge has one vertex more than halves: their heads, after the tail of the first.
     """

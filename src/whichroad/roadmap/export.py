@@ -103,7 +103,7 @@ def _check(path: Any, roads: "RoadMap") -> None:
 def _parts(
     roads: "RoadMap", edge: Ints, enter: Array, leave: Array
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """Row of the path, and abscissae from and to, of each piece of a source road driven."""
+    """Row of the path, and begin and end along the edge, m, of each source road's part."""
     pieces = roads.pieces
     count = (pieces.first[edge + 1] - pieces.first[edge]).astype(np.int64)
     row = np.repeat(np.arange(len(edge)), count)

@@ -35,7 +35,7 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
 
     Args:
         sheet: The table.
-        crs: Coordinate system where the table does not tell.
+        crs: Coordinate system where the table does not name it.
         skipped: Counts what is left out, by reason.
 
     Returns:

@@ -16,7 +16,7 @@ from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts
 
 SNAP = 0.5  # m within which ends meet, and vertices are the same
-_ASTRAY = 100.0  # m from its node: more than half of the ends so far are no accident
+_FARTHEST = 100.0  # m, distance of an end from its node that counts as wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +95,14 @@ def _named(
     ends = np.stack([lines.first[:-1], lines.first[1:] - 1], axis=1).ravel()
     _, place = np.unique(code, return_index=True)
     home = ends[place]
-    astray = np.hypot(x[ends] - x[home[code]], y[ends] - y[home[code]])
-    if len(ends) == 0 or np.mean(astray > _ASTRAY) > 0.5:
+    distance = np.hypot(x[ends] - x[home[code]], y[ends] - y[home[code]])
+    if len(ends) == 0 or np.mean(distance > _FARTHEST) > 0.5:
         raise MapError(
-            f"{where}: more than half of the lines end over {_ASTRAY:g} m from the node that from "
-            "and to name; ids of nodes were expected there; rename these columns to have the "
+            f"{where}: more than half of the lines end over {_FARTHEST:g} m from the node that "
+            "from and to name; ids of nodes were expected there; rename these columns to have the "
             "nodes found from the geometry"
         )
-    far = astray > SNAP
+    far = distance > SNAP
     if far.any():
         skipped["ends drawn on to their node"] = int(far.sum())
     own = np.ones(len(x), bool)
@@ -172,7 +172,7 @@ def _inferred(drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints) -> Li
 
 def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Ints:
     """For each vertex the one that stands for all that meet there."""
-    # feet first: of what meets, the first says where, and a line that is met stays straight
+    # feet first: of what meets, the first decides where, and a line that is met stays straight
     outer = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
     ends = np.concatenate([feet, outer])
     end_x, end_y = x[ends], y[ends]

@@ -14,7 +14,7 @@ from . import tags as meaning
 from .streets import Column, Restriction, Streets, Texts
 
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osh.pbf", ".xml")
-_UNDEFINED = 2**31 - 1  # what osmium says of a node that the extract lacks
+_UNDEFINED = 2**31 - 1  # osmium's coordinate of a node that the extract lacks
 _CARS = ("motorcar", "motor_vehicle")
 # what no car passes; gates and their like may stand open
 _BARRIERS = ("bollard", "block", "jersey_barrier", "log", "cycle_barrier", "debris")
@@ -117,8 +117,8 @@ class _Ways:
         if not long:
             self.skipped["ways of fewer than two nodes"] += 1
             return
-        told = tuple(map(tags.get, _KEYS))
-        kind = self.kinds.get(told) or self.kinds.setdefault(told, _Kind(tags))
+        values = tuple(map(tags.get, _KEYS))
+        kind = self.kinds.get(values) or self.kinds.setdefault(values, _Kind(tags))
         name = tags.get("name") or tags.get("ref") or ""
         name = self.words.setdefault(name, name)
         for run in long:
@@ -172,7 +172,7 @@ class _Ways:
             rule_backward=np.array([r.backward for r in rows], dtype=np.uint8),
             speed=np.array([r.speed for r in rows]),
             lane=np.array([r.lane for r in rows]),
-            lane_spread=np.array([r.lane_spread for r in rows]),
+            lane_sigma=np.array([r.lane_sigma for r in rows]),
             service=np.array([r.highway == "service" for r in rows], dtype=np.uint8),
             highway=Texts.of([r.highway for r in rows]),
             columns={
@@ -186,7 +186,7 @@ class _Ways:
         )  # fmt: skip
 
 
-# the tags that `_Kind` and what it calls look at
+# the tags that `_Kind` and what it calls read
 _KEYS = (
     "highway", "junction", "oneway", "oneway:motor_vehicle", "motorcar", "motor_vehicle",
     "vehicle", "access", "maxspeed", "lanes", "width", "layer", "bridge", "tunnel",
@@ -197,7 +197,7 @@ class _Kind:
     """The meaning of a way's tags; a city's ways are of few kinds."""
 
     __slots__ = (
-        "access", "backward", "bridge", "forward", "highway", "lane", "lane_spread", "lanes",
+        "access", "backward", "bridge", "forward", "highway", "lane", "lane_sigma", "lanes",
         "layer", "limit", "oneway", "ring", "speed", "tunnel", "width",
     )  # fmt: skip
 
@@ -219,7 +219,7 @@ class _Kind:
         self.lane = meaning.lane_offset(
             self.highway, self.oneway == 0, self.lanes, self.width, self.ring
         )
-        self.lane_spread = meaning.lane_spread(self.highway, self.oneway == 0, self.lanes)
+        self.lane_sigma = meaning.lane_sigma(self.highway, self.oneway == 0, self.lanes)
 
 
 def _columns(rows: list[_Kind]) -> dict[str, Column]:

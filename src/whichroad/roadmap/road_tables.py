@@ -18,7 +18,7 @@ from .streets import Column, Streets, Texts, take
 
 T = TypeVar("T", bound=Hashable)
 
-# what is looked for under which names, the first that is there wins; case does not matter
+# accepted column names by meaning; the first that is there wins; case does not matter
 NAMES = {
     "source_id": ("id", "edge_id", "link_id", "osmid", "osm_id", "way_id", "fid", "gid", "ogc_fid"),
     "from": ("from", "from_node", "u", "source", "from_id", "from_node_id", "node_from"),
@@ -37,7 +37,7 @@ NAMES = {
     "junction": ("junction", "roundabout"),
     "access": ("access",),
 }
-_DIRECTED_SHARE = 0.1  # of rows that have an opposite row: then rows are directions
+_DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
     "11": "motorway", "12": "motorway_link", "13": "trunk", "14": "trunk_link",
@@ -57,7 +57,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
 
     Args:
         table: GeoDataFrame, Arrow table, or path.
-        crs: Coordinate system where the table does not tell.
+        crs: Coordinate system where the table does not name it.
         directed: Whether a row is one direction only; None: found out.
 
     Returns:
@@ -152,13 +152,13 @@ def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
 def _one_way(
     sheet: Sheet, rows: NDArray[np.int64], skipped: Counter[str]
 ) -> NDArray[np.int8] | None:
-    """1 where a row may be driven as drawn only, -1 the other way only, 0 both; None: unsaid."""
+    """1 where a row may be driven as drawn only, -1 against it only, 0 both; None: unknown word."""
     column = _find(sheet, "oneway")
     if column is not None:
-        said = _each(column[rows], meaning.oneway_word)
-        if unknown := said.count(None):
+        words = _each(column[rows], meaning.oneway_word)
+        if unknown := words.count(None):
             skipped["one-way words that were not understood (taken as two-way)"] += unknown
-        return np.array([word or 0 for word in said], dtype=np.int8)
+        return np.array([word or 0 for word in words], dtype=np.int8)
     back = _find(sheet, "reverse_cost")
     if back is None:
         return None
@@ -218,7 +218,7 @@ def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Count
         links.lat_deg, links.lon_deg, links.node_id, first, node,
         rule_forward=rules[:, 0].astype(np.uint8), rule_backward=rules[:, 1].astype(np.uint8),
         speed=tags.speed, lane=tags.lane(oneway),
-        lane_spread=tags.lane_spread(oneway), service=(tags.service).astype(np.uint8),
+        lane_sigma=tags.lane_sigma(oneway), service=(tags.service).astype(np.uint8),
         highway=Texts.of(tags.highway), columns=columns, skipped=dict(skipped),
     )  # fmt: skip
 
@@ -262,10 +262,10 @@ class _Tags:
         values = zip(self.highway, oneway == 0, self.lanes, self.width, self.ring, strict=True)
         return np.array([meaning.lane_offset(*v) for v in values], dtype=np.float64)
 
-    def lane_spread(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
+    def lane_sigma(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
         """Sigma of the lane driven in, m."""
         values = zip(self.highway, oneway == 0, self.lanes, strict=True)
-        return np.array([meaning.lane_spread(*v) for v in values], dtype=np.float64)
+        return np.array([meaning.lane_sigma(*v) for v in values], dtype=np.float64)
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""

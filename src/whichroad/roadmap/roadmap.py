@@ -31,7 +31,7 @@ class Near(NamedTuple):
     """Edges near a point, closest first: (n,) each."""
 
     edge: Ints
-    s: Array  # abscissa of the closest point, true m
+    s: Array  # along-track position of the closest point, true m
     lateral: Array  # signed distance, positive where the point is right of the edge, true m
     distance: Array  # true m
 
@@ -89,7 +89,7 @@ class RoadMap:
         Args:
             table: GeoDataFrame, Arrow table, or path to GeoParquet, GeoJSON, CSV with WKT, or
                 whatever geopandas reads.
-            crs: Coordinate system of the geometry where the table does not tell, as pyproj
+            crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
                 has no column on one-way roads and rows come in opposite pairs.
@@ -143,16 +143,16 @@ class RoadMap:
 
     def near(self, x: float, y: float, radius: float) -> Near:
         """Every directed edge within `radius` true metres of a plane point, closest first."""
-        room = 64
+        capacity = 64
         while True:
-            found = records(room, index.CANDIDATE)
+            found = records(capacity, index.CANDIDATE)
             n = index.near(self.arrays, x, y, radius, found)
-            if n < room:
+            if n < capacity:
                 return Near(*(np.ascontiguousarray(found[name][:n]) for name in Near._fields))
-            room *= 4
+            capacity *= 4
 
     def at(self, edge: int, s: float) -> tuple[float, float, float]:
-        """Plane point and heading (rad) at abscissa s (true m) of an edge.
+        """Plane point and heading (rad) at along-track position s (true m) of an edge.
 
         Beyond the ends the edge is prolonged.
         """
@@ -167,8 +167,8 @@ class RoadMap:
 
         Args:
             edge: Directed edge.
-            start: Abscissa from which on; None: its beginning.
-            end: Abscissa up to which, not less than start; None: its end.
+            start: Along-track position from which on; None: its beginning.
+            end: Along-track position up to which, not less than start; None: its end.
         """
         row = self.arrays.edges[edge]
         vertices = self.arrays.vertices[row["first_vertex"] : row["last_vertex"] + 1]
@@ -186,8 +186,8 @@ class RoadMap:
 
         Args:
             edge: (n,) directed edges.
-            start: (n,) abscissae from which on; 0 and less: the edge's beginning.
-            end: (n,) abscissae up to which, not less than `start`.
+            start: (n,) along-track positions from which on; 0 and less: the edge's beginning.
+            end: (n,) along-track positions up to which, not less than `start`.
 
         Returns:
             x and y (m) of all vertices, and (n + 1,) where each line's begin.
@@ -232,22 +232,22 @@ class RoadMap:
         return self._reach
 
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
-        """Place in `pieces` of the street at abscissae s of edges, (n,) each or scalars."""
+        """Place in `pieces` of the street at positions s along edges, (n,) each or scalars."""
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
-        abscissae = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
+        along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
         found = np.empty(len(edges), np.int64)
         topology.find_pieces(
-            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(abscissae), found
+            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(along), found
         )
         return found
 
     def source(self, edge: int, s: float) -> tuple[int | str, bool]:
-        """The source's id of the road at abscissa s, and whether it is driven as it was drawn."""
+        """The source's id of the road at position s along, and whether it is driven as drawn."""
         ids, forward = self.sources([edge], [s])
         return ids[0], bool(forward[0])
 
     def sources(self, edge: ArrayLike, s: ArrayLike) -> tuple[list[int | str], NDArray[np.bool_]]:
-        """`source` of (n,) edges and abscissae."""
+        """`source` of (n,) edges and along-track positions."""
         return self.drawn_as(self.piece(edge, s))
 
     def drawn_as(self, piece: Ints) -> tuple[list[int | str], NDArray[np.bool_]]:
@@ -274,7 +274,7 @@ class RoadMap:
         return int(edge)
 
     def attributes(self, edge: int, s: float | None = None) -> dict[str, Any]:
-        """What is known of the road at abscissa s (None: of the edge's longest piece).
+        """What is known of the road at along-track position s (None: of the edge's longest piece).
 
         Absent values are None.
         """
@@ -344,14 +344,14 @@ class RoadMap:
         """A path with one row for each road of the source (OpenStreetMap way, row of a table).
 
         An edge between junctions may be of several, of which `source_id` of the path names the
-        middle one.  Within an edge its mean speed tells when each was entered.
+        middle one.  Within an edge a constant speed gives when each was entered.
 
         Args:
             path: Of `match` or `match_many` on this map, a GeoDataFrame or an Arrow table.
 
         Returns:
             The same kind of table, in driving order, without `from_node` and `to_node`; `seq` and
-            `edge_id` are those of the edge, `enter_m` and `exit_m` abscissae on it.
+            `edge_id` are those of the edge, `enter_m` and `exit_m` along-track positions on it.
 
         Raises:
             MapError: It is no path, or of another map.

@@ -21,7 +21,7 @@ class Sheet:
     where: str  # what to call it in messages
     columns: dict[str, NDArray[Any]]  # (n,) each, by lower-case name
     geometry: NDArray[Any]  # (n,) shapely geometries or None
-    crs: Any  # as pyproj takes it; None: unsaid
+    crs: Any  # as pyproj takes it; None: not given
     bad: int = 0  # geometries that could not be understood, now None
 
     @property
@@ -105,7 +105,7 @@ def _read_csv(path: Path) -> Any:
 
 
 def _from_arrow(table: Any, where: str) -> Sheet:
-    """The sheet of an Arrow table; GeoParquet's metadata tell geometry and system."""
+    """The sheet of an Arrow table; GeoParquet's metadata name geometry and system."""
     metadata = (table.schema.metadata or {}).get(b"geo")
     name, crs = None, None
     if metadata:

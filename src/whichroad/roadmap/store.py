@@ -35,7 +35,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def _kind(dtype: np.dtype[Any]) -> Any:
-    """A type as JSON can say it: of records their fields, gaps between them included."""
+    """A type as JSON can hold it: of records their fields, gaps between them included."""
     return dtype.str if dtype.names is None else [list(field) for field in dtype.descr]
 
 
@@ -51,7 +51,7 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
 
     Args:
         path: Where to; an existing file is replaced.
-        about: What JSON can say of the map.
+        about: Description of the map, as JSON can hold it.
         arrays: By name.
 
     Raises:
@@ -104,7 +104,7 @@ def read(path: Path) -> tuple[dict[str, Any], Arrays]:
         path: A file that `write` made.
 
     Returns:
-        What JSON said of it, and the arrays.
+        The description, and the arrays.
 
     Raises:
         MapError: It cannot be read, is another kind of file, of another version, cut short

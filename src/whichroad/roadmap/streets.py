@@ -94,7 +94,7 @@ class Streets:
     rule_backward: Bytes  # (W,)
     speed: Array  # (W,) m/s
     lane: Array  # (W,) m right of the centre line, in legal directions
-    lane_spread: Array  # (W,) m, sigma of the lane driven in
+    lane_sigma: Array  # (W,) m, sigma of the lane driven in
     service: Bytes  # (W,)
     highway: Texts  # (W,)
     columns: dict[str, Column]  # (W,) each: source_id, name, ...

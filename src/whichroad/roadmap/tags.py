@@ -25,7 +25,7 @@ CLASS_SPEED_KMH = {
     "service": 15.0,
 }
 DEFAULT_SPEED_KMH = 40.0
-WIDE = frozenset({"", "motorway", "trunk"})  # two lanes in a direction, unless told
+WIDE = frozenset({"", "motorway", "trunk"})  # two lanes in a direction, unless tagged
 NARROW = frozenset({"residential", "living_street", "service"})
 
 OPEN, LIMITED, CLOSED = 0, 1, 2
@@ -45,7 +45,7 @@ _ZONES_KMH = {
 }
 _COUNTRY_ZONES_KMH = {"de:rural": 100.0, "at:rural": 100.0, "de:living_street": 7.0}
 _NUMBER = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(km/h|kmh|kph|mph|knots|m|ft|'|lanes)?", re.IGNORECASE)
-_ABSURD = 1e4  # neither km/h nor m of any road
+_ABSURD = 1e4  # bound of plausible speeds (km/h) and widths (m)
 _FACTORS = {"mph": 1.609344, "knots": 1.852, "ft": 0.3048, "'": 0.3048}
 _YES = frozenset({"yes", "true", "1", "t", "y", "1.0", "f", "forward", "ft"})
 _REVERSE = frozenset({"-1", "reverse", "backward", "-1.0", "tf"})
@@ -148,7 +148,7 @@ def lane_offset(highway: str, both_ways: bool, lanes: float, width: float, ring:
     return 1.5 if lanes >= 2.0 and not ring else 0.0
 
 
-def lane_spread(highway: str, both_ways: bool, lanes: float) -> float:
+def lane_sigma(highway: str, both_ways: bool, lanes: float) -> float:
     """Sigma of which lane is driven in, m: w sqrt((n² − 1) / 12) for n lanes of w = 3.3 m.
 
     Without a number of lanes, wide classes and unknown ones have two in a direction.

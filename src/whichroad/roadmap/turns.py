@@ -17,8 +17,8 @@ Ints32 = NDArray[np.int32]
 _STRAIGHT = radians(34.0)
 _SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
-_TURN_ROUND_ON_THE_WAY = 1e-4  # where there is no junction
-_SERVED = 500.0  # m; of a shorter dead end fewer drives are bound for
+_U_TURN_MID_ROAD = 1e-4  # prior of a U-turn where there is no junction
+_SERVED = 500.0  # m, length from which on a dead end attracts full traffic
 _INTO_SERVICE = 0.3
 WRONG_WAY = 2e-4
 
@@ -105,7 +105,7 @@ def _priors(
     dead_end &= graph.opposite >= 0
     weight *= np.where(dead_end[edge], np.minimum(graph.length[edge] / _SERVED, 1.0), 1.0)
     weight[(broken & U_TURN) > 0] = _TURN_ROUND
-    weight[((broken & U_TURN) > 0) & (ways == 2)] = _TURN_ROUND_ON_THE_WAY
+    weight[((broken & U_TURN) > 0) & (ways == 2)] = _U_TURN_MID_ROAD
     weight[(graph.service[edge] > 0) & (graph.service[origin] == 0)] *= _INTO_SERVICE
     # who is on a closed road already does not break the rule again at each junction
     closed = graph.rule & NO_ACCESS > 0

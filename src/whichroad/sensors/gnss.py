@@ -34,7 +34,7 @@ LEAST_SIGMA = 0.01  # m; a receiver that claims less claims too much
 def fix_row(
     fix: GeoFix, plane: Plane, default_sigma: float
 ) -> tuple[tuple[float, float, float, float, float], float, float]:
-    """One fix in the plane, as `fix_rows` says it, without the price of arrays.
+    """One fix in the plane, as `fix_rows` makes it, without the cost of arrays.
 
     Args:
         fix: Geodetic; an infinite covariance stands for one that was not reported.

@@ -23,11 +23,11 @@ LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
 Skipped = dict[str, int]
 
 
-def validated(said: Observation, skipped: Skipped) -> Observation | None:
+def validated(observation: Observation, skipped: Skipped) -> Observation | None:
     """The observation without impossible parts; None: it is impossible altogether.
 
     Args:
-        said: The observation.
+        observation: The observation.
         skipped: Counts what is impossible, by reason.
 
     Raises:
@@ -35,25 +35,25 @@ def validated(said: Observation, skipped: Skipped) -> Observation | None:
             seconds since 1970.
     """
     try:
-        if not math.isfinite(said.time):
+        if not math.isfinite(observation.time):
             _count("no time", skipped)
             return None
-        if said.time >= LATEST:
+        if observation.time >= LATEST:
             raise ReadError(
-                f"observation: time is {said.time:g}; seconds since 1970 were expected; are these "
-                "milliseconds?"
+                f"observation: time is {observation.time:g}; seconds since 1970 were expected; "
+                "are these milliseconds?"
             )
-        if isinstance(said, GeoFix):
-            return _fix(said, skipped)
-        why = _wrong(said)
+        if isinstance(observation, GeoFix):
+            return _fix(observation, skipped)
+        why = _wrong(observation)
         if why is None:
-            return said
+            return observation
         _count(why, skipped)
         return None
     except (AttributeError, TypeError):
         raise ReadError(
-            f"observation: {str(said)[:80]} was given; a GeoFix, WheelTicks, WheelSpeed, SpeedYaw "
-            "or Distance of numbers was expected, its time in seconds since 1970 "
+            f"observation: {str(observation)[:80]} was given; a GeoFix, WheelTicks, WheelSpeed, "
+            "SpeedYaw or Distance of numbers was expected, its time in seconds since 1970 "
             "(datetime.timestamp())"
         ) from None
 
@@ -85,19 +85,19 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
     return fix
 
 
-def _wrong(said: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | None:
+def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | None:
     """Why an odometry reading is impossible; None: it is valid."""
-    if isinstance(said, WheelSpeed):
-        if not (abs(said.left) <= FASTEST and abs(said.right) <= FASTEST):
+    if isinstance(observation, WheelSpeed):
+        if not (abs(observation.left) <= FASTEST and abs(observation.right) <= FASTEST):
             return f"wheel speed beyond {FASTEST:g} m/s"
-    elif isinstance(said, SpeedYaw):
-        if not abs(said.speed) <= FASTEST:
+    elif isinstance(observation, SpeedYaw):
+        if not abs(observation.speed) <= FASTEST:
             return f"speed beyond {FASTEST:g} m/s"
-        if not abs(said.yaw_rate) <= SPINNING:
+        if not abs(observation.yaw_rate) <= SPINNING:
             return f"yaw rate beyond {SPINNING:g} rad/s"
-    elif isinstance(said, WheelTicks):
-        if not (math.isfinite(said.left) and math.isfinite(said.right)):
+    elif isinstance(observation, WheelTicks):
+        if not (math.isfinite(observation.left) and math.isfinite(observation.right)):
             return "no wheel count"
-    elif not math.isfinite(said.distance):
+    elif not math.isfinite(observation.distance):
         return "no distance"
     return None

@@ -24,8 +24,8 @@ MASK_M = 1500.0  # m without GPS, as in the paper's Figure 9
 _MASK_FROM = 300.0  # m behind the roundabout
 _DARK_FORK = (-60.0, 400.0)  # m about the fork: no GPS after the junction, Figure 11
 _TO_SIDE_LANE = 13.0  # m, where the mask ends the fixes lie on the road beside: Figure 10
-_PULL_TIME = 15.0  # s over which that wears off
-_PULL_REPORTED = 6.0  # m, what the receiver says of it
+_PULL_TIME = 15.0  # s, decay time of that offset
+_PULL_REPORTED = 6.0  # m, sigma that the receiver reports meanwhile
 
 THROUGH = (
     *("old 1 4", "old 0 3", "old 0 1", "old 1 1", "old 2 1", "old 2 2", "old 4 2"),

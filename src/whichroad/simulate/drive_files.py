@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _COUNTER_BITS = 16
 _KMH = 0.01  # km/h, one step of the wheel speeds on the bus
-_FORWARD, _STANDING = 4, 0  # what the gear signal says
+_FORWARD, _STANDING = 4, 0  # values of the gear signal
 
 SIGNALS = {
     "wheel_rl_ticks": "WheelTicksRearLeft",
@@ -234,7 +234,7 @@ def truth_table(drive: SimulatedDrive, roads: "RoadMap") -> "pa.Table":
             "lon": lon,
             "bearing_deg": bearing,
             "edge_id": t.edge,
-            "abscissa_m": t.abscissa,
+            "abscissa_m": t.along,
             "speed_mps": t.speed,
             "on_road": np.ones(len(t), dtype=bool),
             "map_lat": map_lat,

@@ -65,7 +65,7 @@ def smooth(values: Array, sigma: float) -> Array:
 
 
 def _centre_line(roads: Roads, edges: Edges) -> tuple[Array, Array, Array, Array]:
-    """Grid abscissa, x, y of the route's centre lines, and where each edge begins."""
+    """Grid of positions along, x, y of the route's centre lines, and where each edge begins."""
     entry = np.concatenate([[0.0], np.cumsum(roads.edges.length[edges])])
     rows = roads.edges[edges]
     ranges = zip(rows.first_vertex.tolist(), rows.last_vertex.tolist(), strict=True)

@@ -41,7 +41,7 @@ class MapBuilder:
         return len(self.places)  # ids begin at 1
 
     def way(self, names: Sequence[str], highway: str, **tags: str) -> int:
-        """Draw a street of straight pieces through named places; returns its number."""
+        """Draw a street of straight lines through named places; returns its number."""
         return self._way([self.names[n] for n in names], highway, tags)
 
     def curve(self, names: Sequence[str], highway: str, **tags: str) -> int:

@@ -31,7 +31,7 @@ def _legal_turns(roads: Roads) -> tuple[Edges, Edges]:
     return origin[ok], turns.edge[ok].astype(np.int64)
 
 
-def _reached(start: int, first: Edges, follow: Edges, count: int) -> NDArray[np.bool_]:
+def _reached(start: int, first: Edges, successors: Edges, count: int) -> NDArray[np.bool_]:
     """Edges that can be reached from `start`, breadth first."""
     seen = np.zeros(count, dtype=bool)
     seen[start] = True
@@ -39,7 +39,7 @@ def _reached(start: int, first: Edges, follow: Edges, count: int) -> NDArray[np.
     while len(front):
         many = first[front + 1] - first[front]
         steps = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        found = np.unique(follow[np.repeat(first[front], many) + steps])
+        found = np.unique(successors[np.repeat(first[front], many) + steps])
         front = found[~seen[found]]
         seen[front] = True
     return seen
@@ -97,17 +97,17 @@ def _walk(
     before = 0.0  # rad turned just now
     while driven < length_m:
         turns = _turns_of(roads, edge)
-        follow = turns.edge
-        p = turns.prior * np.where(service[follow] > 0, _SERVICE, 1.0)
-        p *= (turns.rule == 0) & allowed[follow] & (follow != opposite[edge])
+        successors = turns.edge
+        p = turns.prior * np.where(service[successors] > 0, _SERVICE, 1.0)
+        p *= (turns.rule == 0) & allowed[successors] & (successors != opposite[edge])
         bend = turns.angle.astype(float)
         p *= np.abs(bend) < _SHARPEST
         p *= np.where(np.abs(bend + before) < _SHARPEST, 1.0, _BACK)
-        p = p * np.array([_AGAIN ** visits.get(int(e), 0) for e in follow])
+        p = p * np.array([_AGAIN ** visits.get(int(e), 0) for e in successors])
         if not p.sum() > 0:
             break
-        pick = int(random.choice(len(follow), p=p / p.sum()))
-        edge = int(follow[pick])
+        pick = int(random.choice(len(successors), p=p / p.sum()))
+        edge = int(successors[pick])
         before = float(bend[pick]) if length[edge] < _SHORT_LINK_M else 0.0
         visits[edge] = visits.get(edge, 0) + 1
         route.append(edge)
@@ -176,26 +176,26 @@ def shortest_route(roads: Roads, nodes: Sequence[int]) -> Edges:
             starts = np.flatnonzero(
                 (roads.edges.from_node == begin) & (roads.edges.rule == 0)
             ).tolist()
-        leg = _shortest_leg(roads, starts, end)
-        if not leg:
+        edges = _shortest_route(roads, starts, end)
+        if not edges:
             raise MapError(
-                f"map of {len(roads.edges)} directed edges: no legal way from junction {begin} "
+                f"map of {len(roads.edges)} directed edges: no legal route from junction {begin} "
                 f"to {end}; a connected pair was expected; choose other places"
             )
-        route += leg
+        route += edges
     return np.array(route, dtype=np.int64)
 
 
 def _turns(roads: Roads, edge: int) -> list[int]:
-    """Edges that may legally follow, the way back not among them."""
+    """Edges that may legally follow, turning back not among them."""
     turns = _turns_of(roads, edge)
-    follow = turns.edge
-    ok = (turns.rule == 0) & (roads.edges.rule[follow] == 0)
-    found: list[int] = follow[ok & (follow != roads.edges.opposite[edge])].tolist()
+    successors = turns.edge
+    ok = (turns.rule == 0) & (roads.edges.rule[successors] == 0)
+    found: list[int] = successors[ok & (successors != roads.edges.opposite[edge])].tolist()
     return found
 
 
-def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
+def _shortest_route(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
     """Shortest run of edges from one of `starts` to one that ends at junction `end`."""
     length_of, to_node = roads.edges.length, roads.edges.to_node
     queue = [(float(length_of[e]), e, -1) for e in starts]
@@ -207,12 +207,12 @@ def _shortest_leg(roads: Roads, starts: Sequence[int], end: int) -> list[int]:
             continue
         came_from[edge] = before
         if to_node[edge] == end:
-            leg = []
+            edges = []
             while edge >= 0:
-                leg.append(edge)
+                edges.append(edge)
                 edge = came_from[edge]
-            return leg[::-1]
-        for follow in _turns(roads, edge):
-            if follow not in came_from:
-                heapq.heappush(queue, (length + float(length_of[follow]), follow, edge))
+            return edges[::-1]
+        for successor in _turns(roads, edge):
+            if successor not in came_from:
+                heapq.heappush(queue, (length + float(length_of[successor]), successor, edge))
     return []

@@ -11,7 +11,7 @@ from .lateral_profile import gauss_markov
 from .simulation_settings import SimulationSettings
 
 _COURSE_FROM = 1.0  # m/s, below which a receiver reports no course
-_COUNTER = 65536  # a counter has been running since the car was built
+_COUNTER = 65536  # largest initial count
 
 
 class Wheels(NamedTuple):
@@ -103,7 +103,7 @@ class Pull(NamedTuple):
 
 
 class Jump(NamedTuple):
-    """A receiver that is elsewhere for a while, and says nothing of it."""
+    """A receiver that is elsewhere for a while, without reporting it."""
 
     begin: float  # m driven where it begins
     east: float  # m
@@ -112,7 +112,7 @@ class Jump(NamedTuple):
 
 
 class GnssErrors(NamedTuple):
-    """Errors of a drive's fixes, east and north in m, and what the receiver says of them."""
+    """Errors of a drive's fixes, east and north in m, and their reported sigmas."""
 
     east: Array  # (n,)
     north: Array
@@ -155,16 +155,16 @@ def gnss_errors(
         during = (time >= begin) & (time < begin + random.exponential(settings.multipath_time))
         error[during] += random.normal(0.0, settings.multipath_sigma, 2)
         false |= during
-    says = settings.gnss_reported * np.exp(
+    reported = settings.gnss_reported * np.exp(
         random.normal(0.0, settings.gnss_reported_spread, len(time))
     )
     shape = stretch @ stretch.T
     return GnssErrors(
         error[:, 0],
         error[:, 1],
-        says**2 * shape[0, 0],
-        says**2 * shape[0, 1],
-        says**2 * shape[1, 1],
+        reported**2 * shape[0, 0],
+        reported**2 * shape[0, 1],
+        reported**2 * shape[1, 1],
         false,
     )
 

@@ -1,4 +1,4 @@
-"""One simulated drive: a route, the true motion along it, and what the sensors say."""
+"""One simulated drive: a route, the true motion along it, and what the sensors measure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,7 +52,7 @@ class Truth:
     stopped: NDArray[np.bool_]
     travelled: Array  # true m since the drive's start
     edge: NDArray[np.int64]  # directed edge of the map
-    abscissa: Array  # true m from the edge's start
+    along: Array  # true m from the edge's start
     map_x: Array  # m, the same place in the map's frame
     map_y: Array
 
@@ -62,7 +62,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedDrive:
-    """A drive, and everything that a real one would not tell."""
+    """A drive, and everything that a real one would not reveal."""
 
     drive: Drive  # what was recorded
     vehicle: Vehicle  # what its user believes of the car
@@ -80,7 +80,7 @@ class SimulatedDrive:
 
 
 def settings_of(scenario: str | SimulationSettings) -> SimulationSettings:
-    """Look up a preset by its name, or take settings as they are.
+    """Find a preset by its name, or take settings as they are.
 
     Raises:
         SettingError: No such preset.
@@ -144,7 +144,7 @@ def _truth(roads: Roads, path: VehiclePath, states: States) -> Truth:
         stopped=states.speed == 0.0,
         travelled=states.travelled - states.travelled[0],
         edge=edge,
-        abscissa=np.minimum(along - path.entry[k], roads.edges.length[edge]),
+        along=np.minimum(along - path.entry[k], roads.edges.length[edge]),
         map_x=np.interp(states.travelled, path.travelled, path.map_x),
         map_y=np.interp(states.travelled, path.travelled, path.map_y),
     )
@@ -266,15 +266,15 @@ def simulate_drive(
     """
     settings, arrays = settings_of(scenario), roads.arrays
     streams = (np.random.default_rng([seed, k]) for k in range(6))
-    for_route, for_warp, for_course, for_pace, for_wheels, for_fixes = streams
+    for_route, for_map_error, for_lateral, for_speed, for_wheels, for_fixes = streams
     if route is None:
         edges = random_route(arrays, 1.1 * length_m + 100.0, for_route, allowed)
     else:
         edges = _checked(arrays, route)
-    error_field = error_field or draw_map_error(settings, for_warp)
-    path = draw_path(arrays, edges, error_field, settings, for_course)
+    error_field = error_field or draw_map_error(settings, for_map_error)
+    path = draw_path(arrays, edges, error_field, settings, for_lateral)
     start, stop = _part(path, length_m, route is not None, for_route)
-    profile = draw_speed_profile(arrays, path, start, stop, settings, for_pace)
+    profile = draw_speed_profile(arrays, path, start, stop, settings, for_speed)
     ticks = partial(_grid_times, profile.arrive[-1])
     states = _states(path, profile, ticks(settings.odometry_rate))
     fix_states = _states(path, profile, ticks(settings.gnss_rate))

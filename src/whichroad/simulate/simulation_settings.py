@@ -2,7 +2,7 @@
 
 Sources: the paper (Smaili et al. 2007) gives map errors as 95 % radii, 10 m absolute
 (4.1 m per axis) and 1 m relative; the counts are those of a rear-wheel ABS sensor.
-The rest are choices of this project, and say so.
+The rest are choices of this project, and marked so.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -32,7 +32,7 @@ class SimulationSettings:
     lane_change_rate: float = _number(2e-4, "1/m", "visits to the next lane, on fast roads only")
     lane_width: float = _number(3.3, "m", "how far away that is")
     corner_smoothing: float = _number(4, "m", "sigma over which corners are cut")
-    pace_sigma: float = _number(
+    speed_profile_sigma: float = _number(
         0.1, "", "speed over the road's usual speed, per drive and along it"
     )
     acceleration: float = _number(1.5, "m/s²", "speeding up")
@@ -91,7 +91,7 @@ class SimulationSettings:
 
 
 GOOD = SimulationSettings()
-"""A receiver under open sky that says what it is worth."""
+"""A receiver under open sky whose reported sigmas are right."""
 
 URBAN = replace(
     GOOD,
@@ -102,7 +102,7 @@ URBAN = replace(
     gnss_reported=6.0,
     multipath_rate=1e-4,
 )
-"""Street canyons: large quick errors, reported at half their size."""
+"""Street canyons: large errors of short correlation, reported at half their size."""
 
 OUTAGE = replace(GOOD, outage_length=1500.0)
 """As `GOOD`, without any fix for 1.5 km in every 5 km."""

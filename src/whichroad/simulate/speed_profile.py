@@ -10,8 +10,8 @@ from .lateral_profile import VehiclePath, gauss_markov
 from .simulation_settings import SimulationSettings
 
 _SLOWEST = 1.0  # m/s while moving
-_BEFORE_JUNCTION = 4.0  # m, where one stops
-_BETWEEN_STOPS = 80.0  # m
+_BEFORE_JUNCTION = 4.0  # m, distance of stops from junctions
+_BETWEEN_STOPS = 80.0  # m, least distance between stops
 _RHYTHM = 300.0  # m, correlation length of the driver's speed factor
 
 
@@ -40,8 +40,12 @@ def _limits(
     """Highest speed at each grid point, m/s, from the road and the bend."""
     on = np.clip(np.searchsorted(path.entry, path.along, side="right") - 1, 0, len(path.edges) - 1)
     coarse = np.linspace(0.0, path.along[-1], max(2, int(path.along[-1] / 25.0)))
-    rhythm = gauss_markov(coarse, settings.pace_sigma, _RHYTHM, random)[:, 0]
-    profile = 1.0 + random.normal(0.0, settings.pace_sigma) + np.interp(path.along, coarse, rhythm)
+    rhythm = gauss_markov(coarse, settings.speed_profile_sigma, _RHYTHM, random)[:, 0]
+    profile = (
+        1.0
+        + random.normal(0.0, settings.speed_profile_sigma)
+        + np.interp(path.along, coarse, rhythm)
+    )
     limit = roads.edges.speed[path.edges].astype(float)[on] * np.clip(profile, 0.5, 1.5)
     bend = np.abs(np.gradient(path.heading) / np.maximum(np.gradient(path.travelled), 1e-3))
     bent = np.sqrt(settings.lateral_acceleration / np.maximum(bend, 1e-6))

@@ -14,7 +14,7 @@ import numpy as np
 from ..geodesy.angles import radians
 from .map_builder import MapBuilder, Point
 
-_GRID = 5  # streets each way in the old town
+_GRID = 5  # streets in each direction of the old town
 _CARRIAGEWAY = 6.75  # m, from the boulevard's axis to either carriageway
 _SIDE_LANE = 13.0  # m, from the eastern carriageway to the side lane
 _RING = 16.0  # m, radius of the roundabout
@@ -55,7 +55,7 @@ _PLACES: dict[str, Point] = {
     "right 3": (3430.0, 170.0),
     "right 4": (3660.0, 80.0),
     "end": (3830.0, 240.0),
-    # Route du Nord, the way back
+    # Route du Nord, back
     "north 1": (3650.0, 640.0),
     "north 2": (2900.0, 790.0),
     "north 3": (1900.0, 700.0),

@@ -27,7 +27,7 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
-_GAP = 1 << 20  # beyond all rules
+_GAP = 1 << 20  # flag of a gap, above all rules
 _STATUS = pa.array(STATUS)
 _SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
@@ -92,8 +92,8 @@ def points_table(
 
     Args:
         drive_id: Its name, or those of d drives one behind the other.
-        epochs: (n,) what the sensors said.
-        output: (n,) what the filter said.
+        epochs: (n,) the measurements.
+        output: (n,) the estimates.
         roads: The map.
         attributes: Whether name, class and speed limit of the road are added.
         first: (d,) the row at which each drive begins.
@@ -202,7 +202,7 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
     away = np.rint(_disbelieved(epochs, v, begins))
     scale = np.rint(10.0 * v.gnss_scale)
     scale[away > 0.0] = 0.0
-    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # roads, each in its way
+    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # each names its roads
     key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (v.live > 0)
     one, at = _distinct(key)
     texts = [
@@ -215,12 +215,12 @@ def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[in
         for k in one
     ]
     rows = np.flatnonzero(vie)
-    told = pa.array(texts, pa.string())
+    usual = pa.array(texts, pa.string())
     also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
     words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
     words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    return pa.concat_arrays([told, words]).take(pa.array(at))
+    return pa.concat_arrays([usual, words]).take(pa.array(at))
 
 
 def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
@@ -228,11 +228,11 @@ def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
     road = pa.array(edges[row, rank]).dictionary_encode()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    said = pc.binary_join_element_wise(
+    competitors = pc.binary_join_element_wise(
         _titles(road.dictionary, roads).take(road.indices), _SHARES.take(pa.array(cents)), " "
     )
     ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
-    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), said), " or ")
+    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), competitors), " or ")
 
 
 def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
@@ -267,23 +267,23 @@ def _disbelieved(epochs: Records, v: _Estimates, first: Sequence[int]) -> Array:
 
 
 def path_table(
-    names: Sequence[str], way: Traversals, roads: RoadMap, first: Sequence[int] | None = None
+    names: Sequence[str], driven: Traversals, roads: RoadMap, first: Sequence[int] | None = None
 ) -> pa.Table:
     """One row per traversed edge, in driving order, drive after drive.
 
     Args:
         names: (d,) of the drives.
-        way: Their routes, one behind the other.
+        driven: Their routes, one behind the other.
         roads: The map.
         first: (d + 1,) where each begins, and the number of edges; None: there is one.
 
     Returns:
         A table with the columns of `tables.schema.PATH`.
     """
-    count = np.diff(first if first is not None else [0, len(way.edge)])
-    edges, enter, leave, rows = way.edge, way.enter_m, way.exit_m, len(way.edge)
+    count = np.diff(first if first is not None else [0, len(driven.edge)])
+    edges, enter, leave, rows = driven.edge, driven.enter_m, driven.exit_m, len(driven.edge)
     source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    duration = way.exit_time - way.enter_time
+    duration = driven.exit_time - driven.enter_time
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
     of_edges = roads.arrays.edges
@@ -295,14 +295,14 @@ def path_table(
         "from_node": pa.array(of_edges.from_node[edges].astype(np.int64)),
         "to_node": pa.array(of_edges.to_node[edges].astype(np.int64)),
         "forward": forward,
-        "enter_time": times(way.enter_time),
-        "exit_time": times(way.exit_time),
+        "enter_time": times(driven.enter_time),
+        "exit_time": times(driven.exit_time),
         "enter_m": pa.array(enter),
         "exit_m": pa.array(leave),
         "duration_s": pa.array(duration),
         "mean_speed_mps": _nullable(speed, ~passed),
-        "p": pa.array(way.p),
-        "broken_rule": _broken(way),
+        "p": pa.array(driven.p),
+        "broken_rule": _broken(driven),
         "geometry": _lines(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
@@ -322,13 +322,13 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
-    """Each name as often as told."""
+    """Each name, repeated as often as given."""
     return pa.array(names, pa.string()).take(pa.array(np.repeat(np.arange(len(names)), count)))
 
 
-def _broken(way: Traversals) -> pa.Array:
+def _broken(driven: Traversals) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
-    rules = np.where(way.gap, _GAP, way.rules)
+    rules = np.where(driven.gap, _GAP, driven.rules)
     one, at = _distinct(rules)
     words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))
@@ -341,15 +341,15 @@ def _rule_names(bits: int) -> str | None:
 
 
 def figures_of(
-    epochs: Records, output: Output, first: Sequence[int], way: Traversals, begins: Sequence[int]
+    epochs: Records, output: Output, first: Sequence[int], driven: Traversals, begins: Sequence[int]
 ) -> dict[str, NDArray[Any]]:
-    """What `tables.schema.DRIVES` tells of drives in numbers, (d,) each.
+    """The numeric columns of `tables.schema.DRIVES`, (d,) each.
 
     Args:
         epochs: (n,) of the drives, one behind the other.
-        output: (n,) what was said of them.
+        output: (n,) their estimates.
         first: (d + 1,) the epoch at which each begins, and n.
-        way: (r,) their routes, one behind the other.
+        driven: (r,) their routes, one behind the other.
         begins: (d + 1,) where each begins, and r.
     """
     rows, time = output.rows, epochs.time
@@ -363,9 +363,9 @@ def figures_of(
         "fixes": _sums(epochs.has_fix > 0, first),
         "epochs_without_answer": high - low - answered,
         "duration_s": np.where(some, ends, 0.0),
-        "path_m": _sums(np.abs(way.exit_m - way.enter_m), begins),
+        "path_m": _sums(np.abs(driven.exit_m - driven.enter_m), begins),
         "edges": np.diff(begins),
-        "gaps": _sums(way.gap > 0, begins),
+        "gaps": _sums(driven.gap > 0, begins),
         "mean_p_road": _sums(rows.p_edge * known, first) / np.maximum(answered, 1),
         "mean_p_off_road": _sums(rows.p_off_road * known, first) / np.maximum(answered, 1),
     }
@@ -387,11 +387,11 @@ def _mean(values: NDArray[Any]) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def summary_of(epochs: Records, output: Output, way: Traversals, masked: int) -> dict[str, Any]:
+def summary_of(epochs: Records, output: Output, driven: Traversals, masked: int) -> dict[str, Any]:
     """The drive in numbers, for people and for JSON."""
     n, rows = len(epochs), output.rows
     shares = {s: float(np.mean(rows.status == i)) for i, s in enumerate(STATUS) if n}
-    figures = figures_of(epochs, output, [0, n], way, [0, len(way.edge)])
+    figures = figures_of(epochs, output, [0, n], driven, [0, len(driven.edge)])
     return {name: column[0].item() for name, column in figures.items()} | {
         "fixes_masked": masked,
         "mean_live_hypotheses": _mean(rows.live[rows.live > 0]),

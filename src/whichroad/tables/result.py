@@ -1,4 +1,4 @@
-"""What a matched drive says, as tables: points, path, summary."""
+"""A matched drive as tables: points, path, summary."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -12,7 +12,7 @@ from .._compile import Records
 from ..diagnosis.findings import Finding
 from ..errors import SettingError
 from ..filter.estimate import Output
-from ..path import Alternative, Way, best_ways
+from ..path import Alternative, Route, best_routes
 from ..traversals import Traversals
 from ..writers import write_table
 from .schema import geo_frame
@@ -38,7 +38,7 @@ class Result:
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
         answered: Of one drive: what its tables are made of.
-        ways: Tells parts of the route and the ways that compete; None: nobody looked back.
+        find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
     """
 
     def __init__(
@@ -49,9 +49,9 @@ class Result:
         hypotheses: dict[str, NDArray[Any]] | None = None,
         diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
         answered: Answered | None = None,
-        ways: Callable[[], list[Alternative]] | None = None,
+        find_alternatives: Callable[[], list[Alternative]] | None = None,
     ) -> None:
-        self.answered, self.ways = answered, ways
+        self.answered, self._find_alternatives = answered, find_alternatives
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -64,9 +64,13 @@ class Result:
         return value
 
     def __repr__(self) -> str:
-        told = self.summary
-        name = repr(told["drive_id"]) if "drive_id" in told else f"{told.get('drives', 0)} drives"
-        epochs, metres = told.get("epochs", 0), told.get("path_m", 0.0)
+        figures = self.summary
+        name = (
+            repr(figures["drive_id"])
+            if "drive_id" in figures
+            else f"{figures.get('drives', 0)} drives"
+        )
+        epochs, metres = figures.get("epochs", 0), figures.get("path_m", 0.0)
         return f"Result({name}, {epochs:,} epochs, {metres / 1e3:.1f} km)"
 
     @property
@@ -99,22 +103,22 @@ class Result:
 
     @cached_property
     def _parts(self) -> list[Alternative]:
-        if self.ways is None:
+        if self._find_alternatives is None:
             raise SettingError('no lag, or several drives; one with lag="full" was expected')
-        return self.ways()
+        return self._find_alternatives()
 
     @property
     def alternatives(self) -> list[Alternative]:
-        """Parts of the drive whose route is not sure, with the ways that compete; see `routes`."""
-        return [part for part in self._parts if len(part.ways) > 1 and part.ways[1].p >= 0.001]
+        """Parts of the drive whose route is not sure, with competing routes; see `routes`."""
+        return [part for part in self._parts if len(part.routes) > 1 and part.routes[1].p >= 0.001]
 
-    def routes(self, k: int = 3) -> list[Way]:
+    def routes(self, k: int = 3) -> list[Route]:
         """The k most probable routes from the drive's start to its end, connected edges with P.
 
         Raises:
             SettingError: The drive was matched without a lag, or there are several drives.
         """
-        return best_ways(self._parts, k)
+        return best_routes(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.

@@ -1,7 +1,7 @@
 """The tables that come out, their columns, and their geometry as well-known binary.
 
-Two tables answer for a drive: the points say where the vehicle was at every epoch,
-the path says which edges it drove along.  Absence is null, never NaN.  Times are UTC,
+Two tables describe a drive: the points hold where the vehicle was at every epoch,
+the path holds the edges it drove along.  Absence is null, never NaN.  Times are UTC,
 angles are degrees clockwise from north, positions are WGS 84.
 """
 
@@ -95,7 +95,7 @@ ATTRIBUTES = pa.schema(
         ("tunnel", pa.bool_()),
     ]
 )
-"""What points say of the road where that was asked for."""
+"""Columns of points on the road, where asked for."""
 
 DRIVES = pa.schema(
     [

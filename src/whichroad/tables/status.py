@@ -5,9 +5,9 @@ from typing import Any
 
 STATUS = ("on_road", "ambiguous", "off_road", "outage", "stopped", "lost")
 
-RECENT = 3.0  # s; what is said of a fix holds for so long
+RECENT = 3.0  # s, validity of the verdict on a fix
 COUNTS = 0.05  # P from which on a third road is named
-_FAR = 20.0  # m
+_FAR = 20.0  # m, distance from which on a fix may be disbelieved
 _SIGMAS = 6.0
 _LARGE = 1.5  # of the GNSS scale, from which on it is worth a word
 
@@ -41,7 +41,7 @@ def reason(
         answered: Whether there is an answer at all.
 
     Returns:
-        Parts joined by semicolons, empty where nothing needs to be said.
+        Parts joined by semicolons, empty where no reason is needed.
     """
     if not answered:
         return "no fix has come yet"
@@ -74,5 +74,5 @@ def title(edge: int, name: Callable[[int], str | None]) -> str:
 
 
 def far_off(away: Any, sigma: Any) -> Any:
-    """Whether fixes that far (m) from what is said, sigma given, are not believed."""
+    """Whether fixes that far (m) from the estimate, sigma given, are not believed."""
     return (away > _FAR) & (away > _SIGMAS * sigma)

@@ -17,7 +17,7 @@ def write(table: pa.Table, path: Path) -> None:
     """Write the table as a FeatureCollection.
 
     Raises:
-        WriteError: a number is infinite or not a number, which JSON cannot say.
+        WriteError: a number is infinite or not a number, which JSON cannot hold.
     """
     with open(path, "w", encoding="utf-8") as sink:
         sink.write('{"type": "FeatureCollection", "features": [')

@@ -69,7 +69,7 @@ function drawGrid(ctx, box, y, look) {
   ctx.textAlign = "left";
 }
 
-/** One path for each road that was ever worth a look. */
+/** One path for each road that was ever probable enough. */
 function linesOf(series, from, to, x, y) {
   const lines = new Map();
   for (let i = from; i < to; i += 1) {
@@ -109,12 +109,12 @@ function drawStrip(ctx, series, from, to, x, top, look) {
   });
 }
 
-/** Tells of stretches with the same value: (begin, end, value). */
-function runs(series, from, to, valueOf, tell) {
+/** Visits stretches with the same value: (begin, end, value). */
+function runs(series, from, to, valueOf, visit) {
   let begin = from;
   for (let i = from + 1; i <= to; i += 1) {
     if (i === to || valueOf(i) !== valueOf(begin)) {
-      if (begin < to) tell(series.get("t", begin), series.get("t", Math.min(i, to - 1)), valueOf(begin));
+      if (begin < to) visit(series.get("t", begin), series.get("t", Math.min(i, to - 1)), valueOf(begin));
       begin = i;
     }
   }
@@ -129,7 +129,7 @@ function drawNames(ctx, series, now, box, y, look, nameOf) {
   });
   let last = -100;
   ctx.font = "600 11px system-ui, sans-serif";
-  const room = ctx.canvas.clientWidth - box.right - 12;
+  const space = ctx.canvas.clientWidth - box.right - 12;
   for (const one of shown) {
     const top = Math.max(one.y + 4, last + 13, box.top + 6);
     last = top;
@@ -138,14 +138,14 @@ function drawNames(ctx, series, now, box, y, look, nameOf) {
     ctx.fillText(share, box.right + 8, top);
     const used = ctx.measureText(share).width + 6;
     ctx.fillStyle = look.faint;
-    ctx.fillText(shortened(ctx, nameOf(one.edge), room - used), box.right + 8 + used, top);
+    ctx.fillText(shortened(ctx, nameOf(one.edge), space - used), box.right + 8 + used, top);
   }
 }
 
-function shortened(ctx, text, room) {
-  if (room < 18) return "";
+function shortened(ctx, text, space) {
+  if (space < 18) return "";
   let kept = text;
-  while (kept.length > 1 && ctx.measureText(`${kept}…`).width > room) kept = kept.slice(0, -1);
+  while (kept.length > 1 && ctx.measureText(`${kept}…`).width > space) kept = kept.slice(0, -1);
   return kept.length < text.length ? (kept.length > 1 ? `${kept}…` : "") : text;
 }
 

@@ -29,7 +29,7 @@ export class Feed {
   }
 }
 
-/** Asks the server to do something; says why not where it does not. */
+/** Asks the server to do something; returns the reason where it does not. */
 export async function control(action, value = null) {
   const answer = await fetch(here("control"), {
     method: "POST",
@@ -37,8 +37,8 @@ export async function control(action, value = null) {
     body: JSON.stringify(value === null && action !== "speed" ? { action } : { action, value }),
   });
   if (answer.ok) return null;
-  const told = await answer.json().catch(() => ({}));
-  return told.error ?? `the service refused (${answer.status})`;
+  const refusal = await answer.json().catch(() => ({}));
+  return refusal.error ?? `the service refused (${answer.status})`;
 }
 
 export async function fetchJson(path) {

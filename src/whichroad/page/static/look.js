@@ -36,13 +36,13 @@ export const STATUS = {
 };
 export const STATUSES = Object.keys(STATUS);
 
-// What a route breaks, as tables of paths say it; several are joined by commas.
+// Rules that a route breaks, as named in tables of paths; several are joined by commas.
 const BROKEN = {
   against_one_way: "against a one-way street", turn_banned: "banned turn", no_access: "closed road",
   u_turn: "U-turn", gap: "route broken off",
 };
 
-/** Word and colours of a place worth a look: a status or broken rules. */
+/** Word and colours of a place to check: a status or broken rules. */
 export function lookOf(kind) {
   const word = kind.split(",").map((rule) => BROKEN[rule] ?? rule).join(", ");
   return STATUS[kind] ?? { word, light: "#b0307a", dark: "#f08ac4" };

@@ -79,25 +79,25 @@ function keepFix(fix) {
 }
 
 function keepReckoning(one) {
-  const way = state.reckoning;
-  if (!one) return way.clear();
-  if (way.since !== one.since_epoch_s) {
-    way.clear();
-    way.since = one.since_epoch_s;
+  const track = state.reckoning;
+  if (!one) return track.clear();
+  if (track.since !== one.since_epoch_s) {
+    track.clear();
+    track.since = one.since_epoch_s;
   }
-  const last = way.last;
+  const last = track.last;
   if (!last || Math.abs(last[0] - one.lon) + Math.abs(last[1] - one.lat) > 1e-6) {
-    way.push([one.lon, one.lat, one.bearing_deg]);
+    track.push([one.lon, one.lat, one.bearing_deg]);
   }
 }
 
 /** The whole of a recorded drive, for the strip to scrub in. */
 async function loadTimeline() {
-  const told = await fetchJson("timeline").catch(() => null);
-  state.recording = told;
-  if (!told) return;
-  state.series = fromTimeline(told, told.begin);
-  told.drawn = fixesOf(told, told.begin);
+  const recording = await fetchJson("timeline").catch(() => null);
+  state.recording = recording;
+  if (!recording) return;
+  state.series = fromTimeline(recording, recording.begin);
+  recording.drawn = fixesOf(recording, recording.begin);
   if (state.frame) keepRow(state.frame);
   refresh();
 }

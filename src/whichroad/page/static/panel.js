@@ -6,7 +6,7 @@ const LISTED = 5; // roads in the list
 
 const byId = (id) => document.getElementById(id);
 
-function say(id, text) {
+function setText(id, text) {
   const element = byId(id);
   if (element && element.textContent !== text) element.textContent = text;
 }
@@ -21,21 +21,21 @@ export function fillPanel(frame, roads, known, look) {
   const name = road.edge_id === null || road.edge_id === undefined
     ? frame.answered ? "Off the roads" : "Waiting for a fix"
     : titleOf(road.edge_id, road.name, road.highway);
-  say("road", name);
-  say("road-kind", kindOf(road));
+  setText("road", name);
+  setText("road-kind", kindOf(road));
   fillLimit(road.speed_limit_kmh);
   fillStatus(frame, look);
   const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_road;
-  say("p", frame.answered ? percent(p) : "–");
+  setText("p", frame.answered ? percent(p) : "–");
   byId("p").style.color = frame.answered ? `color-mix(in srgb, ${colourOf(p, look)} 78%, var(--ink))` : "";
   fillRoads(roads, known, look);
-  say("speed-now", number(frame.pose ? 3.6 * (frame.pose.speed_mps ?? NaN) : null, "km/h"));
-  say("bearing", frame.pose ? compass(frame.pose.bearing_deg) : "–");
-  say("radius", number(frame.radius95_m ?? (frame.ellipse && 2.448 * frame.ellipse.major_m), "m", 1));
-  say("protection", number(frame.protection_m, "m", 1));
-  say("scale", frame.answered && frame.gnss_scale ? `× ${frame.gnss_scale.toFixed(1)}` : "–");
+  setText("speed-now", number(frame.pose ? 3.6 * (frame.pose.speed_mps ?? NaN) : null, "km/h"));
+  setText("bearing", frame.pose ? compass(frame.pose.bearing_deg) : "–");
+  setText("radius", number(frame.radius95_m ?? (frame.ellipse && 2.448 * frame.ellipse.major_m), "m", 1));
+  setText("protection", number(frame.protection_m, "m", 1));
+  setText("scale", frame.answered && frame.gnss_scale ? `× ${frame.gnss_scale.toFixed(1)}` : "–");
   const latency = frame.latency_ms ?? {};
-  say("latency", latency.p99 === null || latency.p99 === undefined ? "–"
+  setText("latency", latency.p99 === null || latency.p99 === undefined ? "–"
     : `${latency.p50.toFixed(1)} / ${latency.p99.toFixed(1)} ms`);
   fillSensors(frame.sensors ?? []);
 }
@@ -53,7 +53,7 @@ function compass(bearing) {
 function fillLimit(limit) {
   const sign = byId("limit");
   sign.hidden = !limit;
-  if (limit) say("limit", String(Math.round(limit)));
+  if (limit) setText("limit", String(Math.round(limit)));
 }
 
 function fillStatus(frame, look) {
@@ -61,15 +61,15 @@ function fillStatus(frame, look) {
   const pill = byId("status");
   const word = frame.gnss_masked && frame.status !== "ambiguous" && frame.status !== "lost"
     ? "GNSS masked" : status.word;
-  say("status", frame.answered ? word : "waiting");
+  setText("status", frame.answered ? word : "waiting");
   pill.style.setProperty("--status", frame.answered ? status[look.name] : look.faint);
-  say("reason", reasonOf(frame));
+  setText("reason", reasonOf(frame));
 }
 
 /** The reason; the roads that compete are in the list already. */
 function reasonOf(frame) {
   if (frame.status === "ambiguous") return ["several roads fit", ...frame.reason.split("; ").slice(1)].join("; ");
-  return frame.reason || (frame.dead_reckoning ? "no sensor speaks: predicted ahead" : "");
+  return frame.reason || (frame.dead_reckoning ? "no sensor delivers: predicted ahead" : "");
 }
 
 function fillRoads(roads, known, look) {

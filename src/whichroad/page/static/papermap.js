@@ -54,7 +54,7 @@ export class PaperMap {
     });
   }
 
-  /** A name stands on the longest straight pieces of its street. */
+  /** A name stands on the longest straight parts of its street. */
   offer(name, rank, a, b) {
     const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
     if (!this.names.has(name)) this.names.set(name, []);
@@ -71,9 +71,9 @@ export class PaperMap {
   /** Shows all of the drive. */
   fit() {
     const [width, height] = this.size();
-    const room = 0.84;
+    const filled = 0.84;
     const tools = 56; // pixels at the right that buttons hide
-    this.scale = Math.min((room * (width - tools)) / Math.max(this.extent[0], 60 * this.metre), (room * height) / Math.max(this.extent[1], 60 * this.metre));
+    this.scale = Math.min((filled * (width - tools)) / Math.max(this.extent[0], 60 * this.metre), (filled * height) / Math.max(this.extent[1], 60 * this.metre));
     this.centre = [tools / 2 / this.scale, 0];
   }
 

@@ -87,7 +87,7 @@ function draw() {
   markPlace();
 }
 
-/** The places worth a look, as dots on the map. */
+/** The places to check, as dots on the map. */
 function drawDots(ctx, view) {
   const { pose } = now.frame;
   const car = pose ? view.project(pose.lon, pose.lat) : { x: -99, y: -99 };

@@ -31,7 +31,7 @@ export function drawScene(ctx, view, scene, look) {
   drawVehicle(ctx, view, frame, look);
 }
 
-/** The way so far, along the roads between points far apart, coloured by P(road); what is out of sight or within two pixels is passed over. */
+/** The track so far, along the roads between points far apart, coloured by P(road); what is out of sight or within two pixels is passed over. */
 function drawTrack(ctx, view, series, from, to, look, alpha) {
   const paths = new Map();
   let last = null; // the last place drawn to
@@ -41,14 +41,14 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
     const lat = series.get("lat", i);
     const lon = series.get("lon", i);
     const here = Number.isNaN(lat) ? 16 : outside(view.bounds, lon, lat);
-    const way = i > from ? series.wayTo(i) : undefined; // of a point far from the one before
+    const route = i > from ? series.routeTo(i) : undefined; // of a point far from the one before
     low = Math.min(low, series.get("p", i));
-    if ((here & side && !way) || here & 16) {
+    if ((here & side && !route) || here & 16) {
       last = null;
     } else {
       const at = view.project(lon, lat);
       if (!last && i > from && !(side & 16)) last = view.project(series.get("lon", i - 1), series.get("lat", i - 1));
-      if (last && !way && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
+      if (last && !route && i < to && Math.abs(at.x - last.x) + Math.abs(at.y - last.y) < 2) {
         side = here;
         continue;
       }
@@ -56,7 +56,7 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
         const key = Math.round(20 * low) / 20;
         if (!paths.has(key)) paths.set(key, new Path2D());
         paths.get(key).moveTo(last.x, last.y);
-        for (const [north, east] of way ?? []) {
+        for (const [north, east] of route ?? []) {
           const over = view.project(east, north);
           paths.get(key).lineTo(over.x, over.y);
         }
@@ -140,27 +140,27 @@ function drawFixes(ctx, view, scene, look) {
 
 /** Wheels alone: dashed, with an empty arrow at its end. */
 function drawReckoning(ctx, view, scene, look) {
-  const way = scene.reckoning;
-  if (way.length < 2) return;
+  const track = scene.reckoning;
+  if (track.length < 2) return;
   ctx.strokeStyle = look.reckoning;
   ctx.lineWidth = 2;
   ctx.setLineDash([6, 5]);
   ctx.beginPath();
-  way.forEach(([lon, lat], i) => {
+  track.forEach(([lon, lat], i) => {
     const at = view.project(lon, lat);
     if (i) ctx.lineTo(at.x, at.y);
     else ctx.moveTo(at.x, at.y);
   });
   ctx.stroke();
   ctx.setLineDash([]);
-  const end = way[way.length - 1];
+  const end = track[track.length - 1];
   arrow(ctx, view, { lon: end[0], lat: end[1], bearing_deg: end[2] }, 8);
   ctx.fillStyle = look.paper;
   ctx.fill();
   ctx.stroke();
 }
 
-/** Every hypothesis in the colour of its road's P; each road's P stands on it, some way ahead. */
+/** Every hypothesis in the colour of its road's P; each road's P stands on it, some distance ahead. */
 function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
   const shares = new Map(roadsOf(frame.hypotheses));
   if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;

@@ -1,4 +1,4 @@
-// Columns of what was said, oldest first, in a ring: memory does not grow with time.
+// Columns of estimates, oldest first, in a ring: memory does not grow with time.
 
 const ALTERNATIVES = 6;
 const COLUMNS = ["t", "lat", "lon", "p", "off", "status", "masked", "major"];
@@ -15,7 +15,7 @@ export class Series {
   clear() {
     this.length = 0;
     this.head = 0; // where the oldest row is
-    this.ways = {}; // [[lat, lon], ...] along the roads to a row far from the one before
+    this.routes = {}; // [[lat, lon], ...] along the roads to a row far from the one before
   }
 
   /** row: {t, lat, lon, p, off, status, masked, major}; roads: [[edge, p], ...], -1 is off road. */
@@ -36,15 +36,15 @@ export class Series {
   }
 
   /** Places along the roads between row i - 1 and row i, where they are known. */
-  wayTo(i) {
-    return this.ways[i];
+  routeTo(i) {
+    return this.routes[i];
   }
 
   /** Calls back with (edge, p) of row i, most probable first. */
-  eachRoad(i, tell) {
+  eachRoad(i, visit) {
     const at = ((this.head + i) % this.capacity) * ALTERNATIVES;
     for (let k = 0; k < ALTERNATIVES && this.edges[at + k] > -2; k += 1) {
-      tell(this.edges[at + k], this.shares[at + k]);
+      visit(this.edges[at + k], this.shares[at + k]);
     }
   }
 
@@ -79,7 +79,7 @@ export function roadsOf(hypotheses) {
   return [...sums].sort((a, b) => b[1] - a[1]);
 }
 
-/** A list that forgets its oldest. */
+/** A list that drops its oldest. */
 export class Recent {
   constructor(capacity) {
     this.capacity = capacity;
@@ -103,7 +103,7 @@ export class Recent {
 /** A recorded drive's columns as a series, times counted from `begin`. */
 export function fromTimeline(line, begin) {
   const series = new Series(Math.max(line.t.length, 1));
-  series.ways = line.ways;
+  series.routes = line.ways;
   line.t.forEach((t, i) => {
     series.push(
       {
@@ -136,12 +136,12 @@ export function fixesAt(fixes, t, most = 60) {
   return fixes.slice(Math.max(0, low - most), low);
 }
 
-/** The way by wheels alone up to row k. */
+/** The track by wheels alone up to row k. */
 export function reckoningAt(line, k) {
-  const way = [];
+  const track = [];
   const last = line.reckoning[k];
   for (let i = k; last && i >= 0 && line.reckoning[i]?.[3] === last[3]; i -= 1) {
-    way.push([line.reckoning[i][1], line.reckoning[i][0], line.reckoning[i][2]]);
+    track.push([line.reckoning[i][1], line.reckoning[i][0], line.reckoning[i][2]]);
   }
-  return way.reverse();
+  return track.reverse();
 }

@@ -76,7 +76,7 @@ function coloursOf(id, look) {
 }
 
 export class WorldMap {
-  /** about: what the server said of the map; here: turns an address of ours into a whole one. */
+  /** about: the server's description of the map; here: turns an address of ours into a whole one. */
   constructor(container, about, look, here) {
     this.about = about;
     this.names = [];

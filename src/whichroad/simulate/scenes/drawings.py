@@ -24,8 +24,8 @@ def walk(
         for _ in range(n):
             half = 0.5 * bend * length / n
             chord = length / n * np.sinc(half / np.pi)
-            way = heading + half
-            points.append(points[-1] + chord * np.array([np.cos(way), np.sin(way)]))
+            direction = heading + half
+            points.append(points[-1] + chord * np.array([np.cos(direction), np.sin(direction)]))
             heading += 2 * half
     return np.array(points), heading
 
@@ -136,8 +136,8 @@ def grid(random: Random, variant: int) -> SceneBuilder:
         names: list[str] = []
         while len(names) < 6:
             back = names[-1].lstrip("-") if names else ""
-            ways = [w for w in links[at] if w[0].lstrip("-") != back]
-            name, at = ways[random.integers(len(ways))]
+            choices = [w for w in links[at] if w[0].lstrip("-") != back]
+            name, at = choices[random.integers(len(choices))]
             names.append(name)
         builder.route(names, 4, block)
     return builder

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _ORIGIN = Plane(49.41, 2.82)
 _ROUNDING = 4.0  # m, sigma over which corners are cut
-_STOP_BEFORE = 4.0  # m
-_FIRST, _LAST = 0.1, 0.15  # of the first and the last street, that are not driven
+_STOP_BEFORE = 4.0  # m, between stop and junction
+_FIRST, _LAST = 0.1, 0.15  # shares of the first and the last street not driven
 
 
 class Route(NamedTuple):
@@ -28,7 +28,7 @@ class Route(NamedTuple):
 
     line: Line
     decision: float  # the branch point
-    watch: float  # end of the stretch that is evaluated
+    evaluated_to: float  # end of the stretch that is evaluated
 
 
 class Scene(NamedTuple):
@@ -42,7 +42,7 @@ class Scene(NamedTuple):
 
 @dataclass
 class Street:
-    """One street as drawn: points in m, and what the map says of it."""
+    """One street as drawn: points in m, and its attributes in the map."""
 
     points: Array  # (k, 2)
     highway: str = "secondary"
@@ -76,12 +76,12 @@ class SceneBuilder:
         last: Array = self.streets[name].points[-1]
         return last
 
-    def route(self, names: Sequence[str], decision: int, watch: float = 1e9) -> None:
+    def route(self, names: Sequence[str], decision: int, evaluated_to: float = 1e9) -> None:
         """A route by streets (`-name`: against its drawing), decided before number `decision`.
 
-        `watch` is the evaluated length behind the decision, m.
+        `evaluated_to` is the evaluated length behind the decision, m.
         """
-        self.routes.append((list(names), decision, watch))
+        self.routes.append((list(names), decision, evaluated_to))
 
 
 def build_scene(builder: SceneBuilder, turn: float) -> Scene:
@@ -138,7 +138,7 @@ def _map(builder: SceneBuilder, turn: float) -> "RoadMap":
 
 def _route(
     builder: SceneBuilder, roads: "RoadMap", number: dict[str, int], turn: float, names: list[str],
-    decision: int, watch: float,
+    decision: int, evaluated_to: float,
 ) -> Route:  # fmt: skip
     """The centre line of a route on a grid of about a metre, corners rounded."""
     streets = [builder.streets[n.lstrip("-")] for n in names]
@@ -185,4 +185,4 @@ def _route(
         each([not st.mapped for st in streets], np.uint8),
     )
     at = float(ends[decision - 1])
-    return Route(line, at, min(at + watch, float(end)))
+    return Route(line, at, min(at + evaluated_to, float(end)))

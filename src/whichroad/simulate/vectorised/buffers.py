@@ -13,7 +13,7 @@ MODES = 24  # of each field of the map's error
 
 
 class Numbers(NamedTuple):
-    """`SimulationSettings` as the kernels take them; the settings say units and meaning."""
+    """`SimulationSettings` as the kernels take them; the settings document units and meaning."""
 
     map_sigma: float
     map_shortest: float
@@ -26,7 +26,7 @@ class Numbers(NamedTuple):
     lane_length: float
     lane_change_rate: float
     lane_width: float
-    pace_sigma: float
+    speed_profile_sigma: float
     acceleration: float
     braking: float
     lateral_acceleration: float

@@ -80,9 +80,9 @@ def _receive(
             metres = truth.travelled[e] - truth.travelled[e - every]
             if metres > 0.01:
                 keep = math.exp(-every * dt / par.gnss_time)
-                fresh = bias * math.sqrt(1.0 - keep * keep)
-                u = keep * u + fresh * np.random.normal()
-                v = keep * v + fresh * np.random.normal()
+                driving_sigma = bias * math.sqrt(1.0 - keep * keep)
+                u = keep * u + driving_sigma * np.random.normal()
+                v = keep * v + driving_sigma * np.random.normal()
             left -= every * dt
             if np.random.random() < par.multipath_rate * metres:
                 left = np.random.exponential(par.multipath_time)
@@ -92,7 +92,7 @@ def _receive(
         q = minor * (v + par.gnss_white * np.random.normal())
         ex = c * p - s * q + (false_x if left > 0 else 0.0)
         ey = s * p + c * q + (false_y if left > 0 else 0.0)
-        says = par.gnss_reported * math.exp(par.gnss_reported_spread * np.random.normal())
+        reported = par.gnss_reported * math.exp(par.gnss_reported_spread * np.random.normal())
         noise_x = par.gnss_speed_sigma * np.random.normal()
         noise_y = par.gnss_speed_sigma * np.random.normal()
         if line.masked[truth.place[e]]:
@@ -106,8 +106,8 @@ def _receive(
         fix = epoch.fix
         fix[0] = truth.x[e] + par.antenna_forward * hc - par.antenna_left * hs + ex
         fix[1] = truth.y[e] + par.antenna_forward * hs + par.antenna_left * hc + ey
-        fix[2] = says * major
-        fix[3] = says * minor
+        fix[2] = reported * major
+        fix[3] = reported * minor
         fix[4] = angle
         ahead = truth.speed[e] - rate * par.antenna_left
         side = rate * par.antenna_forward

@@ -81,10 +81,10 @@ def _average(values: Vector, work: Vector, n: int, half: int) -> None:
 def _gauss_markov(out: Vector, n: int, every: int, sigma: float, length: float) -> None:
     """Add a Gauss-Markov process drawn each `every` points, a smooth curve between."""
     keep = math.exp(-every / length)
-    fresh = sigma * math.sqrt(1.0 - keep * keep)
+    driving_sigma = sigma * math.sqrt(1.0 - keep * keep)
     p = np.random.normal(0.0, sigma)
-    q = keep * p + fresh * np.random.normal()
-    r = keep * q + fresh * np.random.normal()
+    q = keep * p + driving_sigma * np.random.normal()
+    r = keep * q + driving_sigma * np.random.normal()
     before = p
     k = 0
     while k < n:
@@ -96,7 +96,7 @@ def _gauss_markov(out: Vector, n: int, every: int, sigma: float, length: float) 
                 + f * (1.0 - f) * 0.5 * ((1.0 - f) * (2 * p - before - q) + f * (2 * q - p - r))
             )
         before, p, q = p, q, r
-        r = keep * q + fresh * np.random.normal()
+        r = keep * q + driving_sigma * np.random.normal()
         k += every
 
 
@@ -214,19 +214,19 @@ def _speed_profile(line: Line, grid: Matrix, n: int, par: Numbers) -> None:
     s = grid[TRAVELLED]
     speed = grid[SPEED]
     wait = grid[A]
-    pace = grid[B]
-    usual = 1.0 + np.random.normal(0.0, par.pace_sigma)
+    ratio = grid[B]
+    usual = 1.0 + np.random.normal(0.0, par.speed_profile_sigma)
     for k in range(n):
-        pace[k] = usual
+        ratio[k] = usual
         wait[k] = 0.0
-    _gauss_markov(pace, n, 25, par.pace_sigma, 300.0)
+    _gauss_markov(ratio, n, 25, par.speed_profile_sigma, 300.0)
     last_stop = 0.0
     for k in range(n):
         bend = abs(grid[HEADING, min(k + 1, n - 1)] - grid[HEADING, max(k - 1, 0)]) / (
             s[min(k + 1, n - 1)] - s[max(k - 1, 0)]
         )
         most = math.sqrt(par.lateral_acceleration / max(bend, 1e-6))
-        speed[k] = max(min(line.limit[k] * min(max(pace[k], 0.5), 1.5), most), 1.0)
+        speed[k] = max(min(line.limit[k] * min(max(ratio[k], 0.5), 1.5), most), 1.0)
         if line.stop[k] and np.random.random() < par.stop_probability and s[k] > last_stop + 80.0:
             wait[k] = 1.0 + np.random.exponential(par.stop_time)
             speed[k] = 0.0
