@@ -92,7 +92,7 @@ def localize_recorded(
     workspace = Workspace.taken()
     belief, path = workspace.belief(lag is not None), workspace.path()
     ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode)
-    history, lookback = (new_history(0), None) if lag is None else workspace.smoothing()
+    history, buffers = (new_history(0), None) if lag is None else workspace.smoothing()
     output = new_output(n, poses)
     done = 0
     if is_vague(start, timeline.mode):
@@ -118,7 +118,7 @@ def localize_recorded(
         return Recorded(output, heaviest, diagnose)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
-    smoothed = smooth(past, ctx, lookback)  # first: the path is chosen by smoothed probabilities
+    smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
     # between fixes far apart the heaviest path is chosen as a whole, which single epochs do not see
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))

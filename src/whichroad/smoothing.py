@@ -14,7 +14,7 @@ from .errors import SettingError
 from .filter.best_path import edge_probability
 from .filter.estimate import Output, new_output
 from .filter.history import History, enlarged, is_full, new_history
-from .filter.smoother import Look, Lookback, look_at, look_back, new_lookback
+from .filter.smoother import SmootherBuffers, Span, new_buffers, smooth_span, smooth_step
 from .filter.state import Belief, Context, Path
 from .observations import Array
 from .path import Alternative, alternatives, tidied
@@ -103,7 +103,7 @@ class Window:
             raise SettingError(f"lag is {lag!r}; a number of seconds was expected on line")
         self.lag = given.length
         self.history = new_history(1 << 8)
-        self._buffers, self._output = new_lookback(), new_output(1, False)
+        self._buffers, self._output = new_buffers(), new_output(1, False)
 
     def make_room(self, belief: Belief, path: Path) -> Path:
         """Drop what is older than can be asked for, before the next epoch.
@@ -143,7 +143,7 @@ class Window:
             belief.state[0].parents = 0
             count.steps, count.nodes, count.links = 0, 0, 0
 
-    def look(
+    def smoothed_at(
         self, ctx: Context, path: Path, now: float, back: bool
     ) -> tuple[Belief, Output, float | None] | None:
         """What is known of the moment the lag ago, and until when the road is decided.
@@ -164,7 +164,7 @@ class Window:
         step = int(np.searchsorted(time, now - self.lag, side="right")) - 1
         if steps == 0 or (back and step < 0):
             return None
-        decided = look_at(
+        decided = smooth_step(
             self._buffers, history, path, ctx, self._output, step if back else -1, SURE
         )
         until = float(time[decided]) if decided >= 0 else None
@@ -183,7 +183,7 @@ def travelled(past: Past) -> Array:
     return np.asarray(np.cumsum(np.abs(past.filtered.rows.speed) * np.clip(dt, 0.0, None)))
 
 
-def smooth(past: Past, ctx: Context, buffers: Lookback | None = None) -> Output:
+def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> Output:
     """Estimate every epoch by what was known the lag later.
 
     A fixed lag may be longer by an eighth, as one backward pass serves several epochs.
@@ -200,17 +200,17 @@ def smooth(past: Past, ctx: Context, buffers: Lookback | None = None) -> Output:
     steps = int(past.history.count[0].steps)
     if not steps or past.lag.length == 0.0:
         return output
-    buffers = buffers or new_lookback()
-    for look in _spans(past, steps):
-        look_back(buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, look)
+    buffers = buffers or new_buffers()
+    for span in _spans(past, steps):
+        smooth_span(buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, span)
     return output
 
 
-def _spans(past: Past, steps: int) -> list[Look]:
+def _spans(past: Past, steps: int) -> list[Span]:
     """The backward passes that together estimate all steps."""
     lag = past.lag
     if math.isinf(lag.length):
-        return [Look(steps - 1, 0, steps)]
+        return [Span(steps - 1, 0, steps)]
     at = np.ascontiguousarray(past.history.steps.time[:steps])
     if lag.metres:
         at = travelled(past)[past.history.steps.epoch[:steps]]
@@ -222,6 +222,6 @@ def _spans(past: Past, steps: int) -> list[Look]:
         if known < steps - 1:
             last = int(np.searchsorted(at, at[known] - lag.length, side="right"))
         last = max(min(last, known + 1), first + 1)
-        spans.append(Look(min(known, steps - 1), first, last))
+        spans.append(Span(min(known, steps - 1), first, last))
         first = last
     return spans

@@ -7,7 +7,7 @@ import threading
 
 from .filter.history import History, enlarged, new_history
 from .filter.many import clear
-from .filter.smoother import Lookback, new_lookback
+from .filter.smoother import SmootherBuffers, new_buffers
 from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
 from .graph.network import Roads
 from .settings import Settings, Vehicle, parameters
@@ -25,7 +25,7 @@ class Workspace:
         self._empty = new_belief()
         self._beliefs = {lineage: new_belief(lineage) for lineage in (False, True)}
         self._work, self._path = new_work(), new_path(_ENTRIES)
-        self._smoother: Lookback | None = None
+        self._smoother: SmootherBuffers | None = None
         self._history = new_history(0)
 
     @classmethod
@@ -58,10 +58,10 @@ class Workspace:
         self._work.row[:] = 0.0
         return Context(parameters(settings, vehicle, mode), roads, self._work)
 
-    def smoothing(self) -> tuple[History, Lookback]:
+    def smoothing(self) -> tuple[History, SmootherBuffers]:
         """An empty history, and buffers to smooth it."""
         if self._smoother is None:
-            self._history, self._smoother = new_history(_STEPS), new_lookback()
+            self._history, self._smoother = new_history(_STEPS), new_buffers()
         clear(self._smoother.belief, self._empty)
         self._history.count.fill(0)
         self._history.since.fill(0)

@@ -8,7 +8,7 @@ import pytest
 
 import whichroad
 from whichroad.diagnosis.findings import Finding, findings
-from whichroad.diagnosis.statistics import Row, Watch
+from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
 from whichroad.observations import Array
 from whichroad.settings import Settings, Vehicle
 
@@ -64,9 +64,9 @@ def drive(
 
 def found(rows: Array, settings: Settings = FITS) -> dict[str, Finding]:
     """The findings by name."""
-    watch = Watch(settings, CAR)
-    watch.take(rows)
-    return {f.what: f for f in findings(watch)}
+    statistics = ConsistencyStatistics(settings, CAR)
+    statistics.take(rows)
+    return {f.what: f for f in findings(statistics)}
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -143,9 +143,9 @@ def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
     assert set(named) == {"antenna"}
     assert named["antenna"].statistic == pytest.approx(math.hypot(3.0, 1.0), abs=0.5)
     car = Vehicle(antenna_forward=3.0, antenna_left=-1.0)
-    watch = Watch(FITS, car)
-    watch.take(drive(1, antenna=3.0 - 1.0j))
-    assert findings(watch) == ()
+    statistics = ConsistencyStatistics(FITS, car)
+    statistics.take(drive(1, antenna=3.0 - 1.0j))
+    assert findings(statistics) == ()
 
 
 def test_a_map_farther_off_than_set_is_named():
@@ -175,17 +175,17 @@ def test_standing_says_nothing():
     stands = np.repeat(moving[-1:], 20_000, axis=0)
     stands[:, 0] += np.arange(1, 20_001)
     stands[:, [1, 2, 3]] = 0.0
-    watch, alone = Watch(FITS, CAR), Watch(FITS, CAR)
-    watch.take(np.vstack([moving, stands]))
+    statistics, alone = ConsistencyStatistics(FITS, CAR), ConsistencyStatistics(FITS, CAR)
+    statistics.take(np.vstack([moving, stands]))
     alone.take(moving)
-    np.testing.assert_allclose(watch._pairs, alone._pairs)
-    np.testing.assert_allclose(watch._errors, alone._errors)
+    np.testing.assert_allclose(statistics._pairs, alone._pairs)
+    np.testing.assert_allclose(statistics._errors, alone._errors)
 
 
 @pytest.mark.parametrize("cut", [1, 7, 500])
 def test_piece_by_piece_it_finds_what_it_finds_at_once(cut: int):
     rows = drive(4, sigma=1.2, seconds=1500, drift=1e-4)
-    once, pieces = Watch(FITS, CAR), Watch(FITS, CAR)
+    once, pieces = ConsistencyStatistics(FITS, CAR), ConsistencyStatistics(FITS, CAR)
     once.take(rows)
     for first in range(0, len(rows), cut):
         pieces.take(rows[first : first + cut])
@@ -196,7 +196,7 @@ def test_piece_by_piece_it_finds_what_it_finds_at_once(cut: int):
 
 
 def test_ten_readings_a_second_say_what_one_says():
-    slow, quick = Watch(FITS, CAR), Watch(FITS, CAR)
+    slow, quick = ConsistencyStatistics(FITS, CAR), ConsistencyStatistics(FITS, CAR)
     slow.take(drive(5, seconds=3000))
     quick.take(drive(5, seconds=3000, rate=10))
     assert quick._pairs[:, 0] == pytest.approx(slow._pairs[:, 0], rel=0.02)
@@ -204,11 +204,11 @@ def test_ten_readings_a_second_say_what_one_says():
 
 
 def test_what_is_remembered_does_not_grow():
-    watch = Watch(FITS, CAR)
+    statistics = ConsistencyStatistics(FITS, CAR)
     rows = drive(1, seconds=4000)
     for first in range(0, len(rows), 100):
-        watch.take(rows[first : first + 100])
-        assert len(watch._recent.moving) <= 155
+        statistics.take(rows[first : first + 100])
+        assert len(statistics._recent.moving) <= 155
 
 
 def test_a_finding_says_what_was_seen_what_was_expected_and_what_to_do():

@@ -12,7 +12,7 @@ from .._compile import Records
 from ..filter.estimate import Output
 from ..filter.state import CLOCK
 from ..settings import Settings, Vehicle
-from .statistics import Watch, rows_of
+from .statistics import ConsistencyStatistics, rows_of
 
 _ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
 _LEAST = 600.0  # s of moving, below which there is no verdict
@@ -61,7 +61,7 @@ def diagnose(answer: Any) -> list[Finding]:
     return list(answer.diagnosis)
 
 
-def findings(statistics: Watch) -> tuple[Finding, ...]:
+def findings(statistics: ConsistencyStatistics) -> tuple[Finding, ...]:
     """What does not fit, so far.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
@@ -72,12 +72,12 @@ def findings(statistics: Watch) -> tuple[Finding, ...]:
     return tuple(_wheels(statistics) or _shift(statistics) or _map(statistics) or _gnss(statistics))
 
 
-def _wider(statistics: Watch, band: float) -> float:
+def _wider(statistics: ConsistencyStatistics, band: float) -> float:
     """The band about 1 (a ratio), wider for drives that are shorter."""
     return float(band ** math.sqrt(max(1.0, _ENOUGH / statistics.moving)))
 
 
-def _wheels(statistics: Watch) -> list[Finding]:
+def _wheels(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
     s, scale = statistics.settings, statistics.scale
     band = _SCALE * s.scale_sigma
@@ -113,7 +113,7 @@ def _wheels(statistics: Watch) -> list[Finding]:
     return found
 
 
-def _shift(statistics: Watch) -> list[Finding]:
+def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
     late, antenna, sigma_late, sigma_antenna = statistics.shift()
     band = max(_LATE, _SURE * sigma_late)
@@ -140,7 +140,7 @@ def _shift(statistics: Watch) -> list[Finding]:
     return found
 
 
-def _map(statistics: Watch) -> list[Finding]:
+def _map(statistics: ConsistencyStatistics) -> list[Finding]:
     """The map's error as the filter sees it, which it holds for smaller than it is."""
     cells = statistics.metres / statistics.settings.map_length
     if cells < 5.0:
@@ -159,7 +159,7 @@ def _map(statistics: Watch) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _gnss(statistics: Watch) -> list[Finding]:
+def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
     if statistics.hidden:
         return []  # fixes as good as the wheels are not judged by them
@@ -204,6 +204,6 @@ def findings_of(
     """What does not fit in a recorded drive; none in clock mode."""
     if mode == CLOCK:
         return ()
-    statistics = Watch(settings, vehicle)
+    statistics = ConsistencyStatistics(settings, vehicle)
     statistics.take(rows_of(epochs, output))
     return findings(statistics)

@@ -104,7 +104,7 @@ class _Fixes(NamedTuple):
     breaks: Array  # how often the heading was thought to be another
 
 
-class Watch:
+class ConsistencyStatistics:
     """Running sums over a drive; their memory does not grow.
 
     Args:
@@ -126,7 +126,7 @@ class Watch:
         self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
-    def look(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
+    def accumulate(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
         """Add an epoch, as on line; it is accumulated later.
 
         Args:

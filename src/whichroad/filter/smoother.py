@@ -43,7 +43,7 @@ SMOOTHED = np.dtype(
 )
 
 
-class Lookback(NamedTuple):
+class SmootherBuffers(NamedTuple):
     """Buffers of a backward pass, allocated once per thread."""
 
     nodes: Annotated[Records, Array(SMOOTHED, 2)]  # (2, KEPT), of a step and of the one before
@@ -51,7 +51,7 @@ class Lookback(NamedTuple):
     belief: Belief  # a smoothed step as a mixture, of which an estimate is made
 
 
-class Look(NamedTuple):
+class Span(NamedTuple):
     """One backward pass: steps first ... last - 1 are estimated by what was known at another."""
 
     known: int
@@ -59,31 +59,31 @@ class Look(NamedTuple):
     last: int
 
 
-def new_lookback() -> Lookback:
+def new_buffers() -> SmootherBuffers:
     """Buffers for one thread."""
     nodes = records(2 * KEPT, SMOOTHED).reshape(2, KEPT)
-    return Lookback(nodes, records(1, LINK_MODEL), new_belief())
+    return SmootherBuffers(nodes, records(1, LINK_MODEL), new_belief())
 
 
 @kernel
-def begin(lookback: Lookback, history: History, step: int, slot: int) -> None:
+def begin(buffers: SmootherBuffers, history: History, step: int, slot: int) -> None:
     """Fill a slot with a step as filtered."""
     first = history.steps[step].first_node
     for i in range(history.steps[step].end_node - first):
-        node = lookback.nodes[slot, i]
+        node = buffers.nodes[slot, i]
         node.p = history.nodes[first + i].p
         load(history, first + i, node.mu, node.cov)
 
 
 @kernel
 def step_back(
-    lookback: Lookback, history: History, path: Path, ctx: Context, step: int, slot: int,
+    buffers: SmootherBuffers, history: History, path: Path, ctx: Context, step: int, slot: int,
     poses: bool,
 ) -> None:  # fmt: skip
     """Backward step: from a step in one slot of the buffers to the one before it in the other.
 
     Args:
-        lookback: Its slot holds the step, smoothed; the other one is filled.
+        buffers: Its slot holds the step, smoothed; the other one is filled.
         history: The graph.
         path: The tree of edges entered.
         ctx: The drive's constants.
@@ -94,26 +94,26 @@ def step_back(
     then = history.steps[step - 1].first_node
     n = history.steps[step - 1].end_node - then
     other = 1 - slot
-    rest = _smooth_weights(lookback, history, step, slot)
+    rest = _smooth_weights(buffers, history, step, slot)
     where = history.states[then].mu
-    lookback.model[0].scale = plane_scale(ctx.roads, where[X], where[Y])
+    buffers.model[0].scale = plane_scale(ctx.roads, where[X], where[Y])
     sum_p = 0.0
     for i in range(n):
-        p = lookback.nodes[other, i].p
+        p = buffers.nodes[other, i].p
         sum_p += p
         if poses and p >= _UNSEEN:  # else nobody asks for its pose
-            _smooth_pose(lookback, history, path, ctx, step, i, slot, rest)
+            _smooth_pose(buffers, history, path, ctx, step, i, slot, rest)
     for i in range(n):
-        lookback.nodes[other, i].p /= sum_p
+        buffers.nodes[other, i].p /= sum_p
 
 
 @kernel(inline=True)
-def _smooth_weights(lookback: Lookback, history: History, step: int, slot: int) -> float:
+def _smooth_weights(buffers: SmootherBuffers, history: History, step: int, slot: int) -> float:
     """The weights of the step before, γᵢ, not normalised; returns what no link accounts for."""
     here = history.steps[step].first_node
     after = history.steps[step].end_node
     then = history.steps[step - 1].first_node
-    nodes = lookback.nodes
+    nodes = buffers.nodes
     other = 1 - slot
     known = 0.0
     for j in range(here, after):
@@ -133,14 +133,14 @@ def _smooth_weights(lookback: Lookback, history: History, step: int, slot: int) 
 
 @kernel(inline=True)
 def _smooth_pose(
-    lookback: Lookback, history: History, path: Path, ctx: Context, step: int, origin: int,
+    buffers: SmootherBuffers, history: History, path: Path, ctx: Context, step: int, origin: int,
     slot: int, rest: float,
 ) -> None:  # fmt: skip
     """The pose of a node of the step before: moments over its links to the step in a slot."""
     here = history.steps[step].first_node
     i = history.steps[step - 1].first_node + origin
-    model = lookback.model[0]
-    node = lookback.nodes[1 - slot, origin]
+    model = buffers.model[0]
+    node = buffers.nodes[1 - slot, origin]
     load(history, i, model.then_mean, model.then_cov)
     for a in range(N):
         node.mu[a] = 0.0
@@ -150,13 +150,13 @@ def _smooth_pose(
         for at in range(history.nodes[j].first_link, history.nodes[j].end_link):
             if history.links[at].origin != origin:
                 continue
-            weight = lookback.nodes[slot, j - here].p * history.links[at].share
+            weight = buffers.nodes[slot, j - here].p * history.links[at].share
             so_far += weight
             if weight < 1e-3 * so_far or weight < _NO_POSE:
                 continue
             predict_link(model, history, path, ctx, Link(step, i, j))
             used += weight
-            _add_link(model, lookback.nodes[slot, j - here], node, weight / used)
+            _add_link(model, buffers.nodes[slot, j - here], node, weight / used)
     _settle(node, model)
 
 
@@ -258,15 +258,15 @@ def _add_link(model: Record, later: Record, node: Record, share: float) -> None:
 
 
 @kernel
-def as_belief(lookback: Lookback, history: History, step: int, slot: int, mode: int) -> None:
+def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int, mode: int) -> None:
     """Make the belief of the buffers the mixture of a smoothed step."""
-    belief = lookback.belief
+    belief = buffers.belief
     state = belief.state[0]
     then = history.steps[step]
     state.count = 0
     speed = 0.0
     for i in range(then.end_node - then.first_node):
-        node = lookback.nodes[slot, i]
+        node = buffers.nodes[slot, i]
         if node.p < _LEAST:
             continue
         hyp = belief.hyp[state.count]
@@ -291,14 +291,14 @@ def as_belief(lookback: Lookback, history: History, step: int, slot: int, mode: 
 
 @kernel
 def _estimate_until(
-    lookback: Lookback, ctx: Context, epochs: Epochs, filtered: Output, output: Output,
+    buffers: SmootherBuffers, ctx: Context, epochs: Epochs, filtered: Output, output: Output,
     start: int, until: int,
 ) -> None:  # fmt: skip
     """Estimate the epoch of a smoothed step, and the epochs until the next step.
 
     Nothing was observed in these.  They differ from the step by the motion since, as filtered.
     """
-    belief = lookback.belief
+    belief = buffers.belief
     state = belief.state[0]
     mode = ctx.par[0].mode
     x = filtered.rows[start].x
@@ -326,41 +326,41 @@ def _estimate_until(
 
 
 @entry
-def look_back(
-    lookback: Lookback, history: History, path: Path, ctx: Context, epochs: Epochs,
-    filtered: Output, output: Output, look: Look,
+def smooth_span(
+    buffers: SmootherBuffers, history: History, path: Path, ctx: Context, epochs: Epochs,
+    filtered: Output, output: Output, span: Span,
 ) -> None:  # fmt: skip
     """Estimate steps first ... last - 1 by what was known at a later one.
 
     Args:
-        lookback: Buffers.
+        buffers: Buffers.
         history: The graph; `smoothed` is written for these steps.
         path: The tree of edges entered.
         ctx: The drive's constants.
         epochs: (n,) EPOCH, what the sensors measured.
         filtered: (n,) the filter's estimates.
         output: (n,) written.
-        look: From which step, and which steps.
+        span: From which step, and which steps.
     """
     slot = 0
-    begin(lookback, history, look.known, slot)
-    for at in range(look.known, look.first - 1, -1):
-        if at < look.known:
-            step_back(lookback, history, path, ctx, at + 1, slot, True)
+    begin(buffers, history, span.known, slot)
+    for at in range(span.known, span.first - 1, -1):
+        if at < span.known:
+            step_back(buffers, history, path, ctx, at + 1, slot, True)
             slot = 1 - slot
-        if at < look.last:
+        if at < span.last:
             step = history.steps[at]
             for i in range(step.end_node - step.first_node):
-                history.nodes[step.first_node + i].smoothed = lookback.nodes[slot, i].p
+                history.nodes[step.first_node + i].smoothed = buffers.nodes[slot, i].p
             until = len(epochs)
             if at + 1 < history.count[0].steps:
                 until = history.steps[at + 1].epoch
-            as_belief(lookback, history, at, slot, ctx.par[0].mode)
-            _estimate_until(lookback, ctx, epochs, filtered, output, step.epoch, until)
+            as_belief(buffers, history, at, slot, ctx.par[0].mode)
+            _estimate_until(buffers, ctx, epochs, filtered, output, step.epoch, until)
 
 
 @kernel
-def _surest(lookback: Lookback, history: History, at: int, slot: int) -> float:
+def _surest(buffers: SmootherBuffers, history: History, at: int, slot: int) -> float:
     """P of the most probable edge of a smoothed step, components added up."""
     first = history.steps[at].first_node
     n = history.steps[at].end_node - first
@@ -369,20 +369,20 @@ def _surest(lookback: Lookback, history: History, at: int, slot: int) -> float:
         total = 0.0
         for j in range(n):
             if history.nodes[first + i].edge == history.nodes[first + j].edge:
-                total += lookback.nodes[slot, j].p
+                total += buffers.nodes[slot, j].p
         best = max(best, total)
     return best
 
 
 @entry
-def look_at(
-    lookback: Lookback, history: History, path: Path, ctx: Context, output: Output, step: int,
+def smooth_step(
+    buffers: SmootherBuffers, history: History, path: Path, ctx: Context, output: Output, step: int,
     sure: float,
 ) -> int:  # fmt: skip
     """Estimate one step from the last one, and find until when the road is decided.
 
     Args:
-        lookback: Buffers; its belief is that of the step afterwards.
+        buffers: Buffers; its belief is that of the step afterwards.
         history: The graph.
         path: The tree of edges entered.
         ctx: The drive's constants.
@@ -396,16 +396,16 @@ def look_at(
     known = history.count[0].steps - 1
     slot = 0
     decided = -1
-    begin(lookback, history, known, slot)
+    begin(buffers, history, known, slot)
     for at in range(known, -1, -1):
         if at < known:
-            step_back(lookback, history, path, ctx, at + 1, slot, at >= step >= 0)
+            step_back(buffers, history, path, ctx, at + 1, slot, at >= step >= 0)
             slot = 1 - slot
-        if decided < 0 and _surest(lookback, history, at, slot) >= sure:
+        if decided < 0 and _surest(buffers, history, at, slot) >= sure:
             decided = at
         if at == step:
-            belief = lookback.belief
-            as_belief(lookback, history, at, slot, ctx.par[0].mode)
+            belief = buffers.belief
+            as_belief(buffers, history, at, slot, ctx.par[0].mode)
             mean = belief.hyp[0].mu
             belief.state[0].scale = plane_scale(ctx.roads, mean[X], mean[Y])
             summarise(belief, ctx, output, 0, 0.0)

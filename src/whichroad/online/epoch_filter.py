@@ -334,8 +334,8 @@ class EpochFilter:
         """What `living` needs of the living hypotheses, copied."""
         return living_words(self.words, self.count)
 
-    def watched(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Epoch and estimate, as `diagnosis.statistics.Watch.look` takes them."""
+    def numbers(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Epoch and estimate, as `ConsistencyStatistics.accumulate` takes them."""
         return _WATCHED_EPOCH.unpack_from(self.epoch), _WATCHED.unpack_from(self.estimate)
 
     def copy_from(self, other: "EpochFilter") -> None:

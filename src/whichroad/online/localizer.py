@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..diagnosis.findings import Finding, findings
-from ..diagnosis.statistics import Watch
+from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import SettingError
 from ..filter.estimate import Output
 from ..filter.state import (
@@ -96,7 +96,7 @@ class Localizer:
         self._reading: Reading | None = None
         self._start = StartPose.of(start)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
-        self._watch = Watch(self.settings, self.vehicle)
+        self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def __getstate__(self) -> dict[str, Any]:
@@ -141,7 +141,7 @@ class Localizer:
         else:
             self._take_odometry(possible)
         if self._filter.mode != CLOCK:
-            self._watch.look(*self._filter.watched())
+            self._statistics.accumulate(*self._filter.numbers())
         return True
 
     @property
@@ -152,7 +152,7 @@ class Localizer:
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Settings that do not fit the data so far; nothing without odometry."""
-        return findings(self._watch)
+        return findings(self._statistics)
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.
@@ -289,7 +289,7 @@ class Localizer:
             raise SettingError(
                 "lag is None; seconds were expected, to look back: Localizer(lag=10)"
             )
-        return self._past.look(self._filter.ctx, self._filter.path, self._filter.time, back)
+        return self._past.smoothed_at(self._filter.ctx, self._filter.path, self._filter.time, back)
 
     def _estimate(self, time: float, row: memoryview, living: NDArray[np.int64]) -> Estimate:
         data, unknown = row.tobytes(), self.settings.unknown
@@ -344,7 +344,7 @@ class Localizer:
         made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
         return State(
             now.time, now.count, now.tables(), odometry, made, dict(self.skipped),
-            self._watch.waiting, now.path,
+            self._statistics.waiting, now.path,
         )  # fmt: skip
 
     def restore(self, state: State) -> None:
@@ -370,7 +370,7 @@ class Localizer:
             if now.path is not state.path:  # tidied since, or of another process: begun anew
                 now.belief.hyp["path_entry"][: state.count] = -1
             self._past.forget_after(state.time, now.belief)
-        self._watch.forget_after(state.watched)
+        self._statistics.forget_after(state.watched)
 
     def wake(self, time: float) -> None:
         """Go on after a pause of which nothing is known, less sure by what it may have brought.

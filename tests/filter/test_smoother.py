@@ -27,7 +27,7 @@ from whichroad.filter.history import (
 from whichroad.filter.link_motion import Link
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
 from whichroad.filter.reduction import reduce
-from whichroad.filter.smoother import new_lookback
+from whichroad.filter.smoother import new_buffers
 from whichroad.filter.state import (
     KEPT,
     WHEELS,
@@ -56,14 +56,14 @@ predict_link = jit(link_motion.predict_link)
 
 def smoothed(history: History) -> list[np.ndarray]:
     """Smoothed probabilities of each step's nodes."""
-    lookback, slot = new_lookback(), 0
+    buffers, slot = new_buffers(), 0
     last = int(history.count[0].steps) - 1
-    begin(lookback, history, last, slot)
-    found = [lookback.nodes[slot].p[: len(nodes_of(history, last))].copy()]
+    begin(buffers, history, last, slot)
+    found = [buffers.nodes[slot].p[: len(nodes_of(history, last))].copy()]
     for step in range(last, 0, -1):
-        step_back(lookback, history, NO_PATH, CTX, step, slot, False)
+        step_back(buffers, history, NO_PATH, CTX, step, slot, False)
         slot = 1 - slot
-        found.insert(0, lookback.nodes[slot].p[: len(nodes_of(history, step - 1))].copy())
+        found.insert(0, buffers.nodes[slot].p[: len(nodes_of(history, step - 1))].copy())
     return found
 
 
@@ -160,7 +160,7 @@ def put(belief: Belief, i: int, mean: np.ndarray, cov: np.ndarray, edge: int = 0
 
 def link_model(history: History, mean: np.ndarray, cov: np.ndarray) -> Record:
     """The process model of the link from node 0 of step 0 to node 1 of step 1."""
-    model = new_lookback().model[0]
+    model = new_buffers().model[0]
     model.then_mean, model.then_cov, model.scale = mean, cov, 1.0
     predict_link(model, history, NO_PATH, CTX, Link(1, 0, 1))
     return model
@@ -198,7 +198,7 @@ def test_the_motion_of_a_link_is_that_of_the_filter_over_its_epochs(seed: int):
 def test_the_gain_is_that_of_the_normal_equations(seed: int, silent: bool):
     rng = np.random.default_rng(seed)
     _, cov = random_state(rng)
-    model = new_lookback().model[0]
+    model = new_buffers().model[0]
     model["cov"] = cov
     model["cross"] = cov @ rng.normal(size=(N, N))  # in the span of what varies
     if silent:  # a state that nobody uses
@@ -233,11 +233,11 @@ def test_one_link_is_smoothed_as_the_textbook_does(seed: int):
     gain = model.cross.T @ np.linalg.pinv(model["cov"], hermitian=True)
     off = history.states["mu"][1] - model["mu"]
     off[H] = wrap(off[H])
-    lookback = new_lookback()
-    begin(lookback, history, 1, 0)
-    step_back(lookback, history, NO_PATH, CTX, 1, 0, True)
+    buffers = new_buffers()
+    begin(buffers, history, 1, 0)
+    step_back(buffers, history, NO_PATH, CTX, 1, 0, True)
     sigma = sigmas(cov)
-    node = lookback.nodes[1, 0]
+    node = buffers.nodes[1, 0]
     np.testing.assert_allclose((node["mu"] - mean - gain @ off) / sigma, 0.0, atol=1e-5)
     exact = cov + gain @ (hyp["cov"] - model["cov"]) @ gain.T
     square = np.outer(sigma, sigma)
