@@ -220,12 +220,26 @@ def teach_numba(**options: Any) -> None:
 
 
 def _teach(function: Any, inlined: bool) -> Any:
-    """Give a kernel the mark by which numba finds its dispatcher."""
+    """Give a kernel the mark by which numba finds its dispatcher.
+
+    numba takes the cache folder from its settings when the dispatcher is made, and keeps
+    machine code beside the sources otherwise, where it outlives a change of a callee.
+    """
     with _LOCK:
         if not hasattr(function, "_numba_type_"):
             import numba
 
-            made = numba.njit(forceinline=inlined, **(_jit_options or _JIT))(function)
+            from .native.cache import jit_folder
+
+            options = _jit_options or _JIT
+            config: Any = numba.config  # its attributes are made at run time
+            before = config.CACHE_DIR
+            if options.get("cache"):
+                config.CACHE_DIR = str(jit_folder())
+            try:
+                made = numba.njit(forceinline=inlined, **options)(function)
+            finally:
+                config.CACHE_DIR = before
             function._dispatcher = made  # its type holds it weakly
             function._numba_type_ = made._numba_type_
         return function._numba_type_
@@ -233,17 +247,7 @@ def _teach(function: Any, inlined: bool) -> Any:
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
     """A kernel compiled by numba, for those who call one that is no entry."""
-    import numba
-
     from .native.cache import jit_folder
 
-    config: Any = numba.config  # its attributes are made at run time
-    folder = jit_folder()
-    before = config.CACHE_DIR
-    if folder is not None:
-        config.CACHE_DIR = str(folder)
-    try:
-        teach_numba(cache=folder is not None)
-        return _teach(function, False).dispatcher  # type: ignore[no-any-return]
-    finally:
-        config.CACHE_DIR = before
+    teach_numba(cache=jit_folder() is not None)
+    return _teach(function, False).dispatcher  # type: ignore[no-any-return]

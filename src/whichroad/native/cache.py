@@ -102,6 +102,7 @@ def cache_folder() -> Path | None:
     return None
 
 
+@functools.cache
 def jit_folder() -> Path | None:
     """Where numba keeps what it compiles of these very sources, or None.
 
