@@ -101,6 +101,11 @@ class Alternative:
     end: float  # s, when the first sure edge after it was
     routes: tuple[Route, ...]  # the most probable first; from the one edge to the other
 
+    @property
+    def ways(self) -> tuple[Route, ...]:
+        """`routes` by its name of version 0.1."""
+        return self.routes
+
 
 def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = False) -> Chain:
     """The path on which most of the drive is right, by the smoothed probabilities.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
+from whichroad import Distance, GeoFix, Localizer, WheelTicks, simulate_drive
 
 BEGIN, END = 60.0, 110.0  # s of the drive without wheels
 
@@ -60,13 +60,37 @@ def test_odometry_that_speaks_seldom_is_not_silent(town, drive):
 
 
 def test_a_prediction_does_not_turn_for_ever(town, drive):
+    """Hypotheses go on nearly straight; their mean lies nearer, where roads part."""
     localizer = Localizer(town, vehicle=drive.vehicle)
     turning = 0.0
     for one in by_time(drive, lambda t: True):
         said = localizer.update(one)
         if said.status == "on_road" and abs(localizer._rate[1]) > 0.2:
             ahead = localizer.predict(said.time + 10.0)
-            way = math.hypot(ahead.pose.x - said.pose.x, ahead.pose.y - said.pose.y)
+            way = sum(
+                h.p * math.hypot(h.pose.x - said.pose.x, h.pose.y - said.pose.y)
+                for h in ahead.hypotheses
+            )
             turning = max(turning, abs(localizer._rate[0]))
-            assert way > 4.0 * abs(localizer._rate[0])
+            assert way > 7.0 * abs(localizer._rate[0])
     assert turning > 0.0
+
+
+def test_an_odometer_that_falls_silent_leaves_the_distance_uncertain(town, drive):
+    """By a fifth of what is extrapolated; while it speaks, by little."""
+    o, f = drive.drive.odometry, drive.drive.fixes
+    car = drive.vehicle
+    metres = 0.5 * (o.left * car.metres_per_tick_left + o.right * car.metres_per_tick_right)
+    localizer = Localizer(town, vehicle=car)
+    fixes = [GeoFix(*map(float, row)) for row in zip(*(getattr(f, n) for n in GeoFix.__slots__))]  # noqa: B905
+    readings = [Distance(float(t), float(m)) for t, m in zip(o.time, metres, strict=True)]
+    seen = sorted(
+        [one for one in readings + fixes if one.time < o.time[0] + BEGIN], key=lambda one: one.time
+    )
+    for one in seen:
+        said = localizer.update(one)
+    ahead = localizer.predict(said.time + 20.0)
+    away = abs(localizer._rate[0]) * 20.0
+    sigma = math.sqrt(ahead.cov[0, 0] + ahead.cov[1, 1])
+    assert away > 50.0
+    assert sigma > 0.15 * away

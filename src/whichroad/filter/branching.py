@@ -47,6 +47,7 @@ PASSED = 1e-3  # probability past an edge's end, from which on a hypothesis bran
 _REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
 _WORTH = 0.3  # of the pruning floor: weight of what branches at least
+_OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
 _WORTH_CHILD = 0.1  # of the pruning floor: weight of a child at least, with wheels
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
@@ -216,7 +217,14 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
             hyp.p_not_passed = max(hyp.p_not_passed, now)
             continue
         changed = True
-        given = _pass_on(belief, path, ctx, i, share, tx, ty)
+        s, sigma = hyp.along, hyp.along_sigma
+        first = int(belief.state[0].count)
+        worth = _WORTH_CHILD * ctx.par[0].prune
+        given = _pass_on(belief, path, ctx, i, s, sigma, share, worth)
+        for row in range(first, belief.state[0].count):
+            if belief.hyp[row].edge != OFF_ROAD:
+                ahead = s - belief.hyp[row].scratch[_OFFSET]
+                _place_child(belief, ctx, row, ahead, sigma, tx, ty)
         hyp.p_not_passed = now
         rescale(hyp, 1.0 - given)
         if ctx.par[0].truncate:
@@ -228,36 +236,58 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
 
 @kernel(inline=True)
 def _pass_on(
-    belief: Belief, path: Path, ctx: Context, i: int, share: float, tx: float, ty: float
-) -> float:
-    """Spawn children of i on the edges that follow; returns the share that they got."""
+    belief: Belief, path: Path, ctx: Context, i: int, s: float, sigma: float, share: float,
+    worth: float,
+) -> float:  # fmt: skip
+    """Spawn children of hypothesis i on the edges that follow.
+
+    Each child's scratch holds the abscissa of its edge's start, from the start of i's edge.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        s: Its abscissa now, beyond its edge's end, m.
+        sigma: m.
+        share: Share of its weight that has left.
+        worth: Weight below which there is no child.
+
+    Returns:
+        The share that the children got; what is too little, or finds no room, stays.
+    """
     hyp = belief.hyp[i]
     p = hyp.weight
-    s = hyp.along
-    sigma = hyp.along_sigma
     count, total = _successors(ctx, hyp.edge, s, sigma, share * p)
-    given = 0.0
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
         spawn(belief, i, share, OFF_ROAD, hyp.segment)
-        given = share
+        return share
+    given = 0.0
     for d in range(count):
-        part = share * ctx.work.successor[d].mass / total if total > 0.0 else 0.0
-        if part * p < _WORTH_CHILD * ctx.par[0].prune or belief.state[0].count >= CAPACITY:
-            continue  # too little, or no room: it stays where it was
+        part = share * ctx.work.successor[d].mass / total
+        if part * p < worth or belief.state[0].count >= CAPACITY:
+            continue
         given += part
-        row = _spawn_on(belief, path, ctx, i, d, part)
-        child = belief.hyp[row]
-        ahead = s - ctx.work.successor[d].offset
-        if ctx.par[0].truncate:
-            mean, variance = truncated_moments(ahead, sigma, 0.0, 1e9)
-            reshape_on_map(
-                child.mu, child.cov, tx, ty, mean - ahead, variance / (sigma * sigma),
-                belief.state[0].scale,
-            )  # fmt: skip
-        track(belief, ctx.roads, row)
-        length = ctx.roads.edges[child.edge].length
-        child.p_not_passed = max(normal_cdf((length - ahead) / child.along_sigma), 1e-6)
+        child = belief.hyp[_spawn_on(belief, path, ctx, i, d, part)]
+        child.scratch[_OFFSET] = ctx.work.successor[d].offset
     return given
+
+
+@kernel(inline=True)
+def _place_child(
+    belief: Belief, ctx: Context, row: int, s: float, sigma: float, tx: float, ty: float
+) -> None:
+    """Evaluate a child with an abscissa from its own edge's start, truncated where asked."""
+    child = belief.hyp[row]
+    if ctx.par[0].truncate:
+        mean, variance = truncated_moments(s, sigma, 0.0, 1e9)
+        reshape_on_map(
+            child.mu, child.cov, tx, ty, mean - s, variance / (sigma * sigma),
+            belief.state[0].scale,
+        )  # fmt: skip
+    track(belief, ctx.roads, row)
+    length = ctx.roads.edges[child.edge].length
+    child.p_not_passed = max(normal_cdf((length - s) / child.along_sigma), 1e-6)
 
 
 @kernel
@@ -396,8 +426,17 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if share > 0.0:
             owed = 0.0
             changed = True
+            first = int(belief.state[0].count)
+            worth = _WORTH * ctx.par[0].prune
+            given = _pass_on(belief, path, ctx, i, s, sigma, share, worth)
+            for row in range(first, belief.state[0].count):
+                child = belief.hyp[row]
+                if child.edge != OFF_ROAD:
+                    ahead = Advance(odometer, s - child.scratch[_OFFSET], sigma, lateral, tx, ty)
+                    end = ctx.roads.edges[child.edge].length
+                    _move_to(belief, ctx, row, ahead, noise, 0.0, end)
+            rescale(hyp, 1.0 - given)
             end = length
-            rescale(hyp, 1.0 - _advance_children(belief, path, ctx, i, to, noise, share))
         _move_to(belief, ctx, i, to, noise, -1e9, end)
         hyp.p_not_passed = max(hyp.p_not_passed, owed)
     straight = Increment(odometer, 0.0, odometer, 0.0)
@@ -406,32 +445,6 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if hyp.edge == OFF_ROAD:
             predict_plane(hyp.mu, hyp.cov, straight, belief.state[0].scale, noise)
     return changed
-
-
-@kernel(inline=True)
-def _advance_children(
-    belief: Belief, path: Path, ctx: Context, i: int, to: Advance, noise: Noise, share: float
-) -> float:
-    """Spawn children of i on the edges that follow; returns the share that they got."""
-    hyp = belief.hyp[i]
-    p = hyp.weight
-    given = 0.0
-    count, total = _successors(ctx, hyp.edge, to.s, to.sigma, share * p)
-    if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
-        spawn(belief, i, share, OFF_ROAD, hyp.segment)
-        given = share
-    for d in range(count):
-        part = share * ctx.work.successor[d].mass / total if total > 0.0 else 0.0
-        if part * p < _WORTH * ctx.par[0].prune or belief.state[0].count >= CAPACITY:
-            continue  # too little, or no room: it stays where it was
-        given += part
-        row = _spawn_on(belief, path, ctx, i, d, part)
-        ahead = Advance(
-            to.odometer, to.s - ctx.work.successor[d].offset, to.sigma, to.lateral, to.tx, to.ty
-        )
-        length = ctx.roads.edges[belief.hyp[row].edge].length
-        _move_to(belief, ctx, row, ahead, noise, 0.0, length)
-    return given
 
 
 @kernel(inline=True)
