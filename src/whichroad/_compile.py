@@ -28,12 +28,8 @@ from .native.layout import Layout
 Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
 Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]
 Cube = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 3)]
-Hyper = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 4)]
 Ints = Annotated[NDArray[np.int64], Array(np.dtype("i8"), 1)]
 Ints32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 1)]
-Floats32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 1)]
-Matrix32 = Annotated[NDArray[np.float32], Array(np.dtype("f4"), 2)]
-Table32 = Annotated[NDArray[np.int32], Array(np.dtype("i4"), 2)]
 Bytes = Annotated[NDArray[np.uint8], Array(np.dtype("u1"), 1)]
 Records = Any  # np.recarray of one of the structured dtypes; annotated with which, where it matters
 Record = Any  # one row of it

@@ -14,7 +14,7 @@ from ._compile import Records
 from .errors import SettingError
 from .filter.state import PARAMETERS, new_parameters
 
-_OF_THE_DRIVE = ("lever", "side", "mode", "truncate", "paper")
+_OF_THE_DRIVE = ("lever", "side", "mode", "paper")
 _NAMES = tuple(name for name in PARAMETERS.names or () if name not in _OF_THE_DRIVE)
 _SUFFIXED = {"outage_after": "outage_after_s"}
 _read = attrgetter(*(_SUFFIXED.get(name, name) for name in _NAMES))
@@ -154,7 +154,7 @@ def parameters(settings: Settings, vehicle: Vehicle, mode: int, *, paper: bool =
     lever = (vehicle.antenna_forward, vehicle.antenna_left)
     side = 1.0 if vehicle.driving_side == "right" else -1.0
     values = dict(zip(_NAMES, _read(settings), strict=True))
-    values |= {"lever": lever, "side": side, "mode": mode, "truncate": 0, "paper": paper}
+    values |= {"lever": lever, "side": side, "mode": mode, "paper": paper}
     if paper:  # it knows no "none of these"
         values["unknown"] = 0.0
     par[0] = tuple(values[name] for name in PARAMETERS.names or ())

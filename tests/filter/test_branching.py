@@ -46,8 +46,8 @@ merge_cost = jit(reduction._merge_cost)
 PRIORS = {2: 1.0, 4: 0.5, 6: 0.5, 1: 0.01}
 
 
-def pass_on(belief: Belief, roads: Roads, arc: float = 1.0, *, prune=0.0, cut=False) -> bool:
-    ctx = context(roads, prune=prune, truncate=cut)
+def pass_on(belief: Belief, roads: Roads, arc: float = 1.0, *, prune=0.0) -> bool:
+    ctx = context(roads, prune=prune)
     return branch(belief, new_path(1 << 12), ctx, arc, 0.0)
 
 
@@ -73,10 +73,10 @@ def random_places(seed: int) -> list[On]:
     ]
 
 
-@given(seeds, st.booleans(), st.sampled_from([-3.0, 0.0, 3.0]))
-def test_branching_conserves_probability(seed: int, cut: bool, arc: float):
+@given(seeds, st.sampled_from([-3.0, 0.0, 3.0]))
+def test_branching_conserves_probability(seed: int, arc: float):
     belief = belief_on(TOWN, random_places(seed))
-    pass_on(belief, TOWN, arc, cut=cut)
+    pass_on(belief, TOWN, arc)
     assert len(living(belief)) >= 4
     assert weights(belief).sum() == pytest.approx(1.0, abs=1e-12)
     np.testing.assert_allclose(living(belief).weight, weights(belief), atol=1e-12)
@@ -96,15 +96,15 @@ def test_pruned_branches_lose_less_than_the_floor_they_were_below(seed: int):
     assert 1.0 - 4 * 64 * 1e-5 <= weights(belief).sum() <= 1.0 + 1e-12
 
 
-@given(seeds, st.booleans())
-def test_a_standing_vehicle_leaks_nothing(seed: int, cut: bool):
+@given(seeds)
+def test_a_standing_vehicle_leaks_nothing(seed: int):
     """What lies beyond the end is passed on once, however often one looks again."""
     rng = np.random.default_rng(seed)
     belief = belief_on(CROSS, [On(0, rng.uniform(270, 300), sigma=rng.uniform(0.5, 30.0))])
-    pass_on(belief, CROSS, 0.0, cut=cut)
+    pass_on(belief, CROSS, 0.0)
     once = edge_weights(belief)
     for _ in range(20):
-        pass_on(belief, CROSS, 0.0, cut=cut, prune=1e-4)
+        pass_on(belief, CROSS, 0.0, prune=1e-4)
     assert edge_weights(belief) == pytest.approx(once, abs=1e-4)
 
 

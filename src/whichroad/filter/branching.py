@@ -174,12 +174,6 @@ def _share_passed(belief: Belief, ctx: Context, hyp: Record, now: float, passed:
     return share if enough and belief.state[0].count < CAPACITY else 0.0
 
 
-@kernel
-def p_before_end(hyp: Record, length: float) -> float:
-    """P(not past the end of an edge), at least 1e-6."""
-    return max(normal_cdf((length - hyp.along) / hyp.along_sigma), 1e-6)
-
-
 @kernel(inline=True)
 def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) -> bool:
     """Give the part of every hypothesis that has passed its edge's end to what follows.
@@ -201,7 +195,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        _, tx, ty = track(belief, ctx.roads, i)
+        track(belief, ctx.roads, i)
         if arc < 0.0 and hyp.along < _REACH * hyp.along_sigma:
             changed = _back_up(belief, ctx, i, -arc) or changed
         length = ctx.roads.edges[hyp.edge].length
@@ -217,20 +211,18 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
             hyp.p_not_passed = max(hyp.p_not_passed, now)
             continue
         changed = True
-        s, sigma = hyp.along, hyp.along_sigma
+        s = hyp.along
         first = int(belief.state[0].count)
         worth = _WORTH_CHILD * ctx.par[0].prune
-        given = _pass_on(belief, path, ctx, i, s, sigma, share, worth)
+        given = _pass_on(belief, path, ctx, i, s, hyp.along_sigma, share, worth)
         for row in range(first, belief.state[0].count):
-            if belief.hyp[row].edge != OFF_ROAD:
-                ahead = s - belief.hyp[row].scratch[_OFFSET]
-                _place_child(belief, ctx, row, ahead, sigma, tx, ty)
+            child = belief.hyp[row]
+            if child.edge != OFF_ROAD:
+                track(belief, ctx.roads, row)
+                left = ctx.roads.edges[child.edge].length - (s - child.scratch[_OFFSET])
+                child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
         hyp.p_not_passed = now
         rescale(hyp, 1.0 - given)
-        if ctx.par[0].truncate:
-            truncate_along(belief, i, tx, ty, -1e9, length)
-            track(belief, ctx.roads, i)
-            hyp.p_not_passed = p_before_end(hyp, length)
     return changed
 
 
@@ -273,23 +265,6 @@ def _pass_on(
     return given
 
 
-@kernel(inline=True)
-def _place_child(
-    belief: Belief, ctx: Context, row: int, s: float, sigma: float, tx: float, ty: float
-) -> None:
-    """Evaluate a child with an abscissa from its own edge's start, truncated where asked."""
-    child = belief.hyp[row]
-    if ctx.par[0].truncate:
-        mean, variance = truncated_moments(s, sigma, 0.0, 1e9)
-        reshape_on_map(
-            child.mu, child.cov, tx, ty, mean - s, variance / (sigma * sigma),
-            belief.state[0].scale,
-        )  # fmt: skip
-    track(belief, ctx.roads, row)
-    length = ctx.roads.edges[child.edge].length
-    child.p_not_passed = max(normal_cdf((length - s) / child.along_sigma), 1e-6)
-
-
 @kernel
 def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
     """Reversing: the hazard of passing the edge's start goes to its predecessors."""
@@ -315,18 +290,6 @@ def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
         belief.hyp[child].p_not_passed = 1.0
     rescale(hyp, 1.0 - given)
     return True
-
-
-@kernel
-def truncate_along(belief: Belief, i: int, tx: float, ty: float, low: float, high: float) -> None:
-    """Truncate the abscissa of hypothesis i to [low, high]."""
-    hyp = belief.hyp[i]
-    sigma = hyp.along_sigma
-    mean, variance = truncated_moments(hyp.along, sigma, low, high)
-    reshape_on_map(
-        hyp.mu, hyp.cov, tx, ty, mean - hyp.along, variance / (sigma * sigma),
-        belief.state[0].scale,
-    )  # fmt: skip
 
 
 class Advance(NamedTuple):

@@ -159,7 +159,6 @@ PARAMETERS = np.dtype(
         ("lever", "f8", (2,)),  # antenna ahead and left of M, m
         ("side", "f8"),  # 1 where one drives on the right, -1 on the left
         ("mode", "i8"),  # WHEELS, DISTANCE or CLOCK
-        ("truncate", "u1"),  # 1: Gaussians are truncated at the ends of edges
         ("paper", "u1"),  # 1: the paper's literal form (filter.paper)
     ],
     align=True,
