@@ -6,7 +6,6 @@ Allocating them takes as long as filtering some thirty fixes.
 import threading
 
 from .filter.history import History, enlarged, new_history
-from .filter.many import clear
 from .filter.smoother import SmootherBuffers, new_buffers
 from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
 from .graph.network import Roads
@@ -45,7 +44,7 @@ class Workspace:
     def belief(self, lineage: bool) -> Belief:
         """An empty belief, with lineage where its history is stored."""
         belief = self._beliefs[lineage]
-        clear(belief, self._empty)
+        belief.state.fill(0)
         return belief
 
     def path(self) -> Path:
@@ -62,7 +61,7 @@ class Workspace:
         """An empty history, and buffers to smooth it."""
         if self._smoother is None:
             self._history, self._smoother = new_history(_STEPS), new_buffers()
-        clear(self._smoother.belief, self._empty)
+        self._smoother.belief.state.fill(0)
         self._history.count.fill(0)
         self._history.since.fill(0)
         self._history.reference.fill(0)

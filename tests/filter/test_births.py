@@ -145,6 +145,20 @@ def test_a_start_of_probability_one_replaces_what_was_believed():
     assert living(belief).mu[:, X] == pytest.approx(1000.0)
 
 
+@pytest.mark.parametrize("sigma", [0.1, math.inf])
+def test_a_start_depends_on_nothing_that_its_rows_held_before(sigma: float):
+    """Rows beyond the last hypothesis are free: what a dead one left there is not read."""
+    roads = network(parallel_roads(12.0))
+    new, used = new_belief(), new_belief()
+    used.hyp.view(np.uint8)[:] = 1
+    fix = [1000.0, 5.0, 3.0, 3.0, 0.0]
+    for belief in (new, used):
+        start(belief, roads, fix, heading_sigma=sigma)
+    assert living(new).edge.min() == OFF_ROAD
+    for name in set(living(new).dtype.names) - {"scratch", "weight"}:
+        np.testing.assert_array_equal(living(used)[name], living(new)[name], name)
+
+
 def test_on_a_road_of_many_lanes_a_vehicle_starts_in_any_of_them():
     roads = network(parallel_roads(12.0))
     roads.edges.lane_sigma[:2] = 1.65
@@ -242,14 +256,7 @@ def crowd(size: int) -> Belief:
     return belief
 
 
-NO_ROOM = pytest.mark.xfail(
-    strict=True, reason="without eight free rows, weight of a start is lost"
-)
-
-
-@pytest.mark.parametrize(
-    "size", [40, KEPT, 96, 140, 151, *(pytest.param(n, marks=NO_ROOM) for n in (153, CAPACITY))]
-)
+@pytest.mark.parametrize("size", [40, KEPT, 96, 140, 151, 153, CAPACITY])
 def test_a_start_finds_room_in_a_belief_however_full(size: int):
     belief = crowd(size)
     start(belief, STAR, [1.0, 1.0, 4.0, 4.0, 0.0], total=0.02)

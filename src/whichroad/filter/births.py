@@ -8,6 +8,7 @@ from ..graph.geometry import chord_heading, project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .gaussian import normal_cdf
+from .reduction import drop_lightest
 from .state import (
     CAPACITY,
     CLOCK,
@@ -23,10 +24,10 @@ from .state import (
     D,
     H,
     K,
-    N,
     Path,
     X,
     Y,
+    blank,
     heaviest,
     lane_mean,
     lane_sigma,
@@ -62,14 +63,10 @@ class Start(NamedTuple):
 def _fill_start(
     hyp: Record, ctx: Context, fix: Vector, start: Start, heading: float, sigma: float, scale: float
 ) -> None:
-    """Fill a hypothesis with what one fix and a heading tell: p = z − R a − S γ − white."""
+    """Fill a blank hypothesis with what one fix and a heading tell: p = z − R a − S γ − white."""
     par = ctx.par[0]
     mean = hyp.mu
     cov = hyp.cov
-    for a in range(N):
-        mean[a] = 0.0
-        for b in range(N):
-            cov[a, b] = 0.0
     forward = par.lever[0] if start.at_antenna else 0.0
     left = par.lever[1] if start.at_antenna else 0.0
     ch = math.cos(heading)
@@ -131,6 +128,8 @@ def cold_start(
     parent = belief.hyp[heaviest(belief)].path_entry if state.count > 0 else -1
     kept = 0
     if total < 1.0:
+        while state.count > CAPACITY - _HEADINGS:
+            drop_lightest(belief)
         kept = int(state.count)
         for i in range(kept):
             rescale(belief.hyp[i], 1.0 - total)
@@ -146,7 +145,6 @@ def cold_start(
         belief.hyp[i].log_weight += share
     _start_off_road(belief, ctx, fix, start, towards, total * (off_road if mass > 0.0 else 1.0))
     for i in range(kept, state.count):
-        belief.hyp[i].new_edge = 1
         belief.hyp[i].path_entry = parent
         for a in range(state.parents):
             belief.lineage[i, a] = 0.0
@@ -186,12 +184,11 @@ def _start_on_roads(belief: Belief, ctx: Context, fix: Vector, start: Start) -> 
         if known and abs(wrap(along - start.heading)) > 4.0 * start.heading_sigma + 0.6:
             continue
         hyp = belief.hyp[state.count]
-        hyp.edge = edge
+        blank(hyp, edge, segment)
         _fill_start(
             hyp, ctx, fix, start, start.heading if known else along,
             start.heading_sigma if known else 0.12, state.scale,
         )  # fmt: skip
-        hyp.segment = segment
         hyp.p_not_passed = max(normal_cdf((road.length - s) / sigma), 1e-6)
         hyp.log_weight = math.log(mass)
         state.count += 1
@@ -210,7 +207,7 @@ def _start_off_road(
     for a in range(min(free, CAPACITY - state.count)):
         heading = start.heading if known else wrap(towards + 2.0 * math.pi * a / free)
         hyp = belief.hyp[state.count]
-        hyp.edge = OFF_ROAD
+        blank(hyp, OFF_ROAD, 0)
         sigma = start.heading_sigma if known else 0.3
         _fill_start(hyp, ctx, fix, start, heading, sigma, state.scale)
         hyp.log_weight = share

@@ -8,7 +8,7 @@ from ._simd import copy_record
 from .best_path import Way, broken_rules, first_epochs, time_edges
 from .estimate import Estimates, Output
 from .history import History
-from .state import CAPACITY, NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
+from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
 from .step import run
 
 
@@ -18,36 +18,6 @@ class Drives(NamedTuple):
     first_epoch: Ints  # (d + 1,) the epoch at which each begins, and the number of epochs
     first_edge: Ints  # (d + 1,) the edge at which each begins, and the number of edges
     way: Way  # (r,)
-
-
-@entry
-def clear(belief: Belief, empty: Belief) -> None:
-    """Make a belief as new for the next drive.
-
-    Means and covariances are left alone: they are written before they are read.
-
-    Args:
-        belief: In place.
-        empty: A new one.
-    """
-    for i in range(CAPACITY):
-        hyp = belief.hyp[i]
-        new = empty.hyp[i]
-        hyp.log_weight = new.log_weight
-        hyp.weight = new.weight
-        hyp.along = new.along
-        hyp.along_sigma = new.along_sigma
-        hyp.p_not_passed = new.p_not_passed
-        hyp.travel_variance = new.travel_variance
-        hyp.path_entry = new.path_entry
-        hyp.edge = new.edge
-        hyp.segment = new.segment
-        hyp.new_edge = new.new_edge
-        for j in range(len(hyp.scratch)):
-            hyp.scratch[j] = new.scratch[j]
-        for j in range(belief.lineage.shape[1]):
-            belief.lineage[i, j] = 0.0
-    copy_record(belief.state[0], empty.state[0])
 
 
 @kernel
@@ -93,7 +63,7 @@ def localize_each(
 
     Args:
         belief: Buffer.
-        empty: A new one.
+        empty: A new one, whose state each drive begins with.
         path: Buffer.
         history: One without room: nothing is stored.
         epochs: (n,) EPOCH of all drives.
@@ -106,7 +76,7 @@ def localize_each(
     """
     drives.first_edge[0] = 0
     for d in range(len(drives.first_epoch) - 1):
-        clear(belief, empty)
+        copy_record(belief.state[0], empty.state[0])
         for j in range(len(ctx.work.row)):
             ctx.work.row[j] = 0.0
         path.size[0] = 0

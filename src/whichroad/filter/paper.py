@@ -44,6 +44,7 @@ from .state import (
     N,
     X,
     Y,
+    blank,
     heaviest,
     normalise,
 )
@@ -89,10 +90,7 @@ def _anywhere(
     hyp: Record, fix: Vector, heading: float, heading_sigma: float, rate: float, rate_sigma: float
 ) -> None:
     """A hypothesis anywhere about a fix, with this heading, on no road yet."""
-    for a in range(N):
-        hyp.mu[a] = 0.0
-        for b in range(N):
-            hyp.cov[a, b] = 0.0
+    blank(hyp, NO_EDGE, 0)
     hyp.mu[X] = fix[0]
     hyp.mu[Y] = fix[1]
     hyp.mu[H] = wrap(heading)
@@ -101,8 +99,6 @@ def _anywhere(
     hyp.cov[Y, Y] = _ANYWHERE**2
     hyp.cov[H, H] = heading_sigma**2
     hyp.cov[K, K] = rate_sigma**2
-    hyp.edge = NO_EDGE
-    hyp.log_weight = 0.0
 
 
 @kernel

@@ -34,6 +34,7 @@ from .state import (
     Path,
     X,
     Y,
+    blank,
     lane_mean,
     lane_sigma,
 )
@@ -109,6 +110,7 @@ def initialise(
         v, x, y, tx, ty = locate(ctx.roads, e, vertex_at(ctx.roads, e, s[k]), s[k])
         heading, slope, bow = heading_regression(ctx.roads, e, v, s[k], sigma[k])
         variance = _HEADING_VARIANCE + bow * bow
+        blank(hyp, e, v)
         _fill(hyp, ctx.par[0], (tx, ty), slope, sigma[k] ** 2, variance, lane_sigma(ctx, e))
         offset = lane_mean(ctx, e)
         hyp.mu[X] = x + scale * ty * offset
@@ -116,14 +118,10 @@ def initialise(
         hyp.mu[H] = heading
         hyp.mu[D] = offset
         hyp.log_weight = log_weight[k]
-        hyp.edge = e
-        hyp.segment = v
         hyp.along = s[k]
         hyp.along_sigma = sigma[k]
         room = (ctx.roads.edges[e].length - s[k]) / sigma[k]
         hyp.p_not_passed = max(normal_cdf(room), 1e-6)
-        hyp.path_entry = -1
-        hyp.new_edge = 1
         state.count = i + 1
 
 
@@ -138,10 +136,6 @@ def _fill(
     """
     mean = hyp.mu
     cov = hyp.cov
-    for i in range(N):
-        mean[i] = 0.0
-        for j in range(N):
-            cov[i, j] = 0.0
     mean[K] = 1.0
     tx, ty = tangent
     lane = lane_sigma * lane_sigma

@@ -251,7 +251,7 @@ def _compact(belief: Belief) -> None:
             m += 1
     state.count = m
     while state.count > KEPT:
-        _drop_lightest(belief)
+        drop_lightest(belief)
     total = 0.0
     for i in range(state.count):
         total += belief.hyp[i].weight
@@ -273,7 +273,7 @@ def enter_new_edges(belief: Belief, path: Path) -> None:
 
 
 @kernel
-def _drop_lightest(belief: Belief) -> None:
+def drop_lightest(belief: Belief) -> None:
     """Drop the hypothesis of the least weight."""
     lightest = 0
     for i in range(belief.state[0].count):

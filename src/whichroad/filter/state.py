@@ -309,6 +309,25 @@ def move_row(belief: Belief, source: int, target: int) -> None:
 
 
 @kernel
+def blank(hyp: Record, edge: int, segment: int) -> None:
+    """Make a row a hypothesis on an edge that knows nothing: all zero, as certain as can be."""
+    for a in range(N):
+        hyp.mu[a] = 0.0
+        for b in range(N):
+            hyp.cov[a, b] = 0.0
+    hyp.log_weight = 0.0
+    hyp.weight = 0.0
+    hyp.along = 0.0
+    hyp.along_sigma = 1.0
+    hyp.p_not_passed = 1.0
+    hyp.travel_variance = 0.0
+    hyp.path_entry = -1
+    hyp.edge = edge
+    hyp.segment = segment
+    hyp.new_edge = 1
+
+
+@kernel
 def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     """Append a child of hypothesis i on an edge, with a share of its weight; returns its row.
 
