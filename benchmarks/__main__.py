@@ -20,6 +20,8 @@ BENCHMARKS = {
     "fork": ("scenes.fork.run", "a Y-junction of 5 degrees in an outage"),
     "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
     "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
+    "lanes": ("scenes.lanes.run", "parallel roads with different numbers of lanes"),
+    "rules": ("scenes.rules.run", "against one-ways, banned turns, closed streets"),
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),
     "nostart": ("search.run", "wheels and the map alone: until the road is known"),
