@@ -220,7 +220,7 @@ def test_a_slow_state_in_its_stationary_spread_keeps_it(g: Gaussian, target, kee
 
 def age(g: Gaussian, amount: float) -> None:
     par = new_parameters()[0]
-    par.lane_length, par.map_length, par.map_sigma = 150.0, 1000.0, 4.1
+    par.lane_sigma, par.lane_length, par.map_length, par.map_sigma = 0.6, 150.0, 1000.0, 4.1
     age_map(g.mean, g.cov, par, amount, 1.75, 1.8)
     age_bias(g.mean, g.cov, math.exp(-amount / 60.0))
 
@@ -238,6 +238,18 @@ def test_ageing_in_two_steps_is_ageing_in_one(g: Gaussian, amount, part):
     np.testing.assert_array_equal(
         once.cov[np.ix_(untouched, untouched)], g.cov[np.ix_(untouched, untouched)]
     )
+
+
+@given(gaussians, st.floats(0.6, 4.0))
+def test_a_vehicle_wanders_as_much_a_metre_on_a_wide_road_as_on_a_narrow_one(g: Gaussian, sigma):
+    par = new_parameters()[0]
+    par.lane_sigma, par.lane_length, par.map_length = 0.6, 150.0, 1000.0
+    g.cov[D, D] = sigma**2
+    age_map(g.mean, g.cov, par, 0.1, 1.75, sigma)
+    assert g.cov[D, D] == pytest.approx(sigma**2)  # its stationary variance
+    g.cov[D, :] = g.cov[:, D] = 0.0
+    age_map(g.mean, g.cov, par, 0.1, 1.75, sigma)
+    assert g.cov[D, D] == pytest.approx(2.0 * 0.6**2 * 0.1 / 150.0, rel=2e-3)
 
 
 @given(gaussians)

@@ -56,16 +56,21 @@ def red(reason: str) -> object:
     return pytest.mark.xfail(strict=True, reason=reason)
 
 
-@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 @pytest.mark.parametrize(
-    ("figure", "limit", "adapt"),
+    ("mode", "figure", "limit", "adapt"),
     [
-        ("p", 0.01, AS_REPORTED),
-        ("ellipse", 0.01, AS_REPORTED),
-        pytest.param("protection", 0.02, AS_REPORTED, marks=red(COUNT)),
-        pytest.param("p", 0.01, LEARNT, marks=red(STEPS)),
-        pytest.param("ellipse", 0.01, LEARNT, marks=red(STEPS)),
-        pytest.param("protection", 0.02, LEARNT, marks=red(COUNT)),
+        (WHEELS, "p", 0.01, AS_REPORTED),
+        (WHEELS, "ellipse", 0.01, AS_REPORTED),
+        pytest.param(WHEELS, "protection", 0.02, AS_REPORTED, marks=red(COUNT)),
+        (WHEELS, "p", 0.01, LEARNT),
+        (WHEELS, "ellipse", 0.01, LEARNT),
+        pytest.param(WHEELS, "protection", 0.02, LEARNT, marks=red(COUNT)),
+        (DISTANCE, "p", 0.01, AS_REPORTED),
+        (DISTANCE, "ellipse", 0.01, AS_REPORTED),
+        pytest.param(DISTANCE, "protection", 0.02, AS_REPORTED, marks=red(COUNT)),
+        pytest.param(DISTANCE, "p", 0.01, LEARNT, marks=red(STEPS)),
+        pytest.param(DISTANCE, "ellipse", 0.01, LEARNT, marks=red(STEPS)),
+        pytest.param(DISTANCE, "protection", 0.02, LEARNT, marks=red(COUNT)),
     ],
 )
 def test_map_observations_every_4_m_or_8_m_give_the_same_estimate_beside_a_parallel_road(

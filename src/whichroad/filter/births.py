@@ -350,7 +350,9 @@ def turn_with_heading(belief: Belief, ctx: Context) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD or hyp.weight < 1e-4 or roads.edges[hyp.edge].opposite < 0:
             continue
-        s = min(max(hyp.along, 0.0), roads.edges[hyp.edge].length)
+        if hyp.along < _HALF_CHORD:  # it has not driven along the road yet: nodes have U-turns
+            continue
+        s = min(hyp.along, roads.edges[hyp.edge].length)
         along = chord_heading(roads, hyp.edge, hyp.segment, s, _HALF_CHORD)
         if abs(wrap(along - hyp.mu[H])) > _ATHWART and belief.state[0].count < CAPACITY:
             _spawn_opposite(belief, ctx, i, 0.1)

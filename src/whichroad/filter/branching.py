@@ -24,9 +24,12 @@ from .motion import (
 from .road import track
 from .state import (
     CAPACITY,
+    GRACE,
     MX,
     MY,
     OFF_ROAD,
+    RARE,
+    RARE_FLOOR,
     SUCCESSORS,
     Belief,
     Context,
@@ -37,6 +40,7 @@ from .state import (
     X,
     Y,
     enter,
+    floor_of,
     lane_mean,
     lane_sigma,
     rescale,
@@ -89,7 +93,7 @@ def _list_successors(
         low = normal_cdf((end - s) / sigma)
         for t in range(roads.edges[current].first_turn, roads.edges[current].end_turn):
             p = prior * roads.turns[t].prior
-            if p < least or count >= SUCCESSORS:
+            if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
                 continue
             new = found[count]
             new.edge = roads.turns[t].edge
@@ -170,7 +174,8 @@ def _share_passed(belief: Belief, ctx: Context, hyp: Record, now: float, passed:
     """
     share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
     p = hyp.weight
-    enough = share * p >= _WORTH * ctx.par[0].prune and share >= min(passed / p, _MOSTLY)
+    enough = share * p >= floor_of(hyp, _WORTH * ctx.par[0].prune)
+    enough = enough and share >= min(passed / p, _MOSTLY)
     return share if enough and belief.state[0].count < CAPACITY else 0.0
 
 
@@ -257,10 +262,14 @@ def _pass_on(
     given = 0.0
     for d in range(count):
         part = share * ctx.work.successor[d].mass / total
-        if part * p < worth or belief.state[0].count >= CAPACITY:
+        rare = ctx.work.successor[d].prior < RARE
+        least = RARE_FLOOR * worth if rare else floor_of(hyp, worth)
+        if part * p < least or belief.state[0].count >= CAPACITY:
             continue
         given += part
         child = belief.hyp[_spawn_on(belief, path, ctx, i, d, part)]
+        if rare:
+            child.grace = GRACE
         child.scratch[_OFFSET] = ctx.work.successor[d].offset
     return given
 

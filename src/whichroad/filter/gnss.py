@@ -115,7 +115,8 @@ def _drop_refuted(belief: Belief, least: float) -> None:
     low = belief.hyp[heaviest(belief)].log_weight + math.log(least)
     kept = 0
     for i in range(state.count):
-        if belief.hyp[i].log_weight < low and belief.hyp[i].edge != OFF_ROAD:
+        hyp = belief.hyp[i]
+        if hyp.log_weight < low and hyp.edge != OFF_ROAD and hyp.grace <= 0.0:
             continue
         if kept != i:
             move_row(belief, i, kept)

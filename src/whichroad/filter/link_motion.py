@@ -20,7 +20,7 @@ from ..graph.network import Roads
 from ._simd import N, add_times, set_times
 from .branching import ACROSS, CORNER, CORNER_DOUBT, CORNER_RADIUS
 from .history import History
-from .motion import Increment, Noise, unpack_noise
+from .motion import Increment, Noise, keep_lane, unpack_noise
 from .sparse import ACROSS_SIGMA, HEADING_NOISE
 from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
 from .state import (
@@ -153,9 +153,10 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     q = model.q
     edge = history.nodes[link.j].edge
     then_edge = history.nodes[link.i].edge
-    kept = _kept_lane(ctx, math.exp(-motion.map_aged / par.lane_length), then_edge, edge)
-    then_lane = lane_mean(ctx, then_edge) if edge != OFF_ROAD else 0.0
     sigma = lane_sigma(ctx, edge)
+    kept = keep_lane(par, math.exp(-motion.map_aged / par.lane_length), sigma)
+    kept = _kept_lane(ctx, kept, then_edge, edge)
+    then_lane = lane_mean(ctx, then_edge) if edge != OFF_ROAD else 0.0
     f[D, D] = kept
     model.mu[D] = lane_mean(ctx, edge) + kept * (mean[D] - then_lane)
     q[D] = (1.0 - kept * kept) * sigma * sigma

@@ -315,6 +315,18 @@ def kept_over(par: Record, metres: float) -> Kept:
 
 
 @kernel
+def keep_lane(par: Record, kept: float, lane_sigma: float) -> float:
+    """What is kept of the lane offset where its sigma is another, `kept` where it is usual.
+
+    Between changes of lane one wanders alike on wide roads and narrow ones: the variance of an
+    increment, 2 σ² / length a metre, is the same.  So the length grows with σ².
+    """
+    if lane_sigma == par.lane_sigma:
+        return kept
+    return float(kept ** ((par.lane_sigma / lane_sigma) ** 2))
+
+
+@kernel
 def decay_map(
     mean: Vector, cov: Matrix, par: Record, kept: Kept, lane: float, lane_sigma: float
 ) -> None:
@@ -331,16 +343,17 @@ def decay_map(
     keep = new_row()
     for i in range(N):
         keep[i] = 1.0
-    keep[D] = kept.lane
+    in_lane = keep_lane(par, kept.lane, lane_sigma)
+    keep[D] = in_lane
     keep[MX] = kept.map
     keep[MY] = kept.map
     for i in range(N):
         scale_by(cov[i], keep[i], keep)
-    mean[D] = lane + kept.lane * (mean[D] - lane)
+    mean[D] = lane + in_lane * (mean[D] - lane)
     mean[MX] *= kept.map
     mean[MY] *= kept.map
     lost = 1.0 - kept.map * kept.map
-    cov[D, D] += (1.0 - kept.lane * kept.lane) * lane_sigma * lane_sigma
+    cov[D, D] += (1.0 - in_lane * in_lane) * lane_sigma * lane_sigma
     cov[MX, MX] += lost * par.map_sigma * par.map_sigma
     cov[MY, MY] += lost * par.map_sigma * par.map_sigma
 

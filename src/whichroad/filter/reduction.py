@@ -22,6 +22,7 @@ from .state import (
     X,
     Y,
     enter,
+    floor_of,
     most_probable,
     move_row,
     normalise,
@@ -226,7 +227,8 @@ def reduce(belief: Belief, path: Path, ctx: Context) -> None:
     dropped = 0
     for i in range(n):
         hyp = belief.hyp[i]
-        if hyp.weight < (_OFF_PRUNE * par.prune if hyp.edge == OFF_ROAD else par.prune):
+        floor = _OFF_PRUNE * par.prune if hyp.edge == OFF_ROAD else floor_of(hyp, par.prune)
+        if hyp.weight < floor:
             hyp.edge = NO_EDGE
             dropped += 1
     for i in range(n):

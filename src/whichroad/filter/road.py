@@ -106,6 +106,7 @@ def _road_noise(belief: Belief, ctx: Context, travelled: float, with_heading: bo
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         edge = hyp.edge
+        hyp.grace -= travelled
         decay_map(hyp.mu, hyp.cov, par, kept, lane_mean(ctx, edge), lane_sigma(ctx, edge))
         if edge == OFF_ROAD:
             continue

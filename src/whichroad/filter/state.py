@@ -40,6 +40,10 @@ WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, d
 # road; not at all; by routes between sparse fixes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
+RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
+RARE_FLOOR = 1e-3  # these, relative to the usual ones
+GRACE = 60.0  # m, for which they hold
+
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch
 
@@ -53,6 +57,7 @@ HYPOTHESIS = np.dtype(
         ("along_sigma", "f8"),  # m
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
+        ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (5,)),  # of one observation; each module names its slots
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
@@ -301,6 +306,16 @@ def rescale(hyp: Record, factor: float) -> None:
 
 
 @kernel
+def floor_of(hyp: Record, floor: float) -> float:
+    """A floor of weight for a hypothesis: a thousandth of it after a rare turn.
+
+    A rule that is broken is as rare as the hypotheses that are dropped.  Only what is observed
+    behind the turn can speak for it.
+    """
+    return RARE_FLOOR * floor if hyp.grace > 0.0 else floor
+
+
+@kernel
 def move_row(belief: Belief, source: int, target: int) -> None:
     """Copy one hypothesis over another, with its lineage."""
     copy_record(belief.hyp[target], belief.hyp[source])
@@ -321,6 +336,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.along_sigma = 1.0
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
+    hyp.grace = 0.0
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
