@@ -155,7 +155,7 @@ def run(options: Options) -> list[Figure]:
         name = f"{receiver}, {gap} m, lanes {lanes}: "
         goal = ">= 99" if gap >= 14 and receiver == "wheels" else ""
         figures += [
-            table.share(name + "wrong at P >= 0.999", key + "wrong", None, "<= 0.1"),
+            table.share(name + "wrong at P >= 0.999", key + "wrong", None, "<= 0.2"),
             table.share(name + "right at the end", key + "end", None, goal),
             table.share(name + "right epochs", key + "right"),
             table.share(name + "sure at the end", key + "sure"),
