@@ -1,5 +1,6 @@
 """A library that is not of these kernels is refused, by its name and with what to do."""
 
+import ast
 import ctypes
 
 import numpy as np
@@ -75,3 +76,19 @@ def test_an_annotation_that_c_does_not_know_is_refused():
 
 def test_the_package_knows_which_file_it_loads():
     assert cache.suffix(cache.own_target()) == library.found().suffix
+
+
+def _subscripts_of_kernels(path):
+    for function in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(function, ast.FunctionDef):
+            marks = {ast.unparse(one).partition("(")[0] for one in function.decorator_list}
+            if marks & {"kernel", "entry"}:
+                yield from (n for n in ast.walk(function) if isinstance(n, ast.Subscript))
+
+
+@pytest.mark.parametrize("path", cache.kernel_files(), ids=lambda path: path.stem)
+def test_no_kernel_counts_from_the_end_of_an_array(path):
+    """The library takes an index as it stands (`native.lower`)."""
+    for one in _subscripts_of_kernels(path):
+        signs = [n for n in ast.walk(one.slice) if isinstance(n, ast.UnaryOp)]
+        assert not any(isinstance(n.op, ast.USub) for n in signs), ast.unparse(one)

@@ -213,6 +213,19 @@ class _Collector:
         return whole
 
 
+def _index_as_it_is() -> None:
+    """Let numba take an index as it stands: no kernel counts from the end of an array.
+
+    Else each access to an element first adds the length to the index, should it be negative.
+    """
+
+    def index(context: Any, builder: Any, known: Any, value: Any, size: Any) -> Any:
+        return context.cast(builder, value, known, types.intp)
+
+    if hasattr(arrayobj, "fix_integer_index"):  # not public; without it, code is slower
+        arrayobj.fix_integer_index = index
+
+
 def lower(names: Iterable[str], collect: bool) -> Any:
     """The module of some entries: these are what it shows, all else is internal.
 
@@ -227,6 +240,7 @@ def lower(names: Iterable[str], collect: bool) -> Any:
     from .. import _compile
 
     collector = _Collector() if collect else None
+    _index_as_it_is()
     _compile.teach_numba(no_cpython_wrapper=True, no_cfunc_wrapper=True)
     shims, modules = [], []
     for name in names:
