@@ -47,7 +47,7 @@ def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tupl
 
 
 def _union(times: list[Array]) -> Array:
-    merged: Array = np.sort(np.concatenate(times))
+    merged: Array = np.sort(np.concatenate(times), kind="stable")  # merges what is in order
     apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(merged) > _SAME])
     return np.asarray(merged[apart])
 
@@ -147,10 +147,11 @@ def _odometry(motion: Motion | None, time: Array) -> tuple[Array, Array, NDArray
     if motion is None:
         return np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
     when, distance, angle = motion.time, motion.distance, motion.turn
-    edge = np.searchsorted(when, time).clip(1, len(when) - 1)
+    known = (time >= when[0]) & (time <= when[-1])
     # between readings far apart the turn is not known; a mere odometer takes it from the road
-    gap = (when[edge] - when[edge - 1] > _GAP) & (angle is not None)
-    known = (time >= when[0]) & (time <= when[-1]) & ~gap
+    long = np.diff(when) > _GAP
+    if angle is not None and long.any():
+        known &= ~long[np.searchsorted(when, time).clip(1, len(when) - 1) - 1]
     if time[0] < when[0]:  # before the first reading: at the speed that came then
         head = min(when[0] + 1.0, when[-1])
         speed = (np.interp(head, when, distance) - distance[0]) / (head - when[0])

@@ -59,10 +59,11 @@ class Output(NamedTuple):
 
 def new_output(n: int, poses: bool) -> Output:
     """Empty output for n epochs; `poses`: with those of the alternatives."""
-    rows = records(n, ESTIMATE)
-    rows.edge = NO_EDGE
-    rows.status = LOST
-    rows.alt_edge = NO_EDGE
+    row = records(1, ESTIMATE)
+    row.edge = NO_EDGE
+    row.status = LOST
+    row.alt_edge = NO_EDGE
+    rows = np.repeat(row, n)
     return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, 6)))
 
 
