@@ -70,6 +70,25 @@ def test_libraries_of_other_sources_and_machines_are_not_taken(folder):
     assert cache.libraries(cache.source_digest(), cache.own_target()) == []
 
 
+def test_a_library_for_a_better_processor_is_taken_first_and_only_where_it_runs(
+    folder, monkeypatch
+):
+    cache.cache_folder()
+    kinds = ("x86-64-v4", "x86-64-v3", "own")
+    end = cache.suffix(cache.own_target())
+    v4, v3, any_ = (
+        folder / f"{cache.source_digest()}-tools-{cache.own_target()}-{kind}-O3{end}"
+        for kind in kinds
+    )
+    for path in (v4, v3, any_):
+        path.write_bytes(b"")
+    for runs, found in (
+        (("x86-64-v4", "x86-64-v3"), [v4, v3, any_]), (("x86-64-v3",), [v3, any_]), ((), [any_]),
+    ):  # fmt: skip
+        monkeypatch.setattr(cache, "processors", lambda runs=runs: runs)
+        assert cache.libraries(cache.source_digest(), cache.own_target()) == found
+
+
 def test_what_nobody_used_for_a_month_is_deleted(folder):
     folder.mkdir(parents=True)
     old, new = folder / "old.so", folder / "new.so"

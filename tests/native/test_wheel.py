@@ -66,6 +66,19 @@ def test_the_same_files_make_the_same_wheel(pure, tmp_path):
     assert made(pure, tmp_path, "win_amd64").read_bytes() == first
 
 
+def test_a_library_for_a_better_processor_is_loaded_only_where_it_runs(pure, tmp_path, monkeypatch):
+    end = cache.suffix(cache.own_target())
+    kept = tmp_path / f"digest-tools-linux-x86_64-x86-64-v3-O3{end}"
+    kept.write_bytes(b"machine code")
+    path = wheel.with_library(pure, kept, "linux_x86_64", tmp_path)
+    with zipfile.ZipFile(path) as file:
+        file.extractall(tmp_path)
+    monkeypatch.setattr(library, "__file__", str(tmp_path / "whichroad/native/library.py"))
+    for runs in (("x86-64-v4", "x86-64-v3"), ("x86-64-v3",), ()):
+        monkeypatch.setattr(cache, "processors", lambda runs=runs: runs)
+        assert library.packed().exists() == bool(runs)
+
+
 def test_every_platform_has_a_tag():
     assert wheel.TAGS.keys() == linking.TARGETS.keys()
 

@@ -99,7 +99,8 @@ def build(
     """
     source, tools = cache.source_digest(), cache.tools_digest()
     kept = cache.cache_folder() or Path(tempfile.mkdtemp(prefix="whichroad-kernels-"))
-    kind = "portable" if portable else "own"
+    processor = "" if portable else (*cache.processors(), "")[0]
+    kind = "portable" if portable else processor or "own"
 
     def place(target: str) -> Path:
         return kept / f"{source}-{tools}-{target}-{kind}-O{LEVEL}{cache.suffix(target)}"
@@ -114,7 +115,7 @@ def build(
                     f"{', '.join(wanted)}; pip install ziglang"
                 )
             with tempfile.TemporaryDirectory(prefix="whichroad-kernels-") as folder:
-                objects = _objects(wanted, Path(folder), source, tell)
+                objects = _objects(wanted, Path(folder), (source, processor), tell)
                 for target in wanted:
                     made = Path(folder) / f"made{cache.suffix(target)}"
                     linking.link(linkers[target] or [], target, objects[target], made)
@@ -132,9 +133,16 @@ def _install(made: Path, place: Path) -> None:
 
 
 def _objects(
-    targets: Sequence[str], folder: Path, source: str, tell: Tell
+    targets: Sequence[str], folder: Path, what: tuple[str, str], tell: Tell
 ) -> dict[str, list[Path]]:
-    """Object files of all kernels for each machine, by two processes."""
+    """Object files of all kernels for each machine, by two processes.
+
+    Args:
+        targets: Machines.
+        folder: Where they go.
+        what: Digest of the sources, and the kind of processor; nothing: any of a machine.
+        tell: Told which part is done.
+    """
     objects = {t: [folder / f"{t}-{part}.o" for part in "ab"] for t in targets}
     environment = os.environ | {
         "NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "",
@@ -143,7 +151,7 @@ def _objects(
     jobs = [
         json.dumps({
             "modules": cache.kernel_modules(), "entries": _FIRST, "others": part == "b",
-            "source": source, "level": LEVEL,
+            "source": what[0], "processor": what[1], "level": LEVEL,
             "objects": {target: str(objects[target]["ab".index(part)]) for target in targets},
         })
         for part in "ab"

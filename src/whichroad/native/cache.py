@@ -27,6 +27,11 @@ _COMPILER = (
 )  # also change what comes out
 _ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
 TOOLS = ("numba", "llvmlite")
+_V3 = "avx avx2 bmi1 bmi2 f16c fma abm movbe xsave"
+_PROCESSORS = {  # better than those that wheels are for, best first: by what flags Linux tells them
+    "x86-64-v4": f"{_V3} avx512f avx512bw avx512cd avx512dq avx512vl",
+    "x86-64-v3": _V3,
+}
 
 _KEEP_DAYS = 30
 
@@ -69,18 +74,41 @@ def own_target() -> str:
     return f"{system}-{'arm64' if (system, machine) == ('macos', 'aarch64') else machine}"
 
 
+@functools.cache
+def processors() -> tuple[str, ...]:
+    """Kinds of processor whose code this machine runs, best first, beside what wheels hold."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("ascii", "replace").splitlines()
+    except OSError:
+        return ()
+    flags = set(next((line for line in lines if line.startswith("flags")), "").split())
+    return tuple(one for one, needed in _PROCESSORS.items() if flags >= set(needed.split()))
+
+
+def processor_of(library: Path) -> str:
+    """The kind of processor that a kept library is for; nothing: any of its platform."""
+    return next((one for one in _PROCESSORS if f"-{one}-" in library.name), "")
+
+
 def suffix(target: str) -> str:
     """Of a library's file."""
     return {"windows": ".dll", "macos": ".dylib"}.get(target.partition("-")[0], ".so")
 
 
 def libraries(source: str, target: str) -> list[Path]:
-    """Kept libraries of these kernels for that machine, by whatever tools; newest first."""
+    """Kept libraries of these kernels for that machine, by whatever tools.
+
+    Those for the best processor come first, and of these the newest.
+    """
     folder = cache_folder()
     if folder is None:
         return []
-    found = folder.glob(f"{source}-*-{target}-*{suffix(target)}")
-    return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+    kinds = [*processors(), ""]
+    found = [
+        path for path in folder.glob(f"{source}-*-{target}-*{suffix(target)}")
+        if processor_of(path) in kinds
+    ]  # fmt: skip
+    return sorted(found, key=lambda path: (kinds.index(processor_of(path)), -path.stat().st_mtime))
 
 
 @functools.cache

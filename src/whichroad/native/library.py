@@ -30,8 +30,11 @@ class LibraryError(WhichroadError):
 
 
 def packed() -> Path:
-    """Where a wheel keeps its library."""
-    return Path(__file__).with_name(f"kernels{cache.suffix(cache.own_target())}")
+    """Where a wheel keeps its library: for any machine of its platform, or better ones."""
+    end = cache.suffix(cache.own_target())
+    usual = Path(__file__).with_name(f"kernels{end}")
+    better = (usual.with_name(f"kernels-{one}{end}") for one in cache.processors())
+    return next((path for path in better if path.exists()), usual)
 
 
 def ready() -> Path | None:

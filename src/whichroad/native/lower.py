@@ -284,17 +284,18 @@ TRIPLES = {
 }
 
 
-def emit(module: Any, target: str, level: int) -> bytes:
+def emit(module: Any, target: str, level: int, processor: str = "") -> bytes:
     """Optimised machine code of a module, an object file.
 
     Args:
         module: Of `lower`; it is not changed.
         target: A platform.
         level: 0 to 3.
+        processor: As LLVM calls it; nothing: the one that all machines of the platform run.
     """
-    triple, cpu = TRIPLES[target]
+    triple, usual = TRIPLES[target]
     machine = llvm.Target.from_triple(triple).create_target_machine(
-        cpu=cpu, opt=min(level, 2), reloc="pic", codemodel="default"
+        cpu=processor or usual, opt=min(level, 2), reloc="pic", codemodel="default"
     )
     own = module.clone()
     own.triple, own.data_layout = triple, str(machine.target_data)
@@ -335,7 +336,8 @@ def main(arguments: Sequence[str]) -> None:
         )
     for target, path in job["objects"].items():
         begin = time.process_time()
-        Path(path).write_bytes(emit(lowered, target, job["level"]))
+        processor = job.get("processor", "")
+        Path(path).write_bytes(emit(lowered, target, job["level"], processor))
         _say(f"emitted {target} in {time.process_time() - begin:.1f} s of CPU")
 
 

@@ -6,6 +6,8 @@ import sysconfig
 import zipfile
 from pathlib import Path
 
+from . import cache
+
 _FOLDER = "whichroad/native"
 TAGS = {  # of libraries that are linked for old systems
     "linux-x86_64": "manylinux_2_17_x86_64.manylinux2014_x86_64",
@@ -25,7 +27,7 @@ def with_library(pure: Path, library: Path, platform: str, folder: Path) -> Path
 
     Args:
         pure: The wheel without a library, of any platform and Python 3.
-        library: The library of kernels.
+        library: The library of kernels; its name tells the kind of processor, as in the cache.
         platform: The wheel's platform tag; more than one with dots between.
         folder: Where the new wheel goes.
 
@@ -51,7 +53,8 @@ def with_library(pure: Path, library: Path, platform: str, folder: Path) -> Path
                 content = _tagged(content.decode(), platform).encode()
             if item.filename != f"{about}/RECORD" and not item.is_dir():
                 add(item.filename, content, item.external_attr >> 16 or 0o644)
-        add(f"{_FOLDER}/kernels{library.suffix}", library.read_bytes(), 0o755)
+        kind = "-".join(filter(None, ["kernels", cache.processor_of(library)]))
+        add(f"{_FOLDER}/{kind}{library.suffix}", library.read_bytes(), 0o755)
         rows.append(f"{about}/RECORD,,")
         record = zipfile.ZipInfo(f"{about}/RECORD")
         record.compress_type, record.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
