@@ -312,6 +312,7 @@ def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
     for a in range(ALTERNATIVES):
         edges[a] = NO_EDGE
         ps[a] = 0.0
+    filled = 0
     for i in range(n):
         edge = belief.hyp[i].edge
         j = 0
@@ -329,20 +330,21 @@ def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
         p *= 1.0 - unknown
         if edge == OFF_ROAD:
             p += unknown
-        slot = ALTERNATIVES
+        slot = filled
         while slot > 0 and ps[slot - 1] < p:
             slot -= 1
-        if slot < ALTERNATIVES:
-            _insert(belief.hyp[best], output, k, slot, p)
+        if slot < ALTERNATIVES and p > 0.0:
+            filled = min(filled + 1, ALTERNATIVES)
+            _insert(belief.hyp[best], output, k, slot, filled, p)
 
 
 @kernel
-def _insert(hyp: Record, output: Output, k: int, slot: int, p: float) -> None:
-    """Put an edge into a slot of the alternatives; those behind move on."""
+def _insert(hyp: Record, output: Output, k: int, slot: int, filled: int, p: float) -> None:
+    """Put an edge into a slot of the alternatives; those behind, up to `filled`, move on."""
     edges = output.rows[k].alt_edge
     ps = output.rows[k].alt_p
     poses = len(output.alt_pose) > 0
-    for a in range(ALTERNATIVES - 1, slot, -1):
+    for a in range(filled - 1, slot, -1):
         edges[a] = edges[a - 1]
         ps[a] = ps[a - 1]
         if poses:
