@@ -221,8 +221,9 @@ def _predict_wheels(
         q = _noise(state, epoch, wheel_noise(ctx.par[0], metres, move.turn), metres, WHEELS)
         if len(history.steps) > 0:
             accumulate_noise(history, move, q)
-        for i in range(state.count):
-            predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
+        if metres > 0.0 or move.turn != 0.0:  # else nothing moves
+            for i in range(state.count):
+                predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
         _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
     if dt > 1e-6:
         state.turn_rate = epoch.turn / dt
