@@ -43,20 +43,26 @@ _NU0, _NU1, _V00, _V01, _V11 = range(5)  # scratch: innovations and their covari
 
 
 @kernel
+def lever_arm(heading: float, lever: Vector) -> tuple[float, float]:
+    """The antenna's place from M, R(θ) a, along the axes of the plane, m."""
+    if lever[0] == 0.0 and lever[1] == 0.0:
+        return 0.0, 0.0
+    c = math.cos(heading)
+    s = math.sin(heading)
+    return c * lever[0] - s * lever[1], s * lever[0] + c * lever[1]
+
+
+@kernel
 def fix_row(
-    mean: Vector, row: Vector, fix: Vector, state: Record, lever: Vector, ex: float, ey: float
-) -> float:
+    mean: Vector, row: Vector, fix: Vector, state: Record, arm: tuple[float, float], ex: float,
+    ey: float,
+) -> float:  # fmt: skip
     """Fill the row of one axis (ex, ey) of the fix's ellipse; returns the innovation, m.
 
-    z = p + R(θ) a + S γ + white, along the unit vector e of the axis; S is `state.bias_root`.
+    z = p + R(θ) a + S γ + white, along the unit vector e of the axis; S is `state.bias_root`,
+    and R(θ) a the `arm`.
     """
-    ax = 0.0
-    ay = 0.0
-    if lever[0] != 0.0 or lever[1] != 0.0:
-        c = math.cos(mean[H])
-        s = math.sin(mean[H])
-        ax = c * lever[0] - s * lever[1]
-        ay = s * lever[0] + c * lever[1]
+    ax, ay = arm
     root = state.bias_root
     row[X] = ex
     row[Y] = ey
@@ -101,8 +107,9 @@ def _innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
-        to[_NU0] = fix_row(hyp.mu, row, fix, state, lever, axes.c, axes.s)
-        to[_NU1] = fix_row(hyp.mu, second, fix, state, lever, -axes.s, axes.c)
+        arm = lever_arm(hyp.mu[H], lever)
+        to[_NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
+        to[_NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
         to[_V00] = _gain(hyp.cov, row, g)
         to[_V01] = _product(second, g)
         to[_V11] = _gain(hyp.cov, second, g)
@@ -128,14 +135,14 @@ def _drop_refuted(belief: Belief, least: float) -> None:
 def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
     """Condition a hypothesis on both axes of a fix, the second one given the first."""
     row = ctx.work.row
-    lever = ctx.par[0].lever
+    arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
     s0 = hyp.scratch[_V00]
     s1 = hyp.scratch[_V11]
     g = new_row()
     second = new_row()
-    fix_row(hyp.mu, row, fix, state, lever, axes.c, axes.s)
+    fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
     _gain(hyp.cov, row, g)
-    fix_row(hyp.mu, row, fix, state, lever, -axes.s, axes.c)
+    fix_row(hyp.mu, row, fix, state, arm, -axes.s, axes.c)
     _gain(hyp.cov, row, second)
     add_times(second, -hyp.scratch[_V01] / s0, g)
     gains = (hyp.scratch[_NU0] / s0, hyp.scratch[_NU1] / s1)

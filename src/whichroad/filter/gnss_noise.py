@@ -8,7 +8,7 @@ import math
 from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
 from .gaussian import innovation_variance
-from .gnss import fix_row
+from .gnss import fix_row, lever_arm
 from .motion import age_bias
 from .state import (
     GX,
@@ -17,6 +17,7 @@ from .state import (
     WHEELS,
     Belief,
     Context,
+    H,
     N,
     most_probable,
 )
@@ -201,6 +202,7 @@ def _average_energy(
     state = belief.state[0]
     stands = bias_gain == 0.0 and state.standing > _LONG
     factor = state.gnss_factor
+    major = (math.cos(fix[4]), math.sin(fix[4]))
     for j in range(N):
         ctx.work.row[j] = 0.0
     total = 0.0
@@ -214,7 +216,7 @@ def _average_energy(
         if hyp.weight < 0.01:
             continue
         chi2, share, spread, drift, side_0, side_1 = _normalised(
-            hyp, state, ctx, fix, white, drifted
+            hyp, state, ctx, fix, major, white, drifted
         )
         worth = hyp.weight * math.exp(-0.5 * min(chi2, 1e3)) / math.sqrt(spread)
         worth = max(worth, 1e-250)  # when nothing fits, all are worth the same
@@ -247,17 +249,27 @@ def _average_energy(
 
 @kernel(inline=True)
 def _normalised(
-    hyp: Record, state: Record, ctx: Context, fix: Vector, white: float, drifted: float
-) -> tuple[float, float, float, float, float, float]:
+    hyp: Record, state: Record, ctx: Context, fix: Vector, major: tuple[float, float],
+    white: float, drifted: float,
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """Normalised innovations of a fix under one hypothesis.
+
+    Args:
+        hyp: The hypothesis.
+        state: What all of them share.
+        ctx: The drive's constants.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        major: Cosine and sine of that heading.
+        white: White sigma over reported sigma.
+        drifted: Share of the bias' variance redrawn while standing.
 
     Returns:
         Chi-square; the receiver's own share of the innovation variances; their product; the
         squared windowed mean of the innovations; the innovations of both axes, in sigmas.
     """
     row = ctx.work.row
-    c = math.cos(fix[4])
-    s = math.sin(fix[4])
+    c, s = major
+    arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
     cov = hyp.cov
     chi2 = 0.0
     share = 0.0
@@ -267,9 +279,9 @@ def _normalised(
     side = 0.0
     for axis in range(2):
         if axis == 0:
-            nu = fix_row(hyp.mu, row, fix, state, ctx.par[0].lever, c, s)
+            nu = fix_row(hyp.mu, row, fix, state, arm, c, s)
         else:
-            nu = fix_row(hyp.mu, row, fix, state, ctx.par[0].lever, -s, c)
+            nu = fix_row(hyp.mu, row, fix, state, arm, -s, c)
         gx = row[GX]
         gy = row[GY]
         r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)
