@@ -17,7 +17,7 @@ def main() -> None:
     sys.modules["numba"] = sys.modules["llvmlite"] = None  # type: ignore[assignment]
     begin = time.perf_counter()
     import whichroad
-    from whichroad._compile import way
+    from whichroad._compile import kernel_mode
     from whichroad.simulate import draw_town, simulate_drive
 
     with tempfile.TemporaryDirectory() as folder:
@@ -44,7 +44,7 @@ def main() -> None:
     answered = whichroad.match_many(trips, roads).drives.column("answered").to_pylist()
     print(f"a table of trips: {time.perf_counter() - begin:.2f} s")
     assert answered == [True, True]
-    assert way() == "native", way()
+    assert kernel_mode() == "native", kernel_mode()
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ def test_only_what_adds_up_row_by_row_is_longer_than_forty_lines():
         if (body[-1].end_lineno or 0) - body[0].lineno + 1 > 40:
             long.append(kernel.name)
     assert set(long) <= {
-        "_average_energy", "_road_noise", "_spreads", "observe_position", "predict_plane",
+        "_average_energy", "_covariances", "_road_noise", "observe_position", "predict_plane",
         "predict_road",
     }  # fmt: skip
 

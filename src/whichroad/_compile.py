@@ -96,7 +96,7 @@ class Entry(Generic[P, R]):
         """
         from .native import library
 
-        if way() == "native" and self._ahead:
+        if kernel_mode() == "native" and self._ahead:
             return library.call_of(self.layout).bind(args)
         free = [k for k, arg in enumerate(args) if arg is ...]
         values = list(args)
@@ -120,13 +120,13 @@ class Entry(Generic[P, R]):
     def _first(self, *args: Any) -> R:
         """Find out how to run, when called for the first time."""
         with _LOCK:
-            how = way() if self._ahead or way() == "python" else "jit"
+            mode = kernel_mode() if self._ahead or kernel_mode() == "python" else "jit"
             run: Callable[..., R] = np.errstate(all="ignore")(self.function)  # as compiled code
-            if how == "native":
+            if mode == "native":
                 from .native import library
 
                 run = library.call_of(self.layout)
-            elif how == "jit":
+            elif mode == "jit":
                 run = jit(self.function)
             self._run = run
         return run(*args)
@@ -163,16 +163,16 @@ def entries() -> "dict[str, Entry[..., Any]]":
 
 
 @functools.cache
-def way() -> str:
+def kernel_mode() -> str:
     """How entries run: "native", "jit" or "python"."""
-    asked = os.environ.get("WHICHROAD_KERNELS", "")
+    requested = os.environ.get("WHICHROAD_KERNELS", "")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}:
-        asked = "python"
-    if asked in {"python", "jit"}:
-        return asked
+        requested = "python"
+    if requested in {"python", "jit"}:
+        return requested
     from .native import library
 
-    return library.way(asked)
+    return library.kernel_mode(requested)
 
 
 # numba, where it is asked for

@@ -192,18 +192,20 @@ def _match_one(
         )  # fmt: skip
     except DriveError as error:  # what a reader noted may be why
         raise DriveError("; ".join([str(error), *drive.notes])) from None
-    way = cache(partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays))
+    driven = cache(
+        partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays)
+    )
     diagnosis = cache(lambda: recorded.diagnosis)
     return Result(
         partial(
             points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
             attributes=attributes,
         ),
-        lambda: path_table([drive.drive_id], way(), roads),
-        lambda: _summary(drive, timeline, recorded, way(), diagnosis()) | _lag_figures(recorded),
+        lambda: path_table([drive.drive_id], driven(), roads),
+        lambda: _summary(drive, timeline, recorded, driven(), diagnosis()) | _lag_figures(recorded),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
-        Answered(timeline.epochs, recorded.output, way),
+        Answered(timeline.epochs, recorded.output, driven),
         None if recorded.past is None else recorded.past.alternatives,
     )  # fmt: skip
 
@@ -212,10 +214,10 @@ def _summary(
     drive: Drive,
     timeline: Timeline,
     recorded: Recorded,
-    way: Traversals,
+    driven: Traversals,
     diagnosis: tuple[Finding, ...],
 ) -> dict[str, Any]:
-    figures = summary_of(timeline.epochs, recorded.output, way, timeline.masked)
+    figures = summary_of(timeline.epochs, recorded.output, driven, timeline.masked)
     return figures | {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),

@@ -105,7 +105,7 @@ class Window:
         self.history = new_history(1 << 8)
         self._buffers, self._output = new_buffers(), new_output(1, False)
 
-    def make_room(self, belief: Belief, path: Path) -> Path:
+    def ensure_capacity(self, belief: Belief, path: Path) -> Path:
         """Drop what is older than can be asked for, before the next epoch.
 
         Args:

@@ -13,9 +13,9 @@ LIBRARY = Path("kernels.so")
 def slow(monkeypatch):
     """A build in eight steps, of which nothing is real."""
 
-    def own_library(tell=lambda share: None) -> Path:
+    def own_library(report=lambda share: None) -> Path:
         for step in range(9):
-            tell(step / 8)
+            report(step / 8)
         return LIBRARY
 
     monkeypatch.setattr(build, "kept", lambda: None)

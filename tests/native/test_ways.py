@@ -14,11 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 import numpy as np
 import whichroad
-from whichroad._compile import way
+from whichroad._compile import kernel_mode
 from whichroad.simulate import draw_town, simulate_drive
 
 folder, expected = Path(sys.argv[1]), sys.argv[2]
-assert way() == expected, way()
+assert kernel_mode() == expected, kernel_mode()
 (folder / "map.osm").write_text(draw_town(), encoding="utf-8")
 roads = whichroad.RoadMap.from_osm(folder / "map.osm")
 drive = simulate_drive(roads, seed=1, length_m=200.0).drive
@@ -77,7 +77,7 @@ def test_numba_answers_the_same_to_the_bit(native, tmp_path):
 
 def test_an_unknown_way_is_refused(monkeypatch):
     done = subprocess.run(
-        [sys.executable, "-c", "from whichroad._compile import way; way()"],
+        [sys.executable, "-c", "from whichroad._compile import kernel_mode; kernel_mode()"],
         env=os.environ | {"WHICHROAD_KERNELS": "fast"}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "'fast'; native, jit, python or nothing was expected" in done.stderr

@@ -18,7 +18,7 @@ from ..settings import Settings, Vehicle
 from ..traversals import Traversals
 from ..workspace import Workspace
 
-_EDGES = 16  # driven from one epoch to the next, for which there is room
+_EDGES = 16  # driven from one epoch to the next, that the table holds
 _MORE_EDGES = 1 << 12  # added to it
 _NO_HISTORY = new_history(0)
 
@@ -29,7 +29,7 @@ class Batch(NamedTuple):
     epochs: Records  # (n,) EPOCH of all, one after the other
     output: Output  # (n,)
     first: list[int]  # (d + 1,) the epoch at which each begins, and n
-    way: Traversals  # (r,) of all
+    driven: Traversals  # (r,) of all
     first_edge: list[int]  # (d + 1,) where each path begins in it, and r
 
     def each(self) -> "list[Batch]":
@@ -39,7 +39,7 @@ class Batch(NamedTuple):
                 self.epochs[low:high],
                 Output(self.output.rows[low:high], self.output.alt_pose[low:high]),
                 [0, high - low],
-                self.way[a:b],
+                self.driven[a:b],
                 [0, b - a],
             )
             for (low, high), (a, b) in zip(
@@ -53,18 +53,18 @@ def one_batch(batches: Sequence[Batch]) -> Batch:
     if len(batches) == 1:
         return batches[0]
     return Batch(
-        _together([b.epochs for b in batches]),
+        _concatenated([b.epochs for b in batches]),
         Output(
-            _together([b.output.rows for b in batches]),
+            _concatenated([b.output.rows for b in batches]),
             np.concatenate([b.output.alt_pose for b in batches]),
         ),
         _bounds([b.first for b in batches]),
-        _together([b.way for b in batches]),
+        _concatenated([b.driven for b in batches]),
         _bounds([b.first_edge for b in batches]),
     )
 
 
-def _together(parts: Sequence[Records]) -> Any:
+def _concatenated(parts: Sequence[Records]) -> Any:
     """Tables one after the other."""
     table = records(sum(map(len, parts)), parts[0].dtype)
     np.concatenate(parts, out=table)
@@ -90,7 +90,7 @@ def filter_batch(
         settings: The model's numbers.
 
     Returns:
-        The first of the drives, up to one that needs more room than there is here; None: that
+        The first of the drives, up to one that the workspace is too small for; None: that
         is the first of them.
     """
     workspace = Workspace.taken()
@@ -111,8 +111,8 @@ def filter_batch(
         n = first[done]
         epochs, output = epochs[:n], Output(output.rows[:n], output.alt_pose[:n])
     rows = int(drives.first_edge[done])
-    drives = Drives(bounds[: done + 1], drives.first_edge[: done + 1], drives.way[:rows].copy())
+    drives = Drives(bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy())
     time_each(roads.arrays, epochs, output.rows, drives, np.zeros(rows + 1, np.int64))
     return Batch(
-        epochs, output, drives.first_epoch.tolist(), drives.way, drives.first_edge.tolist()
+        epochs, output, drives.first_epoch.tolist(), drives.driven, drives.first_edge.tolist()
     )

@@ -215,7 +215,7 @@ class Job(NamedTuple):
         settings = tuned_by(self.settings, vehicle)
         answers = list(self._answers(chunk, vehicle, settings))
         try:
-            return self._together(answers)
+            return self._combined(answers)
         except Exception:  # find out which trip's tables cannot be made
             return joined([self._alone(one) for answer in answers for one in answer.each()])
 
@@ -291,8 +291,8 @@ class Job(NamedTuple):
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
             )
             epochs, output = timeline.epochs, recorded.output
-            way = traversals(epochs, output, recorded.chain, self.roads.arrays)
-            batch = Batch(epochs, output, [0, len(epochs)], way, [0, len(way)])
+            driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
+            batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])
             return _Answer([name], batch, drive)
         except SettingError:
             raise  # it is the caller's, not the trip's
@@ -303,12 +303,12 @@ class Job(NamedTuple):
 
     def _alone(self, answer: _Answer | _Failure) -> Tables:
         try:
-            return self._together([answer])
+            return self._combined([answer])
         except Exception as error:
             name = answer.name if isinstance(answer, _Failure) else answer.names[0]
-            return self._together([_Failure(name, _unexpected(error))])
+            return self._combined([_Failure(name, _unexpected(error))])
 
-    def _together(self, answers: Sequence[_Answer | _Failure]) -> Tables:
+    def _combined(self, answers: Sequence[_Answer | _Failure]) -> Tables:
         """The tables of some trips, each made at once."""
         drives = pa.concat_tables(
             [_failed_row(a) if isinstance(a, _Failure) else _drive_rows(a) for a in answers]
@@ -323,7 +323,7 @@ class Job(NamedTuple):
             names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
             first=batch.first[:-1],
         )  # fmt: skip
-        return Tables(points, path_table(names, batch.way, self.roads, batch.first_edge), drives)
+        return Tables(points, path_table(names, batch.driven, self.roads, batch.first_edge), drives)
 
 
 def _unexpected(error: Exception) -> str:
@@ -341,7 +341,7 @@ def _drive_rows(answer: _Answer) -> pa.Table:
     """Trips as rows of `tables.schema.DRIVES`."""
     batch, drive, d = answer.batch, answer.drive, len(answer.names)
     columns: dict[str, Any] = dict(
-        figures_of(batch.epochs, batch.output, batch.first, batch.way, batch.first_edge)
+        figures_of(batch.epochs, batch.output, batch.first, batch.driven, batch.first_edge)
     )
     answered = columns["epochs_without_answer"] < columns["epochs"]
     columns |= {

@@ -27,7 +27,7 @@ TRAVERSAL = np.dtype(
     align=True,
 )
 
-Way = Annotated[Records, Array(TRAVERSAL, 1)]  # edges of a path in driving order
+Traversals = Annotated[Records, Array(TRAVERSAL, 1)]  # edges of a path in driving order
 
 _BESIDE = 2  # edges before and after those that are the most probable at no epoch
 _STEP = 1e-6  # m; closer positions do not give a new time
@@ -125,28 +125,29 @@ def joins(roads: Roads, a: int, b: int) -> bool:
 
 
 @entry
-def broken_rules(roads: Roads, way: Way) -> None:
+def broken_rules(roads: Roads, driven: Traversals) -> None:
     """Set the rules that driving into edges and along them breaks.
 
     Args:
         roads: The network.
-        way: (r,) TRAVERSAL, edges in driving order.
+        driven: (r,) TRAVERSAL, edges in driving order.
     """
-    for i in range(len(way)):
-        edge = way[i].edge
+    for i in range(len(driven)):
+        edge = driven[i].edge
         rules = int(roads.edges[edge].rule)
         if i > 0:
-            before = roads.edges[way[i - 1].edge]
+            before = roads.edges[driven[i - 1].edge]
             for t in range(before.first_turn, before.end_turn):
                 if roads.turns[t].edge == edge:
                     rules |= roads.turns[t].rule
-        way[i].rules = rules
+        driven[i].rules = rules
 
 
 @entry
 def time_edges(
-    roads: Roads, way: Way, first: Ints, epochs: Epochs, estimates: Estimates, last_epoch: int
-) -> None:
+    roads: Roads, driven: Traversals, first: Ints, epochs: Epochs, estimates: Estimates,
+    last_epoch: int,
+) -> None:  # fmt: skip
     """Fill in each edge's times, ends and probability.
 
     P is the mean P of the edge at the epochs at which it was the most probable.  Where there
@@ -154,27 +155,28 @@ def time_edges(
 
     Args:
         roads: The network.
-        way: (r,) TRAVERSAL, edges in driving order, with `entered` and `along`; the rest but
+        driven: (r,) TRAVERSAL, edges in driving order, with `entered` and `along`; the rest but
             for the rules is written.
         first: (r + 1,) the first epoch of each edge, and the number of epochs.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
         last_epoch: The last one with an estimate.
     """
-    rows = len(way)
+    rows = len(driven)
     for i in range(rows):
         high = first[i + 1] if i + 1 < rows else last_epoch + 1
-        _time_edge(roads, way, i, epochs, estimates, first[i], high)
-    _bridge(way, first, estimates, last_epoch)
-    _time_nodes(way, first, epochs, estimates)
+        _time_edge(roads, driven, i, epochs, estimates, first[i], high)
+    _bridge(driven, first, estimates, last_epoch)
+    _time_nodes(driven, first, epochs, estimates)
 
 
 @kernel
 def _time_edge(
-    roads: Roads, way: Way, i: int, epochs: Epochs, estimates: Estimates, low: int, high: int
-) -> None:
+    roads: Roads, driven: Traversals, i: int, epochs: Epochs, estimates: Estimates, low: int,
+    high: int,
+) -> None:  # fmt: skip
     """Edge i of a path by itself, whose epochs are low ... high - 1."""
-    own = way[i]
+    own = driven[i]
     edge, length = own.edge, roads.edges[own.edge].length
     count, last_s, top, total = 0, length, 0.0, 0.0
     for k in range(low, high):
@@ -186,103 +188,103 @@ def _time_edge(
             for a in range(len(estimate.alt_edge)):
                 if estimate.alt_edge[a] == edge:
                     total += estimate.alt_p[a]
-    last = i + 1 == len(way)
-    own.gap = i > 0 and not joins(roads, way[i - 1].edge, edge)
-    gap_after = not last and not joins(roads, edge, way[i + 1].edge)
+    last = i + 1 == len(driven)
+    own.gap = i > 0 and not joins(roads, driven[i - 1].edge, edge)
+    gap_after = not last and not joins(roads, edge, driven[i + 1].edge)
     own.p = total / count if count else -1.0
     own.enter_time = own.entered
     own.exit_time = epochs[min(high, len(epochs) - 1)].time
     own.enter_m = min(max(own.along, 0.0), length) if i == 0 or own.gap else 0.0
     own.exit_m = max(last_s, own.enter_m) if last or gap_after else length
-    if i > 0 and roads.edges[edge].opposite == way[i - 1].edge:  # turned round on the way
-        own.enter_m = length - way[i - 1].exit_m
+    if i > 0 and roads.edges[edge].opposite == driven[i - 1].edge:  # turned round on the way
+        own.enter_m = length - driven[i - 1].exit_m
         own.exit_m = max(own.exit_m, own.enter_m)
-    if not last and roads.edges[edge].opposite == way[i + 1].edge:
+    if not last and roads.edges[edge].opposite == driven[i + 1].edge:
         own.exit_m = max(min(top, length) if count else own.enter_m, own.enter_m)
 
 
 @kernel
-def _bridge(way: Way, first: Ints, estimates: Estimates, last_epoch: int) -> None:
+def _bridge(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: int) -> None:
     """P of the edges that are the most probable at no epoch, by the epochs on both sides."""
-    rows, i = len(way), 0
+    rows, i = len(driven), 0
     while i < rows:
         end = i + 1
-        if way[i].p < 0.0:
-            while end < rows and way[end].p < 0.0:
+        if driven[i].p < 0.0:
+            while end < rows and driven[end].p < 0.0:
                 end += 1
             low, high = max(i - _BESIDE, 0), min(end + _BESIDE, rows)
             on = 1.0
             for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
-                on = min(on, _p_on_path(way, low, high, estimates[k]))
+                on = min(on, _p_on_path(driven, low, high, estimates[k]))
             for j in range(i, end):
-                way[j].p = on
+                driven[j].p = on
         i = end
 
 
 @kernel
-def _p_on_path(way: Way, low: int, high: int, estimate: Record) -> float:
+def _p_on_path(driven: Traversals, low: int, high: int, estimate: Record) -> float:
     """P of the edges low ... high - 1 of a path at an epoch."""
     total = 0.0
     for a in range(len(estimate.alt_edge)):
         for j in range(low, high):
-            if estimate.alt_edge[a] == way[j].edge:
+            if estimate.alt_edge[a] == driven[j].edge:
                 total += estimate.alt_p[a]
                 break
     return total
 
 
 @kernel
-def _time_nodes(way: Way, first: Ints, epochs: Epochs, estimates: Estimates) -> None:
+def _time_nodes(driven: Traversals, first: Ints, epochs: Epochs, estimates: Estimates) -> None:
     """Times at which one edge ended and the next began, between the positions around.
 
     Hypotheses branch a little before or after the node is passed.  Positions are brought to
     distances along the path, which may not run back.
     """
-    rows, seen = len(way), 0
-    base, end, far, when = 0.0, way[0].exit_m - way[0].enter_m, 0.0, 0.0
+    rows, seen = len(driven), 0
+    base, end, far, when = 0.0, driven[0].exit_m - driven[0].enter_m, 0.0, 0.0
     node = 0  # the next one to be timed: that between edges `node` and `node + 1`
     for i in range(rows):
         for k in range(first[i], first[i + 1]):
-            if estimates[k].edge != way[i].edge:
+            if estimates[k].edge != driven[i].edge:
                 continue
             time = epochs[k].time
-            at = base + max(estimates[k].s - way[i].enter_m, 0.0)
+            at = base + max(estimates[k].s - driven[i].enter_m, 0.0)
             if seen and at <= far + _STEP:
                 seen += 1
                 continue
             while node < rows - 1 and end <= at:
-                share = (end - far) / (at - far) if seen and end > far else 0.0
-                way[node].exit_time = when + share * (time - when) if seen else time
+                part = (end - far) / (at - far) if seen and end > far else 0.0
+                driven[node].exit_time = when + part * (time - when) if seen else time
                 node += 1
-                end += way[node].exit_m - way[node].enter_m
+                end += driven[node].exit_m - driven[node].enter_m
             seen, far, when = seen + 1, at, time
-        base += way[i].exit_m - way[i].enter_m
+        base += driven[i].exit_m - driven[i].enter_m
     if seen < 2:
         return
     for i in range(node, rows - 1):
-        way[i].exit_time = when
-    before = way[0].enter_time
+        driven[i].exit_time = when
+    before = driven[0].enter_time
     for i in range(rows):
-        way[i].enter_time = before
-        before = way[i].exit_time = max(way[i].exit_time, before)
+        driven[i].enter_time = before
+        before = driven[i].exit_time = max(driven[i].exit_time, before)
 
 
 @entry
-def first_epochs(way: Way, epochs: Epochs, found: Ints) -> None:
+def first_epochs(driven: Traversals, epochs: Epochs, found: Ints) -> None:
     """The first epoch not before each edge was entered, and behind them the number of epochs.
 
     Args:
-        way: (r,) TRAVERSAL with `entered`.
+        driven: (r,) TRAVERSAL with `entered`.
         epochs: (n,) EPOCH in time order.
         found: (r + 1,) written.
     """
-    for i in range(len(way)):
+    for i in range(len(driven)):
         low, high = 0, len(epochs)
         while low < high:
             middle = (low + high) // 2
-            if epochs[middle].time < way[i].entered:
+            if epochs[middle].time < driven[i].entered:
                 low = middle + 1
             else:
                 high = middle
         found[i] = low
-    found[len(way)] = len(epochs)
+    found[len(driven)] = len(epochs)

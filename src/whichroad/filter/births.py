@@ -39,7 +39,7 @@ from .state import (
 _LEAVES = 0.02  # weight of a road hypothesis that spawns an off-road one
 _RETURNS = 1e-3  # weight of an off-road hypothesis that spawns road ones
 _MOST_RETURNS = 12  # roads that one off-road hypothesis returns to at once
-_TURNS = 3e-4  # probability of a U-turn in a step that is worth a hypothesis
+_TURNS = 3e-4  # probability of a U-turn in a step that is represented by a hypothesis
 _ATHWART = 1.3  # rad off the road's heading, from which on a vehicle may be turning round
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
 _HALF_CHORD = 6.0  # m, of the road's heading
@@ -52,7 +52,7 @@ class Start(NamedTuple):
     bias: float  # sigma of the GNSS bias over the reported sigma
     white: float  # white sigma over the reported sigma
     heading: float  # of the vehicle, rad
-    heading_sigma: float  # infinite when unknown: roads tell theirs
+    heading_sigma: float  # infinite: unknown, that of each road is taken
     rate: float  # κ
     rate_sigma: float
     drift_sigma: float  # of b
@@ -63,7 +63,7 @@ class Start(NamedTuple):
 def _fill_start(
     hyp: Record, ctx: Context, fix: Vector, start: Start, heading: float, sigma: float, scale: float
 ) -> None:
-    """Fill a blank hypothesis with what one fix and a heading tell: p = z − R a − S γ − white."""
+    """Fill a blank hypothesis from one fix and a heading: p = z − R a − S γ − white."""
     par = ctx.par[0]
     mean = hyp.mu
     cov = hyp.cov
@@ -110,8 +110,8 @@ def cold_start(
 
     Or, for a belief that stands, add all of these as one more possibility.
 
-    A road's prior is the Gaussian mass of the position along it, so that cutting a
-    road into pieces changes nothing (the paper draws equal chances per segment).
+    A road's prior is the Gaussian mass of the position along it, so that splitting a
+    road at nodes changes nothing (the paper draws equal chances per segment).
 
     Args:
         belief: Normalised where it stands; replaced or added to.
@@ -119,7 +119,7 @@ def cold_start(
         ctx: The drive's constants.
         fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
         start: What else is known.
-        total: Probability of this start; 1 replaces what was believed.
+        total: Probability of this start; 1 replaces the belief.
 
     Returns:
         How many roads are near.
@@ -273,7 +273,7 @@ def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
     found = near(roads, qx, qy, radius, ctx.work.near)
-    spread = math.sqrt(cov[H, H] + 0.15)
+    heading_sigma = math.sqrt(cov[H, H] + 0.15)
     count = 0
     for c in range(found):
         place = ctx.work.near[c]
@@ -283,7 +283,7 @@ def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
         turned = abs(wrap(along - mean[H]))
         _, foot, _, _, _ = project(roads, edge, v, qx, qy)
         beside = -3.0 < foot < roads.edges[edge].length + 3.0
-        fits = beside and turned < min(2.5 * spread, 1.6)
+        fits = beside and turned < min(2.5 * heading_sigma, 1.6)
         if fits and place.distance < 3.0 * sigma + 5.0:
             ctx.work.near[count].edge = edge
             ctx.work.near[count].s = place.s
@@ -310,7 +310,7 @@ def _spawn_opposite(belief: Belief, ctx: Context, i: int, share: float) -> None:
 
 @kernel(inline=True)
 def turn_round(belief: Belief, ctx: Context, dt: float) -> bool:
-    """Without a heading sensor: U-turns between junctions, mostly when slow.
+    """Without a heading sensor: U-turns between junctions, mostly at low speed.
 
     Args:
         belief: In place; children are appended.
@@ -322,7 +322,7 @@ def turn_round(belief: Belief, ctx: Context, dt: float) -> bool:
     """
     par = ctx.par[0]
     share = par.u_turn_rate * dt
-    slow = 3.0 + par.acceleration_noise * dt  # m/s, at which it is less by exp(−½)
+    speed_scale = 3.0 + par.acceleration_noise * dt  # m/s, at which it is less by exp(−½)
     changed = False
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
@@ -332,7 +332,7 @@ def turn_round(belief: Belief, ctx: Context, dt: float) -> bool:
         if part * hyp.weight <= _TURNS:
             continue
         if par.mode == CLOCK:
-            part *= math.exp(-0.5 * (hyp.mu[K] / slow) ** 2)
+            part *= math.exp(-0.5 * (hyp.mu[K] / speed_scale) ** 2)
         if ctx.roads.edges[ctx.roads.edges[hyp.edge].opposite].rule & AGAINST_ONE_WAY:
             part *= 0.01
         part = min(part, 0.2)

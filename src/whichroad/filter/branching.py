@@ -1,7 +1,7 @@
 """Hypotheses branch along the road graph: the paper's switch S_k.
 
-The paper redraws its candidates from scratch within 30 m of every estimate and leaves
-the transition B(i, j) unsaid.  Here a hypothesis moves along the road graph: it stays
+The paper redraws its candidates from scratch within 30 m of every estimate and does
+not define the transition B(i, j).  Here a hypothesis moves along the road graph: it stays
 on its edge with the probability that it has not passed the end, and gives the rest to
 the edges that follow, by turn prior times the mass that lies on them.
 """
@@ -47,17 +47,17 @@ from .state import (
     spawn,
 )
 
-PASSED = 1e-3  # probability past an edge's end, from which on a hypothesis branches
-_REACH = 3.5  # sigma of the abscissa beyond which no mass is looked for
+BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
+_REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
-_WORTH = 0.3  # of the pruning floor: weight of what branches at least
+_LEAST = 0.3  # of the pruning floor: weight of what branches
 _OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
-_WORTH_CHILD = 0.1  # of the pruning floor: weight of a child at least, with wheels
+_LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
-CORNER_DOUBT = 3.0  # m/rad
-ACROSS = 0.015  # m²/m across the road; nobody follows the line of a map to the inch
+CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
+ACROSS = 0.015  # m²/m across the road; vehicles do not follow the map's line exactly
 _FULL_TURN = 1.6  # rad, cap of a corner
 _REVERSE = -0.5  # m/s, lowest speed without odometry
 
@@ -164,23 +164,23 @@ def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: f
 
 
 @kernel
-def _share_passed(belief: Belief, ctx: Context, hyp: Record, now: float, passed: float) -> float:
+def _share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshold: float) -> float:
     """Share of a hypothesis that has passed its edge's end since it was last evaluated.
 
         1 − Φ((L − s₁)/σ₁) / Φ((L − s₀)/σ₀), at least 0
 
-    with s₀ when last evaluated: a standing car leaks nothing.  0 where it is not worth
-    branching, or where there is no room.
+    with s₀ when last evaluated: a standing car passes nothing on.  0 where
+    that is below the pruning floor, or the table is full.
     """
     share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
     p = hyp.weight
-    enough = share * p >= floor_of(hyp, _WORTH * ctx.par[0].prune)
-    enough = enough and share >= min(passed / p, _MOSTLY)
+    enough = share * p >= floor_of(hyp, _LEAST * ctx.par[0].prune)
+    enough = enough and share >= min(threshold / p, _MOSTLY)
     return share if enough and belief.state[0].count < CAPACITY else 0.0
 
 
 @kernel(inline=True)
-def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) -> bool:
+def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: float) -> bool:
     """Give the part of every hypothesis that has passed its edge's end to what follows.
 
     In reverse the part that passed the start goes to the edges before.
@@ -190,7 +190,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
         path: The tree of edges entered.
         ctx: The drive's constants.
         arc: Distance moved in this step, m; its sign tells the direction.
-        passed: Weight that has to have passed an end, or most of it, before it branches.
+        threshold: Weight past an end, or most of the hypothesis, from which on it branches.
 
     Returns:
         Whether anything branched.
@@ -211,15 +211,15 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
         if arc < 0.0:
             hyp.p_not_passed = now
             continue
-        share = _share_passed(belief, ctx, hyp, now, passed)
+        share = _share_beyond(belief, ctx, hyp, now, threshold)
         if share == 0.0:
             hyp.p_not_passed = max(hyp.p_not_passed, now)
             continue
         changed = True
         s = hyp.along
         first = int(belief.state[0].count)
-        worth = _WORTH_CHILD * ctx.par[0].prune
-        given = _pass_on(belief, path, ctx, i, s, hyp.along_sigma, share, worth)
+        least = _LEAST_CHILD * ctx.par[0].prune
+        given = _pass_on(belief, path, ctx, i, s, hyp.along_sigma, share, least)
         for row in range(first, belief.state[0].count):
             child = belief.hyp[row]
             if child.edge != OFF_ROAD:
@@ -234,7 +234,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, passed: float) 
 @kernel(inline=True)
 def _pass_on(
     belief: Belief, path: Path, ctx: Context, i: int, s: float, sigma: float, share: float,
-    worth: float,
+    least: float,
 ) -> float:  # fmt: skip
     """Spawn children of hypothesis i on the edges that follow.
 
@@ -248,10 +248,10 @@ def _pass_on(
         s: Its abscissa now, beyond its edge's end, m.
         sigma: m.
         share: Share of its weight that has left.
-        worth: Weight below which there is no child.
+        least: Weight below which there is no child.
 
     Returns:
-        The share that the children got; what is too little, or finds no room, stays.
+        The share that the children got; what is below the limit, or finds the table full, stays.
     """
     hyp = belief.hyp[i]
     p = hyp.weight
@@ -263,8 +263,8 @@ def _pass_on(
     for d in range(count):
         part = share * ctx.work.successor[d].mass / total
         rare = ctx.work.successor[d].prior < RARE
-        least = RARE_FLOOR * worth if rare else floor_of(hyp, worth)
-        if part * p < least or belief.state[0].count >= CAPACITY:
+        lowest = RARE_FLOOR * least if rare else floor_of(hyp, least)
+        if part * p < lowest or belief.state[0].count >= CAPACITY:
             continue
         given += part
         child = belief.hyp[_spawn_on(belief, path, ctx, i, d, part)]
@@ -286,7 +286,7 @@ def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
     z = hyp.along / hyp.along_sigma
     density = math.exp(-0.5 * z**2) * 0.3989422804014327 / hyp.along_sigma
     share = min(arc * density / max(normal_cdf(z), 0.02), 0.9)
-    if count == 0 or share * hyp.weight < _WORTH * ctx.par[0].prune:
+    if count == 0 or share * hyp.weight < _LEAST * ctx.par[0].prune:
         return False
     given = 0.0
     for t in range(road.first_predecessor, road.end_predecessor):
@@ -325,28 +325,28 @@ def _move_to(
     par = ctx.par[0]
     edge = hyp.edge
     length = roads.edges[edge].length
-    cut, variance = truncated_moments(to.s, to.sigma, low, high)
-    shift = cut - to.s
+    at, variance = truncated_moments(to.s, to.sigma, low, high)
+    shift = at - to.s
     shrink = variance / (to.sigma * to.sigma)
-    segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, cut)
+    segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, at)
     heading = math.atan2(ny, nx)
     turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
     bent = min(abs(turn), _FULL_TURN)
     if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
-        cut += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
-        segment, cx, cy, nx, ny = locate(roads, edge, segment, cut)
-    doubt = (CORNER_DOUBT * bent) ** 2
-    variance += doubt
+        at += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        segment, cx, cy, nx, ny = locate(roads, edge, segment, at)
+    corner = (CORNER_SIGMA * bent) ** 2
+    variance += corner
     heading_variance = par.edge_heading_sigma**2
     if not is_straight(roads, edge):
-        _, _, _, ax, ay = locate(roads, edge, segment, cut - 4.0)
-        _, _, _, bx, by = locate(roads, edge, segment, cut + 4.0)
+        _, _, _, ax, ay = locate(roads, edge, segment, at - 4.0)
+        _, _, _, bx, by = locate(roads, edge, segment, at + 4.0)
         heading_variance += (0.5 * (ax * by - ay * bx)) ** 2
-    if min(cut, length - cut) < par.node_radius:
+    if min(at, length - at) < par.node_radius:
         heading_variance += par.node_heading_sigma**2
     mean = hyp.mu
     cov = hyp.cov
-    q = Noise(noise.along + doubt, 0.0, heading_variance, noise.rate, 0.0, noise.cross)
+    q = Noise(noise.along + corner, 0.0, heading_variance, noise.rate, 0.0, noise.cross)
     predict_road(mean, cov, to.odometer, turn, heading, nx, ny, q)
     add_across(cov, ACROSS * abs(to.odometer * mean[K]), nx, ny)
     scale = belief.state[0].scale
@@ -355,17 +355,17 @@ def _move_to(
     mean[X] = cx + scale * (to.lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
     hyp.segment = segment
-    hyp.along = cut
+    hyp.along = at
     hyp.along_sigma = math.sqrt(variance)
-    room = (length - cut) / hyp.along_sigma
-    hyp.p_not_passed = 1.0 if room > 6.0 else max(normal_cdf(room), 1e-6)
+    z = (length - at) / hyp.along_sigma
+    hyp.p_not_passed = 1.0 if z > 6.0 else max(normal_cdf(z), 1e-6)
 
 
 @kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
-    For vehicles without a heading sensor: the road tells the turn.  Off the roads they move
+    For vehicles without a heading sensor: the turn is that of the road.  Off the roads they move
     straight on.
 
     Args:
@@ -391,7 +391,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         sigma = math.sqrt(max(variance + noise.along, 1e-4))
         length = ctx.roads.edges[hyp.edge].length
         now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
-        share = _share_passed(belief, ctx, hyp, now, PASSED)
+        share = _share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD)
         to = Advance(odometer, s, sigma, lateral, tx, ty)
         end = 1e9
         owed = hyp.p_not_passed
@@ -399,8 +399,8 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
             owed = 0.0
             changed = True
             first = int(belief.state[0].count)
-            worth = _WORTH * ctx.par[0].prune
-            given = _pass_on(belief, path, ctx, i, s, sigma, share, worth)
+            least = _LEAST * ctx.par[0].prune
+            given = _pass_on(belief, path, ctx, i, s, sigma, share, least)
             for row in range(first, belief.state[0].count):
                 child = belief.hyp[row]
                 if child.edge != OFF_ROAD:
@@ -424,7 +424,7 @@ def forward_only(belief: Belief, ctx: Context) -> bool:
     """Without odometry a vehicle drives forwards.
 
     The speed is truncated to what is above −0.5 m/s, and the hypothesis weighed by how much
-    that was.  Off the roads a negative speed is first told as the other heading.
+    that was.  Off the roads a negative speed first becomes the opposite heading.
 
     Returns:
         Whether any weight was changed; weights are yet to be normalised.
@@ -447,11 +447,11 @@ def forward_only(belief: Belief, ctx: Context) -> bool:
         if z < 2.5:
             weighed = True
             rescale(hyp, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
-            cut, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
+            speed, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
             for j in range(N):
                 row[j] = 0.0
             row[K] = 1.0
             reshape_along(
-                mean, cov, row, cut - mean[K], variance / (sigma * sigma), belief.state[0].scale
+                mean, cov, row, speed - mean[K], variance / (sigma * sigma), belief.state[0].scale
             )
     return weighed

@@ -167,7 +167,7 @@ def _moments(belief: Belief, ctx: Context, out: Record) -> float:
     out.heading = wrap(h0 + mh)
     out.map_x = x0 + mx + state.scale * ux
     out.map_y = y0 + my + state.scale * uy
-    level = _spreads(belief, ctx, out, top, Centre(x0, y0, h0, mx, my, mh, ux, uy))
+    level = _covariances(belief, ctx, out, top, Centre(x0, y0, h0, mx, my, mh, ux, uy))
     out.protection_level = level + math.sqrt(mx * mx + my * my) / state.scale
     return off
 
@@ -198,7 +198,7 @@ def _mean_direction(belief: Belief, heading: float) -> float:
 
 
 @kernel(inline=True)
-def _spreads(belief: Belief, ctx: Context, out: Record, top: int, mid: Centre) -> float:
+def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centre) -> float:
     """Covariances of the mixture; returns the protection level about the heaviest hypothesis.
 
     The protection level r bounds the probability of a position error beyond it: with

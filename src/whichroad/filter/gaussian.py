@@ -151,7 +151,7 @@ def innovation_variance(cov: Matrix, row: Vector, variance: float) -> float:
 
 @kernel
 def truncated_moments(mean: float, sigma: float, low: float, high: float) -> tuple[float, float]:
-    """Mean and variance of a Gaussian cut to [low, high].
+    """Mean and variance of a Gaussian truncated to [low, high].
 
     With α, β the standardised ends, φ and Φ the standard normal density and
     distribution, Z = Φ(β) − Φ(α):
@@ -187,7 +187,7 @@ def reshape_along(
 
         g = P hᵀ / (h P hᵀ),   m⁺ = m + g·shift,   P⁺ = P − g gᵀ (h P hᵀ)(1 − shrink)
 
-    Exact moments of a Gaussian whose component h·x was cut to an interval.
+    Exact moments of a Gaussian whose component h·x was truncated to an interval.
     """
     g = new_row()
     _reshape(mean, cov, g, _gain(cov, row, g), shift, shrink, scale)

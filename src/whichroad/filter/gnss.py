@@ -117,7 +117,7 @@ def _innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
 
 @kernel(inline=True)
 def _drop_refuted(belief: Belief, least: float) -> None:
-    """Drop hypotheses on roads that are not worth an update."""
+    """Drop hypotheses on roads whose weight is below a limit."""
     state = belief.state[0]
     low = belief.hyp[heaviest(belief)].log_weight + math.log(least)
     kept = 0
@@ -156,9 +156,9 @@ def observe_position(
     """Condition every hypothesis on a GNSS position (the paper's Y₁), its error correlated.
 
     A fix that no hypothesis of weight explains within the gate is given the variance that
-    makes it fit the best one, alike for all.  Where wheels and a fix a moment ago vouch for
-    the motion, it is the receiver that has jumped, and the variance goes to its bias; else
-    the fix is weighed down.
+    makes it fit the best one, alike for all.  Where wheels and a recent fix confirm
+    the motion, the receiver has jumped, and the variance is added to its bias; else
+    to the fix.
 
     Args:
         belief: In place; weights are to be normalised afterwards.

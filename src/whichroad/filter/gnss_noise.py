@@ -1,4 +1,4 @@
-"""What the receiver's reported sigmas are worth, learnt on line.
+"""The receiver's noise relative to its reported sigmas, learnt on line.
 
 The error of a fix is a correlated bias, scaled by the reported covariance, and white noise.
 """
@@ -22,21 +22,21 @@ from .state import (
     most_probable,
 )
 
-_FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost its way
-_MOST = 9.0  # cap of what one fix says of the factor, in units of what is expected
+_FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost lock
+_MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
 _SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one
 _REDRAW = 0.97  # ratio of bias scales below which the bias is redrawn in that proportion
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
-_PRIOR_TIME = 5.0  # s of fixes that the first guess of the factor is worth
+_PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
 _BIAS_TIME, _BIAS_PRIOR = 300.0, 60.0  # s; forgetting and prior of the factor by biases
-_RECENT = 10.0  # s, longest interval that one fix teaches for
+_RECENT = 10.0  # s, longest interval that one fix counts for
 _NEXT = 2.5  # s, longest interval whose second difference is white noise
 _STRAIGHT = 0.35  # rad; largest turn between roads across which offsets are compared
 _SURE = 0.8  # P of the road across which offsets are compared
 _WHITE_PRIOR = 0.5  # white variance over the reported one of sparse fixes, before it is seen
-_PRIOR_COUNT = 4.0  # differences of fixes that this prior is worth
+_PRIOR_COUNT = 4.0  # prior sample count, in differences of fixes
 _REMEMBERED = 15.0  # differences of fixes that are averaged at least
 _LEAST_BIAS = 0.1  # share of the bias in the variance of fixes, at least
 _NEVER = 1e9  # s, adaptation times beyond this mean: never
@@ -46,8 +46,8 @@ _NEVER = 1e9  # s, adaptation times beyond this mean: never
 def age_receiver(belief: Belief, ctx: Context) -> None:
     """Gauss-Markov step of every hypothesis' GNSS bias over the time spent moving.
 
-    A bias far beyond its sigma is a receiver that has lost its way: it comes back when it
-    comes back, and not as small errors do.  That it is still lost costs the hypothesis
+    A bias far beyond its sigma is a receiver that has lost lock: it recovers by
+    re-acquisition, and not as small errors do.  That it is still lost costs the hypothesis
     exp(−time / fault_time).
     """
     par = ctx.par[0]
@@ -67,7 +67,7 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
 
 @kernel
 def is_vouched(par: Record, epoch: Record) -> bool:
-    """Whether something else than positions tells the motion in the plane: wheels, or Doppler."""
+    """Whether motion in the plane is measured without positions: wheels, or Doppler."""
     return bool(par.mode == WHEELS or epoch.speed_sigma < 1.0)
 
 
@@ -126,7 +126,7 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
     if interval >= 0.0:
         new = 1.0 - math.exp(-interval / _SMOOTHING)
         wider = (xx + yy) / (_SPIKE * (cov[0] + cov[2]))
-        if wider > 1.0:  # one fix that reports itself bad says little of those after it
+        if wider > 1.0:  # one fix with a large sigma says little of the next ones
             xx /= wider
             xy /= wider
             yy /= wider
@@ -206,33 +206,33 @@ def _average_energy(
     for j in range(N):
         ctx.work.row[j] = 0.0
     total = 0.0
-    quick = 0.0
+    by_innovations = 0.0
     windowed = 0.0
-    slow = 0.0
+    by_bias = 0.0
     first = 0.0
     second = 0.0
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.weight < 0.01:
             continue
-        chi2, share, spread, drift, side_0, side_1 = _normalised(
+        chi2, share, determinant, drift, side_0, side_1 = _normalised(
             hyp, state, ctx, fix, major, white, drifted
         )
-        worth = hyp.weight * math.exp(-0.5 * min(chi2, 1e3)) / math.sqrt(spread)
-        worth = max(worth, 1e-250)  # when nothing fits, all are worth the same
+        weight = hyp.weight * math.exp(-0.5 * min(chi2, 1e3)) / math.sqrt(determinant)
+        weight = max(weight, 1e-250)  # when nothing fits, all weigh the same
         drift *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
         mean = hyp.mu
         energy = mean[GX] ** 2 + hyp.cov[GX, GX] + mean[GY] ** 2 + hyp.cov[GY, GY]
         lost = mean[GX] ** 2 + mean[GY] ** 2 > _FAULT**2
-        total += worth
-        if stands and chi2 < 9.0:  # the error stands as well, and looks like none
-            quick += worth * state.innovation_factor / factor
+        total += weight
+        if stands and chi2 < 9.0:  # the error is constant as well, and innovations vanish
+            by_innovations += weight * state.innovation_factor / factor
         else:
-            quick += worth * (1.0 + share * (min(0.5 * chi2, _MOST) - 1.0))
-        windowed += worth * (1.0 + share * (min(0.5 * drift, _MOST) - 1.0))
-        slow += worth * (state.bias_factor / factor if lost else min(0.5 * energy, _MOST))
-        first += worth * side_0
-        second += worth * side_1
+            by_innovations += weight * (1.0 + share * (min(0.5 * chi2, _MOST) - 1.0))
+        windowed += weight * (1.0 + share * (min(0.5 * drift, _MOST) - 1.0))
+        by_bias += weight * (state.bias_factor / factor if lost else min(0.5 * energy, _MOST))
+        first += weight * side_0
+        second += weight * side_1
     if total == 0.0:
         return
     new = (1.0 - _PERSISTS) / total
@@ -240,8 +240,8 @@ def _average_energy(
         state.windowed_factor += gain * (factor * windowed / total - state.windowed_factor)
     state.innovation_mean[0] += new * first - (1.0 - _PERSISTS) * state.innovation_mean[0]
     state.innovation_mean[1] += new * second - (1.0 - _PERSISTS) * state.innovation_mean[1]
-    state.innovation_factor += gain * (factor * quick / total - state.innovation_factor)
-    state.bias_factor += bias_gain * (factor * slow / total - state.bias_factor)
+    state.innovation_factor += gain * (factor * by_innovations / total - state.innovation_factor)
+    state.bias_factor += bias_gain * (factor * by_bias / total - state.bias_factor)
     learnt = max(state.innovation_factor, state.windowed_factor, state.bias_factor)
     least = 1.0 / (1.0 + ctx.par[0].gnss_white_ratio ** 2)  # both errors as large as reported
     state.gnss_factor = min(max(learnt, least), 400.0)
@@ -273,7 +273,7 @@ def _normalised(
     cov = hyp.cov
     chi2 = 0.0
     share = 0.0
-    spread = 1.0
+    determinant = 1.0
     drift = 0.0
     side_0 = 0.0
     side = 0.0
@@ -289,13 +289,13 @@ def _normalised(
         variance = innovation_variance(cov, row, r)
         chi2 += nu * nu / variance
         share += 0.5 * min(own / variance, 1.0)
-        spread *= variance
+        determinant *= variance
         side = nu / math.sqrt(variance)
-        stays = _PERSISTS * state.innovation_mean[axis] + (1.0 - _PERSISTS) * side
-        drift += stays * stays
+        windowed = _PERSISTS * state.innovation_mean[axis] + (1.0 - _PERSISTS) * side
+        drift += windowed * windowed
         if axis == 0:
             side_0 = side
-    return chi2, share, spread, drift, side_0, side
+    return chi2, share, determinant, drift, side_0, side
 
 
 @kernel(inline=True)

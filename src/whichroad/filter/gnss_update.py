@@ -1,4 +1,4 @@
-"""What an epoch's fix does to the belief: start it, observe, doubt it."""
+"""An epoch's fix: initialise the belief, update it, add re-initialisation hypotheses."""
 
 import math
 
@@ -23,11 +23,11 @@ from .state import (
 
 _LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
-_SLOW = 2.0  # m/s, below which speeds say nothing of the odometer's scale
-_RECENT = 10.0  # s; wheels vouch for the motion since a fix this long ago
+_SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
+_RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
-_FAR = 20.0  # m, from a misfitting fix to the estimate, from which on the belief is in doubt
+_FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -75,7 +75,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
 
 @kernel(inline=True)
 def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
-    """Standing still teaches nothing of the position, but of what the receiver is worth."""
+    """A standing vehicle's fix observes the receiver's noise, and not the position."""
     state = belief.state[0]
     interval = max(epoch.time - state.last_fix, 0.0)
     update_root(belief, epoch.fix, state.gnss_factor, interval)
@@ -106,10 +106,10 @@ def _is_lost(belief: Belief) -> bool:
 def _add_restarts(
     belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, lost: bool
 ) -> None:
-    """A far fix: perhaps it is right, and all that was believed is wrong.
+    """A far fix may be right, and the belief wrong.
 
     Re-initialisation hypotheses at the fix are added with a small weight; roads and fixes
-    from here on decide between them and a receiver that has lost its way.  A lost belief does
+    from here on decide between them and a receiver that has lost lock.  A lost belief does
     not know its heading either: the car may have been carried.
     """
     normalise(belief)
@@ -150,8 +150,8 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
 
-    The white part is scaled with the interval, so that measuring ten times as often teaches
-    nearly nothing more.
+    The white part is scaled with the interval, so that fixes ten times as often add
+    nearly no information.
 
     Returns:
         Chi-square of the position under the hypothesis that fits it best.

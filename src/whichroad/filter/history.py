@@ -1,8 +1,8 @@
 """The history of the filter: a graph of merged hypotheses, for smoothing.
 
 A *step* is an epoch at which something was observed or hypotheses branched.  Its nodes are the
-hypotheses of that epoch.  A link from a node to one of the step before says which share of its
-weight came from there.  The smoother (`filter.smoother`) and the best path
+hypotheses of that epoch.  A link from a node to one of the step before holds the share of its
+weight that came from there.  The smoother (`filter.smoother`) and the best path
 (`filter.best_path`) read this graph.
 """
 
@@ -35,7 +35,7 @@ MOTION = np.dtype(
         ("gnss_aged", "f8"),  # time by which the GNSS bias has decayed, s
         ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
         ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
-        ("jumped", "u1"),  # 1: by a sparse transition, whose route tells the position anew
+        ("jumped", "u1"),  # 1: by a sparse transition, whose route gives a new position
     ],
     align=True,
 )
@@ -95,7 +95,7 @@ REFERENCE = np.dtype([("mu", "f8", (N,)), ("cov", "f8", (N, N))], align=True)
 class History(NamedTuple):
     """Steps, their nodes, and the nodes' links; rows from `count` on are free.
 
-    Nothing is stored where there is no room for a step.  The Gaussians are nine tenths of it:
+    Nothing is stored in a history of no length.  The Gaussians are nine tenths of it:
     they are a table of their own, so that they can be dropped once the drive is smoothed.
     """
 
@@ -109,7 +109,7 @@ class History(NamedTuple):
 
 
 def new_history(steps: int) -> History:
-    """An empty history with room for so many steps, or none."""
+    """An empty history for so many steps, or none."""
     nodes = 4 * steps + KEPT if steps else 0
     links = 3 * nodes + KEPT * KEPT if steps else 0
     table = records(nodes, NODE)
@@ -121,29 +121,29 @@ def new_history(steps: int) -> History:
 
 
 def enlarged(history: History, drop: int = 0, *, grow: bool = True) -> History:
-    """A copy with room for more, without the first `drop` steps.
+    """A larger copy, without the first `drop` steps.
 
     Args:
         history: At least `drop` + 1 steps long where `drop` is not 0.
         drop: Steps to leave out.
-        grow: Whether there is room for twice as many steps.
+        grow: Whether it holds twice as many steps.
     """
     steps, nodes, links = history.count[0].tolist()
     node = int(history.steps[drop].first_node) if steps else 0
     link = int(history.nodes[node].first_link) if nodes else 0
-    room = new_history((2 if grow else 1) * len(history.steps))
-    room.steps[: steps - drop] = history.steps[drop:steps]
-    room.nodes[: nodes - node] = history.nodes[node:nodes]
-    room.states[: nodes - node] = history.states[node:nodes]
-    room.links[: links - link] = history.links[link:links]
+    copy = new_history((2 if grow else 1) * len(history.steps))
+    copy.steps[: steps - drop] = history.steps[drop:steps]
+    copy.nodes[: nodes - node] = history.nodes[node:nodes]
+    copy.states[: nodes - node] = history.states[node:nodes]
+    copy.links[: links - link] = history.links[link:links]
     for name in ("first_node", "end_node"):
-        room.steps[name][: steps - drop] -= node
+        copy.steps[name][: steps - drop] -= node
     for name in ("first_link", "end_link"):
-        room.nodes[name][: nodes - node] -= link
-    room.since[:] = history.since
-    room.reference[:] = history.reference
-    room.count[0] = steps - drop, nodes - node, links - link
-    return room
+        copy.nodes[name][: nodes - node] -= link
+    copy.since[:] = history.since
+    copy.reference[:] = history.reference
+    copy.count[0] = steps - drop, nodes - node, links - link
+    return copy
 
 
 @kernel

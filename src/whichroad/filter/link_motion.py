@@ -18,7 +18,7 @@ from .._compile import Record, Vector, kernel
 from ..graph.geometry import locate, project, wrap
 from ..graph.network import Roads
 from ._simd import N, add_times, set_times
-from .branching import ACROSS, CORNER, CORNER_DOUBT, CORNER_RADIUS
+from .branching import ACROSS, CORNER, CORNER_RADIUS, CORNER_SIGMA
 from .history import History
 from .motion import Increment, Noise, keep_lane, unpack_noise
 from .sparse import ACROSS_SIGMA, HEADING_NOISE
@@ -117,7 +117,7 @@ def predict_link(model: Record, history: History, path: Path, ctx: Context, link
 
     Where the motion is not known (a sparse transition whose route is not known, a U-turn
     without a heading sensor, two paths merged) the position is taken as observed anew.
-    Nothing of it is learnt from later steps, but the slow errors go on.
+    Later steps do not smooth it; they do smooth the slow states.
 
     Args:
         model: Holds the filtered state of node i; the rest is filled, but for the gain.
@@ -220,11 +220,11 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     distance = odometer * mean[K]
     advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
     bent = _move_on_road(model, ctx.roads, advance, True)
-    doubt = (CORNER_DOUBT * bent) ** 2
+    corner = (CORNER_SIGMA * bent) ** 2
     _add_road_noise(
         model,
         Noise(
-            motion.road_noise[0] + doubt, ACROSS * abs(distance), par.edge_heading_sigma**2,
+            motion.road_noise[0] + corner, ACROSS * abs(distance), par.edge_heading_sigma**2,
             motion.road_noise[2], 0.0, motion.road_noise[1],
         ),
     )  # fmt: skip
@@ -372,7 +372,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     if skipped < 0.0:
         return False
     if _stood(model, history, link):
-        _stay(model, history.states[link.j], par)
+        _keep_standing(model, history.states[link.j], par)
         return True
     later = history.states[link.j].mu
     keep, old, far, cross = speed_process(dt)
@@ -410,7 +410,7 @@ def _stood(model: Record, history: History, link: Link) -> bool:
 
 
 @kernel
-def _stay(model: Record, later: Record, par: Record) -> None:
+def _keep_standing(model: Record, later: Record, par: Record) -> None:
     """Not moved; the rate is that of the node j."""
     q = model.q
     for a in (X, Y):

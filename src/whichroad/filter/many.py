@@ -5,7 +5,7 @@ from typing import NamedTuple
 from .._compile import Ints, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
-from .best_path import Way, broken_rules, first_epochs, time_edges
+from .best_path import Traversals, broken_rules, first_epochs, time_edges
 from .estimate import Estimates, Output
 from .history import History
 from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
@@ -17,12 +17,12 @@ class Drives(NamedTuple):
 
     first_epoch: Ints  # (d + 1,) the epoch at which each begins, and the number of epochs
     first_edge: Ints  # (d + 1,) the edge at which each begins, and the number of edges
-    way: Way  # (r,)
+    driven: Traversals  # (r,)
 
 
 @kernel
 def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
-    """List the edges of the most probable hypothesis, repeats joined; False: there is no room."""
+    """List the edges of the most probable hypothesis, repeats joined; False: the table is full."""
     newest = -1
     if belief.state[0].count:
         newest = belief.hyp[most_probable(belief)].path_entry
@@ -36,7 +36,7 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
             after = edge
         at = path.entry[at].parent
     row = drives.first_edge[d] + count
-    if row > len(drives.way):
+    if row > len(drives.driven):
         return False
     drives.first_edge[d + 1] = row
     after = NO_EDGE
@@ -46,9 +46,9 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
         if entry.edge != OFF_ROAD:
             if entry.edge != after:
                 row -= 1
-            drives.way[row].edge = entry.edge
-            drives.way[row].entered = entry.time
-            drives.way[row].along = entry.along
+            drives.driven[row].edge = entry.edge
+            drives.driven[row].entered = entry.time
+            drives.driven[row].along = entry.along
             after = entry.edge
         at = entry.parent
     return True
@@ -65,14 +65,14 @@ def localize_each(
         belief: Buffer.
         empty: A new one, whose state each drive begins with.
         path: Buffer.
-        history: One without room: nothing is stored.
+        history: An empty one: nothing is stored.
         epochs: (n,) EPOCH of all drives.
         output: (n,) written.
         ctx: What all drives share.
         drives: Where each begins; the edges are written.
 
     Returns:
-        How many drives are done; less than d where the next one needs more room.
+        How many drives are done; less than d where a table is too small for the next one.
     """
     drives.first_edge[0] = 0
     for d in range(len(drives.first_epoch) - 1):
@@ -105,12 +105,12 @@ def time_each(
         a, b = drives.first_edge[d], drives.first_edge[d + 1]
         if a == b:
             continue
-        way = drives.way[a:b]
+        driven = drives.driven[a:b]
         first = found[: b - a + 1]
-        first_epochs(way, epochs[low:high], first)
-        broken_rules(roads, way)
+        first_epochs(driven, epochs[low:high], first)
+        broken_rules(roads, driven)
         known = high - 1
         while known >= low and estimates[known].live <= 0:
             known -= 1
         last = known - low if known >= low else high - low - 1
-        time_edges(roads, way, first, epochs[low:high], estimates[low:high], last)
+        time_edges(roads, driven, first, epochs[low:high], estimates[low:high], last)

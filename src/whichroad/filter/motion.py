@@ -88,7 +88,7 @@ def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
     """Process noise where motion is not measured but extrapolated.
 
     The speed is wrong by a fifth (one sigma) for as long as nothing shows it: over L metres
-    the variance along the heading is (0.2 L)², however many epochs they are cut into.
+    the variance along the heading is (0.2 L)², however many epochs they are split into.
 
     Args:
         noise: Of measured motion.
@@ -301,24 +301,24 @@ def decay(
         cov[j, state] = row[j]
 
 
-class Kept(NamedTuple):
-    """What a Gauss-Markov step keeps of the slow states of the map."""
+class MapDecay(NamedTuple):
+    """Decay factors φ of the map's slow states in a Gauss-Markov step."""
 
     lane: float
     map: float
 
 
 @kernel
-def kept_over(par: Record, metres: float) -> Kept:
-    """What is kept over a distance (m): exp(−distance / length)."""
-    return Kept(math.exp(-metres / par.lane_length), math.exp(-metres / par.map_length))
+def map_decay(par: Record, metres: float) -> MapDecay:
+    """φ over a distance (m): exp(−distance / length)."""
+    return MapDecay(math.exp(-metres / par.lane_length), math.exp(-metres / par.map_length))
 
 
 @kernel
 def keep_lane(par: Record, kept: float, lane_sigma: float) -> float:
     """What is kept of the lane offset where its sigma is another, `kept` where it is usual.
 
-    Between changes of lane one wanders alike on wide roads and narrow ones: the variance of an
+    Between changes of lane vehicles vary alike on wide roads and narrow ones: the variance of an
     increment, 2 σ² / length a metre, is the same.  So the length grows with σ².
     """
     if lane_sigma == par.lane_sigma:
@@ -328,7 +328,7 @@ def keep_lane(par: Record, kept: float, lane_sigma: float) -> float:
 
 @kernel
 def decay_map(
-    mean: Vector, cov: Matrix, par: Record, kept: Kept, lane: float, lane_sigma: float
+    mean: Vector, cov: Matrix, par: Record, kept: MapDecay, lane: float, lane_sigma: float
 ) -> None:
     """Gauss-Markov step of the lane offset and the map's error.
 
@@ -336,7 +336,7 @@ def decay_map(
         mean: State, (N,), in place.
         cov: Covariance, (N, N), in place.
         par: The parameters: sigma of the map's error.
-        kept: What is kept.
+        kept: φ of both.
         lane: Usual lane offset here, m.
         lane_sigma: Its sigma, m.
     """
@@ -363,7 +363,7 @@ def age_map(
     mean: Vector, cov: Matrix, par: Record, metres: float, lane: float, lane_sigma: float
 ) -> None:
     """`decay_map` over a distance (m)."""
-    decay_map(mean, cov, par, kept_over(par, metres), lane, lane_sigma)
+    decay_map(mean, cov, par, map_decay(par, metres), lane, lane_sigma)
 
 
 @kernel

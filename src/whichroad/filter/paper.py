@@ -1,15 +1,15 @@
 """The paper's Switching Kalman Filter, taken literally: what `filter.step` does otherwise.
 
-It is there to be seen beside ours: docs/model.md tells what follows from each line.  The
+It is the baseline for comparison: docs/model.md states what follows from each line.  The
 state is (x, y, θ): hypotheses are those of `filter.state`, with K at 1 and the slow
 states at 0, so that the Kalman update and the merging are the default filter's own.
 
 What the text leaves open, and what is taken here:
 
-- B(i, j) of §3.1: stay with a fixed probability, the rest in equal parts.
+- B(i, j) of §3.1: the same road with a fixed probability, the rest in equal parts.
 - Which estimate the 30 m are drawn around (Figure 1): that of the most probable hypothesis.
 - Candidates: the closest segment of every directed edge, so that a street open both ways is
-  two, which the heading tells apart.
+  two, which the heading separates.
 - Inference (§3.1 names JLO, exact and exponential in time): every hypothesis is continued on
   every candidate and merged there by moments, the generalised pseudo-Bayesian filter of
   order two.
@@ -197,18 +197,18 @@ def observe_gnss(belief: Belief, ctx: Context, epoch: Record) -> float:
 
 
 @kernel
-def transition(same: bool, held: bool, count: int, stay: float) -> float:
+def transition(same: bool, held: bool, count: int, p_same: float) -> float:
     """B(i, j) of §3.1, which the text leaves open.
 
     Args:
         same: Whether i and j are one road.
         held: Whether i is still a candidate; if not, all have the same chance (Figure 8).
         count: Candidates.
-        stay: P(the same road).
+        p_same: P(the same road).
     """
     if not held or count == 1:
         return 1.0 / count
-    return stay if same else (1.0 - stay) / (count - 1)
+    return p_same if same else (1.0 - p_same) / (count - 1)
 
 
 @kernel
@@ -330,5 +330,5 @@ def keep_most_probable(belief: Belief, ctx: Context, output: Output, k: int) -> 
             v += 1
     if out.edge == NO_EDGE:
         out.alt_p[0] = 0.0
-        gone = state.time - state.last_fix
-        out.status = OUTAGE if gone > ctx.par[0].outage_after else LOST
+        since_fix = state.time - state.last_fix
+        out.status = OUTAGE if since_fix > ctx.par[0].outage_after else LOST

@@ -92,7 +92,7 @@ def initialise(
     """Append a hypothesis on each piece of road: p = c(s) + n d − m, heading that of the road.
 
     Args:
-        population: Rows are appended; pieces that find no room are left out.
+        population: Rows are appended; pieces are left out when it is full.
         ctx: The drive's constants.
         edge: (n,) edges.
         s: (n,) abscissae of the middles of the pieces, m.
@@ -120,8 +120,8 @@ def initialise(
         hyp.log_weight = log_weight[k]
         hyp.along = s[k]
         hyp.along_sigma = sigma[k]
-        room = (ctx.roads.edges[e].length - s[k]) / sigma[k]
-        hyp.p_not_passed = max(normal_cdf(room), 1e-6)
+        z = (ctx.roads.edges[e].length - s[k]) / sigma[k]
+        hyp.p_not_passed = max(normal_cdf(z), 1e-6)
         state.count = i + 1
 
 
@@ -208,11 +208,11 @@ def branch_all(
         arc: Distance moved, m.
 
     Returns:
-        Whether all found room.
+        Whether none was left out.
     """
     n = population.state[0].count
     m = 0
-    room = True
+    complete = True
     for first in range(0, n, KEPT):
         count = min(KEPT, n - first)
         for i in range(count):
@@ -224,9 +224,9 @@ def branch_all(
                 copy_record(target.hyp[m], part.hyp[i])
                 m += 1
             else:
-                room = False
+                complete = False
     copy_state(target, population, m)
-    return room
+    return complete
 
 
 @entry
@@ -257,8 +257,8 @@ def merge_neighbours(
 def _merge_neighbour(kept: Record, hyp: Record, limit: float, scale: float) -> bool:
     """Merge a hypothesis into its neighbour on the same edge if that costs little.
 
-    Runnalls' cost along the road, as if both were of one weight: a light one far from a
-    heavy one may yet win.
+    Runnalls' cost along the road, as if both had the same weight: a light one far from a
+    heavy one may become the most probable.
 
         B = ½ log v − ¼ (log v_i + log v_j),    v = ½ (v_i + v_j) + ¼ (s_i − s_j)²
     """

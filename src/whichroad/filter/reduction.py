@@ -2,7 +2,7 @@
 
 Merging by moments within the same directed edge loses next to nothing, and pruning
 alone loses much: measured against exact enumeration on forks, four components in all
-stay within 1e-2 of the exact road probabilities, and the four best unmerged within 0.2.
+are within 1e-2 of the exact road probabilities, and the four best unmerged within 0.2.
 """
 
 import math
@@ -72,7 +72,7 @@ def _merge_cost(a: Record, b: Record, best: float, scale: float, alone: bool) ->
     v = (wi * vi + wj * vj) / w + shares * gap * gap
     along = _loss(wi, vi, wj, vj, v, best, alone)
     if along > best:
-        return float(along)  # dearer than another pair, whatever the rest
+        return float(along)  # more than the best pair already
     gap = wrap(a.mu[H] - b.mu[H])
     vi = a.cov[H, H]
     vj = b.cov[H, H]
@@ -96,7 +96,7 @@ def _merge_cost(a: Record, b: Record, best: float, scale: float, alone: bool) ->
 def _merge_cost_off_road(a: Record, b: Record, best: float, scale: float, alone: bool) -> float:
     """The same off the roads: the worst of position and heading, relative to W.
 
-    That hypothesis is mostly light, and must stay sharp.
+    That hypothesis mostly has little weight, and must keep its precision.
     """
     wi = max(a.weight, 1e-300)
     wj = max(b.weight, 1e-300)
@@ -145,7 +145,7 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
 
 @kernel(inline=True)
 def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
-    """Merge the cheapest pair on the edge of hypothesis `first`; False when all is well."""
+    """Merge the cheapest pair on the edge of hypothesis `first`; False: there is none."""
     n = belief.state[0].count
     scale = belief.state[0].scale
     edge = belief.hyp[first].edge
@@ -158,7 +158,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
             count += 1
     if count == 1:
         return False
-    best = limit + 1e-300 if count <= most else math.inf  # dearer pairs stay two
+    best = limit + 1e-300 if count <= most else math.inf  # pairs that cost more are not merged
     best_i = -1
     best_j = -1
     for i in range(first, n):
@@ -183,7 +183,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
 
 @kernel(inline=True)
 def _has_earlier(belief: Belief, i: int) -> bool:
-    """Whether a hypothesis before i is on the same edge: its pairs have been looked at."""
+    """Whether a hypothesis before i is on the same edge: its pairs have been compared."""
     j = 0
     while j < i and belief.hyp[j].edge != belief.hyp[i].edge:
         j += 1

@@ -11,12 +11,12 @@ from .._compile import Record, entry, kernel
 from ..graph.geometry import angle_of, chord, chord_heading, is_straight, locate, project, wrap
 from ..graph.network import Roads
 from .gaussian import LOG_2PI, update, update_across
-from .motion import decay_map, kept_over
+from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
-_CORRELATION = 5.0  # m travelled within which the errors of map rows are one error
+_CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
 _HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 _LATERAL, _TANGENT_X, _TANGENT_Y, _HEADING, _SLOPE = range(5)  # scratch of a hypothesis
@@ -72,8 +72,8 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         ctx: The drive's constants.
         with_heading: Whether headings are the vehicle's own, and not the roads'.
     """
-    travelled = belief.state[0].since_map
-    noise = _road_noise(belief, ctx, travelled, with_heading)
+    metres = belief.state[0].since_map
+    noise = _road_noise(belief, ctx, metres, with_heading)
     rows = 2.0 if with_heading else 1.0
     log_s = 0.0
     for i in range(belief.state[0].count):
@@ -88,25 +88,25 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
         for i in range(belief.state[0].count):
             if belief.hyp[i].edge == OFF_ROAD:
-                belief.hyp[i].log_weight += fit - ctx.par[0].off_road_cost * travelled
+                belief.hyp[i].log_weight += fit - ctx.par[0].off_road_cost * metres
 
 
 @kernel(inline=True)
-def _road_noise(belief: Belief, ctx: Context, travelled: float, with_heading: bool) -> RoadNoise:
-    """Age the slow states, look at each hypothesis' road, and find the rows' variances.
+def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool) -> RoadNoise:
+    """Age the slow states, track each hypothesis on its road, and find the rows' variances.
 
     Near junctions, where the centre line is not what is driven, both errors are relaxed for
     all hypotheses alike, by the weighted share that is near one.
     """
     par = ctx.par[0]
-    kept = kept_over(par, travelled)
+    kept = map_decay(par, metres)
     on = 0.0
     more_lateral = 0.0
     more_heading = 0.0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         edge = hyp.edge
-        hyp.grace -= travelled
+        hyp.grace -= metres
         decay_map(hyp.mu, hyp.cov, par, kept, lane_mean(ctx, edge), lane_sigma(ctx, edge))
         if edge == OFF_ROAD:
             continue
@@ -136,7 +136,7 @@ def _road_noise(belief: Belief, ctx: Context, travelled: float, with_heading: bo
     if on > 0.0:
         more_lateral /= on
         more_heading /= on
-    thin = min(max(_CORRELATION / travelled, 0.5), 4.0) if travelled > 0.0 else 1.0
+    thin = min(max(_CORRELATION / metres, 0.5), 4.0) if metres > 0.0 else 1.0
     return RoadNoise(
         thin * (par.relative_sigma**2 + more_lateral),
         thin * (par.edge_heading_sigma**2 + more_heading),
@@ -184,8 +184,8 @@ def heading_regression(
         slope = Σ w χ x / Σ w x²
         bow²  = Σ w (χ − mean − slope x)²
 
-    so that in a bend the heading tells the abscissa, as far as it is in doubt, and a
-    bend that lies within the doubt is expected.
+    so that in a bend the heading observes the abscissa, as far as it is uncertain, and a
+    bend within that uncertainty is expected.
 
     Args:
         roads: The network.
@@ -207,7 +207,7 @@ def heading_regression(
     low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
     high = min(inside + 2.0 * step + _HALF_CHORD, length)
     high_segment, _, _, _, _ = locate(roads, edge, low_segment, high)
-    if low_segment == high_segment:  # straight, as far as it is looked at
+    if low_segment == high_segment:  # straight within the span
         return math.atan2(ty, tx), 0.0, 0.0
     middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
     near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
@@ -242,7 +242,7 @@ def heading_slope(roads: Roads, edge: int, segment: int, s: float, sigma: float)
     reach = 2.0 * step + _HALF_CHORD
     if max(inside - reach, 0.0) >= roads.vertices[segment].s and (
         min(inside + reach, length) <= roads.vertices[segment + 1].s
-    ):  # straight, as far as it is looked at
+    ):  # straight within the span
         return 0.0
     total = 0.0
     for k in range(1, 3):

@@ -101,7 +101,7 @@ def step_back(
     for i in range(n):
         p = buffers.nodes[other, i].p
         sum_p += p
-        if poses and p >= _UNSEEN:  # else nobody asks for its pose
+        if poses and p >= _UNSEEN:  # else its pose is not output
             _smooth_pose(buffers, history, path, ctx, step, i, slot, rest)
     for i in range(n):
         buffers.nodes[other, i].p /= sum_p
@@ -157,11 +157,11 @@ def _smooth_pose(
             predict_link(model, history, path, ctx, Link(step, i, j))
             used += weight
             _add_link(model, buffers.nodes[slot, j - here], node, weight / used)
-    _settle(node, model)
+    _restore_state(node, model)
 
 
 @kernel(inline=True)
-def _settle(node: Record, model: Record) -> None:
+def _restore_state(node: Record, model: Record) -> None:
     """From deviations to a state; one whose covariance is none stays as filtered."""
     mean = node.mu
     cov = node.cov
@@ -228,7 +228,7 @@ def _add_link(model: Record, later: Record, node: Record, share: float) -> None:
     solve_gain(model)
     gain = model.gain
     change = model.root  # Pⱼ − P⁻; the factor is no longer needed
-    off, shift, row, moved = new_row(), new_row(), new_row(), new_row()
+    off, shift, row, product = new_row(), new_row(), new_row(), new_row()
     set_to(off, later.mu)
     add_times(off, -1.0, model.mu)
     off[X] /= model.scale
@@ -245,12 +245,12 @@ def _add_link(model: Record, later: Record, node: Record, share: float) -> None:
     add_times(off, -1.0, node.mu)
     cov = node.cov
     for a in range(N):
-        set_times(moved, gain[0, a], change[0])
+        set_times(product, gain[0, a], change[0])
         for c in range(1, N):
-            add_times(moved, gain[c, a], change[c])
+            add_times(product, gain[c, a], change[c])
         set_to(row, model.then_cov[a])
         for c in range(N):
-            add_times(row, moved[c], gain[c])
+            add_times(row, product[c], gain[c])
         add_times(row, -1.0, cov[a])
         add_times(cov[a], share, row)
         add_times(cov[a], share * (1.0 - share) * off[a], off)

@@ -71,13 +71,13 @@ _MOST_LEAVE = 0.3  # probability of it
 _RETURN = 0.5  # probability of returning from off-road to the roads at the next fix
 _LEAST = 1e-5  # least weight of a returning hypothesis
 _FAR_ABOVE = 3.0  # nats
-_ANY_DISTANCE = 1e6  # m², travel variance of a vehicle that comes from off-road
+_ANY_DISTANCE = 1e6  # m², variance of the distance of a vehicle that comes from off-road
 
 _STANDS = 30.0  # m of road on which as many vehicles drive as stand before a junction
 _QUEUE = 6.0  # m before the junction: mean and sigma of where they stand
 
 
-class Travel(NamedTuple):
+class Transition(NamedTuple):
     """What a hypothesis drives along its route, by its speed."""
 
     length: float  # of the route, from the abscissa now to the start of the last edge, m
@@ -127,13 +127,13 @@ def _observe_line(
 
 
 @kernel(inline=True)
-def _travel(
+def _transition(
     hyp: Record, ctx: Context, pair: Record, tx: float, ty: float, fix: SparseFix
-) -> Travel:
+) -> Transition:
     """How far a hypothesis comes along the route of a pair."""
     near = ctx.work.near[pair.goal]
     entry = ctx.work.search.label[max(pair.label, 0)]
-    old = fix.process.memory
+    old = fix.process.distance_by_speed
     if pair.label >= 0:
         length = entry.length
         turn = entry.turn
@@ -145,7 +145,7 @@ def _travel(
     along = usual * (fix.dt - old) + hyp.mu[K] * old - length
     variance = variance_along(hyp, tx, ty, fix.process)
     heavy = heavy_tail(variance, near.s - along, fix.jitter) - variance
-    return Travel(
+    return Transition(
         length, turn, usual, along, variance + heavy, fix.process.variance + heavy,
         1.0 + heavy / max(fix.process.variance, 1.0),
     )  # fmt: skip
@@ -153,7 +153,7 @@ def _travel(
 
 @kernel(inline=True)
 def _foot(
-    hyp: Record, state: Record, ctx: Context, goal: int, travel: Travel, fix: SparseFix
+    hyp: Record, state: Record, ctx: Context, goal: int, transition: Transition, fix: SparseFix
 ) -> Foot:
     """The point of a candidate between the fix's foot and where the speed has the vehicle.
 
@@ -163,8 +163,8 @@ def _foot(
     x, y = on_map(hyp, state, fix.x, fix.y, fix.bias_keep)
     at = vertex_at(ctx.roads, near.edge, near.s)
     segment, s, _, _, _ = project(ctx.roads, near.edge, at, x, y)
-    weight = travel.variance / (travel.variance + _FOOT_VARIANCE)
-    s = travel.along + weight * (s - travel.along)
+    weight = transition.variance / (transition.variance + _FOOT_VARIANCE)
+    s = transition.along + weight * (s - transition.along)
     s = min(max(s, 0.0), ctx.roads.edges[near.edge].length)
     segment, cx, cy, tx, ty = locate(ctx.roads, near.edge, segment, s)
     hyp.segment = segment
@@ -172,8 +172,13 @@ def _foot(
 
 
 @kernel(inline=True)
-def _predict_travel(
-    hyp: Record, ctx: Context, travel: Travel, foot: Foot, before: float, process: SpeedProcess
+def _predict_transition(
+    hyp: Record,
+    ctx: Context,
+    transition: Transition,
+    foot: Foot,
+    before: float,
+    process: SpeedProcess,
 ) -> None:
     """Move the covariance along the road, and let the speed decay to the usual one.
 
@@ -182,13 +187,13 @@ def _predict_travel(
     mean = hyp.mu
     cov = hyp.cov
     variance = ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE
-    noise = Noise(travel.noise, 0.0, variance, 0.0, 0.0, 0.0)
+    noise = Noise(transition.noise, 0.0, variance, 0.0, 0.0, 0.0)
     heading = math.atan2(foot.ty, foot.tx)
     bend = wrap(heading - before)
-    predict_road(mean, cov, process.memory, bend, heading, foot.tx, foot.ty, noise)
-    speed = SPEED_SIGMA * SPEED_SIGMA * travel.inflation
-    decay(mean, cov, K, travel.usual, process.keep, speed)
-    cross = process.cross * travel.inflation
+    predict_road(mean, cov, process.distance_by_speed, bend, heading, foot.tx, foot.ty, noise)
+    speed = SPEED_SIGMA * SPEED_SIGMA * transition.inflation
+    decay(mean, cov, K, transition.usual, process.keep, speed)
+    cross = process.cross * transition.inflation
     cov[X, K] += cross * foot.tx
     cov[Y, K] += cross * foot.ty
     cov[K, X] = cov[X, K]
@@ -197,17 +202,17 @@ def _predict_travel(
 
 @kernel(inline=True)
 def _place_on_road(
-    hyp: Record, ctx: Context, travel: Travel, foot: Foot, edge: int, scale: float
+    hyp: Record, ctx: Context, transition: Transition, foot: Foot, edge: int, scale: float
 ) -> None:
     """Age the slow states over the route, and put the vehicle on the road's line."""
     mean = hyp.mu
     lane = lane_mean(ctx, edge)
     sigma = lane_sigma(ctx, edge)
     if edge != hyp.edge:
-        redraw_lane(mean, hyp.cov, travel.turn, lane_mean(ctx, hyp.edge), lane, sigma)
-    age_map(mean, hyp.cov, ctx.par[0], max(foot.s + travel.length, 0.0), lane, sigma)
+        redraw_lane(mean, hyp.cov, transition.turn, lane_mean(ctx, hyp.edge), lane, sigma)
+    age_map(mean, hyp.cov, ctx.par[0], max(foot.s + transition.length, 0.0), lane, sigma)
     add_across(hyp.cov, ACROSS_SIGMA * ACROSS_SIGMA, foot.tx, foot.ty)
-    ahead = travel.along - foot.s
+    ahead = transition.along - foot.s
     mean[X] = foot.x + scale * (mean[D] * foot.ty - mean[MX] + ahead * foot.tx)
     mean[Y] = foot.y + scale * (-mean[D] * foot.tx - mean[MY] + ahead * foot.ty)
     _observe_line(hyp, ctx, foot.tx, foot.ty, 0.0, scale)
@@ -223,25 +228,25 @@ def _arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) ->
     child = int(state.count)
     move_row(belief, pair.source, child)
     hyp = belief.hyp[child]
-    travel = _travel(hyp, ctx, pair, tx, ty, fix)
-    foot = _foot(hyp, state, ctx, pair.goal, travel, fix)
-    _predict_travel(hyp, ctx, travel, foot, math.atan2(ty, tx), fix.process)
-    _place_on_road(hyp, ctx, travel, foot, edge, state.scale)
+    transition = _transition(hyp, ctx, pair, tx, ty, fix)
+    foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
+    _predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)
+    _place_on_road(hyp, ctx, transition, foot, edge, state.scale)
     hyp.log_weight -= pair.cost
     hyp.edge = edge
     hyp.p_not_passed = 1.0
-    hyp.travel_variance = max(travel.variance - hyp.along_sigma**2, 1.0)
+    hyp.travel_variance = max(transition.variance - hyp.along_sigma**2, 1.0)
     hyp.along = foot.s
     if pair.label >= 0:
         hyp.new_edge = 1
-        went = max(foot.s + travel.length, 0.0)
-        _enter_route(hyp, path, ctx.work.search, pair.label, went, state.time - fix.dt, fix.dt)
+        metres = max(foot.s + transition.length, 0.0)
+        _enter_route(hyp, path, ctx.work.search, pair.label, metres, state.time - fix.dt, fix.dt)
     state.count = child + 1
 
 
 @kernel
 def _enter_route(
-    hyp: Record, path: Path, search: Search, label: int, went: float, since: float, dt: float
+    hyp: Record, path: Path, search: Search, label: int, metres: float, since: float, dt: float
 ) -> None:
     """Enter the edges between two fixes in the path tree, with times by the distance."""
     chain = 0
@@ -253,7 +258,7 @@ def _enter_route(
         up = label
         for _ in range(back):
             up = search.label[up].parent
-        share = min(max(search.label[up].length / max(went, 1.0), 0.0), 1.0)
+        share = min(max(search.label[up].length / max(metres, 1.0), 0.0), 1.0)
         hyp.path_entry = enter(path, search.label[up].edge, hyp.path_entry, since + share * dt, 0.0)
 
 
@@ -280,16 +285,16 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> None:
 
 
 @kernel(inline=True)
-def _travel_off_road(hyp: Record, fix: SparseFix) -> None:
+def _predict_off_road(hyp: Record, fix: SparseFix) -> None:
     """Off the roads any motion towards the fix is possible."""
     mean = hyp.mu
     cov = hyp.cov
     process = fix.process
     reach = max(mean[K], _LEAST_OFF_ROAD_SPEED) * fix.dt
-    spread = 0.5 * reach * reach + process.variance
+    variance = 0.5 * reach * reach + process.variance
     redraw(hyp, H, math.atan2(fix.y - mean[Y], fix.x - mean[X]), 0.5)
-    cov[X, X] += spread
-    cov[Y, Y] += spread
+    cov[X, X] += variance
+    cov[Y, Y] += variance
     decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPEED_SIGMA * SPEED_SIGMA)
 
 
@@ -368,14 +373,14 @@ def _take_best_routes(belief: Belief, path: Path, ctx: Context, fix: SparseFix) 
 
 @kernel(inline=True)
 def _exchange_off_road(
-    belief: Belief, ctx: Context, top: int, n: int, moved: float, fix: SparseFix
+    belief: Belief, ctx: Context, top: int, n: int, metres: float, fix: SparseFix
 ) -> None:
     """Off-road hypotheses move and return to the roads; the heaviest, `top`, may leave them."""
     par = ctx.par[0]
     chance = 0.0
     if fix.found > 0 and ctx.work.near[0].distance < 2.0 * fix.sigma:
-        chance = min(_BY_CHANCE, par.off_road_cost * moved)
-    share = min(_LEAVE * par.off_road_leave * (moved + 10.0), _MOST_LEAVE)
+        chance = min(_BY_CHANCE, par.off_road_cost * metres)
+    share = min(_LEAVE * par.off_road_leave * (metres + 10.0), _MOST_LEAVE)
     leaves = belief.hyp[top].log_weight + math.log(max(share, 1e-300)) - _FAR_ABOVE
     for i in range(n):
         hyp = belief.hyp[i]
@@ -383,13 +388,13 @@ def _exchange_off_road(
             if i != top and hyp.weight < _LEAST and hyp.log_weight < leaves:
                 hyp.edge = NO_EDGE  # a hypothesis that leaves the roads now is as good
                 continue
-            _travel_off_road(hyp, fix)
+            _predict_off_road(hyp, fix)
             hyp.log_weight -= chance
             if fix.found > 0 and hyp.weight > _LEAST:
                 _return_to_roads(belief, ctx, i, n, fix)
         elif i == top and belief.state[0].count < CAPACITY:
             child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
-            _travel_off_road(belief.hyp[child], fix)
+            _predict_off_road(belief.hyp[child], fix)
 
 
 @kernel
@@ -410,7 +415,7 @@ def transit(belief: Belief, path: Path, ctx: Context, fix: Vector, dt: float) ->
     n = int(state.count)
     top = heaviest(belief)
     mean = belief.hyp[top].mu
-    moved = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
+    metres = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
     sparse = find_candidates(belief, ctx, fix, dt)
     set_goals(ctx.work.search, ctx.work.near, sparse.found)
     choose_routes(belief, ctx, sparse)
@@ -423,13 +428,13 @@ def transit(belief: Belief, path: Path, ctx: Context, fix: Vector, dt: float) ->
     if _take_best_routes(belief, path, ctx, sparse) == 0 and not off_road:
         belief.hyp[top].edge = OFF_ROAD  # no route: the road driven is not on the map
         belief.hyp[top].new_edge = 1
-    _exchange_off_road(belief, ctx, top, n, moved, sparse)
+    _exchange_off_road(belief, ctx, top, n, metres, sparse)
     for i in range(n - 1, -1, -1):  # the last one takes the place of one that has left its road
         if belief.hyp[i].edge != OFF_ROAD:
             state.count -= 1
             if i != state.count:
                 move_row(belief, int(state.count), i)
-    return float(moved)
+    return float(metres)
 
 
 @kernel
@@ -439,7 +444,7 @@ def moments_on_edge(
     """A Gaussian abscissa truncated to an edge, with a queue prior before a junction.
 
         p(u) ~ N(u; s, sigma²) (1 on [0, length] + S N(u; length - Q, Q²)) / (1 + S h)
-        h = max(1 / length, N(s; length - Q, Q² + travel variance))
+        h = max(1 / length, N(s; length - Q, Q² + variance of the distance))
 
     A moving vehicle is as likely on one metre as on the next.  A standing one stands in the
     queue before a junction: S = 30 m, less on edges inside a junction, Q = 6 m.  The division
@@ -486,11 +491,11 @@ def _density(off: float, variance: float) -> float:
 @kernel
 def is_junction(roads: Roads, edge: int) -> bool:
     """Whether more than one way leads on from an edge, its opposite not counted."""
-    ways = 0
+    exits = 0
     for t in range(roads.edges[edge].first_turn, roads.edges[edge].end_turn):
         if roads.turns[t].edge != roads.edges[edge].opposite:
-            ways += 1
-    return ways > 1
+            exits += 1
+    return exits > 1
 
 
 @kernel(inline=True)
@@ -518,5 +523,5 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
             shrink = variance / (sigma * sigma)
             reshape_on_map(hyp.mu, hyp.cov, tx, ty, mean - s, shrink, state.scale)
             track(belief, roads, i)
-        room = (length - hyp.along) / hyp.along_sigma
-        hyp.p_not_passed = max(normal_cdf(room), 1e-6)
+        z = (length - hyp.along) / hyp.along_sigma
+        hyp.p_not_passed = max(normal_cdf(z), 1e-6)

@@ -41,7 +41,7 @@ class SpeedProcess(NamedTuple):
     """An Ornstein-Uhlenbeck speed about the usual one, over some seconds."""
 
     keep: float  # share of the old speed's deviation that is kept
-    memory: float  # s of the old speed in the distance
+    distance_by_speed: float  # derivative of the distance by the old speed, s
     variance: float  # of the distance, m²
     cross: float  # its covariance with the new speed, m²/s
 
@@ -75,16 +75,16 @@ class Departure(NamedTuple):
 def speed_process(dt: float) -> SpeedProcess:
     """Moments of the speed and the distance after dt seconds."""
     keep = math.exp(-dt / _SPEED_TIME)
-    memory = _SPEED_TIME * (1.0 - keep)
+    by_speed = _SPEED_TIME * (1.0 - keep)
     v = SPEED_SIGMA * SPEED_SIGMA
     variance = v * _SPEED_TIME**2 * (2.0 * dt / _SPEED_TIME - 3.0 + 4.0 * keep - keep * keep)
     cross = v * _SPEED_TIME * (1.0 - keep) ** 2
-    return SpeedProcess(keep, memory, max(variance, 0.0), cross)
+    return SpeedProcess(keep, by_speed, max(variance, 0.0), cross)
 
 
 @kernel
 def heavy_tail(variance: float, off: float, sigma: float) -> float:
-    """Variance of a distance that is `off` longer than expected: vehicles stand, and hurry.
+    """Variance of a distance that is `off` longer than expected: vehicles stop, or drive faster.
 
     What the fix's own sigma explains is not counted.
     """
@@ -104,7 +104,7 @@ def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
 def variance_along(hyp: Record, tx: float, ty: float, process: SpeedProcess) -> float:
     """Variance of the abscissa after the transition, m²."""
     cov = hyp.cov
-    old = process.memory
+    old = process.distance_by_speed
     cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
     return float(
         max(hyp.along_sigma**2 + old * (2.0 * cross + old * cov[K, K]) + process.variance, 1.0)
@@ -186,7 +186,7 @@ def _departure(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Departur
 def _query(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
     """Costs and limits of the search from one hypothesis."""
     sigma = fix.sigma
-    old = fix.process.memory
+    old = fix.process.distance_by_speed
     per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * fix.dt, _MAX_EXCESS))
     beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
     speed = float(ctx.roads.edges[hyp.edge].speed)
@@ -202,7 +202,7 @@ def _query(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: f
 
 @kernel
 def _add_pair(search: Search, i: int, label: int, goal: int, score: float, cost: float) -> None:
-    """Store a pair of a hypothesis and a goal, while there is room."""
+    """Store a pair of a hypothesis and a goal, while the table is not full."""
     run = search.run[0]
     if run.pairs >= len(search.pair):
         return
@@ -234,7 +234,7 @@ def _weigh_route(
     belief: Belief, ctx: Context, i: int, label: int, start: Departure, query: Query,
     fix: SparseFix,
 ) -> None:  # fmt: skip
-    """Weigh a route of hypothesis i (label -1: on along its edge), and store it if it is worth it.
+    """Weigh a route of hypothesis i (label -1: on along its edge); store it if likely.
 
         score = log w − cost − ½ (δ² / v + log v) − ½ (distance to the road / σ)²
 
@@ -263,7 +263,7 @@ def _weigh_route(
     cost -= query.per_metre * min(start.straight, max(went, 0.0))
     run.detour = min(run.detour, cost)
     cost += _haste_cost(went, fix.dt, usual, start.rate, start.straight)
-    old = fix.process.memory
+    old = fix.process.distance_by_speed
     off = went - usual * (fix.dt - old) - start.rate * old
     wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
     score = belief.hyp[i].log_weight - cost - 0.5 * (off * off / wide + math.log(wide))
@@ -275,7 +275,7 @@ def _weigh_route(
 
 @kernel
 def choose_routes(belief: Belief, ctx: Context, fix: SparseFix) -> None:
-    """Find the routes from all hypotheses to the roads near a fix that are worth taking.
+    """Find the routes from all hypotheses to the roads near a fix that are likely enough.
 
     Args:
         belief: Normalised.

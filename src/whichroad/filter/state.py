@@ -83,9 +83,9 @@ FILTER = np.dtype(
         ("turn_rate", "f8"),  # rad/s
         ("odometer_speed", "f8"),  # m/s by the odometer, low-pass filtered
         ("odometer_acceleration", "f8"),  # m/s²
-        ("since_map", "f8"),  # m travelled since the map was observed
-        ("since_exit", "f8"),  # m travelled since the off-road exchange
-        ("since_fix", "f8"),  # m travelled since the last fix
+        ("since_map", "f8"),  # m driven since the map was observed
+        ("since_exit", "f8"),  # m driven since the off-road exchange
+        ("since_fix", "f8"),  # m driven since the last fix
         ("unmeasured", "f8"),  # m extrapolated since the last fix or measured odometry
         ("moving", "f8"),  # s of motion since the last fix
         ("standing", "f8"),  # s of standing until now
@@ -258,7 +258,7 @@ def new_work(paper: bool = False) -> Work:
 def normalise(belief: Belief) -> None:
     """Make the weights sum to one: P(S_k | Y).
 
-    The log of what they summed to is what the observations since the last call were worth;
+    The log of their sum is the log-likelihood of the observations since the last call;
     it adds to the log-evidence.
     """
     state = belief.state[0]
@@ -347,7 +347,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
 def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     """Append a child of hypothesis i on an edge, with a share of its weight; returns its row.
 
-    The caller has seen that there is room, and takes the share from i.
+    The caller has seen that the table is not full, and takes the share from i.
     """
     state = belief.state[0]
     child = int(state.count)

@@ -11,7 +11,7 @@ from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
 from .births import exchange_off_road, turn_round, turn_with_heading
-from .branching import PASSED, advance_along, branch, forward_only
+from .branching import BRANCH_THRESHOLD, advance_along, branch, forward_only
 from .estimate import Output, summarise
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
@@ -49,13 +49,13 @@ from .state import (
 )
 
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
-_PIECE = 6.0  # m, longest piece in which wheels are followed
+_PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _STANDING = 0.5  # m/s; a receiver that reports less stands
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _LONGEST = 1800.0  # s; a longer pause without odometry starts anew
-_ROOM = 2048  # entries of the path tree that one epoch may need
+_NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
 
 
 @kernel
@@ -107,7 +107,7 @@ def run(
         is full.
     """
     for k in range(first, last):
-        if len(path.entry) - path.size[0] < _ROOM and len(path.entry) > _ROOM:
+        if len(path.entry) - path.size[0] < _NEW_ENTRIES and len(path.entry) > _NEW_ENTRIES:
             return k
         if len(history.steps) > 0 and is_full(history):
             return k
@@ -164,7 +164,7 @@ def _start(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
 def _predict(
     belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
 ) -> None:
-    """The process model, as the epoch's kind of motion asks for."""
+    """The process model, for the epoch's kind of motion."""
     mode = ctx.par[0].mode
     state = belief.state[0]
     state.knows_heading = mode == WHEELS
@@ -179,14 +179,14 @@ def _predict(
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
-        moved = transit(belief, path, ctx, epoch.fix, dt)
+        metres = transit(belief, path, ctx, epoch.fix, dt)
         history.since[0].jumped = 1
-        history.since[0].map_aged += moved
-        _count_motion(state, moved, dt)
+        history.since[0].map_aged += metres
+        _count_motion(state, metres, dt)
     else:
-        moved = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
+        metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
         odometer = dt if mode == CLOCK else epoch.arc
-        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), moved, mode)
+        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), metres, mode)
         if len(history.steps) > 0:
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0), q)
         turned = turn_round(belief, ctx, dt)
@@ -194,7 +194,7 @@ def _predict(
         weighed = mode == CLOCK and forward_only(belief, ctx)
         if turned or branched or weighed:
             state.changed = 1
-        _count_motion(state, moved, dt)
+        _count_motion(state, metres, dt)
     if mode != CLOCK and dt > 1e-6:
         behind = epoch.arc / dt - state.odometer_speed
         state.odometer_speed += behind * dt / (_SMOOTHING + dt)
@@ -241,12 +241,12 @@ def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int)
 
 
 @kernel(inline=True)
-def _count_motion(state: Record, moved: float, dt: float) -> None:
+def _count_motion(state: Record, metres: float, dt: float) -> None:
     """Distances and times that slow states and the map's spacing are measured by."""
-    state.since_map += moved
-    state.since_fix += moved
-    state.since_exit += moved
-    if moved > 0.05 * dt:
+    state.since_map += metres
+    state.since_fix += metres
+    state.since_exit += metres
+    if metres > 0.05 * dt:
         state.moving += dt
         state.standing = 0.0
     else:
@@ -291,7 +291,8 @@ def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
         return
     wheels = state.motion == PLANE
     arc = epoch.arc / max(1, math.ceil(abs(epoch.arc) / _PIECE)) if wheels else 0.0
-    if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, 0.0 if wheels else PASSED):
+    threshold = 0.0 if wheels else BRANCH_THRESHOLD
+    if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, threshold):
         state.changed = 1
 
 

@@ -151,7 +151,7 @@ def _farthest(found: Candidates, n: int) -> int:
 
 @kernel
 def _keep(n: int, edge: int, square: float, s: float, found: Candidates) -> int:
-    """Note a foot: once per edge, and the closest edges only when there is no more room."""
+    """Note a foot: once per edge, and the closest edges only when the table is full."""
     for i in range(n - 1, -1, -1):
         known = found[i]
         if known.edge == edge:

@@ -111,5 +111,5 @@ def plane_scale(roads: Roads, x: float, y: float) -> float:
 @kernel
 def lane_sigma_of(roads: Roads, edge: int, lane_sigma: float) -> float:
     """Sigma of the offset from the usual lane on an edge, m: the driver's and the lanes'."""
-    spread = float(roads.edges[edge].lane_sigma)
-    return math.sqrt(lane_sigma * lane_sigma + spread * spread)
+    own = float(roads.edges[edge].lane_sigma)
+    return math.sqrt(lane_sigma * lane_sigma + own * own)

@@ -83,7 +83,7 @@ RUN = np.dtype(
 class Search(NamedTuple):
     """Buffers of the route search; labels stay valid until the next step.
 
-    A label tells the cheapest known route to the start of an edge.  All routes of the first
+    A label is the cheapest known route to the start of an edge.  All routes of the first
     search of a step begin with a common prefix; a later search that reaches an edge of the
     prefix copies the rest of these routes, the suffixes.
     """
@@ -101,7 +101,7 @@ class Search(NamedTuple):
 
 
 class Query(NamedTuple):
-    """What a search looks for, and its limits."""
+    """Goals, costs and limits of a search."""
 
     x: float  # middle of the goals, m, plane
     y: float
@@ -206,7 +206,7 @@ def pop(queue: Ints, n: int) -> int:
 
 @kernel
 def set_goals(search: Search, candidates: Records, n: int) -> None:
-    """Begin a step: forget all labels, and enter the edges that are looked for.
+    """Begin a step: forget all labels, and enter the goals.
 
     Args:
         search: In place.
@@ -391,11 +391,11 @@ def _store_prefix(
     end, turned = _common_prefix(search, hits)
     run.suffixes = hits
     run.prefix_step = run.steps
-    room = _PREFIX // 2
-    while end >= 0 and room > 0:
+    left = _PREFIX // 2
+    while end >= 0 and left > 0:
         _add_to_prefix(search, end)
         end = int(search.label[end].parent)
-        room -= 1
+        left -= 1
     label = int(run.labels)
     if not turned and label < LABELS:
         run.labels = label + 1
@@ -413,12 +413,12 @@ def _store_prefix(
 def _copy_route(
     search: Search, found: int, prefix: int, origin: int, shift: Reach, ahead: float
 ) -> bool:
-    """Copy the labels of a route from its goal up to the prefix; False: there is no room.
+    """Copy the labels of a route from its goal up to the prefix; False: the tables are full.
 
     `shift` is what this search's route to the prefix has more than that of the first search.
     """
     run = search.run[0]
-    room = True
+    complete = True
     below = -1
     while found != prefix and found >= 0:
         entry = search.label[found]
@@ -426,11 +426,11 @@ def _copy_route(
         place, label = _slot_of(search, entry.edge)
         if label < 0:
             if run.queued >= LABELS - 1:
-                room = False
+                complete = False
                 break
             label = _new_label(search, place)
             if label < 0:
-                room = False
+                complete = False
                 break
         elif search.label[label].done == _SETTLED or search.label[label].cost <= cost:
             if below >= 0:
@@ -449,7 +449,7 @@ def _copy_route(
         found = int(entry.parent)
     if below >= 0:
         search.label[below].parent = origin
-    return room
+    return complete
 
 
 @kernel(inline=True)
@@ -569,7 +569,7 @@ def find_routes(roads: Roads, search: Search, query: Query, edge: int, s: float)
     while True:
         prefix = _prefix_label(search, current) if shared and not copied else -1
         if label < 0 and prefix == search.suffix[0]:
-            prefix = -1  # from a goal: the first search does not tell how far to look
+            prefix = -1  # from a goal: the first search has no limit for it
         if prefix >= 0:
             _copy_suffixes(roads, search, query, prefix, label, end)
         elif not copied:

@@ -36,7 +36,7 @@ def main() -> int:
     portable = given.portable or targets != [cache.own_target()]
     begin = time.monotonic()
     try:
-        made = build.build(targets, portable=portable, tell=lambda share: None)
+        made = build.build(targets, portable=portable, report=lambda share: None)
     except WhichroadError as error:
         print(error, file=sys.stderr)
         return 1

@@ -16,7 +16,7 @@ from pathlib import Path
 from . import cache, linking
 from .linking import BuildError
 
-Tell = Callable[[float], None]  # told which part is done, 0 to 1
+Report = Callable[[float], None]  # called with the part that is done, 0 to 1
 
 LEVEL = 3  # of optimisation
 # What `run` contains, in one process; all else in the other, in about the same time.
@@ -54,11 +54,11 @@ def kept() -> Path | None:
     return found[0] if found else None
 
 
-def own_library(tell: Tell = lambda share: None) -> Path:
+def own_library(report: Report = lambda share: None) -> Path:
     """The library for this machine: a kept one, or built and kept.
 
     Args:
-        tell: Told which part is done.
+        report: Called with the part that is done.
 
     Returns:
         Its path.
@@ -71,7 +71,7 @@ def own_library(tell: Tell = lambda share: None) -> Path:
         return _used(found)
     if (missing := why_not()) is not None:
         raise BuildError(missing)
-    return build([target], portable=False, tell=tell)[target]
+    return build([target], portable=False, report=report)[target]
 
 
 def _used(path: Path) -> Path:
@@ -82,14 +82,14 @@ def _used(path: Path) -> Path:
 
 
 def build(
-    targets: Sequence[str], *, portable: bool, tell: Tell = lambda share: None
+    targets: Sequence[str], *, portable: bool, report: Report = lambda share: None
 ) -> dict[str, Path]:
     """Libraries for some machines, kept in the cache; what is there already is not built.
 
     Args:
         targets: Machines.
         portable: Linked for the oldest systems that are served, by zig.
-        tell: Told which part is done.
+        report: Called with the part that is done.
 
     Returns:
         The library of each.
@@ -115,12 +115,12 @@ def build(
                     f"{', '.join(wanted)}; pip install ziglang"
                 )
             with tempfile.TemporaryDirectory(prefix="whichroad-kernels-") as folder:
-                objects = _objects(wanted, Path(folder), (source, processor), tell)
+                objects = _objects(wanted, Path(folder), (source, processor), report)
                 for target in wanted:
                     made = Path(folder) / f"made{cache.suffix(target)}"
                     linking.link(linkers[target] or [], target, objects[target], made)
                     _install(made, place(target))
-    tell(1.0)
+    report(1.0)
     return {target: _used(place(target)) for target in targets}
 
 
@@ -133,7 +133,7 @@ def _install(made: Path, place: Path) -> None:
 
 
 def _objects(
-    targets: Sequence[str], folder: Path, what: tuple[str, str], tell: Tell
+    targets: Sequence[str], folder: Path, what: tuple[str, str], report: Report
 ) -> dict[str, list[Path]]:
     """Object files of all kernels for each machine, by two processes.
 
@@ -141,7 +141,7 @@ def _objects(
         targets: Machines.
         folder: Where they go.
         what: Digest of the sources, and the kind of processor; nothing: any of a machine.
-        tell: Told which part is done.
+        report: Called with the part that is done.
     """
     objects = {t: [folder / f"{t}-{part}.o" for part in "ab"] for t in targets}
     environment = os.environ | {
@@ -157,7 +157,7 @@ def _objects(
         for part in "ab"
     ]  # fmt: skip
     lines: queue.Queue[tuple[int, str | None]] = queue.Queue()
-    said: list[list[str]] = [[] for _ in jobs]
+    printed: list[list[str]] = [[] for _ in jobs]
 
     def listen(number: int, output: Iterable[str]) -> None:
         for line in output:
@@ -177,12 +177,12 @@ def _objects(
         try:
             for number, process in enumerate(running):
                 threading.Thread(target=listen, args=(number, process.stdout), daemon=True).start()
-            _wait(lines, said, len(running), len(targets), tell)
+            _wait(lines, printed, len(running), len(targets), report)
         except BaseException:
             for process in running:
                 process.kill()
             raise
-    for process, text in zip(running, said, strict=True):
+    for process, text in zip(running, printed, strict=True):
         if process.returncode:
             last = next((line for line in reversed(text) if line.strip()), "nothing")
             raise BuildError(
@@ -193,8 +193,8 @@ def _objects(
 
 
 def _wait(
-    lines: "queue.Queue[tuple[int, str | None]]", said: list[list[str]], processes: int,
-    targets: int, tell: Tell,
+    lines: "queue.Queue[tuple[int, str | None]]", printed: list[list[str]], processes: int,
+    targets: int, report: Report,
 ) -> None:  # fmt: skip
     """Read what processes say until all have ended."""
     ended = lowered = emitted = 0
@@ -207,8 +207,8 @@ def _wait(
         elif line.startswith("emitted "):
             emitted += 1
         else:
-            said[number].append(line)
-        tell(
+            printed[number].append(line)
+        report(
             _LOWERING * min(lowered / _FUNCTIONS, 1.0)
             + (0.99 - _LOWERING) * emitted / (processes * targets)
         )

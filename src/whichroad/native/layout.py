@@ -63,7 +63,7 @@ class Layout:
 
     @classmethod
     def of(cls, function: Callable[..., Any]) -> "Layout":
-        """The layout that a kernel's annotations tell.
+        """The layout of a kernel's annotations.
 
         Args:
             function: The kernel, every argument and its result annotated.

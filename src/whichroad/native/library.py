@@ -57,18 +57,18 @@ def found() -> Path:
     return ready() or progress.build_own()
 
 
-def way(asked: str) -> str:
+def kernel_mode(requested: str) -> str:
     """How entries run: "native" where there is a library or can be one, else "jit".
 
     Args:
-        asked: What the user asked for: "native", or nothing.
+        requested: What the user requested for: "native", or nothing.
 
     Raises:
         WhichroadError: It is neither, and what to install.
     """
-    if asked not in {"", "native"}:
+    if requested not in {"", "native"}:
         raise LibraryError(
-            f"WHICHROAD_KERNELS is {asked!r}; native, jit, python or nothing was expected"
+            f"WHICHROAD_KERNELS is {requested!r}; native, jit, python or nothing was expected"
         )
     with _LOCK:
         if ready() is not None:
@@ -76,7 +76,7 @@ def way(asked: str) -> str:
         from . import build
 
         missing = build.why_not()
-        if missing is None or asked == "native":
+        if missing is None or requested == "native":
             found()  # builds it, or says why not
             return "native"
         if importlib.util.find_spec("numba") is None:

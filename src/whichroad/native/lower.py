@@ -183,7 +183,7 @@ class _Collector:
         def finalize(library: Any) -> None:
             library._finalized = True
             self._modules.append(library._final_module)
-            _say(f"lowered {library.name}")
+            _print_line(f"lowered {library.name}")
 
         def get_executable(context: Any, library: Any, fndesc: Any, env: Any) -> Any:
             library._ensure_finalized()
@@ -250,7 +250,7 @@ def lower(names: Iterable[str], collect: bool) -> Any:
         callee = compiled.overloads[signature].fndesc.llvm_func_name
         shims.append(_SHIM.format(name=name, callee=callee, checksum=layout.checksum()))
         if collector is None:
-            _say(f"lowered {name}")
+            _print_line(f"lowered {name}")
             module = llvm.parse_assembly(compiled.inspect_llvm(signature))
             for one in module.functions:
                 if not one.is_declaration and one.name != callee:
@@ -309,7 +309,7 @@ def emit(module: Any, target: str, level: int, processor: str = "") -> bytes:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Lower and emit some entries: a job as JSON; what is done is told as lines of text."""
+    """Lower and emit some entries: a job as JSON; progress is printed as lines of text."""
     from .. import _compile
 
     gc.set_threshold(*_SELDOM)
@@ -326,10 +326,10 @@ def main(arguments: Sequence[str]) -> None:
     except Exception as error:
         if PLAIN in arguments or isinstance(error, NumbaError):  # a kernel that is wrong
             raise
-        _say(f"lowering again by public functions alone, because of {error!r}")
+        _print_line(f"lowering again by public functions alone, because of {error!r}")
         again = [sys.executable, "-m", "whichroad.native.lower", *arguments, PLAIN]
         os.execv(sys.executable, again)
-    _say(f"seconds {time.process_time() - begin:.1f} of CPU to lower")
+    _print_line(f"seconds {time.process_time() - begin:.1f} of CPU to lower")
     if not job["others"]:
         lowered.link_in(
             llvm.parse_assembly(_SOURCE.format(digest=job["source"], length=len(job["source"]) + 1))
@@ -338,12 +338,12 @@ def main(arguments: Sequence[str]) -> None:
         begin = time.process_time()
         processor = job.get("processor", "")
         Path(path).write_bytes(emit(lowered, target, job["level"], processor))
-        _say(f"emitted {target} in {time.process_time() - begin:.1f} s of CPU")
+        _print_line(f"emitted {target} in {time.process_time() - begin:.1f} s of CPU")
 
 
-def _say(what: str) -> None:
-    """Tell the process that waits."""
-    sys.stdout.write(f"{what}\n")
+def _print_line(line: str) -> None:
+    """Print a line for the process that waits."""
+    sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
 

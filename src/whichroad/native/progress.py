@@ -1,4 +1,4 @@
-"""The build of kernels at first use, told on stderr: a bar on a terminal, else lines."""
+"""The build of kernels at first use, reported on stderr: a bar on a terminal, else lines."""
 
 import sys
 import time
@@ -11,7 +11,7 @@ _EVERY = 0.25  # share between two lines
 
 
 def build_own() -> Path:
-    """The library for this machine, built with its progress told where it takes time.
+    """The library for this machine, built with its progress reported where it takes time.
 
     Raises:
         BuildError: It cannot be built here.
@@ -20,20 +20,20 @@ def build_own() -> Path:
         return build.own_library()  # at once, or an error at once
     if sys.stderr.isatty():
         return _with_bar()
-    _say(_ABOUT)
-    begin, told = time.monotonic(), 0.0
+    _print_line(_ABOUT)
+    begin, reported = time.monotonic(), 0.0
 
-    def tell(share: float) -> None:
-        nonlocal told
-        if share >= told + _EVERY:
-            told = share
+    def report(share: float) -> None:
+        nonlocal reported
+        if share >= reported + _EVERY:
+            reported = share
             seconds = time.monotonic() - begin
-            _say(f"whichroad: {share:.0%}, {seconds:.0f} s")
+            _print_line(f"whichroad: {share:.0%}, {seconds:.0f} s")
 
-    return build.own_library(tell)
+    return build.own_library(report)
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 

@@ -74,7 +74,7 @@ def at_word(dtype: np.dtype[Any], name: str) -> int:
     return offset // _WORD
 
 
-def memory(table: NDArray[Any]) -> memoryview:
+def bytes_of(table: NDArray[Any]) -> memoryview:
     """The bytes of a table, to be read and written in place."""
     buffer: Any = table.view(np.ndarray).reshape(-1).view(np.uint8)
     return memoryview(buffer)
@@ -118,7 +118,7 @@ _ROW = packed(
 )  # fmt: skip
 _WATCHED_EPOCH = packed(EPOCH, "time", "arc", "turn", "fix", "has_fix")
 _WATCHED = packed(ESTIMATE, "x", "y", "heading", "map_x", "map_y", "speed", "gnss_scale")
-_MOVED = packed(EPOCH, "time", "arc", "turn", "forward", "left")
+_MOTION = packed(EPOCH, "time", "arc", "turn", "forward", "left")
 _FIXED = packed(EPOCH, "fix", "speed", "speed_sigma", "course", "course_sigma")
 _FIX_AT = offset_of(EPOCH, "fix")
 _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
@@ -203,15 +203,15 @@ class EpochFilter:
         self.path = path or new_path(0)
         self.history = _NO_HISTORY if history is None else history
         self.epochs, self.output = new_epochs(1), new_output(1, False)
-        self._look_at_tables()
+        self._view_tables()
 
-    def _look_at_tables(self) -> None:
+    def _view_tables(self) -> None:
         """Views of the tables, and no bound call yet."""
-        self.epoch, self.estimate = memory(self.epochs), memory(self.output.rows)
+        self.epoch, self.estimate = bytes_of(self.epochs), bytes_of(self.output.rows)
         self.words = words_of(self.belief)
-        self._state = memory(self.belief.state)
+        self._state = bytes_of(self.belief.state)
         self._integers, self._numbers = self._state.cast("q"), self._state.cast("d")
-        self._par = memory(self.ctx.par).cast("q")
+        self._par = bytes_of(self.ctx.par).cast("q")
         self._call: Callable[[], int] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -220,7 +220,7 @@ class EpochFilter:
 
     def __setstate__(self, tables: dict[str, Any]) -> None:
         self.__dict__.update(tables)
-        self._look_at_tables()
+        self._view_tables()
 
     @property
     def count(self) -> int:
@@ -256,7 +256,7 @@ class EpochFilter:
         hyp = self.belief.hyp[: self.count]
         return float(hyp["mu"][int(np.argmax(hyp["weight"])), H])
 
-    def spread_along(self, sigma: float) -> None:
+    def widen_along(self, sigma: float) -> None:
         """Make every hypothesis less sure of its place along its heading by a sigma, m."""
         mean, cov = self.belief.hyp["mu"], self.belief.hyp["cov"]
         for i in range(self.count):
@@ -282,7 +282,7 @@ class EpochFilter:
             valid: Whether they were measured.
         """
         epoch = self.epoch
-        _MOVED.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
+        _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
         epoch[_ODOMETRY_VALID] = valid
         epoch[_HAS_FIX] = 0
 
@@ -321,13 +321,13 @@ class EpochFilter:
         """The bytes of each table, and how many of them a hypothesis has; 0: it is of them all."""
         belief, history = self.belief, self.history
         tables = {
-            "hypotheses": (memory(belief.hyp), HYPOTHESIS.itemsize),
-            "lineage": (memory(belief.lineage), _WORD * belief.lineage.shape[1]),
+            "hypotheses": (bytes_of(belief.hyp), HYPOTHESIS.itemsize),
+            "lineage": (bytes_of(belief.lineage), _WORD * belief.lineage.shape[1]),
             "state": (self._state, 0), "epoch": (self.epoch, 0), "estimate": (self.estimate, 0),
         }  # fmt: skip
         if len(history.steps):
-            tables["since"] = memory(history.since), 0
-            tables["reference"] = memory(history.reference), 0
+            tables["since"] = bytes_of(history.since), 0
+            tables["reference"] = bytes_of(history.reference), 0
         return tables
 
     def living(self) -> NDArray[np.int64]:

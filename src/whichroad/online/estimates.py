@@ -1,4 +1,4 @@
-"""What the localizer says of one epoch: numbers copied at once, put into words when asked."""
+"""The estimate of one epoch: its record is copied at once, and decoded when a property is read."""
 
 import math
 from typing import TYPE_CHECKING, cast
@@ -37,16 +37,24 @@ class Estimate:
         unknown: P(what no hypothesis knows).
     """
 
-    __slots__ = ("_far_fix", "_found", "_hypotheses", "_pose", "_roads", "_row", "_time",
-                 "_unknown")  # fmt: skip
+    __slots__ = (
+        "_far_fix",
+        "_fields",
+        "_hypotheses",
+        "_pose",
+        "_record",
+        "_roads",
+        "_time",
+        "_unknown",
+    )  # fmt: skip
 
     def __init__(
         self, time: float, row: bytes, hypotheses: NDArray[np.int64], roads: RoadMap,
         far_fix: tuple[float, float], unknown: float,
     ) -> None:  # fmt: skip
-        self._time, self._row, self._hypotheses = time, row, hypotheses
+        self._time, self._record, self._hypotheses = time, row, hypotheses
         self._roads, self._far_fix, self._unknown = roads, far_fix, unknown
-        self._found: Row | None = None
+        self._fields: Row | None = None
         self._pose: Pose | None = None
 
     def __repr__(self) -> str:
@@ -55,10 +63,10 @@ class Estimate:
         return f"Estimate({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @property
-    def _said(self) -> Row:
-        if self._found is None:
-            self._found = row_of(self._row)
-        return self._found
+    def _values(self) -> Row:
+        if self._fields is None:
+            self._fields = row_of(self._record)
+        return self._fields
 
     @property
     def time(self) -> float:
@@ -69,62 +77,62 @@ class Estimate:
     def pose(self) -> Pose:
         """Where M, the middle of the rear axle, is: the mean of all hypotheses."""
         if self._pose is None:
-            said = self._said
-            self._pose = pose_at(self._roads.plane, said.x, said.y, said.heading)
+            at = self._values
+            self._pose = pose_at(self._roads.plane, at.x, at.y, at.heading)
         return self._pose
 
     @property
     def cov(self) -> Array:
         """Its covariance, (3, 3) x, y, heading; m², m rad, rad²."""
-        said = self._said
+        at = self._values
         return np.array(
             [
-                [said.xx, said.xy, said.xh],
-                [said.xy, said.yy, said.yh],
-                [said.xh, said.yh, said.hh],
+                [at.xx, at.xy, at.xh],
+                [at.xy, at.yy, at.yh],
+                [at.xh, at.yh, at.hh],
             ]
         )
 
     @property
     def edge(self) -> int | None:
         """The most probable edge; None: off the roads or lost."""
-        edge = self._said.edge
+        edge = self._values.edge
         return edge if edge >= 0 else None
 
     @property
     def p_road(self) -> float:
         """P(the vehicle is on that edge)."""
-        return self._said.p_edge
+        return self._values.p_edge
 
     @property
     def p_off_road(self) -> float:
         """P(the vehicle is on no mapped road)."""
-        return self._said.p_off_road
+        return self._values.p_off_road
 
     @property
     def status(self) -> str:
         """on_road, ambiguous, off_road, outage, stopped or lost."""
-        return STATUS[self._said.status]
+        return STATUS[self._values.status]
 
     @property
     def abscissa(self) -> float:
         """Place on the edge, m from its start."""
-        return self._said.s
+        return self._values.s
 
     @property
     def lateral(self) -> float:
         """Offset right of the centre line in the map's frame, m."""
-        return self._said.lateral
+        return self._values.lateral
 
     @property
     def protection_level(self) -> float:
         """Bound on the position error at `Settings.protection_risk`, m; inf before an answer."""
-        return self._said.protection_level if self._said.live else math.inf
+        return self._values.protection_level if self._values.live else math.inf
 
     @property
     def gnss_scale(self) -> float:
         """GNSS errors over what is reported, as learnt; 1 before an answer."""
-        return self._said.gnss_scale if self._said.live else 1.0
+        return self._values.gnss_scale if self._values.live else 1.0
 
     @property
     def reason(self) -> str:
@@ -139,13 +147,13 @@ class Estimate:
             roads=sorted(shares.items(), key=lambda share: -share[1]),
             name=self._street,
             disbelieved=self.disbelieved,
-            scale=self._said.gnss_scale,
+            scale=self._values.gnss_scale,
             answered=len(shares) > 0,
         )
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """All living hypotheses, most probable first, and what none of them knows.
+        """All hypotheses, most probable first, and the probability that none of them is right.
 
         That is off the roads, and where the vehicle is by all of them.
         """
@@ -158,24 +166,24 @@ class Estimate:
     @property
     def map_pose(self) -> Pose:
         """The pose in the map's frame: what to draw on the map."""
-        said = self._said
-        return pose_at(self._roads.plane, said.map_x, said.map_y, said.heading)
+        at = self._values
+        return pose_at(self._roads.plane, at.map_x, at.map_y, at.heading)
 
     @property
     def map_cov(self) -> Array:
         """Covariance of the position in the map's frame, (2, 2), m²."""
-        said = self._said
-        return np.array([[said.map_xx, said.map_xy], [said.map_xy, said.map_yy]])
+        at = self._values
+        return np.array([[at.map_xx, at.map_xy], [at.map_xy, at.map_yy]])
 
     @property
     def matched(self) -> tuple[float, float]:
         """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
-        return self._roads.plane.to_geodetic(self._said.match_x, self._said.match_y)
+        return self._roads.plane.to_geodetic(self._values.match_x, self._values.match_y)
 
     @property
     def speed(self) -> float:
         """Speed, m/s, negative in reverse."""
-        return self._said.speed
+        return self._values.speed
 
     @property
     def disbelieved(self) -> float:

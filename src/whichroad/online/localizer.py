@@ -34,7 +34,7 @@ from ..sensors.validation import validated
 from ..settings import Settings, Vehicle, parameters
 from ..smoothing import Window
 from ..tables.status import far_off
-from .epoch_filter import EpochFilter, living_words, memory, row_of, words_of
+from .epoch_filter import EpochFilter, bytes_of, living_words, row_of, words_of
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 
@@ -122,7 +122,7 @@ class Localizer:
         return self.estimate()
 
     def take(self, observation: Observation) -> bool:
-        """Take one observation and say nothing, for those who ask less often than they tell.
+        """Take one observation without an estimate, for callers who read fewer than they send.
 
         Args:
             observation: As `update` takes it.
@@ -189,7 +189,7 @@ class Localizer:
         arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
-        if self._is_silent(dt) and taken[0] > before.time:  # fixes said since where it went
+        if self._is_silent(dt) and taken[0] > before.time:  # fixes since then have moved it
             self._odometer = (reading.time, 0.0, 0.0)
             return self._rate[0] * (reading.time - taken[0]), 0.0
         self._interval += 0.2 * (dt - self._interval)
@@ -247,7 +247,7 @@ class Localizer:
     def _run(self) -> None:
         now = self._filter
         if not now.run() and self._past is not None:
-            path = self._past.make_room(now.belief, now.path)
+            path = self._past.ensure_capacity(now.belief, now.path)
             now.keep(path, self._past.history)
             now.run()
 
@@ -265,12 +265,12 @@ class Localizer:
         Raises:
             SettingError: The localizer was made without a lag.
         """
-        found = self._look(True)
+        found = self._smoothed(True)
         if found is None:
             return None
         belief, output, _ = found
         words = living_words(words_of(belief), int(belief.state[0].count))
-        return self._estimate(float(belief.state[0].time), memory(output.rows), words)
+        return self._estimate(float(belief.state[0].time), bytes_of(output.rows), words)
 
     @property
     def decided_until(self) -> float | None:
@@ -281,10 +281,10 @@ class Localizer:
         Raises:
             SettingError: The localizer was made without a lag.
         """
-        found = self._look(False)
+        found = self._smoothed(False)
         return None if found is None else found[2]
 
-    def _look(self, back: bool) -> tuple[Belief, Output, float | None] | None:
+    def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
         if self._past is None:
             raise SettingError(
                 "lag is None; seconds were expected, to look back: Localizer(lag=10)"
@@ -390,7 +390,7 @@ class Localizer:
         now.fill(time, speed * age, turn * min(age, _TURNING), False)
         self._run()
         away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
-        now.spread_along(away)
+        now.widen_along(away)
         self._reading, self._odometer, self._began = None, None, None
         now.fill(time, 0.0, 0.0, False)
         self._run()

@@ -23,7 +23,7 @@ class Answered(NamedTuple):
 
     epochs: Records  # (n,) filter.state.EPOCH
     output: Output
-    way: Callable[[], Traversals]
+    driven: Callable[[], Traversals]
 
 
 class Result:
