@@ -209,6 +209,36 @@ CONVERSIONS = {"radians", "degrees", "deg2rad", "rad2deg"}
 TURNS = {180, 360, 3.6, 1852}  # degrees of a turn and its half, km/h and knots of m/s
 
 
+# Words of our own for which filtering, tracking and graphs have theirs
+OWN_WORDS = {
+    "said", "told", "tell", "tells", "say", "says", "room", "rooms", "stay", "stays", "doubt",
+    "spread", "wander", "quick", "fresh", "drove", "travel", "travelled", "memory", "gone", "cut",
+    "remember", "recall", "retrace", "look", "parcel", "fleet", "together",
+}  # fmt: skip
+CORE = ("filter", "graph", "native", "batch", "online")
+
+
+def names_of(tree: ast.AST) -> set[str]:
+    """The names that a module gives, or uses as attributes."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name | ast.Attribute | ast.arg | ast.FunctionDef | ast.ClassDef):
+            found.add(
+                getattr(node, "id", None) or getattr(node, "attr", None)
+                or getattr(node, "arg", None) or getattr(node, "name", "")
+            )  # fmt: skip
+    return found
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name in CORE], ids=title)
+def test_names_in_the_core_are_the_fields_own(path: Path):
+    own = {
+        name for name in names_of(ast.parse(path.read_text("utf-8")))
+        if OWN_WORDS & set(name.strip("_").lower().split("_"))
+    }  # fmt: skip
+    assert own - {"travel_variance", "paper_stay"} == set()  # fields of records
+
+
 def converts(node: ast.AST) -> bool:
     """Whether an expression converts degrees, or a unit of speed, by itself."""
     if isinstance(node, ast.Attribute):

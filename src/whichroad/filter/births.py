@@ -219,18 +219,18 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
     """Off the roads at a small rate per metre, and back on to those near at a larger one."""
     par = ctx.par[0]
     state = belief.state[0]
-    travelled = state.since_exit
+    metres = state.since_exit
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.edge != OFF_ROAD:
             if hyp.weight > _LEAVES and state.count < CAPACITY:
-                share = min(par.off_road_leave * travelled, 0.5)
+                share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
                 rescale(hyp, 1.0 - share)
                 if par.mode != WHEELS:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:
-            _return_to_roads(belief, ctx, i, min(par.off_road_return * travelled, 0.5))
+            _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5))
     state.since_exit = 0.0
 
 
