@@ -79,8 +79,9 @@ def test_the_plane_s_scale_stretches_the_places_and_not_their_covariances(seed, 
     one, other = estimate(flat), estimate(stretched, scale=scale)
     for name in ("x", "y", "map_x", "map_y"):
         assert other[name] == pytest.approx(scale * one[name], abs=1e-9)
-    for name in ("cov", "map_cov", "protection_level", "heading"):
-        np.testing.assert_allclose(other[name], one[name], rtol=1e-9, atol=1e-9)
+    for name in ("cov", "map_cov", "protection_level", "level_along", "level_across", "heading"):
+        rtol = 1e-6 if name.startswith("level") else 1e-9  # floats of 32 bits
+        np.testing.assert_allclose(other[name], one[name], rtol=rtol, atol=1e-9)
 
 
 @given(seeds, st.integers(1, 8), st.floats(-math.pi, math.pi))
@@ -120,6 +121,33 @@ def test_the_protection_level_bounds_the_error_at_its_risk(seed, n, apart, risk)
         place = rng.multivariate_normal(hyp["mu"][:2], hyp["cov"][:2, :2], count)
         beyond += (np.hypot(*(place - [value.x, value.y]).T) > value.protection_level).sum()
     assert beyond / draws <= risk + 6.0 * math.sqrt(risk / draws)
+
+
+@given(seeds, st.integers(1, 12), st.floats(0.0, 20.0), st.sampled_from([0.3, 0.05, 0.01]))
+def test_the_levels_along_and_across_bound_the_error_in_their_direction(seed, n, apart, risk):
+    belief = mixture(seed, n, apart)
+    value = estimate(belief, risk)
+    rng = np.random.default_rng(seed)
+    beyond, draws = np.zeros(2), 20_000
+    c, s = math.cos(value.heading), math.sin(value.heading)
+    alive = living(belief)
+    for hyp, count in zip(alive, rng.multinomial(draws, alive.weight), strict=True):
+        place = rng.multivariate_normal(hyp["mu"][:2], hyp["cov"][:2, :2], count)
+        away = (place - [value.x, value.y]) @ [[c, -s], [s, c]]
+        beyond += (np.abs(away) > [value.level_along, value.level_across]).sum(axis=0)
+    assert (beyond / draws <= risk + 6.0 * math.sqrt(risk / draws)).all()
+
+
+@given(seeds, st.floats(1e-7, 0.3))
+def test_of_a_single_gaussian_the_levels_are_those_of_its_sigmas_in_their_direction(seed, risk):
+    belief = mixture(seed, 1)
+    value = estimate(belief, risk)
+    heading = np.array([math.cos(value.heading), math.sin(value.heading)])
+    for level, e in (
+        (value.level_along, heading), (value.level_across, np.array([-heading[1], heading[0]])),
+    ):  # fmt: skip
+        sigma = math.sqrt(e @ belief.hyp["cov"][0, :2, :2] @ e)
+        assert level == pytest.approx(sigma * math.sqrt(-2.0 * math.log(risk)), rel=1e-6)
 
 
 @given(seeds, st.floats(1e-7, 0.3))

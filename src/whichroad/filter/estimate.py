@@ -36,6 +36,8 @@ ESTIMATE = np.dtype(
         ("chi2", "f8"),  # of the fix, under the hypothesis that fits it best; 0: no fix
         ("map_cov", "f8", (3,)),  # xx, xy, yy of the position in the map's frame, m²
         ("protection_level", "f8"),  # m
+        ("level_along", "f4"),  # m, bound on the error along the heading
+        ("level_across", "f4"),  # m, and across it
         ("gnss_scale", "f8"),  # GNSS sigmas over the reported ones, as learnt
         ("edge", "i4"),  # the most probable one, OFF_ROAD, NO_EDGE
         ("live", "i4"),  # hypotheses
@@ -207,7 +209,8 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
         P(error > r) <= sum w_i exp(-(r - d_i)^2 / 2 a_i^2) <= risk
         r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
 
-    (for the heaviest d is left for last, which makes r larger by as much).
+    (for the heaviest d is left for last, which makes r larger by as much).  The levels along
+    the heading and across it take the distances and sigmas of that direction.
     """
     n = belief.state[0].count
     scale = belief.state[0].scale
@@ -221,6 +224,10 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
     map_xy = 0.0
     map_yy = 0.0
     level = 0.0
+    along = 0.0
+    across = 0.0
+    c = math.cos(out.heading)
+    s = math.sin(out.heading)
     for i in range(n):
         hyp = belief.hyp[i]
         p = hyp.weight
@@ -241,7 +248,13 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
         if odds > 1.0:
             apart = cxx - cyy
             major = 0.5 * (cxx + cyy + math.sqrt(apart * apart + 4.0 * cxy * cxy))
-            reach = math.sqrt(2.0 * major * math.log(odds))
+            factor = 2.0 * math.log(odds)
+            reach = math.sqrt(factor * major)
+            twice = 2.0 * c * s * cxy
+            v = c * c * cxx + twice + s * s * cyy
+            along = max(along, abs(c * dx + s * dy) + math.sqrt(factor * v))
+            v = s * s * cxx - twice + c * c * cyy
+            across = max(across, abs(c * dy - s * dx) + math.sqrt(factor * v))
             if i != top:
                 reach += math.sqrt(dx * dx + dy * dy)
             level = max(level, reach)
@@ -252,6 +265,7 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
         map_yy += p * (cyy + 2.0 * cov[Y, MY] + cov[MY, MY] + dy * dy)
     out.cov[0], out.cov[1], out.cov[2] = xx, xy, xh
     out.cov[3], out.cov[4], out.cov[5] = yy, yh, hh
+    out.level_along, out.level_across = along, across
     out.map_cov[0], out.map_cov[1], out.map_cov[2] = map_xx, map_xy, map_yy
     return level
 

@@ -105,6 +105,8 @@ class Row(NamedTuple):
     map_xy: float
     map_yy: float
     protection_level: float  # m
+    level_along: float  # m
+    level_across: float
     gnss_scale: float
     edge: int
     live: int
@@ -113,8 +115,8 @@ class Row(NamedTuple):
 
 _ROW = packed(
     ESTIMATE, "x", "y", "heading", "cov", "p_edge", "p_off_road", "s", "lateral", "map_x",
-    "map_y", "match_x", "match_y", "speed", "map_cov", "protection_level", "gnss_scale", "edge",
-    "live", "status",
+    "map_y", "match_x", "match_y", "speed", "map_cov", "protection_level", "level_along",
+    "level_across", "gnss_scale", "edge", "live", "status",
 )  # fmt: skip
 _WATCHED_EPOCH = packed(EPOCH, "time", "arc", "turn", "fix", "has_fix")
 _WATCHED = packed(ESTIMATE, "x", "y", "heading", "map_x", "map_y", "speed", "gnss_scale")

@@ -130,6 +130,16 @@ class Estimate:
         return self._values.protection_level if self._values.live else math.inf
 
     @property
+    def level_along_m(self) -> float:
+        """Bound on the error along the heading, at the same risk, m; inf before an answer."""
+        return self._values.level_along if self._values.live else math.inf
+
+    @property
+    def level_across_m(self) -> float:
+        """Bound on the error across the heading, at the same risk, m; inf before an answer."""
+        return self._values.level_across if self._values.live else math.inf
+
+    @property
     def gnss_scale(self) -> float:
         """GNSS errors over what is reported, as learnt; 1 before an answer."""
         return self._values.gnss_scale if self._values.live else 1.0

@@ -49,6 +49,8 @@ class _Estimates(NamedTuple):
     match_y: Array
     speed: Array
     protection_level: Array
+    level_along: NDArray[np.float32]
+    level_across: NDArray[np.float32]
     gnss_scale: Array
     edge: NDArray[np.int32]
     live: NDArray[np.int32]
@@ -80,14 +82,9 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32
 
 
 def points_table(
-    drive_id: str | Sequence[str],
-    epochs: Records,
-    output: Output,
-    roads: RoadMap,
-    *,
-    attributes: bool = False,
-    first: Sequence[int] = (0,),
-) -> pa.Table:
+    drive_id: str | Sequence[str], epochs: Records, output: Output, roads: RoadMap, *,
+    attributes: bool = False, first: Sequence[int] = (0,),
+) -> pa.Table:  # fmt: skip
     """One row per epoch; what is not known yet is null.
 
     Args:
@@ -147,6 +144,8 @@ def points_table(
         "reason": _reasons(epochs, v, roads, first),
         "alternatives": _alternatives(v),
         "protection_level_m": _nullable(v.protection_level, none),
+        "level_along_m": _nullable(v.level_along.astype(float), none),
+        "level_across_m": _nullable(v.level_across.astype(float), none),
         "gnss_scale": _nullable(v.gnss_scale, none | (v.gnss_scale == 0.0)),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)

@@ -57,6 +57,8 @@ POINTS = pa.schema(
         ("reason", pa.string()),
         ("alternatives", pa.list_(pa.struct([("edge_id", pa.int64()), ("p", pa.float64())]))),
         ("protection_level_m", pa.float64()),
+        ("level_along_m", pa.float64()),
+        ("level_across_m", pa.float64()),
         ("gnss_scale", pa.float64()),
     ]
 )
