@@ -31,6 +31,7 @@ from .state import (
     RARE,
     RARE_FLOOR,
     SUCCESSORS,
+    WHEELS,
     Belief,
     Context,
     H,
@@ -223,7 +224,9 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         for row in range(first, belief.state[0].count):
             child = belief.hyp[row]
             if child.edge != OFF_ROAD:
-                track(belief, ctx.roads, row)
+                _, tx, ty = track(belief, ctx.roads, row)
+                if ctx.par[0].mode != WHEELS:  # the heading is the road's
+                    child.mu[H] = math.atan2(ty, tx)
                 left = ctx.roads.edges[child.edge].length - (s - child.scratch[_OFFSET])
                 child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
         hyp.p_not_passed = now
