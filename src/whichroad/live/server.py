@@ -157,6 +157,8 @@ class Run:
             plan.localizer, window=0.0 if plan.recording is not None else plan.window,
             rate=plan.rate, recorder=recorder,
         )  # fmt: skip
+        if recorder is not None and plan.recording is None:
+            self.filter_loop.recorded = recorder.until
         self.broadcaster = Broadcaster()
         self.buses: dict[str, CanStream] = {}
         self.checkpoint = (
@@ -220,8 +222,10 @@ class Run:
         replay = self.plan.recording is not None
         when, message = self.checkpoint.resume(replay=replay)
         self.plan.report(message)
-        if when is not None:
+        if when is not None and replay:
             self.filter_loop.buffer.begin(when)
+        elif when is not None:
+            self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
 
     def _inputs(self) -> list[Coroutine[Any, Any, None]]:
         """The coroutines that bring observations."""
@@ -280,7 +284,9 @@ class Run:
             full = recorder is not None and recorder.waiting > _MOST_ROWS
             if now - kept >= EVERY or full:
                 kept = now
-                jobs = [one.taken() for one in (recorder, self.checkpoint) if one is not None]
+                jobs = [] if recorder is None else [recorder.taken()]
+                if self.checkpoint is not None:
+                    jobs.append(self.checkpoint.taken(self.filter_loop.until))
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
     async def _until_end(self, player: Player) -> None:
@@ -319,7 +325,7 @@ class Run:
             output.close()
         self.writer.shutdown(wait=True)
         if self.checkpoint is not None:
-            self.checkpoint.taken()()
+            self.checkpoint.taken(self.filter_loop.until)()
         if self.filter_loop.recorder is not None:
             self.filter_loop.recorder.close()
 
