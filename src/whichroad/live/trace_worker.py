@@ -1,7 +1,7 @@
-"""The process that matches one posted trace: `python -m whichroad.live.trace_worker FOLDER`.
+"""The process that matches one posted trace.
 
-It reads `request.json` and `body` in the folder and leaves `answer` or `refusal.json`.  It has a
-low priority, one thread and a limit of memory, and it ends when its standard input does.
+It reads `request.json` and `body` in a folder and leaves `answer` or `refusal.json`.  It has one
+thread and a limit of memory, and it ends when its standard input does.
 """
 
 import contextlib
@@ -24,7 +24,6 @@ from .trace_limits import MOST_ROWS, TooLargeTrace, check_size
 REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json"
 MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
 _ROWS_AT_ONCE = 2000  # rows of the answer that are made at once
-_LOWEST = 19  # niceness
 SURROUNDINGS = {  # threads and allocators reserve memory that counts as used
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
     "MALLOC_ARENA_MAX": "2",
@@ -163,10 +162,9 @@ def _end_with_the_service(folder: Path) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def main(folder: Path) -> None:
-    """Match the trace in a folder, and end."""
-    if hasattr(os, "nice"):
-        os.nice(_LOWEST)
+def main() -> None:
+    """Match the trace in the folder that is the argument."""
+    folder = Path(sys.argv[1])
     threading.Thread(target=_end_with_the_service, args=(folder,), daemon=True).start()
     import geopandas  # noqa: F401  # what is imported does not count as the trace's memory
     import pyarrow as pa
@@ -183,6 +181,3 @@ def main(folder: Path) -> None:
         text = json.dumps({"status": refused.status, "error": refused.why})
         (folder / REFUSAL).write_text(text, encoding="utf-8")
 
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -37,6 +37,10 @@ _MATCH_TIME = 300.0  # s, timeout of the worker
 _ANSWER_TIME = 120.0  # s, timeout of the answer's delivery
 _PIECE = 65_536  # bytes of the answer that are sent at once
 _WRITTEN = 262_144  # bytes of the body that are written at once
+_WORKER = (  # importing what it needs is done at low priority too
+    f"from {__package__}.priority import give_way; give_way(); "
+    f"from {__package__}.trace_worker import main; main()"
+)
 _RETRY = 2  # s after which to ask again while another trace is matched
 
 
@@ -146,7 +150,7 @@ class Traces:
         asked = request(suffix, await self._map(), self._vehicle, self._settings)
         (folder / REQUEST).write_text(asked, encoding="utf-8")
         worker = self._worker = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", f"{__package__}.trace_worker", str(folder),
+            sys.executable, "-c", _WORKER, str(folder),
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.DEVNULL, env={**os.environ, **SURROUNDINGS},
         )  # fmt: skip
