@@ -23,6 +23,7 @@ from .web_server import READ_AT_ONCE
 
 _COOKIE = "whichroad"
 _MOST_CALLERS = 4096
+_LONGEST_PATH = 1000  # characters of an address without its query
 _SMALL_BODY = 16_384  # bytes, largest request body without a length limit of its own
 _MOST_HELD = 48 * 1024 * 1024  # bytes of bodies that are being received, over all connections
 _DRAINED = 256 * 1024  # bytes of a refused body that are read, at most
@@ -151,6 +152,8 @@ class AccessControl:
             return 403, "other origins are not served"
         if self._token is not None and not self._knows_token(scope, headers):
             return 401, "a token is needed"
+        if len(scope["path"]) > _LONGEST_PATH:
+            return 414, f"an address of at most {_LONGEST_PATH} characters was expected"
         if scope.get("method") in ("GET", "HEAD") and _has_body(headers):
             return 400, "a request without a body was expected"
         return None

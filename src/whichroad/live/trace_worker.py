@@ -180,4 +180,3 @@ def main() -> None:
     except Refused as refused:
         text = json.dumps({"status": refused.status, "error": refused.why})
         (folder / REFUSAL).write_text(text, encoding="utf-8")
-
