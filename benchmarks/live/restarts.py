@@ -1,6 +1,7 @@
 """kill -9 and restart, again and again: the time of what is published, on every output."""
 
 import heapq
+import http.client
 import itertools
 import json
 import random
@@ -173,7 +174,7 @@ class Outputs:
         while True:
             try:
                 said = served.get("/estimate")
-            except OSError:
+            except (OSError, http.client.HTTPException):
                 return
             if said:
                 self._note("estimate", said["epoch_s"])

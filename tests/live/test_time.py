@@ -3,6 +3,7 @@
 import json
 import math
 import random
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -275,10 +276,31 @@ def test_an_input_is_silent_after_five_of_its_usual_intervals():
         assert health.interval == pytest.approx(every, rel=0.2)
 
 
-def test_the_sentences_that_go_out_never_go_back(town, ride, observations):
-    world = World(town, ride, observations, seed=5)
+def test_the_sentences_that_go_out_are_not_ahead_of_the_message_and_never_go_back(
+    town, ride, observations
+):
+    odd = [
+        replace(one, time=one.time + 0.0088) if isinstance(one, GeoFix) else one
+        for one in observations
+    ]
+    world = World(town, ride, odd, seed=5)
     world.run(20.0)
-    parser = NmeaParser(today=world.now)
-    fixes = [fix for message, _, _ in world.sent for fix in parser.feed(sentences(message))]
-    assert len(fixes) > 50
-    assert all(a.time <= b.time for a, b in pairwise(fixes))
+    parser, said = NmeaParser(today=world.now), []
+    for message, _, _ in world.sent:
+        for fix in parser.feed(sentences(message)) + parser.pause():
+            assert message["epoch_s"] - 0.011 < fix.time <= message["epoch_s"] + 1e-6
+            said.append(fix)
+    assert len(said) > 50
+    assert all(a.time <= b.time for a, b in pairwise(said))
+
+
+def test_what_is_looked_back_at_does_not_go_back_either(town, ride, observations):
+    world = World(town, ride, observations, seed=6, lag=5.0)
+    for _ in range(2):
+        world.run(15.0)
+        world.crash(0.3, 2.0)
+    world.run(10.0)
+    holds(world, 6.5)
+    looked = [message["lagged"]["epoch_s"] for message, _, _ in world.sent if message["lagged"]]
+    assert len(looked) > 30
+    assert all(a <= b for a, b in pairwise(looked))

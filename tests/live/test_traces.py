@@ -205,6 +205,7 @@ def test_an_answer_is_that_of_match(served, files, ride, town, make, kind):
         (b'[{"time": 1, "lat": 99999999999999999999999, "lon": 2}]', JSON, (400, 422)),
         (b"time,lat,lon\n99999999999999999999999,1,2\n", CSV, (422,)),
         (b'{"time": [1e999], "lat": [1], "lon": [2]}', JSON, (400, 422)),
+        (b'[{"time": -1e20, "lat": 49.4115, "lon": 2.8267}]', JSON, (422,)),
         (as_arrow({"time": pa.array([2**64 - 1], pa.uint64()), "lat": [1.0], "lon": [2.0]}), ARROW,
          (422,)),
         (as_arrow({"time": np.zeros(20_000_000, np.int8)}, "zstd"), ARROW, (413,)),
@@ -212,7 +213,7 @@ def test_an_answer_is_that_of_match(served, files, ride, town, make, kind):
         (b"[" + b"[]," * 5_000_000 + b"[]]", JSON, (413,)),
         (b"\x1f\x8b\x08\x00" + bytes(100), CSV, (422,)),
     ],
-    ids=range(9),
+    ids=range(10),
 )  # fmt: skip
 def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(served, body, kind, status):
     got, said = post(served, body, kind)

@@ -69,7 +69,7 @@ def match_trace(folder: Path) -> None:
         if sum(_size(drive) for drive in drives) > MOST_ROWS:
             raise TooLargeTrace(f"trace: at most {MOST_ROWS:,} rows are taken here")
         result = match(drives, RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings)
-        with (folder / ANSWER).open("w", encoding="utf-8") as file:
+        with (folder / ANSWER).open("w", encoding="utf-8") as file, _within_bounds():
             file.writelines(answer_of(result))
     except TooLargeTrace as error:
         raise Refused(413, str(error)) from None
@@ -110,14 +110,25 @@ def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> An
 
     body = (folder / BODY).read_bytes()
     check_size(body, suffix)
-    try:
+    with _within_bounds():
         if suffix == ".json":
             return drive_from_table(_columns(body), vehicle=vehicle, settings=settings)
         path = folder / f"trace{suffix}"
         os.replace(folder / BODY, path)
         del body
         return read_drive(path, vehicle=vehicle, settings=settings)
-    except (OverflowError, ValueError, TypeError, ArithmeticError, LookupError) as error:
+
+
+@contextlib.contextmanager
+def _within_bounds() -> Iterator[None]:
+    """What only a strange value breaks, such as a time beyond the calendar, is the trace's fault.
+
+    Raises:
+        Refused: There is one.
+    """
+    try:
+        yield
+    except (ValueError, TypeError, ArithmeticError, LookupError, NotImplementedError) as error:
         if isinstance(error, WhichroadError):
             raise
         raise Refused(422, "trace: a value is out of bounds or of another kind") from None

@@ -33,7 +33,7 @@ _KINDS = {
     "text/plain": ".nmea",
 }
 _BODY_TIME = 30.0  # s, timeout of a request's body
-_MATCH_TIME = 300.0  # s, timeout of the worker
+_MATCH_TIME = 120.0  # s, timeout of the worker
 _ANSWER_TIME = 120.0  # s, timeout of the answer's delivery
 _PIECE = 65_536  # bytes of the answer that are sent at once
 _WRITTEN = 262_144  # bytes of the body that are written at once
