@@ -21,7 +21,13 @@ import requests
 from live.service import Served, drive_files
 from whichroad import match, read_vehicle
 from whichroad.errors import ReadError
-from whichroad.live.trace_limits import MOST_BYTES, MOST_ROWS, TooLargeTrace, check_size
+from whichroad.live.trace_limits import (
+    MOST_BYTES,
+    MOST_ROWS,
+    TooLargeTrace,
+    check_size,
+    stream_of,
+)
 from whichroad.readers import drive_from_table
 
 ARROW, CSV, JSON = "application/vnd.apache.arrow.stream", "text/csv", "application/json"
@@ -101,13 +107,22 @@ def test_a_dictionary_counts_too():
         check_size(as_arrow({"a": words}, "zstd"), ".arrow")
 
 
-def test_a_file_is_counted_like_its_stream():
-    table = pa.table({"time": np.zeros(MOST_ROWS + 1)})
-    sink = io.BytesIO()
+def as_file(columns):
+    table, sink = pa.table(columns), io.BytesIO()
     with pa.ipc.new_file(sink, table.schema) as writer:
         writer.write_table(table)
+    return sink.getvalue()
+
+
+def test_a_file_is_taken_as_the_stream_within_it(ride):
+    columns = columns_of(ride, 100)
+    stream = stream_of(as_file(columns))
+    assert pa.ipc.open_stream(stream).read_all() == pa.table(columns)
+    assert stream_of(stream) is stream
     with pytest.raises(TooLargeTrace):
-        check_size(sink.getvalue(), ".arrow")
+        check_size(stream_of(as_file({"time": np.zeros(MOST_ROWS + 1)})), ".arrow")
+    with pytest.raises(ReadError, match="Arrow stream"):
+        stream_of(b"FEA1" + bytes(100))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -182,7 +197,9 @@ def post(served, body, kind, **headers):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("make", "kind"), [(as_csv, CSV), (as_json, JSON), (as_arrow, ARROW)])
+@pytest.mark.parametrize(
+    ("make", "kind"), [(as_csv, CSV), (as_json, JSON), (as_arrow, ARROW), (as_file, ARROW)]
+)
 def test_an_answer_is_that_of_match(served, files, ride, town, make, kind):
     columns = columns_of(ride, 2500)
     status, said = post(served, make(columns), kind)

@@ -54,8 +54,21 @@ def check_size(data: bytes, suffix: str) -> None:
         check_arrow(data)
 
 
+def stream_of(data: bytes) -> bytes:
+    """The stream within an Arrow file, or the stream that it is.
+
+    The index of a file may name a batch any number of times, so it is not used.
+
+    Raises:
+        ReadError: It is a file of the older Feather format.
+    """
+    if data.startswith(b"FEA1"):
+        raise ReadError("trace: Feather version 1; an Arrow stream was expected")
+    return data[_FILE_HEAD:] if data.startswith(_FILE) else data
+
+
 def check_arrow(data: bytes) -> None:
-    """See that the batches of an Arrow stream or file are not too large once decompressed.
+    """See that the batches of an Arrow stream are not too large once decompressed.
 
     Only the metadata of its messages is read (Arrow columnar format, "Encapsulated message
     format"), and of compressed buffers the length that stands before them.
@@ -98,7 +111,7 @@ def _most(count: int, most: int, why: str) -> None:
 
 def _messages(data: memoryview) -> Any:
     """Metadata and body of each message."""
-    at = _FILE_HEAD if bytes(data[: len(_FILE)]) == _FILE else 0
+    at = 0
     while at + 4 <= len(data):
         (size,) = struct.unpack_from("<I", data, at)
         at += 4

@@ -19,7 +19,7 @@ from typing import Any
 from ..errors import WhichroadError
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
-from .trace_limits import MOST_ROWS, TooLargeTrace, check_size
+from .trace_limits import MOST_ROWS, TooLargeTrace, check_size, stream_of
 
 REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json"
 MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
@@ -109,6 +109,9 @@ def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> An
     from ..readers import drive_from_table, read_drive
 
     body = (folder / BODY).read_bytes()
+    if suffix == ".arrow" and (stream := stream_of(body)) is not body:
+        body = stream
+        (folder / BODY).write_bytes(body)
     check_size(body, suffix)
     with _within_bounds():
         if suffix == ".json":
