@@ -10,6 +10,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import sys
 import time
 
 import httpx
@@ -21,6 +22,7 @@ import requests
 from live.service import Served, drive_files
 from whichroad import match, read_vehicle
 from whichroad.errors import ReadError
+from whichroad.live import traces
 from whichroad.live.trace_limits import (
     MOST_BYTES,
     MOST_ROWS,
@@ -359,6 +361,19 @@ def test_the_worker_ends_with_its_client_and_with_the_service(files, ride):
         service.stop()
         until(lambda: state(worker) == "Z")
         client.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="folders are cleared on POSIX only")
+def test_what_a_killed_service_has_left_is_removed_and_nothing_else(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    names = (f"{gone.pid}-a", f"{os.getpid()}-b", "other")
+    folders = [tmp_path / f"whichroad-traces-{name}" for name in names]
+    for folder in folders:
+        folder.mkdir()
+        (folder / "body").write_text("x")
+    traces._remove_left(tmp_path)
+    assert [folder.exists() for folder in folders] == [False, True, True]
 
 
 def until(holds, seconds=30.0):

@@ -32,6 +32,7 @@ _KINDS = {
     "application/vnd.apache.arrow.stream": ".arrow",
     "text/plain": ".nmea",
 }
+_NAME = "whichroad-traces-"  # begin of the names of folders; the process's number follows
 _BODY_TIME = 30.0  # s, timeout of a request's body
 _MATCH_TIME = 120.0  # s, timeout of the worker
 _ANSWER_TIME = 120.0  # s, timeout of the answer's delivery
@@ -95,7 +96,7 @@ class Traces:
         self._current = mine = object()
         folder = None
         try:
-            folder = Path(await asyncio.to_thread(tempfile.mkdtemp, dir=self._spool()))
+            folder = await asyncio.to_thread(self._new_folder)
             await self._spool_body(folder, receive)
             await self._work(folder, suffix, receive)
             with (folder / ANSWER).open("rb") as file:
@@ -121,11 +122,12 @@ class Traces:
                     self._current = None
                 await send({"type": "http.response.body", "body": piece, "more_body": left > 0})
 
-    def _spool(self) -> Path:
-        """The folder of everything that is written here."""
+    def _new_folder(self) -> Path:
+        """A folder for one trace, within one for all of this service."""
         if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="whichroad-traces-"))
-        return self._folder
+            _remove_left(_place())
+            self._folder = Path(tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_place()))
+        return Path(tempfile.mkdtemp(dir=self._folder))
 
     async def _spool_body(self, folder: Path, receive: Receive) -> None:
         waiting = bytearray()
@@ -182,7 +184,8 @@ class Traces:
     async def _map(self) -> Path:
         """A compiled file of the map that the service has."""
         if self._compiled is None or _stamp(self._compiled) != self._stamp:
-            compiled = self._spool() / "roads.map"
+            assert self._folder is not None
+            compiled = self._folder / "roads.map"
             await asyncio.to_thread(self._roads.save, compiled)
             self._compiled, self._stamp = compiled, _stamp(compiled)
         return self._compiled
@@ -197,6 +200,34 @@ class _Matching(Response):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self._traces.run(self._suffix, scope, receive, send)
+
+
+def _place() -> Path:
+    """Where files are written: on a disk, as the usual place may be memory."""
+    disk = Path("/var/tmp")
+    given = any(name in os.environ for name in ("TMPDIR", "TEMP", "TMP"))
+    return disk if not given and os.access(disk, os.W_OK) else Path(tempfile.gettempdir())
+
+
+def _remove_left(place: Path) -> None:
+    """Remove what services that were killed have left."""
+    for folder in place.glob(f"{_NAME}*-*"):
+        pid = folder.name[len(_NAME) :].partition("-")[0]
+        if pid.isdecimal() and not _lives(int(pid)):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lives(pid: int) -> bool:
+    """Whether there is a process of that number, as far as the system tells."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
