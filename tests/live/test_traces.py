@@ -22,7 +22,7 @@ import requests
 from live.service import Served, drive_files
 from whichroad import match, read_vehicle
 from whichroad.errors import ReadError
-from whichroad.live import traces
+from whichroad.live import trace_worker, traces
 from whichroad.live.trace_limits import (
     MOST_BYTES,
     MOST_ROWS,
@@ -196,6 +196,17 @@ def post(served, body, kind, **headers):
             return status, json.loads(said)
         time.sleep(0.1)
     raise AssertionError("it stays busy")
+
+
+@pytest.mark.parametrize("rows", [1, 7, 100, 10_000])
+def test_an_answer_in_pieces_is_the_whole(town, ride, monkeypatch, rows):
+    monkeypatch.setattr(trace_worker, "_ROWS_AT_ONCE", rows)
+    result = match(drive_from_table(pa.table(columns_of(ride, 200))), town)
+    said = json.loads("".join(trace_worker.answer_of(result)))
+    assert len(result.path) > 7
+    points = result.points.drop(columns="geometry")
+    assert said["points"] == json.loads(points.to_json(orient="records", date_format="iso"))
+    assert said["path"] == json.loads(result.path.to_json(drop_id=True, default=str))
 
 
 @pytest.mark.slow
