@@ -38,7 +38,10 @@ BENCHMARKS = {
     "sparse": ("sparse.run", "fixes 1 to 60 s apart, beside the peers: accuracy, speed, costs"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
-    "live": ("live.run", "the service: latency, throughput, 200 clients, kill -9, rubbish"),
+    "live": (
+        "live.run",
+        "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",
+    ),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }

@@ -1,16 +1,21 @@
 """The live service as a process: how late, how much, for how many, and what it survives.
 
-    python -m benchmarks live [--classes latency,throughput,clients,kill,rubbish]
+    python -m benchmarks live [--classes latency,matching,bodies,restarts,...]
                               [--seconds S] [--drives N]
 
-`--seconds` is how long latency, clients and rubbish last, and `--drives` how many times the
-service is killed; throughput plays `--metres` M of a drive over and over, so many seconds.
+The parts are latency, throughput, clients, kill, rubbish, matching, bodies and restarts.
+`--seconds` is how long latency, clients, rubbish and each interval of matching last, and
+`--drives` how many times the service is killed; throughput plays `--metres` M of a drive over and
+over, so many seconds.
 """
 
 from .. import Figure, Options
+from .bodies import bodies
 from .clients import clients
 from .kill import kill
 from .latency import latency
+from .matching import matching
+from .restarts import restarts
 from .rubbish import rubbish
 from .throughput import throughput
 
@@ -20,6 +25,9 @@ PARTS = {
     "clients": clients,
     "kill": kill,
     "rubbish": rubbish,
+    "matching": matching,
+    "bodies": bodies,
+    "restarts": restarts,
 }
 
 

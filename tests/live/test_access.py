@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def served(files):
     options = ("--map", files / "town.map", *drive_files(files / "drive"))
-    with Served(*options, "--speed", 10) as one:
+    with Served(*options, "--speed", 10, "--laps", 50) as one:
         one.until(lambda said: said["answered"])
         yield one
 

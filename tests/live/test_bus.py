@@ -102,7 +102,7 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
 
 
 def test_who_asks_nothing_is_let_go_and_a_websocket_stays(town, observations, running, monkeypatch):
-    monkeypatch.setattr("whichroad.live.server._REQUEST_TIME", 0.3)
+    monkeypatch.setattr("whichroad.live.web_server._REQUEST_TIME", 0.3)
     run, port = running(Plan(Localizer(town), nmea=[nmea_address(f"udp://:{free_port()}")]))
     health = run.filter_loop.sensor("test", "gnss")
     idle = socket.create_connection(("127.0.0.1", port), timeout=10)

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import uvicorn
 from starlette.applications import Starlette
 
 from whichroad import read_drive, read_vehicle
+from whichroad.live.web_server import web_server
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import listen
@@ -48,7 +48,7 @@ def recorded(remaking: Remaking) -> RecordedMessages:
 def served(app: Starlette) -> Iterator[str]:
     """An application on a free port of this machine; gives its address."""
     door = listen("127.0.0.1", 0)
-    server = uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="on"))
+    server = web_server(app, lifespan=True)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [door]}, daemon=True)
     thread.start()
     while not server.started:

@@ -43,6 +43,10 @@ class Preset(StrEnum):
     outage = "outage"
 
 
+Token = Annotated[
+    str | None,
+    typer.Option(envvar="WHICHROAD_TOKEN", help="Asked of everybody who connects."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace outputs that exist.")]
 MapOption = Annotated[
     Path,
@@ -108,6 +112,18 @@ def _moment(text: str) -> Moment | None:
     except ValueError:
         return None
     return time if time.tzinfo else time.replace(tzinfo=UTC)
+
+
+def check_token(host: str, token: str | None) -> None:
+    """See that who listens for other machines asks for a token.
+
+    Raises:
+        BadParameter: There is none.
+    """
+    from ..live.access import is_local
+
+    if token is None and not is_local(host):
+        raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """`whichroad live`: the service that answers while the vehicle drives."""
 
-import ipaddress
 import re
 from enum import StrEnum
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError
-from .arguments import MapOption, extra_live, read_start
+from .arguments import MapOption, Token, check_token, extra_live, read_start
 from .console import progress_line
 
 if TYPE_CHECKING:
@@ -90,10 +89,7 @@ def live(
     ] = None,
     host: Annotated[str, typer.Option(help="Address to serve on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
-    token: Annotated[
-        str | None,
-        typer.Option(envvar="WHICHROAD_TOKEN", help="Asked of everybody who connects."),
-    ] = None,
+    token: Token = None,
     tiles: Annotated[
         str | None, typer.Option(metavar="URL", help="Raster tiles below the roads.")
     ] = None,
@@ -102,8 +98,8 @@ def live(
     """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
     pose, factor = read_start(start), _speed(speed)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
-    if token is None and not _is_local(host):
-        raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
+    with extra_live("live"):
+        check_token(host, token)
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         plan = _plan(roads, vehicle, pose, lag)
@@ -130,12 +126,14 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
     from ..online import Localizer
     from ..readers import read_vehicle
     from ..roadmap import open_map
+    from ..roadmap.store import is_compiled
     from ..settings import Settings, Vehicle
 
     car = Vehicle() if vehicle is None else read_vehicle(vehicle)
     settings = Settings(**car.noise)
     network = open_map(roads)
-    return Plan(Localizer(network, vehicle=car, settings=settings, start=start, lag=lag))
+    localizer = Localizer(network, vehicle=car, settings=settings, start=start, lag=lag)
+    return Plan(localizer, compiled=roads if is_compiled(roads) else None)
 
 
 def _speed(text: str) -> float | None:
@@ -148,13 +146,6 @@ def _speed(text: str) -> float | None:
     if not 0.01 <= speed <= 1000.0:
         raise typer.BadParameter(f"--speed is {text!r}; a number (5 is five times) or max")
     return speed
-
-
-def _is_local(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _sink(text: str) -> tuple[str, str, int]:

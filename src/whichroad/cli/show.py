@@ -2,10 +2,19 @@
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from urllib.parse import quote
 
 import typer
 
-from .arguments import Force, MapOption, extra_live, read_start, read_window
+from .arguments import (
+    Force,
+    MapOption,
+    Token,
+    check_token,
+    extra_live,
+    read_start,
+    read_window,
+)
 from .console import progress_line
 
 if TYPE_CHECKING:
@@ -42,8 +51,9 @@ def replay(
     drive_id: DriveId = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
     host: Annotated[
-        str, typer.Option(help="Where to listen; 0.0.0.0 lets other machines in.")
+        str, typer.Option(help="Where to listen; 0.0.0.0 lets other machines in, with a --token.")
     ] = "127.0.0.1",
+    token: Token = None,
     tiles: Annotated[
         str | None,
         typer.Option(metavar="URL", help="Map tiles below the roads: https://.../{z}/{x}/{y}.png"),
@@ -52,6 +62,8 @@ def replay(
 ) -> None:
     """Show a recorded drive, or an answer, on the page: play it, turn its clock, mask GNSS."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
+    with extra_live("replay"):
+        check_token(host, token)
     from ..readers import read_drive, read_vehicle
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..roadmap import open_map
@@ -76,11 +88,13 @@ def replay(
             one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
             progress("answering it", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows)
-        app = replay_app(player, network, tiles_url=tiles, host=host)
+        app = replay_app(player, network, tiles_url=tiles, host=host, token=token)
         listener = listen(host, port)
-    url = f"http://{host}:{listener.getsockname()[1]}/"
+    name = f"[{host}]" if ":" in host else host
+    url = f"http://{name}:{listener.getsockname()[1]}/"
     typer.echo(f"{url} shows it; Ctrl-C ends")
-    serve(app, listener, url if browser else None)
+    page = url if token is None else f"{url}?token={quote(token)}"
+    serve(app, listener, page if browser else None)
 
 
 def report(

@@ -1,16 +1,12 @@
 """The HTTP and WebSocket endpoints of the live service, as a Starlette application."""
 
 import asyncio
-import json
 import math
-import tempfile
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -18,24 +14,14 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ..errors import WhichroadError
 from .access import AccessControl
 from .broadcaster import Broadcaster, websocket_frame
 from .filter_loop import FilterLoop
 from .health import label, metric
 from .playback import Player
+from .refusals import HANDLERS, asked_of
+from .traces import LARGEST_TRACE, Traces
 
-LARGEST_TRACE = 16 * 1024 * 1024  # bytes
-_MOST_EPOCHS = 200_000
-_BODY_TIME = 30.0  # s, timeout of a request's body
-_KINDS = {
-    "text/csv": ".csv",
-    "application/json": ".json",
-    "application/geo+json": ".json",
-    "application/gpx+xml": ".gpx",
-    "application/vnd.apache.arrow.stream": ".arrow",
-    "text/plain": ".nmea",
-}
 _FASTEST = 1000.0
 
 
@@ -46,13 +32,16 @@ class Service:
         filter_loop: The filter.
         broadcaster: Its listeners.
         player: Plays a recording; None: live inputs.
+        compiled: The file of the map, where it is a compiled one.
     """
 
     def __init__(
-        self, filter_loop: FilterLoop, broadcaster: Broadcaster, player: Player | None = None
-    ) -> None:
+        self, filter_loop: FilterLoop, broadcaster: Broadcaster, player: Player | None = None,
+        compiled: Path | None = None,
+    ) -> None:  # fmt: skip
         self.filter_loop, self.broadcaster, self.player = filter_loop, broadcaster, player
-        self._matching = asyncio.Lock()
+        localizer = filter_loop.localizer
+        self.traces = Traces(localizer.roads, localizer.vehicle, localizer.settings, compiled)
         filter_loop.sinks.append(broadcaster.send)
 
     def routes(self) -> list[BaseRoute]:
@@ -63,7 +52,7 @@ class Service:
             Route("/estimate", self.estimate),
             Route("/health", self.health),
             Route("/metrics", self.metrics),
-            Route("/match", self.match, methods=["POST"]),
+            Route("/match", self.traces.answer, methods=["POST"]),
             Route("/control", self.control, methods=["POST"]),
         ]
 
@@ -115,11 +104,7 @@ class Service:
 
     async def control(self, request: Request) -> Response:
         """`{"action": ..., "value": ...}`: what the buttons of the page do."""
-        try:
-            asked = json.loads(await _body(request))
-            action, value = asked["action"], asked.get("value")
-        except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-            raise HTTPException(400, 'a JSON object with an "action" was expected') from None
+        action, value = await asked_of(request)
         self._act(action, value)
         return JSONResponse(
             {"gnss_masked": self.filter_loop.gnss_masked, "play": self.filter_loop.play()}
@@ -146,18 +131,6 @@ class Service:
         else:
             self.player.seek(_number(value, 0.0, 1e9))
 
-    async def match(self, request: Request) -> Response:
-        """A posted trace, matched: points, path and summary."""
-        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        if kind not in _KINDS:
-            raise HTTPException(415, f"one of {', '.join(_KINDS)} was expected")
-        body = await _body(request)
-        if self._matching.locked():
-            raise HTTPException(429, "another trace is being matched")
-        async with self._matching:
-            call = partial(_match, self.filter_loop, body, _KINDS[kind])
-            return Response(await run_in_threadpool(call), media_type="application/json")
-
 
 def application(
     service: Service,
@@ -175,94 +148,15 @@ def application(
         token: Asked of everybody; None: nobody.
     """
     access = Middleware(AccessControl, local=local, token=token, largest={"/match": LARGEST_TRACE})
-    handlers: dict[Any, Any] = {HTTPException: _refusal, Exception: _broken}
     return Starlette(
-        routes=[*service.routes(), *pages], middleware=[access], exception_handlers=handlers
+        routes=[*service.routes(), *pages], middleware=[access], exception_handlers=HANDLERS
     )
-
-
-async def _refusal(request: Request, error: Exception) -> Response:
-    assert isinstance(error, HTTPException)
-    return JSONResponse({"error": error.detail}, error.status_code, headers=error.headers)
-
-
-async def _broken(request: Request, error: Exception) -> Response:
-    return JSONResponse({"error": "this should not happen"}, 500)
-
-
-async def _body(request: Request) -> bytes:
-    try:
-        async with asyncio.timeout(_BODY_TIME):
-            return await request.body()
-    except TimeoutError:
-        raise HTTPException(408, "the body did not come in time") from None
 
 
 def _number(value: Any, low: float, high: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise HTTPException(400, f"a value from {low:g} to {high:g} was expected")
     return float(value)
-
-
-def _match(filter_loop: FilterLoop, body: bytes, suffix: str) -> bytes:
-    """Match a trace in the calling thread; the answer as JSON."""
-    from ..matching import match
-    from ..readers import drive_from_table, read_drive
-
-    car, settings = filter_loop.localizer.vehicle, filter_loop.localizer.settings
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            if suffix == ".json":
-                drives = drive_from_table(_columns(body), vehicle=car, settings=settings)
-            else:
-                path = Path(folder) / f"trace{suffix}"
-                path.write_bytes(body)
-                drives = read_drive(path, vehicle=car, settings=settings)
-            if sum(_size(drive) for drive in drives) > _MOST_EPOCHS:
-                raise HTTPException(413, f"at most {_MOST_EPOCHS:,} rows are taken here")
-            result = match(drives, filter_loop.roads, vehicle=car, settings=settings)
-        except WhichroadError as error:
-            raise HTTPException(422, str(error).replace(f"{folder}/", "")) from None
-    path = result.path
-    line = json.loads(path.to_json(drop_id=True, default=str)) if len(path) else None
-    return json.dumps(
-        {
-            "version": 1,
-            "points": json.loads(_rows(result.points.drop(columns="geometry"))),
-            "path": line,
-            "summary": {k: v for k, v in result.summary.items() if k != "sources"},
-        },
-        default=str,
-        allow_nan=False,
-    ).encode()
-
-
-def _rows(frame: Any) -> str:
-    return str(frame.to_json(orient="records", date_format="iso"))
-
-
-def _size(drive: Any) -> int:
-    return sum(len(log.time) for log in (drive.fixes, drive.odometry) if log is not None)
-
-
-def _columns(body: bytes) -> Any:
-    """JSON rows, or columns, as columns."""
-    import pyarrow as pa
-
-    try:
-        rows_given = json.loads(body)
-        rows_given = (
-            rows_given.get("points", rows_given) if isinstance(rows_given, dict) else rows_given
-        )
-        return (
-            pa.Table.from_pylist(rows_given)
-            if isinstance(rows_given, list)
-            else pa.table(rows_given)
-        )
-    except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
-        raise HTTPException(
-            400, "JSON rows with time, lat and lon, or columns of them, were expected"
-        ) from None
 
 
 def _metrics(filter_loop: FilterLoop, broadcaster: Broadcaster) -> list[str]:

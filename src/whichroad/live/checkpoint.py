@@ -1,6 +1,7 @@
 """What the filter knows, on disk twice a second, so that a crash costs less than one."""
 
 import json
+import math
 import os
 import struct
 import time
@@ -29,6 +30,9 @@ class Checkpoint:
 
     Attributes:
         counted: What `CanStream.resume` takes of each stream of the state taken up.
+        age: s since the state taken up was written.
+        published: Time of the newest estimate that was published before it was written, s;
+            -inf: none was.
 
     Raises:
         WriteError: The folder cannot be written to.
@@ -40,6 +44,7 @@ class Checkpoint:
         self._path, self._localizer = path, localizer
         self._buses = {} if buses is None else buses
         self.counted: dict[str, dict[str, list[float]]] = {}
+        self.age, self.published = 0.0, -math.inf
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._part.write_bytes(b"")
@@ -54,11 +59,16 @@ class Checkpoint:
     def _part(self) -> Path:
         return self._path.with_name(self._path.name + ".part")
 
-    def taken(self) -> Callable[[], None]:
-        """The state that is, as a call that writes it: from any thread, one at a time."""
+    def taken(self, published: float = -math.inf) -> Callable[[], None]:
+        """The state that is, as a call that writes it: from any thread, one at a time.
+
+        Args:
+            published: Time of the newest published estimate, s.
+        """
         state = self._localizer.state()
         about = {
             "written": time.time(),
+            "published": published if math.isfinite(published) else None,
             "counted": {name: stream.counted() for name, stream in self._buses.items()},
         }
 
@@ -77,6 +87,8 @@ class Checkpoint:
 
         Returns:
             The event time that the filter is at (None: it starts anew), and why, in words.
+            It is left there, not woken: how long the pause was is known with the first
+            observation.
         """
         try:
             about, data = read_checkpoint(self._path)
@@ -96,10 +108,10 @@ class Checkpoint:
             self._localizer.restore(state)
         except MapError:
             return None, "the earlier state is of another map; starting anew"
-        self.counted = about["counted"]
-        if not replay:
-            self._localizer.wake(state.time + age)
-        return state.time + age, f"resumed a state {age:.1f} s old"
+        self.counted, self.age = about["counted"], age
+        known = about.get("published")
+        self.published = -math.inf if known is None else known
+        return state.time, f"resumed a state {age:.1f} s old"
 
 
 def _with(about: dict[str, Any], state: bytes) -> bytes:

@@ -2,6 +2,10 @@
 
 Inputs call `take` and a timer calls `tick`.  Each message is passed to all outputs when it
 is made.  Nothing here blocks.
+
+The time of what is published is that of the sensors.  It never goes back, and never beyond
+the newest observation by more than the inputs' usual intervals explain.  A late observation
+is taken at its own time, and the estimate is predicted to the time that was published already.
 """
 
 import json
@@ -22,8 +26,12 @@ from .reorder_buffer import ReorderBuffer
 Sink = Callable[[bytes, EstimateMessage], None]
 
 LIVE = PlayMessage(mode="live", paused=False, speed=1.0, position_s=None, length_s=None)
-_SILENCE = 0.3  # s without an observation after which dead reckoning starts
-_HORIZON = 60.0  # s, longest dead reckoning without an observation
+_SILENCE = 0.3  # s without an observation after which messages are predicted
+_LATE_BY = 2.5  # usual intervals without an observation after which this is dead reckoning
+_INTERVALS = 5.0  # usual intervals beyond the newest observation that are predicted, at most
+_LEAST_HORIZON, _HORIZON = 1.0, 60.0  # s, bounds of that prediction
+_ASSUMED = 1.0  # s, usual interval of the observations before two have come
+_LOST = 1.0  # s of messages, at most, between the last checkpoint and a crash
 _LEAST = 0.02  # s, shortest time between messages triggered by fixes
 _AHEAD = 5.0  # s, largest difference of clocks beyond the window
 _OTHERS_SILENT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
@@ -40,11 +48,15 @@ class FilterLoop:
         window: Largest delay of an observation, s.
         rate: Messages per second while no fix triggers one.
         recorder: Records observations and estimates.
+        clock: Gives the time that passes, s.
 
     Attributes:
         seq: Number of the last message.
         gnss_masked: Whether fixes are withheld from the filter.
         published: The last message, as JSON.
+        until: Time of the newest estimate that was published, s.
+        recorded: Time of the last recorded estimate, s.
+        present: The event time at a time of the clock; of a recording, its player's.
     """
 
     def __init__(
@@ -54,8 +66,9 @@ class FilterLoop:
         window: float = 1.0,
         rate: float = 10.0,
         recorder: Recorder | None = None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.localizer, self.recorder = localizer, recorder
+        self.localizer, self.recorder, self._clock = localizer, recorder, clock
         self.buffer = ReorderBuffer(localizer, window)
         self.messages = Messages(localizer.roads)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
@@ -73,7 +86,11 @@ class FilterLoop:
         self._fix_masked = False
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
         self._last_fix_message = -1e9  # clock at the last message triggered by a fix
-        self._recorded = -1e18
+        self._newest = self._newest_at = -math.inf  # newest observation, clock at its arrival
+        self._interval: float | None = None  # s between arrivals of the most frequent input
+        self._spacing = 0.0  # s between the times of its observations
+        self.until = self.recorded = -math.inf
+        self.present: Callable[[float], float] = lambda now: self._newest + now - self._newest_at
 
     @property
     def roads(self) -> RoadMap:
@@ -97,17 +114,16 @@ class FilterLoop:
         Args:
             health: Health of the input.
             observations: At least one, in the order of arrival.
-            arrival: Time of arrival on the clock of `time.perf_counter`, s.
+            arrival: Time of arrival on `clock`, s.
             recorded: Whether their times come from a recording.
         """
-        now = time.perf_counter()
+        now = self._clock()
         if not recorded and not self._in_time(observations, now):
             health.skipped += len(observations)
             return
         has_fix = self.observe(observations)
-        health.heard(
-            len(observations), now, None if recorded else time.time() - observations[-1].time
-        )
+        made = observations[-1].time
+        health.heard(len(observations), now, None if recorded else time.time() - made, made)
         self._last_arrival = now
         if has_fix and now - self._last_fix_message >= self.least:
             self._last_fix_message = now
@@ -121,9 +137,10 @@ class FilterLoop:
     def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
         """Whether an input's clock agrees with the others; a lone input is accepted."""
         buffer, silent = self.buffer, now - self._last_arrival
-        if buffer.now < 0.0:
+        newest = max(buffer.now, self._newest)
+        if newest < 0.0:
             return True
-        ahead = observations[0].time - buffer.now
+        ahead = observations[0].time - newest
         if ahead > silent + _AHEAD:
             why = "clock ahead of the others"
         elif ahead < -buffer.window - _AHEAD:
@@ -132,8 +149,8 @@ class FilterLoop:
             return True
         if silent > _OTHERS_SILENT:
             self.localizer.restore(self._blank)
-            buffer.begin(-math.inf)
-            self.reckoning.stop()
+            self.begin(-math.inf)
+            self.recorded = -math.inf
             buffer.skipped["clock jumped: started anew"] += 1
             return True
         buffer.skipped[why] += len(observations)
@@ -148,48 +165,102 @@ class FilterLoop:
                 recorder.observe(one)
             if isinstance(one, GeoFix):
                 has_fix = True
-                self._fix, self._fix_masked = one, self.gnss_masked
+                if self._fix is None or one.time >= self._fix.time:
+                    self._fix, self._fix_masked = one, self.gnss_masked
                 if self.gnss_masked:
+                    self._hear(one.time)
                     continue
             else:
                 reckoning.take(one)
-            buffer.take(one)
-            if recorder is not None and buffer.now - self._recorded >= _RECORDED:
-                self._recorded = buffer.now
+            if not buffer.take(one):
+                continue
+            self._hear(one.time)
+            if recorder is not None and buffer.now - self.recorded >= _RECORDED:
+                self.recorded = buffer.now
                 recorder.record_estimate(self.localizer)
         return has_fix
 
+    def _hear(self, time_: float) -> None:
+        """An observation of that time has come."""
+        if time_ > self._newest:
+            self._newest, self._newest_at = time_, self._clock()
+
+    def begin(self, when: float) -> None:
+        """Start again at a time to which the localizer was set from outside: earlier, maybe."""
+        self.buffer.begin(when)
+        self.reckoning.stop()
+        self._fix = None
+        self._newest, self._newest_at, self.until = when, self._clock(), -math.inf
+
+    def resume(self, when: float, age: float, published: float) -> None:
+        """Go on after a crash, at the first observation: until then nothing is published.
+
+        Args:
+            when: Time of the localizer's state, s.
+            age: s since that state was stored.
+            published: Time of the newest estimate published until then, s.
+        """
+        self.buffer.begin(when, asleep=True)
+        self._last_arrival = self._clock() - age
+        self.until = published + min(age, _LOST)
+
     def tick(self) -> None:
-        """Publish by dead reckoning while no observation arrives; called regularly."""
-        now = time.perf_counter()
-        silent = now - self._last_arrival
-        if silent >= _SILENCE and now - self._last_message >= self._every and self.buffer.now > 0.0:
-            self.publish(ahead=min(silent, _HORIZON))
+        """Publish a prediction while no observation arrives; called regularly."""
+        now = self._clock()
+        if now - self._last_arrival >= _SILENCE and now - self._last_message >= self._every:
+            self.publish(when=self.present(now))
 
-    def estimate(self, ahead: float = 0.0) -> Estimate:
-        """The estimate at the last observation, or `ahead` seconds after it."""
-        if ahead and self.buffer.now > 0.0:
-            return self.localizer.predict(self.buffer.now + ahead)
-        return self.localizer.estimate()
+    def horizon(self, now: float) -> float:
+        """Seconds that are predicted beyond the newest observation, at most.
 
-    def publish(self, *, arrival: float | None = None, ahead: float = 0.0) -> None:
-        """Make a message and pass it to all outputs.
+        It is five usual intervals of the input that observes most often, of those that are not
+        silent; where all are, of the last one that was not.
+        """
+        usual = [
+            (one.interval, one.spacing or 0.0)
+            for one in self.sensors.values()
+            if one.interval is not None and one.state(now) == "ok"
+        ]
+        if usual:
+            self._interval, self._spacing = min(usual)
+        return min(max(_INTERVALS * self._spacing, _LEAST_HORIZON), _HORIZON)
+
+    def estimate(self, when: float = -math.inf) -> Estimate:
+        """The estimate at the last observation, or at a later time, s."""
+        estimate = self.localizer.estimate()
+        return self.localizer.predict(when) if estimate.time < when else estimate
+
+    def publish(self, *, arrival: float | None = None, when: float = -math.inf) -> None:
+        """Make a message and pass it to all outputs; nothing before the first observation.
 
         Args:
             arrival: Arrival time of the newest observation, for the latency.
-            ahead: Dead reckoning since the last observation, s.
+            when: Time to predict to, s; it is shortened to the horizon.
         """
-        now = self._last_message = time.perf_counter()
-        estimate = self.estimate(ahead)
+        now, newest = self._clock(), self._newest
+        if newest == -math.inf:
+            return
+        if max(when, self.until) > newest:
+            last = newest + self.horizon(now)
+            if self.until > last + 1e-6:
+                return  # an estimate that was published before a crash is newer
+            when = min(when, last)
+        self._last_message = now
+        when = max(newest, self.until, when)
+        estimate = self.estimate(when)
+        self.until = max(when, estimate.time)
         if not self.reckoning.begun and estimate.status not in ("lost",) and self.answered:
             self.reckoning.reset(estimate)
         self.seq += 1
-        self.message = self.messages.estimate(estimate, self._around(now, ahead))
+        silent = now - self._last_arrival
+        usual = _ASSUMED if self._interval is None else self._interval
+        dead = when > newest and silent > max(_SILENCE, _LATE_BY * usual)
+        self.message = self.messages.estimate(estimate, self._around(now, dead))
         self.published = json.dumps(self.message, allow_nan=False, separators=(",", ":")).encode()
         for sink in self.sinks:
             sink(self.published, self.message)
         if arrival is not None:
-            self.latency.add(time.perf_counter() - arrival)
+            self.latency.add(self._clock() - arrival)
 
     @property
     def answered(self) -> bool:
@@ -208,13 +279,13 @@ class FilterLoop:
         if self.answered:
             self.reckoning.reset(self.localizer.estimate())
 
-    def _around(self, now: float, ahead: float) -> Around:
+    def _around(self, now: float, dead_reckoning: bool) -> Around:
         localizer, back = self.localizer, self.localizer.lag is not None
         return Around(
             seq=self.seq,
             fix=self._fix,
             fix_masked=self._fix_masked,
-            dead_reckoning=ahead > 0.0,
+            dead_reckoning=dead_reckoning,
             lagged=localizer.lagged() if back else None,
             decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
@@ -227,7 +298,7 @@ class FilterLoop:
 
     def health(self) -> dict[str, Any]:
         """The content of `/health`."""
-        now = time.perf_counter()
+        now = self._clock()
         sensors = [sensor.message(now) for sensor in self.sensors.values()]
         good = bool(sensors) and all(s["ok"] or s["state"] == "ended" for s in sensors)
         return {

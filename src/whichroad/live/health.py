@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import Any
 
 from .messages import LatencyMessage, SensorMessage
@@ -9,8 +10,10 @@ from .messages import LatencyMessage, SensorMessage
 _BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s, of bins
 _WINDOW = 5.0  # s over which rates are averaged
 _RECENT = 1000  # sample size of p50 and p99
-_SILENT = 1.0  # s without a reading, or number of usual intervals
-_INTERVALS = 5.0
+_MADE = 16  # readings whose own times give their usual spacing
+_SILENT = 1.0  # s without a reading after which an input is silent, if that is
+_INTERVALS = 5.0  # usual intervals between its readings or more
+_ASSUMED = 1.0  # s, interval between readings before two have come: a receiver's usual one
 
 
 class Health:
@@ -33,11 +36,27 @@ class Health:
         self.link = "waiting"
         self.delay: float | None = None
         self._last: float | None = None
+        self._interval: float | None = None
+        self._made: deque[float] = deque(maxlen=_MADE)
         self._counts: deque[tuple[float, int]] = deque()
 
-    def heard(self, count: int, now: float, delay: float | None = None) -> None:
-        """So many observations came; `delay`: s since the last one was made."""
+    def heard(
+        self, count: int, now: float, delay: float | None = None, made: float | None = None
+    ) -> None:
+        """So many observations came.
+
+        Args:
+            count: How many.
+            now: When, on a clock of one's own, s.
+            delay: s since the last one was made.
+            made: That one's own time, s.
+        """
+        if made is not None:
+            self._made.append(made)
         self.count += count
+        paused = self._last is not None and now - self._last > self._patience()
+        if paused and len(self._counts) > 1:
+            self._counts.clear()  # one pause says nothing about the usual interval
         self._last = now
         if delay is not None:
             known = self.delay if self.delay is not None else delay
@@ -47,12 +66,32 @@ class Health:
             while self._counts[0][0] < now - _WINDOW and len(self._counts) > 2:
                 self._counts.popleft()
 
+    @property
+    def interval(self) -> float | None:
+        """Usual seconds between its readings; None before two have come."""
+        if len(self._counts) > 1:
+            (begin, first), (end, last) = self._counts[0], self._counts[-1]
+            self._interval = (end - begin) / (last - first)
+        return self._interval
+
+    @property
+    def spacing(self) -> float | None:
+        """Usual difference of its readings' own times, s; None before two have come."""
+        made = sorted(self._made)
+        steps = sorted(b - a for a, b in pairwise(made))
+        return steps[len(steps) // 2] if steps else None
+
+    def _patience(self) -> float:
+        """Seconds without a reading after which it is silent."""
+        interval = self.interval
+        return max(_SILENT, _INTERVALS * (_ASSUMED if interval is None else interval))
+
     def rate(self, now: float) -> float:
         """Observations a second."""
-        if len(self._counts) < 2 or now - self._counts[-1][0] > _WINDOW:
+        interval = self.interval
+        if len(self._counts) < 2 or not interval:
             return 0.0
-        (begin, first), (end, last) = self._counts[0], self._counts[-1]
-        return (last - first) / (end - begin)
+        return 1.0 / interval if now - self._counts[-1][0] <= max(_WINDOW, 2.0 * interval) else 0.0
 
     def age(self, now: float) -> float | None:
         """Seconds since it spoke; None: never."""
@@ -60,12 +99,12 @@ class Health:
 
     def state(self, now: float) -> str:
         """`waiting`, `ok`, `silent`, `lost` or `ended`."""
-        age, rate = self.age(now), self.rate(now)
+        age = self.age(now)
         if self.link in ("lost", "ended"):
             return self.link
         if age is None:
             return "waiting"
-        return "silent" if age > max(_SILENT, _INTERVALS / rate if rate else 0.0) else "ok"
+        return "silent" if age > self._patience() else "ok"
 
     def message(self, now: float) -> SensorMessage:
         """What is published of it."""

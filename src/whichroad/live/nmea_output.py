@@ -19,7 +19,8 @@ _MOST_IGNORED = 65_536  # bytes read from a consumer before reading stops
 
 def sentences(message: EstimateMessage) -> bytes:
     """The sentences of one message."""
-    moment = datetime.fromtimestamp(round(message["epoch_s"], 2), UTC)
+    hundredths = math.floor(100.0 * message["epoch_s"] + 1e-3)  # never rounded into the future
+    moment = datetime.fromtimestamp(hundredths / 100.0, UTC)
     clock = f"{moment:%H%M%S}.{moment.microsecond // 10_000:02d}"
     pose, ellipse = message["pose"], message["ellipse"]
     if pose is None or ellipse is None or message["status"] == "lost":

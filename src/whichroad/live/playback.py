@@ -1,6 +1,7 @@
 """Playback of recorded drives: at any speed, with pause, step and seek."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from dataclasses import fields
@@ -149,7 +150,7 @@ class Player:
         self._anchor = (0.0, 0.0)  # clock and time of the recording that correspond
         self._target: int | None = None  # index to which a seek goes
         self._wake = asyncio.Event()
-        filter_loop.play = self.message
+        filter_loop.play, filter_loop.present = self.message, self._present
 
     @property
     def position(self) -> float:
@@ -227,6 +228,14 @@ class Player:
             self._kept = self._kept[::2]
             self._every *= 2.0
 
+    def _present(self, clock: float) -> float:
+        """Time of the recording at a clock's time, not beyond the next observation."""
+        if self.speed is None or self.paused or self._at >= len(self.recording):
+            return -math.inf
+        anchor, recorded = self._anchor
+        due = recorded + self.speed * (clock - anchor)
+        return min(due, self.recording.when(self._at))
+
     def _set_anchor(self) -> None:
         self._anchor = (
             time.perf_counter(),
@@ -271,8 +280,7 @@ class Player:
             at, state = self._kept[-1] if self._kept else (0, self.filter_loop.localizer.state())
             self.filter_loop.localizer.restore(state)
             self._at = at
-            self.filter_loop.reckoning.stop()
-            self.filter_loop.buffer.begin(self.recording.when(at))
+            self.filter_loop.begin(self.recording.when(at))
         self._target = target
         self._wake.set()
 

@@ -50,14 +50,18 @@ class Appended:
         path: A stream of the same schema goes on behind its last whole batch.
         schema: Of the batches.
 
+    Attributes:
+        last: The last whole batch that was there before; None: there was none.
+
     Raises:
         WriteError: The file cannot be written, or holds something else.
     """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self.schema = schema
+        self.last: pa.RecordBatch | None = None
         try:
-            end = whole_until(path, schema) if path.exists() else 0
+            end, self.last = whole_until(path, schema) if path.exists() else (0, None)
             self._file = path.open("ab", buffering=0)
             self._file.truncate(end)
             if end == 0:
@@ -83,13 +87,15 @@ class Appended:
             view = view[os.write(self._file.fileno(), view) :]
 
 
-def whole_until(path: Path, schema: pa.Schema) -> int:
-    """Where the last whole batch of a stream ends, bytes; 0 for an empty or torn beginning.
+def whole_until(path: Path, schema: pa.Schema) -> tuple[int, pa.RecordBatch | None]:
+    """Where the last whole batch of a stream ends, bytes, and that batch.
+
+    Zero and None are the answer for an empty or torn beginning.
 
     Raises:
         WriteError: The file is something else.
     """
-    end = 0
+    end, last = 0, None
     with path.open("rb") as file:
         try:
             first = pa.ipc.read_message(file)
@@ -97,7 +103,7 @@ def whole_until(path: Path, schema: pa.Schema) -> int:
             end = file.tell()
             while file.tell() < path.stat().st_size:
                 message = pa.ipc.read_message(file)
-                pa.ipc.read_record_batch(message, found)
+                last = pa.ipc.read_record_batch(message, found)
                 end = file.tell()
         except (pa.ArrowException, OSError, EOFError, ValueError):
             pass
@@ -106,7 +112,7 @@ def whole_until(path: Path, schema: pa.Schema) -> int:
                 f"{path}: holds another table; an earlier recording or an empty folder was "
                 "expected; choose another with --record"
             )
-    return end
+    return end, last
 
 
 class Recorder:
@@ -144,6 +150,14 @@ class Recorder:
     def record_estimate(self, localizer: Localizer) -> None:
         """Record a localizer's estimate after the last observation."""
         self._estimates.append(localizer.last_rows())
+
+    @property
+    def until(self) -> float:
+        """Time of the last estimate that was recorded before this start, s; -inf: none was."""
+        last = self._points.last
+        if last is None or not last.num_rows:
+            return -math.inf
+        return float(last["time"].cast(pa.int64())[-1].as_py()) / 1e6
 
     @property
     def waiting(self) -> int:

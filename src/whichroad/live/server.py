@@ -13,12 +13,11 @@ from typing import Any
 
 import uvicorn
 from starlette.routing import BaseRoute
-from uvicorn.protocols.http.h11_impl import H11Protocol
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from ..errors import SettingError
 from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
 from ..online import Localizer
+from .access import is_local
 from .app import Service, application
 from .broadcaster import Broadcaster
 from .checkpoint import EVERY, Checkpoint
@@ -29,10 +28,10 @@ from .nmea_output import NmeaOutput
 from .playback import Player, RecordedObservations
 from .recording import Recorder
 from .sources import READERS, Address, NmeaInput, read_can
+from .traces import Traces
+from .web_server import listen, web_server
 
 _TICK = 0.05  # s
-_REQUEST_TIME = 10.0  # s, timeout of a request's head
-_PATIENCE = 5.0  # s, interval and timeout of WebSocket pings
 _FAST = 0.05  # s between messages while a recording is played as fast as possible
 _MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
@@ -43,6 +42,7 @@ class Plan:
 
     Attributes:
         localizer: The filter.
+        compiled: The file of its map, where that is a compiled one.
         nmea: Where fixes come from.
         can: Where frames come from, and the .dbc that describes them.
         recording: A recorded drive instead of both.
@@ -63,6 +63,7 @@ class Plan:
     """
 
     localizer: Localizer
+    compiled: Path | None = None
     nmea: Sequence[Address] = ()
     can: Sequence[tuple[Address, Path]] = ()
     recording: Drive | None = None
@@ -81,44 +82,6 @@ class Plan:
     pages: Sequence[BaseRoute] = ()
     report: Callable[[str], None] = field(default=lambda line: None)
     ready: Callable[[int], None] = field(default=lambda port: None)
-
-
-class Socket(WebSocketsSansIOProtocol):
-    """A WebSocket whose transport the broadcaster may write to."""
-
-    def __init__(self, *args: Any, **more: Any) -> None:
-        super().__init__(*args, **more)
-        self.app_state = {**self.app_state, "connection": self}
-        self.stalled = False
-
-    def keepalive_timeout(self) -> None:
-        """It does not answer."""
-        self.stalled = True
-        super().keepalive_timeout()
-        self.transport.abort()  # what it has not taken by now it never will
-
-
-class Http(H11Protocol):
-    """A connection that must ask within some seconds."""
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start the clock."""
-        super().connection_made(transport)
-        self._asked = self.loop.call_later(_REQUEST_TIME, self._give_up)
-
-    def _give_up(self) -> None:
-        if self.cycle is None and not self.transport.is_closing():
-            self.transport.abort()
-
-    def handle_websocket_upgrade(self, event: Any) -> None:
-        """It has asked, and is not ours any more."""
-        self._asked.cancel()
-        super().handle_websocket_upgrade(event)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Stop it."""
-        self._asked.cancel()
-        super().connection_lost(exc)
 
 
 def serve(plan: Plan) -> None:
@@ -157,6 +120,8 @@ class Run:
             plan.localizer, window=0.0 if plan.recording is not None else plan.window,
             rate=plan.rate, recorder=recorder,
         )  # fmt: skip
+        if recorder is not None and plan.recording is None:
+            self.filter_loop.recorded = recorder.until
         self.broadcaster = Broadcaster()
         self.buses: dict[str, CanStream] = {}
         self.checkpoint = (
@@ -166,6 +131,7 @@ class Run:
         self.player: Player | None = None
         self.broken: BaseException | None = None
         self._server: uvicorn.Server | None = None
+        self._traces: Traces | None = None
 
     def stop(self) -> None:
         """End soon; from the loop's own thread."""
@@ -177,23 +143,16 @@ class Run:
         plan = self.plan
         self._resume()
         inputs = self._inputs()
-        service = Service(self.filter_loop, self.broadcaster, self.player)
+        service = Service(self.filter_loop, self.broadcaster, self.player, plan.compiled)
+        self._traces = service.traces
         app = application(
-            service, pages=plan.pages, local=plan.host in ("127.0.0.1", "::1", "localhost"),
-            token=plan.token,
+            service, pages=plan.pages, local=is_local(plan.host), token=plan.token
         )  # fmt: skip
-        config = uvicorn.Config(
-            app, host=plan.host, port=plan.port, ws=Socket, http=Http, lifespan="off",
-            log_level="critical", access_log=False, ws_max_size=4096,
-            ws_per_message_deflate=False, ws_ping_interval=_PATIENCE, ws_ping_timeout=_PATIENCE,
-            limit_concurrency=2000, timeout_keep_alive=10, server_header=False,
-            timeout_graceful_shutdown=1, h11_max_incomplete_event_size=16_384,
-        )  # fmt: skip
-        server = self._server = uvicorn.Server(config)
+        server = self._server = web_server(app)
         for output in plan.nmea_outputs:
             await _opened(output.start(), f"--nmea-out {output.host}:{output.port}")
             self.filter_loop.sinks.append(output.send)
-        sock = self._bound(config)
+        sock = listen(plan.host, plan.port)
         gc.collect()
         gc.freeze()
         tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
@@ -220,8 +179,10 @@ class Run:
         replay = self.plan.recording is not None
         when, message = self.checkpoint.resume(replay=replay)
         self.plan.report(message)
-        if when is not None:
+        if when is not None and replay:
             self.filter_loop.buffer.begin(when)
+        elif when is not None:
+            self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
 
     def _inputs(self) -> list[Coroutine[Any, Any, None]]:
         """The coroutines that bring observations."""
@@ -280,7 +241,9 @@ class Run:
             full = recorder is not None and recorder.waiting > _MOST_ROWS
             if now - kept >= EVERY or full:
                 kept = now
-                jobs = [one.taken() for one in (recorder, self.checkpoint) if one is not None]
+                jobs = [] if recorder is None else [recorder.taken()]
+                if self.checkpoint is not None:
+                    jobs.append(self.checkpoint.taken(self.filter_loop.until))
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
     async def _until_end(self, player: Player) -> None:
@@ -296,30 +259,15 @@ class Run:
             self.broken = self.broken or _named(error)
             self.stop()
 
-    def _bound(self, config: uvicorn.Config) -> Any:
-        import socket
-
-        family = socket.AF_INET6 if ":" in self.plan.host else socket.AF_INET
-        sock = socket.socket(family)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            sock.bind((self.plan.host, self.plan.port))
-            sock.listen(512)
-        except OSError as error:
-            sock.close()
-            raise SettingError(
-                f"--port {self.plan.port} of {self.plan.host} cannot be opened "
-                f"({error.strerror}); a free port was expected; choose another"
-            ) from None
-        return sock
-
     def _close(self) -> None:
         self.broadcaster.close()
+        if self._traces is not None:
+            self._traces.close()
         for output in self.plan.nmea_outputs:
             output.close()
         self.writer.shutdown(wait=True)
         if self.checkpoint is not None:
-            self.checkpoint.taken()()
+            self.checkpoint.taken(self.filter_loop.until)()
         if self.filter_loop.recorder is not None:
             self.filter_loop.recorder.close()
 

@@ -7,32 +7,33 @@ import threading
 import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ..errors import SettingError
-from ..live.access import AccessControl
+from ..live.access import AccessControl, is_local
+from ..live.refusals import HANDLERS, asked_of
+from ..live.web_server import listen, web_server
 from ..page import page_routes
 from .player import Player, Refused
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_LARGEST = 4096  # bytes of the largest message of a viewer
-_LOCAL = ("127.0.0.1", "::1", "localhost")
 _SLOW = 5.0  # s after which a viewer that takes no message is disconnected
 _CROWD = 64  # viewers at a time
 
 
 def replay_app(
-    player: Player, roads: "RoadMap", *, tiles_url: str | None = None, host: str = "127.0.0.1"
-) -> Starlette:
+    player: Player, roads: "RoadMap", *, tiles_url: str | None = None, host: str = "127.0.0.1",
+    token: str | None = None,
+) -> Starlette:  # fmt: skip
     """The application that serves a replay.
 
     Args:
@@ -40,6 +41,7 @@ def replay_app(
         roads: The map that the page draws.
         tiles_url: Raster tiles below it, as `page_routes` takes them.
         host: Where it listens; on this machine, none but its own names are served.
+        token: Asked of everybody; None: nobody.
     """
     crowd: set[WebSocket] = set()
 
@@ -79,26 +81,10 @@ def replay_app(
             Route("/control", control, methods=["POST"]),
             WebSocketRoute("/ws", show),
         ],
-        middleware=[Middleware(AccessControl, local=host in _LOCAL)],
+        middleware=[Middleware(AccessControl, local=is_local(host), token=token)],
+        exception_handlers=HANDLERS,
         lifespan=lifespan,
     )
-
-
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens there.
-
-    Raises:
-        SettingError: It cannot: the port is taken, or the address is not this machine's.
-    """
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family)
-    except OSError as error:
-        why = error.strerror or str(error)
-        raise SettingError(
-            f"{host}, port {port}: {why}; a free port of this machine was expected; choose "
-            "another by --port, or 0 for any"
-        ) from error
 
 
 def serve(app: Starlette, listener: socket.socket, page: str | None = None) -> None:
@@ -109,12 +95,9 @@ def serve(app: Starlette, listener: socket.socket, page: str | None = None) -> N
         listener: The socket that listens.
         page: An address to open in a browser, if any.
     """
-    import uvicorn
-
     if page is not None:
         threading.Timer(0.8, webbrowser.open, (page,)).start()
-    config = uvicorn.Config(app, log_level="warning", ws_max_size=_LARGEST, lifespan="on")
-    uvicorn.Server(config).run(sockets=[listener])
+    web_server(app, lifespan=True).run(sockets=[listener])
 
 
 async def _listen(viewer: WebSocket) -> None:
@@ -136,17 +119,12 @@ async def _send_frames(viewer: WebSocket, player: Player) -> None:
 
 
 async def _control(request: Request, player: Player) -> JSONResponse:
-    try:
-        asked: Any = json.loads(await request.body())
-        action, value = asked["action"], asked.get("value")
-    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        return _refused('a JSON object with an "action" was expected', 400)
+    action, value = await asked_of(request)
     try:
         await player.control(action, value)
     except Refused as refused:
-        return _refused(str(refused), 409)
+        raise HTTPException(409, str(refused)) from None
     return JSONResponse({"play": player.message["play"]})
 
 
-def _refused(why: str, code: int) -> JSONResponse:
-    return JSONResponse({"error": why}, code)
+__all__ = ["listen", "replay_app", "serve"]

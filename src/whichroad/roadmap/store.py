@@ -131,6 +131,15 @@ def read(path: Path) -> tuple[dict[str, Any], Arrays]:
         raise MapError(_refusal(path, "its header is of another kind")) from error
 
 
+def is_compiled(path: Path) -> bool:
+    """Whether a file begins as a compiled map does."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
 def _refusal(path: Path, seen: str) -> str:
     return f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`"
 

@@ -35,7 +35,7 @@ function take(message) {
   const before = state.frame;
   state.frame = message;
   state.roads = roadsOf(message.hypotheses);
-  if (before && message.epoch_s < before.epoch_s - 1e-6) forget();
+  if (before && message.epoch_s < before.epoch_s - 1e-6) forget(message);
   keepRow(message);
   keepFix(message.fix);
   keepReckoning(message.reckoning);
@@ -47,11 +47,12 @@ function take(message) {
   refresh();
 }
 
-/** Time went backwards: what came after it is no longer so. */
-function forget() {
+/** Time went backwards.  The track of a recording that was turned back is no longer so; that of sensors whose clock was set back was driven all the same. */
+function forget(message) {
   state.fixes.clear();
   state.reckoning.clear();
-  if (!state.recording) state.series.clear();
+  if (message.play.mode === "live") state.series.endBefore(message.epoch_s - CLOSE);
+  else if (!state.recording) state.series.clear();
 }
 
 function keepRow(message) {

@@ -31,6 +31,12 @@ export class Series {
     }
   }
 
+  /** Moves the times of all rows so that the last is not after t: the sensors' clock was set back. */
+  endBefore(t) {
+    const ahead = this.end - t;
+    if (ahead > 0) this.columns.t = this.columns.t.map((time) => time - ahead);
+  }
+
   get(name, i) {
     return this.columns[name][(this.head + i) % this.capacity];
   }

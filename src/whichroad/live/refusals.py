@@ -1,0 +1,59 @@
+"""What `live` and `replay` answer to a request that they cannot handle: a status, a sentence."""
+
+import asyncio
+import json
+from typing import Any
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.types import Receive, Scope, Send
+
+from .access import refuse
+
+_BODY_TIME = 30.0  # s, timeout of a request's body
+
+
+class Refusal(Response):
+    """An error as JSON; what is left of the request's body is not taken.
+
+    Args:
+        error: Status, reason and headers.
+    """
+
+    def __init__(self, error: HTTPException) -> None:
+        super().__init__(status_code=error.status_code)
+        self._error = error
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        error = self._error
+        await refuse(scope, receive, send, error.status_code, error.detail, headers=error.headers)
+
+
+async def _refusal(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return Refusal(error)
+
+
+async def _broken(request: Request, error: Exception) -> Response:
+    return JSONResponse({"error": "this should not happen"}, 500)
+
+
+HANDLERS: dict[Any, Any] = {HTTPException: _refusal, Exception: _broken}
+
+
+async def asked_of(request: Request) -> tuple[Any, Any]:
+    """Action and value that `/control` is asked for.
+
+    Raises:
+        HTTPException: The body is something else, or does not come in time.
+    """
+    try:
+        async with asyncio.timeout(_BODY_TIME):
+            asked = json.loads(await request.body())
+        return asked["action"], asked.get("value")
+    except TimeoutError:
+        raise HTTPException(408, "the body did not come in time") from None
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        raise HTTPException(400, 'a JSON object with an "action" was expected') from None

@@ -1,0 +1,196 @@
+"""The process that matches one posted trace.
+
+It reads `request.json` and `body` in a folder and leaves `answer` or `refusal.json`.  It has one
+thread and a limit of memory, and it ends when its standard input does.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ..errors import WhichroadError
+from ..roadmap import RoadMap
+from ..settings import Settings, Vehicle
+from .trace_limits import MOST_ROWS, TooLargeTrace, check_size, stream_of
+
+REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json"
+MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
+_ROWS_AT_ONCE = 2000  # rows of the answer that are made at once
+SURROUNDINGS = {  # threads and allocators reserve memory that counts as used
+    "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
+    "MALLOC_ARENA_MAX": "2",
+}  # fmt: skip
+
+
+class Refused(Exception):
+    """A trace that is not matched: status and reason."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status, self.why = status, why
+
+
+def request(suffix: str, roads: Path, vehicle: Vehicle, settings: Settings) -> str:
+    """What the worker is asked, as text.
+
+    Args:
+        suffix: Format of the body.
+        roads: The compiled map.
+        vehicle: The car.
+        settings: The model's numbers.
+    """
+    asked = {"suffix": suffix, "map": str(roads), "vehicle": asdict(vehicle)}
+    return json.dumps({**asked, "settings": asdict(settings)})
+
+
+def match_trace(folder: Path) -> None:
+    """Match the trace in a folder, and leave the answer there.
+
+    Args:
+        folder: Holds `request.json` and `body`.
+
+    Raises:
+        Refused: It cannot be matched.
+    """
+    from ..matching import match
+
+    asked = json.loads((folder / REQUEST).read_text("utf-8"))
+    vehicle, settings = Vehicle(**asked["vehicle"]), Settings(**asked["settings"])
+    try:
+        drives = _read(folder, asked["suffix"], vehicle, settings)
+        if sum(_size(drive) for drive in drives) > MOST_ROWS:
+            raise TooLargeTrace(f"trace: at most {MOST_ROWS:,} rows are taken here")
+        result = match(drives, RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings)
+        with (folder / ANSWER).open("w", encoding="utf-8") as file, _within_bounds():
+            file.writelines(answer_of(result))
+    except TooLargeTrace as error:
+        raise Refused(413, str(error)) from None
+    except WhichroadError as error:
+        raise Refused(422, str(error).replace(f"{folder}{os.sep}", "")) from None
+    except MemoryError:
+        raise Refused(413, "trace: it needs more memory than one trace may take") from None
+
+
+def answer_of(result: Any) -> Iterator[str]:
+    """The answer as JSON, in pieces."""
+    yield '{"version": 1, "points": ['
+    points = result.to_arrow()
+    names = [name for name in points.column_names if name != "geometry"]
+    points = points.select(names)
+    for start in range(0, points.num_rows, _ROWS_AT_ONCE):
+        frame = points.slice(start, _ROWS_AT_ONCE).to_pandas()
+        yield ("," if start else "") + frame.to_json(orient="records", date_format="iso")[1:-1]
+    yield '], "path": '
+    path = result.path
+    if len(path):
+        for start in range(0, len(path), _ROWS_AT_ONCE):
+            part = path.iloc[start : start + _ROWS_AT_ONCE]
+            features = json.loads(part.to_json(drop_id=True, default=str))
+            text = json.dumps(features.pop("features"), default=str)
+            head = json.dumps({**features, "features": []})[: -len("]}")]
+            yield (head if start == 0 else ",") + text[1:-1]
+        yield "]}"
+    else:
+        yield "null"
+    summary = {k: v for k, v in result.summary.items() if k != "sources"}
+    yield f', "summary": {json.dumps(summary, default=str, allow_nan=False)}}}'
+
+
+def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> Any:
+    """The drives of a body whose size is checked."""
+    from ..readers import drive_from_table, read_drive
+
+    body = (folder / BODY).read_bytes()
+    if suffix == ".arrow" and (stream := stream_of(body)) is not body:
+        body = stream
+        (folder / BODY).write_bytes(body)
+    check_size(body, suffix)
+    with _within_bounds():
+        if suffix == ".json":
+            return drive_from_table(_columns(body), vehicle=vehicle, settings=settings)
+        path = folder / f"trace{suffix}"
+        os.replace(folder / BODY, path)
+        del body
+        return read_drive(path, vehicle=vehicle, settings=settings)
+
+
+@contextlib.contextmanager
+def _within_bounds() -> Iterator[None]:
+    """What only a strange value breaks, such as a time beyond the calendar, is the trace's fault.
+
+    Raises:
+        Refused: There is one.
+    """
+    try:
+        yield
+    except (ValueError, TypeError, ArithmeticError, LookupError, NotImplementedError) as error:
+        if isinstance(error, WhichroadError):
+            raise
+        raise Refused(422, "trace: a value is out of bounds or of another kind") from None
+
+
+def _size(drive: Any) -> int:
+    return sum(len(log.time) for log in (drive.fixes, drive.odometry) if log is not None)
+
+
+def _columns(body: bytes) -> Any:
+    """JSON rows, or columns, as columns."""
+    import pyarrow as pa
+
+    try:
+        given = json.loads(body)
+        given = given.get("points", given) if isinstance(given, dict) else given
+        return pa.Table.from_pylist(given) if isinstance(given, list) else pa.table(given)
+    except OverflowError:
+        raise Refused(400, "a number is beyond 64 bits") from None
+    except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
+        raise Refused(
+            400, "JSON rows with time, lat and lon, or columns of them, were expected"
+        ) from None
+
+
+def _limit_memory() -> None:
+    """Let private memory grow by so much and no more, on Linux; elsewhere nothing limits it."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        data = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_DATA, (data + MOST_MEMORY, data + MOST_MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _end_with_the_service(folder: Path) -> None:
+    """Wait for the end of the standard input: the service is gone, or the client is."""
+    with contextlib.suppress(OSError):
+        while os.read(0, 1):
+            pass
+    shutil.rmtree(folder, ignore_errors=True)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def main() -> None:
+    """Match the trace in the folder that is the argument."""
+    folder = Path(sys.argv[1])
+    threading.Thread(target=_end_with_the_service, args=(folder,), daemon=True).start()
+    import geopandas  # noqa: F401  # what is imported does not count as the trace's memory
+    import pyarrow as pa
+    import pyarrow.csv
+
+    from .. import matching  # noqa: F401
+
+    pa.set_cpu_count(1)
+    pa.set_io_thread_count(1)
+    _limit_memory()
+    try:
+        match_trace(folder)
+    except Refused as refused:
+        text = json.dumps({"status": refused.status, "error": refused.why})
+        (folder / REFUSAL).write_text(text, encoding="utf-8")
