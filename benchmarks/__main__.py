@@ -35,6 +35,7 @@ BENCHMARKS = {
     "readers": ("readers.run", "sentences and frames a second"),
     "sparse": ("sparse.run", "fixes 1 to 60 s apart, beside the peers: accuracy, speed, costs"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
+    "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "live": ("live.run", "the service: latency, throughput, 200 clients, kill -9, rubbish"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
@@ -89,7 +90,8 @@ def parser() -> argparse.ArgumentParser:
         "--drives",
         type=int,
         metavar="N",
-        help="honesty: per class, with --seeds those of noises other than good; live: kills",
+        help="honesty: per class, with --seeds those of noises other than good; live: kills; "
+        "worlds: at most",
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
@@ -97,7 +99,11 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--intervals", metavar="1,10", help="sparse: seconds between fixes")
     command.add_argument("--conditions", metavar="A,B", help="sparse: such as 10s/5m/gm")
     command.add_argument("--peers", metavar="DIR", help="sparse: the peers' environments")
-    command.add_argument("--cache", metavar="DIR", help="sparse: what is kept between runs")
+    command.add_argument("--cache", metavar="DIR", help="sparse, worlds: kept between runs")
+    command.add_argument(
+        "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
+    )
+    command.add_argument("--out", metavar="DIR", help="worlds: tables and pictures go here")
     return command
 
 
@@ -135,7 +141,7 @@ def main() -> int:
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
-            *("parts", "intervals", "conditions", "peers", "cache"),
+            *("parts", "intervals", "conditions", "peers", "cache", "faults", "out"),
         )
     }
     if given["set"]:
