@@ -28,6 +28,7 @@ _GRID = 0.5  # m, between points of a path
 _ROUNDING = 3.0  # m, sigma of the smoothing of corners
 _SIDEWAYS = 4.0  # m/s², of a car in a bend
 _BRAKING = 5.0  # m/s²
+_PULLING = 3.0  # m/s²
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,11 +244,13 @@ def drivable(front: np.ndarray, heading: float) -> Truth:
     curvature = np.abs(np.gradient(bend, _GRID))
     limit = np.sqrt(_SIDEWAYS / np.interp(along[1:], grid, curvature).clip(1e-4))
     speed = np.minimum(step / STEP, limit)
-    for order in (range(1, len(speed)), range(len(speed) - 2, -1, -1)):
-        previous = order[0] - order.step
+    for order, most in (
+        (range(1, len(speed)), _PULLING),
+        (range(len(speed) - 2, -1, -1), _BRAKING),
+    ):
         for k in order:
-            speed[k] = min(speed[k], (speed[previous] ** 2 + 2 * _BRAKING * step[k]) ** 0.5)
-            previous = k
+            before = speed[k - order.step]
+            speed[k] = min(speed[k], (before**2 + 2.0 * most * step[k]) ** 0.5)
     moving = step > 0.0
     lasts = np.full(len(step), STEP)
     lasts[moving] = np.maximum(step[moving] / speed[moving].clip(0.05), STEP)

@@ -44,7 +44,7 @@ FAULTS = {
     "nagoya": Fault("receiver", 0.1, WHOLE, 1, "errors and covariances of a real city drive"),
     "kubicka": Fault("receiver", 0.1, WHOLE, 1, "errors of real drives world-wide, 5 m reported"),
     "comma": Fault("receiver", 0.05, WHOLE, 1, "errors of a real u-blox, 3 m reported"),
-    "wander": Fault("receiver", 0.1, WHOLE, 1, "fixes wander up to 60 m while the car stands"),
+    "standstill": Fault("receiver", 0.1, WHOLE, 1, "fixes drift up to 60 m while the car stands"),
     "speed_spike": Fault(
         "receiver", 0.05, (0.1, 0.1), 2, "one speed of 40 to 171 m/s", "wheels gnss fast"
     ),

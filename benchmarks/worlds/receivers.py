@@ -40,6 +40,7 @@ def receive(
         data: The folder of real data.
         random: Of this drive.
     """
+    [faulty] = random.spawn(1)  # what faults draw leaves the rest as it is
     period = 0.1 if suite == "fast" else 1.0
     time = np.arange(truth.time[0] + random.uniform(0.0, 0.1), truth.time[-1], period)
     heading = np.interp(time, truth.time, truth.heading)
@@ -50,18 +51,21 @@ def receive(
         ]
     )
     speed = np.interp(time, truth.time, truth.speed)
-    error, cov = _error(time, events, data, random)
-    error += _canyon(time, heading, speed, events, random)
-    error += _pulled_in(time, events, random) + _wander(time, speed, events, random)
+    error, cov = _error(time, random)
+    for name in ("nagoya", "kubicka", "comma"):
+        if has(events, name):
+            error, cov = _replay(time, replayed(name, data), faulty)
+    error += _canyon(time, heading, speed, events, faulty)
+    error += _pulled_in(time, events, faulty) + _standstill(time, speed, events, faulty)
     velocity = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     velocity += random.normal(0.0, 0.08, velocity.shape)
     measured = position + error
     if has(events, "lag"):
-        measured, velocity = _lagged(time, measured, velocity, float(random.uniform(0.5, 2.0)))
+        measured, velocity = _lagged(time, measured, velocity, float(faulty.uniform(0.5, 2.0)))
     if has(events, "sigma"):
-        cov = cov / random.uniform(2.0, 3.0) ** 2
+        cov = cov / faulty.uniform(2.0, 3.0) ** 2
     fixes = Fixes(time, *measured.T, cov, np.hypot(*velocity.T), _bearing(velocity))
-    _columns(fixes, events, suite, random)
+    _columns(fixes, events, suite, random, faulty)
     silent = during(time, events, "outage") | _before_jump(time, events)
     silent |= random.random(len(time)) < 0.003
     keep = ~silent & ~np.isnan(measured[:, 0])
@@ -93,17 +97,8 @@ def _steps(time: np.ndarray, mean: float, random: np.random.Generator) -> np.nda
     return random.normal(size=(len(at) + 1, 2))[np.searchsorted(at, time)]
 
 
-def _error(
-    time: np.ndarray, events: list[Event], data: Path, random: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors without the passing faults, (n, 2), and the covariances that are reported, (n, 3)."""
-    for name, reported in (("nagoya", None), ("kubicka", 5.0), ("comma", 3.0)):
-        if has(events, name):
-            series, cov = replayed(name, data)[int(random.integers(len(replayed(name, data))))]
-            k = (int(random.integers(len(series))) + np.arange(len(time))) % len(series)
-            if reported is not None:
-                cov = np.tile([reported**2, 0.0, reported**2], (len(series), 1))
-            return series[_there_and_back(k, len(series))], cov[_there_and_back(k, len(series))]
+def _error(time: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """A sound receiver's errors, (n, 2), and the covariances that it reports, (n, 3)."""
     slow = random.uniform(0.8, 2.2) * random.uniform(0.8, 1.25, 2)
     step, white = random.uniform(0.2, 0.8), random.uniform(0.3, 1.0)
     error = slow * smooth(time, float(random.uniform(60, 300)), random)
@@ -111,6 +106,18 @@ def _error(
     sigma = np.sqrt(slow**2 + step**2 + white**2) * random.lognormal(0.0, 0.1)
     sigma = np.round(sigma * random.lognormal(0.0, 0.05, error.shape), 1)
     return error, np.column_stack([sigma[:, 0] ** 2, np.zeros(len(time)), sigma[:, 1] ** 2])
+
+
+def _replay(
+    time: np.ndarray, series: list["Series"], random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """One of some series from a chance place on, with a second for a second."""
+    error, cov = series[int(random.integers(len(series)))]
+    at = int(random.integers(len(error))) + time - time[0]
+    k = _there_and_back(at.astype(int), len(error))
+    share = (at % 1.0)[:, None]
+    after = _there_and_back(at.astype(int) + 1, len(error))
+    return (1.0 - share) * error[k] + share * error[after], cov[k]
 
 
 def _there_and_back(k: np.ndarray, n: int) -> np.ndarray:
@@ -167,12 +174,12 @@ def _before_jump(time: np.ndarray, events: list[Event]) -> np.ndarray:
     return silent
 
 
-def _wander(
+def _standstill(
     time: np.ndarray, speed: np.ndarray, events: list[Event], random: np.random.Generator
 ) -> np.ndarray:
     """A random walk while the car stands, forgotten within seconds when it drives."""
     error = np.zeros((len(time), 2))
-    if not has(events, "wander"):
+    if not has(events, "standstill"):
         return error
     period = float(np.median(np.diff(time)))
     at, drift = np.zeros(2), np.zeros(2)
@@ -204,7 +211,10 @@ def _lagged(
     return out, out_velocity
 
 
-def _columns(fixes: Fixes, events: list[Event], suite: str, random: np.random.Generator) -> None:
+def _columns(
+    fixes: Fixes, events: list[Event], suite: str, random: np.random.Generator,
+    faulty: np.random.Generator,
+) -> None:  # fmt: skip
     """Speed and course as the receiver writes them, or not at all."""
     doppler = random.random() < 0.5
     about_speed = ("speed_spike", "speed_kmh", "speed_stuck", "course_stuck", "course_reversed")
@@ -216,7 +226,7 @@ def _columns(fixes: Fixes, events: list[Event], suite: str, random: np.random.Ge
     for e in events:
         if e.name == "speed_spike":
             k = min(int(np.searchsorted(fixes.time, e.begin)), len(fixes.time) - 1)
-            fixes.speed[k] = random.uniform(40.0, 171.0)
+            fixes.speed[k] = faulty.uniform(40.0, 171.0)
     if has(events, "speed_kmh"):
         fixes.speed *= 3.6
     if has(events, "speed_stuck"):

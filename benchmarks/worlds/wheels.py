@@ -26,7 +26,7 @@ def count_wheels(truth: Truth, events: list[Event], random: np.random.Generator)
     wear, uneven = 0.007 * random.normal(), 2.5e-4 * random.normal()
     slips = float(random.uniform(0.0, 2e-3))  # for each m/s² that the wheels pull
     columns: Columns = {"time": time.copy()}
-    factor = _factors(time, events, random)
+    factor = _factors(time, events, random.spawn(1)[0])  # faults leave the rest as it is
     for name, sign in (("left", -1.0), ("right", 1.0)):
         rolled = metres + sign * 0.5 * track * turn
         radius = 1.0 + wear + sign * (uneven + 1.5e-4 * side) + 2e-6 * speed**2
@@ -79,8 +79,9 @@ def measure_yaw(truth: Truth, events: list[Event], random: np.random.Generator) 
     speed = truth.speed * scale
     speed = np.where(np.abs(speed) < 0.02, 0.0, speed + random.normal(0.0, 0.03, n))
     bias, walk = 2e-4 * random.normal(), 1e-5
+    [faulty] = random.spawn(1)
     if has(events, "gyro_bias"):
-        bias = float(random.choice([-1.0, 1.0]) * random.uniform(1e-3, 6e-3))
+        bias = float(faulty.choice([-1.0, 1.0]) * faulty.uniform(1e-3, 6e-3))
         walk = 1e-4
     drift = bias + walk * np.sqrt(step) * np.cumsum(random.normal(size=n))
     yaw = gain * np.gradient(truth.heading, truth.time) + drift + random.normal(0.0, 1e-3, n)
