@@ -160,7 +160,8 @@ def _pulled_in(time: np.ndarray, events: list[Event], random: np.random.Generato
         if e.name == "jump":
             size, course = random.uniform(15.0, 80.0), random.uniform(0, 2 * np.pi)
             after = time - e.begin
-            fade = np.where((after > 0) & (time <= e.end), np.exp(-after / (e.end - e.begin)), 0.0)
+            lasts = (e.end - e.begin) / 3.0  # at the end 5 % are left
+            fade = np.where((after > 0) & (time <= e.end), np.exp(-after / lasts), 0.0)
             error += size * fade[:, None] * np.array([np.cos(course), np.sin(course)])
     return error
 
@@ -309,13 +310,14 @@ def _comma(data: Path) -> list[Series]:
     return [(error, np.tile([9.0, 0.0, 9.0], (len(error), 1)))]
 
 
-_TRACKS = (0, 1, 3, 5, 7, 8, 9, 10, 12, 13, 15, 16, 17, 18)  # whole, not shifted
+_TRACKS = (0, 1, 3, 5, 7, 8, 9, 10, 12, 13, 16, 17, 18)  # whole, not shifted, no loops
 
 
 def _kubicka(data: Path) -> list[Series]:
     """Distances of fixes from the routes of real drives: one drive's for east, another's north.
 
-    The component along the road is not known; the ones across are, over all directions.
+    The component along the road is not known; the ones across are, over all directions.  A
+    constant part is the lane's and the map's, and is left out.
     """
     import tarfile
 
@@ -327,7 +329,8 @@ def _kubicka(data: Path) -> list[Series]:
                 end: np.loadtxt(_member(tar, f"{name}.{end}"), ndmin=2)
                 for end in ("track", "nodes", "arcs", "route")
             }
-            across.append(_across(table))
+            found = _across(table)
+            across.append(found - np.median(found))
     pairs = zip(across, across[1:] + across[:1], strict=True)
     series = []
     for a, b in pairs:
