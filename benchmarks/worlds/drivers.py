@@ -19,6 +19,7 @@ OTHERS = 40  # cars in their way
 WHEELBASE = 3.6  # m, rear axle to front bumper
 _SHORTEST = 120.0  # s; shorter drives are left out
 _LEAST = 500.0  # m
+_ASIDE = 40.0  # m beside the line of its road: the drive's roads were not found
 _JUMP = 4.0  # m in a step: SUMO moved the car, nobody drove
 _SKIPPED = 5  # most streets that SUMO drives through within a step
 _WINDOW = 30.0  # m ahead, where the next row's place on the route is looked for
@@ -85,7 +86,7 @@ def _truth(rows: np.ndarray) -> Truth:
 
 def _trips(net: Net, random: np.random.Generator) -> str:
     """Cars by chance places, some with stops, and drivers of several kinds."""
-    edges = sorted(net.exits)
+    edges = sorted(e for e, c in net.code.items() if c in net.following)
     length = {e: _length(net.line(net.code[e])) for e in edges}
     weight = np.array([length[e] for e in edges])
     weight /= weight.sum()
@@ -142,8 +143,18 @@ def _read(table: Path, net: Net) -> list[Truth]:
         drive = drivable(numbers[part, 1:3], heading)
         forward = float(np.diff(drive.travel).min()) > -0.05
         if route and forward and drive.travel[-1] > _LEAST:
-            drives.append(replace(drive, code=roads_along(drive, route, net)))
+            drive = replace(drive, code=roads_along(drive, route, net))
+            if float(beside(drive, net).max()) < _ASIDE:
+                drives.append(drive)
     return drives
+
+
+def beside(drive: Truth, net: Net) -> np.ndarray:
+    """Distance of each row from the line of its road, (n,) m."""
+    import shapely
+
+    lines = np.array([shapely.LineString(s.line) for s in net.streets], dtype=object)
+    return np.asarray(shapely.distance(lines[drive.code >> 1], shapely.points(drive.x, drive.y)))
 
 
 def _route(code: np.ndarray, net: Net) -> list[int]:
@@ -155,7 +166,7 @@ def _route(code: np.ndarray, net: Net) -> list[int]:
         while paths and paths[0][-1] != target:
             path = paths.pop(0)
             if len(path) < _SKIPPED + 2:
-                paths += [[*path, c] for c in net.following(path[-1])]
+                paths += [[*path, c] for c in net.following.get(path[-1], [])]
         if not paths:
             return []
         route += paths[0][1:]

@@ -17,11 +17,12 @@ import numpy as np
 from .. import Skipped
 
 SIDE = 3200.0  # m, of the square that a world drives in
+LEAST = 120  # streets of a crop
 # extract: latitude and longitude of a town in it, where crops are drawn; reach, m
 EXTRACTS = {
     "heidelberg": (49.403, 8.68, 4000.0),
     "monaco": (43.738, 7.422, 800.0),
-    "andorra": (42.507, 1.522, 3000.0),
+    "andorra": (42.507, 1.522, 2000.0),
 }
 PLACES = (*EXTRACTS, "drawn", "random")
 _COMMON = (
@@ -57,18 +58,13 @@ class Net:
     lon_deg: float
     streets: list[Street]
     code: dict[str, int]  # of SUMO's edges
-    exits: dict[str, list[str]]  # edges that follow each edge
-    edge: dict[int, str]  # of codes, the inverse
+    following: dict[int, list[int]]  # directed roads that may follow each one
     leaving: dict[str, list[int]]  # directed roads out of each node
 
     def ends(self, code: int) -> tuple[str, str]:
         """From which node to which a directed road runs."""
         a, b = self.streets[code >> 1].nodes
         return (b, a) if code & 1 else (a, b)
-
-    def following(self, code: int) -> list[int]:
-        """Directed roads that may follow one."""
-        return [self.code[e] for e in self.exits.get(self.edge[code], [])]
 
     def line(self, code: int) -> np.ndarray:
         """Its vertices in driving direction, (n, 2) m."""
@@ -113,8 +109,10 @@ def make_net(place: str, seed: int, folder: Path, data: Path) -> Net:
     file = folder / f"{place}-{seed}.net.xml"
     if place in EXTRACTS:
         lat, lon, reach = EXTRACTS[place]
-        if not file.exists():
+        while not file.exists():
             _crop(_whole(place, folder, data), file, random.uniform(-reach, reach, 2))
+            if len(read_net(file, lat, lon).streets) < LEAST:
+                file.unlink()
     else:
         lat, lon = random.uniform(35.0, 60.0), random.uniform(-5.0, 25.0)
         if not file.exists():
@@ -368,10 +366,15 @@ def read_net(file: Path, lat_deg: float, lon_deg: float) -> Net:
             item.clear()
     streets: list[Street] = []
     code: dict[str, int] = {}
-    open_: dict[tuple[str, str], list[int]] = {}
+    open_: dict[tuple[str, str], list[int]] = {}  # streets without their other direction
+    drawn: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}  # directed roads
     for name, a, b, shape, what in rows:
         line = _points(shape) if shape else np.array([place[a], place[b]])
         line[0], line[-1] = place[a], place[b]
+        again = next((c for c, p in drawn.get((a, b), []) if _same(p, line)), None)
+        if again is not None:  # two ways over the same nodes are one road
+            code[name] = again
+            continue
         twin = next((k for k in open_.get((b, a), []) if _same(streets[k].line[::-1], line)), None)
         if twin is None:
             code[name] = 2 * len(streets)
@@ -385,14 +388,18 @@ def read_net(file: Path, lat_deg: float, lon_deg: float) -> Net:
                 old.line, old.nodes, old.lanes + what["lanes"], False, old.highway, old.speed,
                 old.ring, old.source,
             )  # fmt: skip
+        drawn.setdefault((a, b), []).append((code[name], line))
     exits = {a: sorted({b for b in after if b in code}) for a, after in exits.items() if a in code}
     leaving: dict[str, list[int]] = {}
     for k, s in enumerate(streets):
         leaving.setdefault(s.nodes[0], []).append(2 * k)
         if not s.oneway:
             leaving.setdefault(s.nodes[1], []).append(2 * k + 1)
-    edge = {c: name for name, c in code.items()}
-    return Net(file, lat_deg, lon_deg, streets, code, exits, edge, leaving)
+    following: dict[int, set[int]] = {}
+    for name, after in exits.items():
+        following.setdefault(code[name], set()).update(code[e] for e in after)
+    roads = {c: sorted(after) for c, after in following.items()}
+    return Net(file, lat_deg, lon_deg, streets, code, roads, leaving)
 
 
 def _for_cars(lane: dict[str, str]) -> bool:
@@ -402,4 +409,12 @@ def _for_cars(lane: dict[str, str]) -> bool:
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    return len(a) == len(b) and float(np.abs(a - b).max()) < 1.0
+    """Whether two lines run beside each other within 1.5 m."""
+    return float(np.abs(_spread(a) - _spread(b)).max()) < 1.5
+
+
+def _spread(line: np.ndarray) -> np.ndarray:
+    """Nine points of a line at equal distances, (9, 2)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.linspace(0.0, along[-1], 9)
+    return np.column_stack([np.interp(at, along, line[:, i]) for i in (0, 1)])

@@ -13,7 +13,7 @@ from benchmarks.worlds.situations import situations
 
 def town(side: int = 6, block: float = 150.0) -> Net:
     """A grid of two-way streets; its first row is one-way and eastbound."""
-    streets, leaving, code, exits = [], {}, {}, {}
+    streets, leaving, code = [], {}, {}
     for i in range(side):
         for j in range(side):
             for k, h in ((i + 1, j), (i, j + 1)):
@@ -28,8 +28,7 @@ def town(side: int = 6, block: float = 150.0) -> Net:
         if not s.oneway:
             leaving.setdefault(s.nodes[1], []).append(2 * n + 1)
             code[f"-{n}"] = 2 * n + 1
-    edge = {c: name for name, c in code.items()}
-    return Net(None, 49.0, 8.0, streets, code, exits, edge, leaving)
+    return Net(None, 49.0, 8.0, streets, code, {}, leaving)
 
 
 def at_each_end(net: Net, chart, code: int) -> np.ndarray:
@@ -50,7 +49,7 @@ def test_each_true_road_is_the_maps_road_at_its_place(name):
     chart = draw_map(net, [Event(name, 0.0, 1.0)], np.random.default_rng(5))
     slack = {"shift": 32.0, "warp": 30.0, "chords": 15.0}.get(name, 9.0)
     missing = 0
-    for code in net.edge:
+    for code in net.code.values():
         if chart.road_of_code[code] < 0:
             missing += 1
             continue
@@ -95,7 +94,7 @@ def drive_along(points: list[tuple[float, float]], cut: float = 0.0) -> Truth:
 
 
 def route_of(net: Net, *nodes: str) -> list[int]:
-    ends = {net.ends(c): c for c in net.edge}
+    ends = {net.ends(c): c for c in net.code.values()}
     return [ends[pair] for pair in pairwise(nodes)]
 
 
