@@ -4,7 +4,7 @@ from pathlib import Path
 
 from .drives import Scored
 from .figures import Declarations, Poses, clopper_pearson, declarations, pose_rows, poses
-from .scoring import PoseSums
+from .scoring import AFTER, PoseSums
 
 
 def _interval(pair: tuple[float, float] | None, form: str) -> str:
@@ -45,12 +45,30 @@ def pose_table(rows: list[Poses]) -> str:
     return "\n".join(lines)
 
 
+def wrong_table(drives: list[Scored]) -> str:
+    """Every wrong declaration, in the order of the drives."""
+    lines = [
+        "| drive | place | sensors | s | declared road | true road | error m | situation | faults |",
+        "|---|---|---|--:|--:|--:|--:|---|---|",
+    ]
+    for one in drives:
+        for d, about in zip(one.decisions, one.situations, strict=True):
+            if d.wrong:
+                faults = sorted({e.name for e in one.events if e.begin <= d.when <= e.end + AFTER})
+                lines.append(
+                    f"| {one.name} | {one.place} | {one.suite} | {d.when:.1f} | {d.road} | "
+                    f"{d.true_road} | {d.error:.1f} | {', '.join(sorted(about))} | "
+                    f"{', '.join(faults)} |"
+                )
+    return "\n".join(lines)
+
+
 def write_run(name: str, drives: list[Scored], folder: Path) -> None:
     """The tables of one class of faults."""
     text = (
         f"# Worlds, faults: {name}\n\n## Declarations, worst situation first\n\n"
         f"{declaration_table(declarations(drives))}\n\n## Poses, worst first\n\n"
-        f"{pose_table(pose_rows(drives))}\n"
+        f"{pose_table(pose_rows(drives))}\n\n## Wrong declarations\n\n{wrong_table(drives)}\n"
     )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.md").write_text(text, encoding="utf-8")

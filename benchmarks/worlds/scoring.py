@@ -48,6 +48,8 @@ class Decision:
     when: float  # s of the declaration, or `until`
     epoch: int  # of the declaration, -1: none
     road: int  # declared, -1: none
+    true_road: int = -1  # then; -1: the map lacks it
+    error: float = 0.0  # m, of the position then
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +127,9 @@ def decide(said: Said, passed: np.ndarray) -> list[Decision]:
                 continue
             wrong = road not in driven(said, k, SLACK, SLACK)
             found = Decision(
-                float(begin), float(end), True, wrong, float(said.time[k]), int(k), road
-            )
+                float(begin), float(end), True, wrong, float(said.time[k]), int(k), road,
+                int(said.true_road[k]), float(np.hypot(*said.error[k])),
+            )  # fmt: skip
             break
         out.append(found)
     return out

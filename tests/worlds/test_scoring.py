@@ -57,8 +57,9 @@ def test_the_road_just_left_is_not_declared_within_30_m_and_is_wrong_beyond():
 
 
 def test_a_declaration_of_another_road_is_wrong_at_once():
-    [one] = decide(said(np.where(T < 31, 0, 7)), PASSED)
+    [one] = decide(said(np.where(T < 31, 0, 7), error=np.tile([3.0, -4.0], (61, 1))), PASSED)
     assert (one.declared, one.wrong, one.when, one.road) == (True, True, 31.0, 7)
+    assert (one.true_road, one.error) == (1, 5.0)
 
 
 def test_a_road_that_begins_within_10_m_of_travel_is_right_and_11_m_ahead_is_wrong():
