@@ -48,7 +48,7 @@ def pose_table(rows: list[Poses]) -> str:
 def wrong_table(drives: list[Scored]) -> str:
     """Every wrong declaration, in the order of the drives."""
     lines = [
-        "| drive | place | sensors | s | declared road | true road | error m | situation | faults |",
+        "| drive | place | sensors | s | declared | true road | error m | situation | faults |",
         "|---|---|---|--:|--:|--:|--:|---|---|",
     ]
     for one in drives:
