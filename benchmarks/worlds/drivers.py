@@ -20,6 +20,7 @@ WHEELBASE = 3.6  # m, rear axle to front bumper
 _SHORTEST = 120.0  # s; shorter drives are left out
 _LEAST = 500.0  # m
 _ASIDE = 40.0  # m beside the line of its road: the drive's roads were not found
+_CORNER = 20.0  # m of lines, that a car may cut in so much travel
 _JUMP = 4.0  # m in a step: SUMO moved the car, nobody drove
 _SKIPPED = 5  # most streets that SUMO drives through within a step
 _WINDOW = 30.0  # m ahead, where the next row's place on the route is looked for
@@ -143,10 +144,45 @@ def _read(table: Path, net: Net) -> list[Truth]:
         drive = drivable(numbers[part, 1:3], heading)
         forward = float(np.diff(drive.travel).min()) > -0.05
         if route and forward and drive.travel[-1] > _LEAST:
-            drive = replace(drive, code=roads_along(drive, route, net))
-            if float(beside(drive, net).max()) < _ASIDE:
+            code_, route_m = roads_along(drive, route, net)
+            part = without_shortcuts(drive.travel, route_m)
+            drive = _slice(replace(drive, code=code_), part)
+            long = drive.travel[-1] > _LEAST and drive.time[-1] > _SHORTEST
+            if long and float(beside(drive, net).max()) < _ASIDE:
                 drives.append(drive)
     return drives
+
+
+def without_shortcuts(travel: np.ndarray, route: np.ndarray) -> slice:
+    """The longest part of a drive that follows its route's lines.
+
+    SUMO's junctions reach far up the legs of an acute angle; its cars turn there, tens of metres
+    before the node: no road is there that a car could turn on.
+
+    Args:
+        travel: (n,) m driven.
+        route: (n,) m along the lines of the route.
+    """
+    grid = np.arange(0.0, travel[-1], 1.0)
+    rows = np.searchsorted(travel, grid)
+    skipped = np.zeros(len(grid), bool)
+    reach = int(_CORNER)
+    gained = route[rows][reach:] - route[rows][:-reach] - _CORNER
+    for k in np.flatnonzero(gained > _CORNER):
+        skipped[k : k + reach] = True
+    cut = rows[skipped]
+    at = np.concatenate([[0], cut, [len(travel)]])
+    k = int(np.argmax(travel[np.minimum(at[1:], len(travel) - 1)] - travel[at[:-1]]))
+    return slice(int(at[k]), int(at[k + 1]))
+
+
+def _slice(drive: Truth, part: slice) -> Truth:
+    """A part of a drive, its time and its distance from 0 on."""
+    time, travel = drive.time[part], drive.travel[part]
+    return Truth(
+        time - time[0], drive.x[part], drive.y[part], drive.heading[part], travel - travel[0],
+        drive.code[part],
+    )  # fmt: skip
 
 
 def beside(drive: Truth, net: Net) -> np.ndarray:
@@ -173,7 +209,7 @@ def _route(code: np.ndarray, net: Net) -> list[int]:
     return route
 
 
-def roads_along(drive: Truth, route: list[int], net: Net) -> np.ndarray:
+def roads_along(drive: Truth, route: list[int], net: Net) -> tuple[np.ndarray, np.ndarray]:
     """The road of each row, by the geometry of the streets driven.
 
     SUMO's junctions have a size, and hide streets shorter than that.  The map's are points.  So a
@@ -185,7 +221,7 @@ def roads_along(drive: Truth, route: list[int], net: Net) -> np.ndarray:
         net: Their lines.
 
     Returns:
-        (n,) directed roads.
+        (n,) directed roads, and (n,) metres along the route's lines.
     """
     lines = [net.line(c) for c in route]
     a = np.concatenate([p[:-1] for p in lines])
@@ -194,7 +230,8 @@ def roads_along(drive: Truth, route: list[int], net: Net) -> np.ndarray:
     length = np.hypot(*d.T).clip(1e-6)
     begins = np.concatenate([[0.0], np.cumsum(length)[:-1]])
     course = np.arctan2(d[:, 1], d[:, 0])
-    code, progress, low = np.empty(len(drive), np.int64), 0.0, 0
+    code, along = np.empty(len(drive), np.int64), np.empty(len(drive))
+    progress, low = 0.0, 0
     ahead = float(length[which == 0].sum())  # where it may be at first
     for k in range(len(drive)):
         high = max(int(np.searchsorted(begins, progress + ahead, "right")), low + 1)
@@ -209,8 +246,8 @@ def roads_along(drive: Truth, route: list[int], net: Net) -> np.ndarray:
         best = int(np.argmin(cost))
         progress, low = float(here[best]), low + best
         ahead = _WINDOW if away[best] < 0.5 * _WINDOW else 4.0 * _WINDOW
-        code[k] = route[which[low]]
-    return code
+        code[k], along[k] = route[which[low]], progress
+    return code, along
 
 
 def _codes(edges: list[str], net: Net) -> np.ndarray:

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benchmarks.worlds.drivers import Truth, roads_along
+from benchmarks.worlds.drivers import Truth, roads_along, without_shortcuts
 from benchmarks.worlds.faults import FAULTS, Event
 from benchmarks.worlds.maps import INVENTED, beside, draw_map
 from benchmarks.worlds.nets import Net, Street
@@ -105,7 +105,8 @@ def test_a_rows_road_follows_the_lines_even_where_a_loop_comes_back():
         [(0, 150), (150, 150), (300, 150), (300, 300), (150, 300), (150, 150), (152, 148),
          (152, 290)], cut=2.0,
     )  # fmt: skip
-    code = roads_along(truth, route, net)
+    code, along = roads_along(truth, route, net)
+    assert along == pytest.approx(truth.travel, abs=8.0)
     seen = code[np.concatenate([[True], np.diff(code) != 0])].tolist()
     assert seen == route
     change = truth.travel[np.flatnonzero(np.diff(code)) + 1]
@@ -118,8 +119,19 @@ def test_decisions_are_passed_at_nodes_of_three_streets_with_their_kind():
     route = route_of(net, "0.0", "1.0", "2.0", "2.1")
     truth = drive_along([(0, 0), (150, 0), (300, 0), (300, 150)])
     truth = Truth(
-        truth.time, truth.x, truth.y, truth.heading, truth.travel, roads_along(truth, route, net)
+        truth.time, truth.x, truth.y, truth.heading, truth.travel, roads_along(truth, route, net)[0]
     )
     times, kinds = situations(net, chart, truth)
     assert times == pytest.approx([15.0, 30.0], abs=0.8)
     assert kinds == [frozenset({"junction"})] * 2
+
+
+def test_a_drive_is_cut_where_it_skips_a_part_of_its_route():
+    travel = np.arange(0.0, 1000.0, 0.5)
+    assert without_shortcuts(travel, travel) == slice(0, 2000)
+    skips = travel + np.where(travel > 300.0, 60.0, 0.0)
+    part = without_shortcuts(travel, skips)
+    assert travel[part.start] == pytest.approx(300.0, abs=25.0)
+    assert part.stop == 2000
+    round_ = travel + 10.0 * np.floor(travel / 100.0)  # corners that lie 10 m off the lines
+    assert without_shortcuts(travel, round_) == slice(0, 2000)
