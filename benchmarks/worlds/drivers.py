@@ -53,8 +53,8 @@ class Truth:
         return np.gradient(self.travel, self.time)
 
 
-def make_drives(net: Net, seed: int, folder: Path) -> list[Truth]:
-    """The drives of a world, kept as a file between runs."""
+def make_drives(net: Net, seed: int) -> list[Truth]:
+    """The drives of a world, kept as a file beside the net's between runs."""
     kept = net.file.with_suffix(".npz")
     if not kept.exists():
         table = net.file.with_suffix(".fcd.csv")

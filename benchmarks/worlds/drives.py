@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -83,11 +84,16 @@ def make_world(seed: int, chosen: list[str] | None, folder: Path, data: Path) ->
     """
     able = places(data)
     place = able[seed % len(able)]
-    net = make_net(place, seed, folder, data)
-    truths = make_drives(net, seed, folder)
+    net, truths = _driven(place, seed, folder, data)
     faults = draw_events(chosen, "map", "", np.inf, np.random.default_rng([seed, 1]))
     chart = draw_map(net, faults, np.random.default_rng([seed, 2]))
     return World(seed, place, net, chart, faults, truths)
+
+
+@lru_cache(12)  # the classes of a run share their worlds
+def _driven(place: str, seed: int, folder: Path, data: Path) -> tuple[Net, list[Truth]]:
+    net = make_net(place, seed, folder, data)
+    return net, make_drives(net, seed)
 
 
 def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], chart: Chart) -> Any:

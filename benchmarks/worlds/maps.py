@@ -33,7 +33,8 @@ class Chart:
     road_of_edge: np.ndarray  # (E,) road of each edge
     road_of_code: np.ndarray  # (codes,) road that holds a true directed road; -1: not mapped
     degree: dict[str, int]  # streets at each node, true and invented
-    lines: list[np.ndarray]  # of all streets, true and invented, for situations
+    lines: np.ndarray  # of all streets, true and invented, as shapely has them
+    tree: Any  # shapely's, over the lines
     lanes: list[int]  # of each of them, as the map says; 0: it does not
     false_nodes: frozenset[str]  # where invented streets begin and end
     plane: "Plane"
@@ -64,6 +65,8 @@ def draw_map(net: Net, faults: list[Event], random: np.random.Generator) -> Char
         faults: Of the map.
         random: Of this world.
     """
+    import shapely
+
     rows = [_row(k, net, faults, random) for k in range(len(net.streets))]
     if has(faults, "missing"):
         gone = random.random(len(rows)) < 0.05
@@ -78,10 +81,12 @@ def draw_map(net: Net, faults: list[Event], random: np.random.Generator) -> Char
     for ends in [s.nodes for s in net.streets] + [(r["from"], r["to"]) for r in invented]:
         for node in ends:
             degree[node] = degree.get(node, 0) + 1
+    true = [s.line for s in net.streets] + [r["line"] for r in invented]
+    lines = np.array([shapely.LineString(p) for p in true], dtype=object)
     known = {r["id"]: r["lanes"] or 0 for r in [*rows, *invented]}
     return Chart(
         roads, road_of_edge, _roads_of_codes(roads, road_of_edge, 2 * len(net.streets)), degree,
-        [s.line for s in net.streets] + [r["line"] for r in invented],
+        lines, shapely.STRtree(lines),
         [known.get(k, 0) for k in range(len(net.streets))] + [r["lanes"] or 0 for r in invented],
         frozenset(n for r in invented for n in (r["from"], r["to"])), plane,
     )  # fmt: skip

@@ -23,10 +23,6 @@ def situations(net: Net, chart: Chart, truth: Truth) -> tuple[np.ndarray, list[f
     Returns:
         (d,) times, ascending, and the kinds of each.
     """
-    import shapely
-
-    lines = np.array([shapely.LineString(p) for p in chart.lines], dtype=object)
-    tree = shapely.STRtree(lines)
     change = np.flatnonzero(np.diff(truth.code)) + 1
     times, kinds = [], []
     for k in change:
@@ -43,7 +39,7 @@ def situations(net: Net, chart: Chart, truth: Truth) -> tuple[np.ndarray, list[f
             kind.add("unmapped street")
         if node in chart.false_nodes:
             kind.add("invented street")
-        kind |= _beside(chart, truth, int(k), after, tree, lines)
+        kind |= _beside(chart, truth, int(k), after)
         times.append(float(truth.time[k]))
         kinds.append(frozenset(kind or {"junction"}))
     return np.array(times), kinds
@@ -67,9 +63,7 @@ def _turn(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _beside(
-    chart: Chart, truth: Truth, k: int, after: int, tree: object, lines: np.ndarray
-) -> set[str]:
+def _beside(chart: Chart, truth: Truth, k: int, after: int) -> set[str]:
     """Whether a street runs beside the one that was taken, and with what lane counts."""
     import shapely
 
@@ -79,16 +73,16 @@ def _beside(
     here = np.array([truth.x[at], truth.y[at]])
     own = int(truth.code[at]) >> 1
     found = set()
-    for j in tree.query(shapely.Point(here), "dwithin", BESIDE[1]):  # type: ignore[attr-defined]
+    for j in chart.tree.query(shapely.Point(here), "dwithin", BESIDE[1]):
         if j in (own, after >> 1):
             continue
-        s = lines[j].project(shapely.Point(here))
-        p = np.array(lines[j].interpolate(s).coords[0])
-        a, b = (np.array(lines[j].interpolate(s + d).coords[0]) for d in (-10.0, 10.0))
+        s = chart.lines[j].project(shapely.Point(here))
+        p = np.array(chart.lines[j].interpolate(s).coords[0])
+        a, b = (np.array(chart.lines[j].interpolate(s + d).coords[0]) for d in (-10.0, 10.0))
         away = float(np.hypot(*(p - here)))
         course = float(np.arctan2(*(b - a)[::-1]))
         slant = abs((course - truth.heading[at] + np.pi / 2) % np.pi - np.pi / 2)
-        if away >= BESIDE[0] and slant < _ALIGNED and 1.0 < s < lines[j].length - 1.0:
+        if away >= BESIDE[0] and slant < _ALIGNED and 1.0 < s < chart.lines[j].length - 1.0:
             found.add("parallel")
             found.add("parallel < 15 m" if away < 15.0 else "parallel >= 15 m")
             if chart.lanes[j] != chart.lanes[own]:
