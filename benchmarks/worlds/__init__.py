@@ -19,6 +19,7 @@ from .faults import FAULTS
 from .figures import badness, clopper_pearson, upper_bound
 from .nets import sumo_tool
 from .pictures import drive_picture, stanford
+from .receivers import absent
 from .report import summary_line, summary_table, write_run
 
 SEEDS = range(10)
@@ -32,7 +33,7 @@ def run(options: Options) -> list[Figure]:
     seeds, drives = options.seeds or SEEDS, more.get("drives")
     classes: dict[str, list[Scored]] = {}
     with _folder(more.get("cache")) as folder:
-        for name in names(more.get("faults", "none")):
+        for name in names(more.get("faults", "none"), absent(options.data)):
             chosen = {"none": [], "all": None}.get(name, name.split("+"))
             options.say(f"faults: {name}")
             runs = run_worlds(
@@ -48,10 +49,10 @@ def run(options: Options) -> list[Figure]:
     ]
 
 
-def names(text: str) -> list[str]:
+def names(text: str, missing: set[str]) -> list[str]:
     """Classes of a comma-separated list; `each`: sound sensors, all together, each fault alone."""
     if text == "each":
-        return ["none", "all", *FAULTS]
+        return ["none", "all", *(n for n in FAULTS if n not in missing)]
     for name in (n for word in text.split(",") for n in word.split("+")):
         if name not in FAULTS and name not in ("none", "all"):
             raise SystemExit(f"{name!r} is no fault; one of none, all, each, {', '.join(FAULTS)}")

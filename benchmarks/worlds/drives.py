@@ -17,7 +17,7 @@ from .drivers import Truth, make_drives
 from .faults import FAULTS, Event, draw_events, suite_of
 from .maps import Chart, draw_map
 from .nets import EXTRACTS, PLACES, Net, make_net
-from .receivers import ANTENNA, Fixes, receive
+from .receivers import ANTENNA, Fixes, absent, receive
 from .situations import situations
 from .wheels import PER_TICK, TRACK, count_wheels, measure_yaw
 
@@ -128,6 +128,9 @@ def sense(
     random = np.random.default_rng([world.seed, number, 4])
     length = float(truth.time[-1])
     about = [draw_events(chosen, part, suite, length, random) for part in ("receiver", "odometry")]
+    if chosen is None:  # what is drawn is what can be had here
+        missing = absent(data)
+        about = [[e for e in events if e.name not in missing] for events in about]
     fixes = receive(truth, about[0], suite, data, np.random.default_rng([world.seed, number, 5]))
     random = np.random.default_rng([world.seed, number, 6])
     odometry: dict[str, np.ndarray] = {}

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import Skipped
 from .drivers import Truth
 from .faults import Event, during, has
 
@@ -52,7 +53,7 @@ def receive(
     )
     speed = np.interp(time, truth.time, truth.speed)
     error, cov = _error(time, random)
-    for name in ("nagoya", "kubicka", "comma"):
+    for name in FILES:
         if has(events, name):
             error, cov = _replay(time, replayed(name, data), faulty)
     error += _canyon(time, heading, speed, events, faulty)
@@ -243,6 +244,13 @@ def _columns(
 _LEAP = 18.0  # s, GPS time ahead of UTC, as both tables are in
 _EARTH = 6_371_000.0
 
+FILES = {
+    "nagoya": ("nagoya/reference_first_half.csv", "nagoya/rover_1Hz_spp_first_half.pos"),
+    "kubicka": ("kubicka/tracks-00-49.tar.gz",),
+    "comma": ("comma_sf/comma_truth_20hz.csv", "comma_sf/comma_ublox.csv"),
+}
+"""Faults that are replayed, and the real data that they need."""
+
 Series = tuple[np.ndarray, np.ndarray]  # (n, 2) error, m; (n, 3) covariance, m²
 
 
@@ -253,15 +261,15 @@ def replayed(name: str, data: Path) -> list[Series]:
     Raises:
         Skipped: The data is not here.
     """
+    missing = [data / file for file in FILES[name] if not (data / file).exists()]
+    if missing:
+        raise Skipped(f"{missing[0]} is not here; set WHICHROAD_DATA or --data")
     return {"nagoya": _nagoya, "kubicka": _kubicka, "comma": _comma}[name](data)
 
 
-def _need(path: Path) -> Path:
-    from .. import Skipped
-
-    if not path.exists():
-        raise Skipped(f"{path} is not here; set WHICHROAD_DATA or --data")
-    return path
+def absent(data: Path) -> set[str]:
+    """Faults that cannot be replayed here."""
+    return {name for name in FILES if not all((data / file).exists() for file in FILES[name])}
 
 
 def _metres(lat: np.ndarray, lon: np.ndarray, lat0: float, lon0: float) -> np.ndarray:
@@ -277,7 +285,7 @@ def _every_second(time: np.ndarray, table: np.ndarray) -> np.ndarray:
 def _nagoya(data: Path) -> list[Series]:
     """Fix minus post-processed reference, with RTKLIB's covariances."""
     truth = np.genfromtxt(
-        _need(data / "nagoya" / "reference_first_half.csv"), delimiter=",", skip_header=1
+        data / "nagoya" / "reference_first_half.csv", delimiter=",", skip_header=1
     )
     rows = []
     for line in (data / "nagoya" / "rover_1Hz_spp_first_half.pos").read_text().splitlines():
@@ -301,7 +309,7 @@ def _nagoya(data: Path) -> list[Series]:
 
 def _comma(data: Path) -> list[Series]:
     """A u-blox against a post-processed truth, one minute; its mean offset kept."""
-    fix = np.genfromtxt(_need(data / "comma_sf" / "comma_ublox.csv"), delimiter=",", names=True)
+    fix = np.genfromtxt(data / "comma_sf" / "comma_ublox.csv", delimiter=",", names=True)
     true = np.genfromtxt(data / "comma_sf" / "comma_truth_20hz.csv", delimiter=",", names=True)
     lat0, lon0 = float(true["lat"][0]), float(true["lon"][0])
     xy = _metres(true["lat"], true["lon"], lat0, lon0)
@@ -322,7 +330,7 @@ def _kubicka(data: Path) -> list[Series]:
     import tarfile
 
     across = []
-    with tarfile.open(_need(data / "kubicka" / "tracks-00-49.tar.gz")) as tar:
+    with tarfile.open(data / "kubicka" / "tracks-00-49.tar.gz") as tar:
         for number in _TRACKS:
             name = f"{number:08d}/{number:08d}"
             table = {

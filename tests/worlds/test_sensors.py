@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from benchmarks import Skipped
+from benchmarks.worlds import names
 from benchmarks.worlds.drivers import WHEELBASE, Truth, drivable, rear_axle
 from benchmarks.worlds.faults import FAULTS, SUITES, Event, draw_events, during, suite_of
-from benchmarks.worlds.receivers import receive, smooth
+from benchmarks.worlds.receivers import absent, receive, replayed, smooth
 from benchmarks.worlds.wheels import PER_TICK, TRACK, count_wheels, measure_yaw
 
 
@@ -79,6 +81,23 @@ def test_fixes_drift_only_while_the_car_stands(truth, tmp_path):
     at_rest = away[sound.time < 50.0].max()
     assert 5.0 < at_rest < 60.0
     assert away[sound.time > 90.0].max() < 0.1
+
+
+def test_what_is_replayed_names_the_data_that_it_needs(truth, tmp_path):
+    assert absent(tmp_path) == {"nagoya", "kubicka", "comma"}
+    with pytest.raises(Skipped, match="comma_truth"):
+        fixes_of(truth, tmp_path, Event("comma", 0.0, 200.0))
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", ["nagoya", "kubicka", "comma"])
+def test_replayed_errors_are_of_a_receivers_size_and_change_slowly(name, data_folder):
+    for error, cov in replayed(name, data_folder):
+        size = np.hypot(*error.T)
+        assert 0.1 < np.median(size) < 20.0
+        assert size.max() < 215.0
+        assert np.median(np.hypot(*np.diff(error, axis=0).T)) < 3.0
+        assert (cov[:, 0] * cov[:, 2] > cov[:, 1] ** 2).all()
 
 
 def test_speed_and_course_are_wrong_as_their_faults_say(truth, tmp_path):
@@ -198,3 +217,10 @@ def test_faults_name_sensors_that_exist():
     assert sum(SUITES.values()) == pytest.approx(1.0)
     for fault in FAULTS.values():
         assert set(fault.suites.split()) <= set(SUITES)
+
+
+def test_classes_of_faults_are_read_and_what_is_none_is_refused():
+    assert names("each", {"comma"}) == ["none", "all", *(n for n in FAULTS if n != "comma")]
+    assert names("canyon,lag+sigma,none", set()) == ["canyon", "lag+sigma", "none"]
+    with pytest.raises(SystemExit, match="'fog' is no fault"):
+        names("canyon+fog", set())
