@@ -91,9 +91,9 @@ def _kept(name: str, runs: Iterator[Run], out: Path | None) -> list[Scored]:
 
 def _figures(name: str, drives: list[Scored], seeds: str) -> list[Figure]:
     """The figures of one class of faults."""
-    if not drives:
-        return []
     rows, pose, alert = summary_line(name, drives)
+    if pose is None or not rows.decisions:
+        return []
     sound = name == "none"
     bound = upper_bound(rows.wrong, rows.declared) if rows.declared else 1.0
     low, high = clopper_pearson(rows.wrong, max(rows.declared, 1))

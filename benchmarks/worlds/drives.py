@@ -206,9 +206,8 @@ def run_worlds(
     done = declared = wrong = 0
     for seed in seeds:
         world = make_world(seed, chosen, folder, data)
-        for number in range(len(world.truths)):
-            if drives is not None and done >= drives:
-                return
+        left = len(world.truths) if drives is None else drives - done
+        for number in range(min(left, len(world.truths))):
             run = run_drive(world, number, chosen, data, settings)
             done += 1
             if run is not None:
@@ -216,3 +215,5 @@ def run_worlds(
                 wrong += sum(d.wrong for d in run.scored.decisions)
                 yield run
         say(f"world {seed} ({world.place}): {done} drives, {declared:,} declared, {wrong} wrong")
+        if done == drives:
+            return
