@@ -148,7 +148,7 @@ def _read(table: Path, net: Net) -> list[Truth]:
             part = without_shortcuts(drive.travel, route_m)
             drive = _slice(replace(drive, code=code_), part)
             long = drive.travel[-1] > _LEAST and drive.time[-1] > _SHORTEST
-            if long and float(beside(drive, net).max()) < _ASIDE:
+            if long and float(off_line(drive, net).max()) < _ASIDE:
                 drives.append(drive)
     return drives
 
@@ -185,7 +185,7 @@ def _slice(drive: Truth, part: slice) -> Truth:
     )  # fmt: skip
 
 
-def beside(drive: Truth, net: Net) -> np.ndarray:
+def off_line(drive: Truth, net: Net) -> np.ndarray:
     """Distance of each row from the line of its road, (n,) m."""
     import shapely
 

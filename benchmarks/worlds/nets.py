@@ -28,7 +28,7 @@ PLACES = (*EXTRACTS, "drawn", "random")
 _COMMON = (
     "--geometry.remove", "--no-turnarounds.except-deadend", "--roundabouts.guess",
     "--keep-edges.components", "1", "--offset.disable-normalization",
-    "--output.original-names", "--no-warnings", "--tls.discard-simple",
+    "--no-warnings", "--tls.discard-simple",
 )  # fmt: skip
 
 
@@ -43,7 +43,6 @@ class Street:
     highway: str
     speed: float  # m/s
     ring: bool
-    source: str  # OpenStreetMap's id of the way, or ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,9 +348,8 @@ def read_net(file: Path, lat_deg: float, lon_deg: float) -> Net:
         if item.tag == "edge" and "function" not in got:
             lanes = item.findall("lane")
             cars = [v for v in lanes if _for_cars(v.attrib)]
-            source = next((p.attrib["value"] for p in item.iter("param")), "")
             what = {
-                "lanes": len(cars), "speed": float(lanes[0].attrib["speed"]), "source": source,
+                "lanes": len(cars), "speed": float(lanes[0].attrib["speed"]),
                 "highway": got.get("type", "").removeprefix("highway.") or "residential",
             }  # fmt: skip
             if cars:
@@ -386,7 +384,7 @@ def read_net(file: Path, lat_deg: float, lon_deg: float) -> Net:
             old = streets[twin]
             streets[twin] = Street(
                 old.line, old.nodes, old.lanes + what["lanes"], False, old.highway, old.speed,
-                old.ring, old.source,
+                old.ring,
             )  # fmt: skip
         drawn.setdefault((a, b), []).append((code[name], line))
     exits = {a: sorted({b for b in after if b in code}) for a, after in exits.items() if a in code}

@@ -21,7 +21,7 @@ def town(side: int = 6, block: float = 150.0) -> Net:
                     ends = f"{i}.{j}", f"{k}.{h}"
                     line = block * np.array([[i, j], [0.5 * (i + k), 0.5 * (j + h)], [k, h]])
                     oneway = j == h == 0
-                    streets.append(Street(line, ends, 2, oneway, "residential", 13.9, False, ""))
+                    streets.append(Street(line, ends, 2, oneway, "residential", 13.9, False))
     for n, s in enumerate(streets):
         leaving.setdefault(s.nodes[0], []).append(2 * n)
         code[f"{n}"] = 2 * n

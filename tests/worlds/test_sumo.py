@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks import Skipped
-from benchmarks.worlds.drivers import beside
+from benchmarks.worlds.drivers import off_line
 from benchmarks.worlds.drives import World, make_world, run_drive
 from benchmarks.worlds.nets import EXTRACTS, sumo_tool
 
@@ -25,7 +25,7 @@ def test_a_drive_stays_beside_the_road_it_is_said_to_be_on(world):
     assert world.place not in EXTRACTS
     assert len(world.truths) > 5
     for truth in world.truths:
-        away = beside(truth, world.net)
+        away = off_line(truth, world.net)
         assert np.quantile(away, 0.99) < 12.0
         assert np.diff(truth.travel).min() > -0.05
         assert np.abs(np.gradient(truth.heading, truth.time)).max() < 2.5
