@@ -7,7 +7,7 @@ from .maps import Chart
 from .nets import Net
 
 FORK = np.radians(30.0)  # exits closer to each other than this are a fork
-BESIDE = (6.0, 30.0)  # m, to a parallel road
+BESIDE = (2.0, 30.0)  # m, from the car to a parallel road
 AHEAD = 50.0  # m beyond the decision, where roads beside are looked for
 _ALIGNED = np.radians(15.0)
 
