@@ -40,10 +40,9 @@ def run(options: Options) -> list[Figure]:
                 seeds, drives, chosen, folder, options.data, options.settings(), options.say
             )
             classes[name] = _kept(name, runs, Path(more["out"]) if "out" in more else None)
-    if "out" in more:
-        page = Path(more["out"]) / "summary.md"
-        page.write_text(summary_table(classes) + "\n", encoding="utf-8")
-        options.say(f"wrote {page}")
+            if "out" in more:
+                page = Path(more["out"]) / "summary.md"
+                page.write_text(summary_table(classes) + "\n", encoding="utf-8")
     return [
         f for name, scored in classes.items() for f in _figures(name, scored, seeds_text(seeds))
     ]
