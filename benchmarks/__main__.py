@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
-        help="town, outage, kubicka, comma: another value for one of the model's settings",
+        help="town, outage, kubicka, comma, worlds: another value for one of the model's settings",
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 import whichroad
 from whichroad import Vehicle
@@ -176,7 +177,7 @@ def run_drive(
 
 def said_of(points: Any, truth: Truth, chart: Chart) -> tuple[scoring.Said, np.ndarray]:
     """The filter's answer beside the truth, and its positions, (n, 2) m."""
-    points = points.filter(pa.compute.is_valid(points["lat"]))
+    points = points.filter(pc.is_valid(points["lat"]))
     time = points["time"].cast(pa.int64()).to_numpy() * 1e-6 - START
     n = len(time)
     alternatives = points["alternatives"].combine_chunks()

@@ -172,7 +172,7 @@ def _field(faults: list[Event], random: np.random.Generator) -> Any:
     def move(p: np.ndarray) -> np.ndarray:
         angle = p @ wave
         warp = [np.cos(angle + phase[:, i]).sum(1) for i in (0, 1)]
-        return p + shift + sigma * np.sqrt(2.0 / 24) * np.column_stack(warp)  # type: ignore[no-any-return]
+        return p + shift + sigma * np.sqrt(2.0 / 24) * np.column_stack(warp)
 
     return move
 

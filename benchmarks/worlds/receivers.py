@@ -348,7 +348,7 @@ def _kubicka(data: Path) -> list[Series]:
 
 
 def _member(tar: object, name: str) -> list[str]:
-    file = next(tar.extractfile(m) for m in tar if m.name.endswith(name))  # type: ignore[attr-defined]
+    file = next(tar.extractfile(m) for m in tar if m.name.endswith(name))
     return list(file.read().decode().splitlines())
 
 
