@@ -16,7 +16,7 @@ import numpy as np
 from .. import Figure, Options, seeds_text
 from .drives import Run, Scored, run_worlds
 from .faults import FAULTS
-from .figures import badness, clopper_pearson, upper_bound
+from .figures import badness, clopper_pearson, upper_bound, wrong_by_world
 from .nets import sumo_tool
 from .pictures import drive_picture, stanford
 from .receivers import absent
@@ -104,7 +104,10 @@ def _figures(name: str, drives: list[Scored], seeds: str) -> list[Figure]:
     ) -> Figure:  # fmt: skip
         return Figure(f"{name}: {what}", value, goal if sound else "", unit, n, ci, seeds)
 
+    rate, over_worlds = wrong_by_world(drives)
     return [
+        figure("wrong among declared, interval over worlds", rate, "", "per mille", rows.declared,
+               over_worlds),
         figure("wrong among declared, upper bound", 1e3 * bound, "<= 1", "per mille",
                rows.declared, (1e3 * low, 1e3 * high)),
         figure("wrong declarations", rows.wrong, "", "", rows.declared),

@@ -111,9 +111,9 @@ def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], c
     motion = {names[n]: c for n, c in odometry.items()}
     whole = {}
     for name in {**columns, **motion}:
-        absent_fix = np.full(len(fixes.time), np.nan)
-        absent = np.full(len(next(iter(motion.values()), [])), np.nan)
-        whole[name] = np.concatenate([columns.get(name, absent_fix), motion.get(name, absent)])
+        no_fix = np.full(len(fixes.time), np.nan)
+        no_motion = np.full(len(next(iter(motion.values()), [])), np.nan)
+        whole[name] = np.concatenate([columns.get(name, no_fix), motion.get(name, no_motion)])
     order = np.argsort(whole["time"], kind="stable")
     whole["time"] += START
     return pa.table({n: pa.array(c[order], mask=np.isnan(c[order])) for n, c in whole.items()})

@@ -95,6 +95,24 @@ def declarations(drives: Iterable[Scored]) -> list[Declarations]:
     )
 
 
+def wrong_by_world(drives: Iterable[Scored]) -> tuple[float, Pair | None]:
+    """Wrong ones among those declared, and its interval over worlds, per mille.
+
+    Drives of a world share its map and its streets, so that their errors come together.
+    """
+    worlds: dict[str, np.ndarray] = {}
+    for one in drives:
+        counts = [sum(d.wrong for d in one.decisions), sum(d.declared for d in one.decisions)]
+        world = one.name.partition("/")[0]
+        worlds[world] = worlds.get(world, np.zeros(2)) + counts
+    table = np.array([row for row in worlds.values() if row[1] > 0])
+
+    def rate(t: np.ndarray) -> float:
+        return float(1e3 * t[:, 0].sum() / t[:, 1].sum())
+
+    return (rate(table), interval(rate, table)) if len(table) else (0.0, None)
+
+
 def poses(kind: str, sums: list[PoseSums]) -> Poses | None:
     """What the sums of some drives say; None where there is no epoch."""
     rows = np.array(

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from benchmarks.worlds.drives import Scored
 from benchmarks.worlds.faults import Event
-from benchmarks.worlds.figures import clopper_pearson, declarations, poses, upper_bound
+from benchmarks.worlds.figures import (
+    clopper_pearson,
+    declarations,
+    poses,
+    upper_bound,
+    wrong_by_world,
+)
 from benchmarks.worlds.scoring import (
     INSIDE,
     Decision,
@@ -179,6 +185,18 @@ def test_declarations_are_counted_by_situation_and_the_worst_is_first():
     # slip ended at 10 s: decisions until 130 s are under it
     assert rows["fault: slip"].decisions == 4
     assert next(iter(rows)) == "fork"
+
+
+def test_wrong_declarations_of_a_world_are_taken_together():
+    good = [drive(f"{w}/{k}", *[(True, False)] * 5) for w in range(2, 12) for k in range(2)]
+    bad = [drive("1/0", *[(True, True)] * 5), drive("1/1", *[(True, True)] * 5)]
+    rate, over_worlds = wrong_by_world(good + bad)
+    assert rate == pytest.approx(1e3 / 11)
+    assert over_worlds is not None
+    # the only bad world of eleven is left out by a third of the draws, twice or more in a quarter
+    assert over_worlds[0] == 0.0
+    assert over_worlds[1] > 2e3 / 11 - 1.0
+    assert wrong_by_world([]) == (0.0, None)
 
 
 def test_bounds_of_rates_are_clopper_and_pearsons():
