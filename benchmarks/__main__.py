@@ -37,6 +37,7 @@ BENCHMARKS = {
     "readers": ("readers.run", "sentences and frames a second"),
     "sparse": ("sparse.run", "fixes 1 to 60 s apart, beside the peers: accuracy, speed, costs"),
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
+    "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "live": (
         "live.run",
@@ -82,7 +83,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
-        help="town, outage, kubicka, comma: another value for one of the model's settings",
+        help="town, outage, kubicka, comma, worlds: another value for one of the model's settings",
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
@@ -94,7 +95,8 @@ def parser() -> argparse.ArgumentParser:
         "--drives",
         type=int,
         metavar="N",
-        help="honesty: per class, with --seeds those of noises other than good; live: kills",
+        help="honesty: per class, with --seeds those of noises other than good; live: kills; "
+        "worlds: at most",
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
@@ -102,7 +104,11 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--intervals", metavar="1,10", help="sparse: seconds between fixes")
     command.add_argument("--conditions", metavar="A,B", help="sparse: such as 10s/5m/gm")
     command.add_argument("--peers", metavar="DIR", help="sparse: the peers' environments")
-    command.add_argument("--cache", metavar="DIR", help="sparse: what is kept between runs")
+    command.add_argument("--cache", metavar="DIR", help="sparse, worlds: kept between runs")
+    command.add_argument(
+        "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
+    )
+    command.add_argument("--out", metavar="DIR", help="worlds: tables and pictures go here")
     return command
 
 
@@ -140,7 +146,7 @@ def main() -> int:
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
-            *("parts", "intervals", "conditions", "peers", "cache"),
+            *("parts", "intervals", "conditions", "peers", "cache", "faults", "out"),
         )
     }
     if given["set"]:
