@@ -55,6 +55,8 @@ _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _STANDING = 0.5  # m/s; a receiver that reports less stands
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _LONGEST = 1800.0  # s; a longer pause without odometry starts anew
+_FARTHEST = 5e4  # m; an odometer that jumps farther in one epoch starts anew, too
+_MOST_PIECES = 10_000  # of an epoch's arc
 _NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
 
 
@@ -130,7 +132,8 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
     x = belief.hyp[0].mu[X] if state.started else epoch.fix[0]
     y = belief.hyp[0].mu[Y] if state.started else epoch.fix[1]
     state.scale = plane_scale(ctx.roads, x, y)
-    lost = state.misfits >= par.lost_after or (par.mode == CLOCK and dt > _LONGEST)
+    gap = dt > _LONGEST if par.mode == CLOCK else abs(epoch.arc) > _FARTHEST
+    lost = gap or state.misfits >= par.lost_after
     if epoch.has_fix and (not state.started or (lost and not par.paper)):
         state.motion = START
         state.changed = 1
@@ -207,7 +210,7 @@ def _predict_wheels(
 ) -> None:
     """Equation (1) in equal pieces of the arc, branching between them."""
     state = belief.state[0]
-    pieces = max(1, math.ceil(abs(epoch.arc) / _PIECE))
+    pieces = pieces_of(epoch.arc)
     move = increment_of(epoch, pieces)
     metres = abs(epoch.arc) * (1.0 / pieces)
     for piece in range(pieces):
@@ -227,6 +230,12 @@ def _predict_wheels(
         _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
     if dt > 1e-6:
         state.turn_rate = epoch.turn / dt
+
+
+@kernel
+def pieces_of(arc: float) -> int:
+    """Equal pieces in which an arc (m) is predicted."""
+    return max(1, math.ceil(min(abs(arc) / _PIECE, _MOST_PIECES)))
 
 
 @kernel(inline=True)
@@ -290,7 +299,7 @@ def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
         state.since_exit = 0.0
         return
     wheels = state.motion == PLANE
-    arc = epoch.arc / max(1, math.ceil(abs(epoch.arc) / _PIECE)) if wheels else 0.0
+    arc = epoch.arc / pieces_of(epoch.arc) if wheels else 0.0
     threshold = 0.0 if wheels else BRANCH_THRESHOLD
     if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, threshold):
         state.changed = 1
