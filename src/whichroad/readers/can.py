@@ -20,7 +20,7 @@ from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
-from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate
+from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, unused
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 SI_UNITS = {
@@ -77,6 +77,7 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
             f"{where}: none of {', '.join(silent)} moves the vehicle in it; both rear wheels, "
             "speed with yaw rate, an odometer or a speed were expected; is it the right .dbc?"
         )
+    notes += unused({role for role, (_, values) in series.items() if len(values)}, log)
     return Drive(
         Path(path).stem, None, log, (str(path),), skipped=dict(skipped), notes=tuple(notes)
     )

@@ -1,15 +1,34 @@
 """The columns of one drive to its fixes and its odometry."""
 
+from collections.abc import Set
+
 import numpy as np
 
-from ..observations import Array, Drive, Odometer, OdometryLog, SpeedYawRate
+from ..observations import (
+    Array,
+    Drive,
+    Odometer,
+    OdometryLog,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeeds,
+)
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order, keep
 from .reported_fixes import RADIUS_68, Reported, from_ellipse, make_fixes
+from .vehicle import ROLES
 from .wheel_counters import Reversing, wheel_counts, wheel_speeds
 
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
+_MOTION = frozenset(
+    ("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "yaw_rate"),
+)
+_USED: dict[type, frozenset[str]] = {
+    WheelCounts: frozenset(("wheel_rl_ticks", "wheel_rr_ticks")),
+    WheelSpeeds: frozenset(("wheel_rl", "wheel_rr")),
+    SpeedYawRate: frozenset(("yaw_rate",)),
+}
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 
@@ -29,6 +48,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
     notes: list[str] = []
     has_position = {"lat", "lon"} <= columns.keys()
     odometry = _odometry(columns, has_position, vehicle, skipped, notes)
+    notes += unused({k for k, v in columns.items() if np.isfinite(v).any()}, odometry)
     fixes = None
     if has_position:
         blank = np.isnan(columns["lat"]) & np.isnan(columns["lon"])
@@ -112,6 +132,27 @@ def _odometry(
         notes.append("distance integrated from speed")
         return odometer_from_speed(time, columns["speed"], skipped)
     return None
+
+
+def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
+    """Notes on wheels and yaw rates that a drive has, and that its odometry is not made of.
+
+    Args:
+        has: Roles of `vehicle.ROLES` that have readings.
+        odometry: What was made of them.
+    """
+    used = _USED.get(type(odometry), frozenset())
+    left = sorted((has & _MOTION) - used)
+    if not left:
+        return []
+    if odometry is not None:
+        why = "one odometry is used at a time, wheels first"
+    elif "yaw_rate" in left:
+        why = "a speed beside it was expected"
+    else:
+        why = "both rear wheels were expected"
+    names = ", ".join(ROLES[role].partition(",")[0] for role in left)
+    return [f"{names} not used: {why}"]
 
 
 def speed_yaw_rate(
