@@ -22,8 +22,9 @@ def map_build(
 ) -> None:
     """Compile a map once, to open it in an instant."""
     from ..roadmap import RoadMap, open_map
-    from ..writers import replacing
+    from ..writers import check_apart, replacing
 
+    check_apart({"-o": out}, [source])
     with progress_line() as progress, replacing(out, force=force) as part:
         progress(f"reading {source}", 0, 0)
         (open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)).save(part)

@@ -87,6 +87,8 @@ def match(
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 
+    outputs = {"-o": out, "--path-out": path_out, "--report": report}
+    writers.check_apart(outputs, [*drive, roads, can, dbc, vehicle])
     for output in (out, path_out):
         if output is not None:
             writers.check(output, force=force)

@@ -112,7 +112,9 @@ def report(
     from ..replay.points import read_points
     from ..replay.recorded_messages import RecordedMessages
     from ..roadmap import open_map
+    from ..writers import check_apart
 
+    check_apart({"-o": out}, [result, roads, path])
     check_report(out, force=force)
     if path is not None and roads is None:
         raise typer.BadParameter("--path is drawn along the roads; --map was expected with it")

@@ -44,8 +44,10 @@ def simulate(
 ) -> None:
     """Make a drive whose truth is known, in the formats of a real one."""
     from ..roadmap import open_map
-    from ..simulate import simulate_drive, write_drive
+    from ..simulate import FILES, simulate_drive, write_drive
+    from ..writers import check_apart
 
+    check_apart({f"{name} of -o": out / name for name in FILES}, [roads])
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from ..roadmap import RoadMap
 
+FILES = ("drive.nmea", "can.log", "vehicle.dbc", "vehicle.toml", "truth.parquet")
+"""Names of the files that `write_drive` writes."""
+
 _COUNTER_BITS = 16
 _KMH = 0.01  # km/h, one step of the wheel speeds on the bus
 _FORWARD, _STANDING = 4, 0  # values of the gear signal
@@ -248,7 +251,7 @@ def truth_table(drive: SimulatedDrive, roads: "RoadMap") -> "pa.Table":
 def write_drive(
     drive: SimulatedDrive, roads: "RoadMap", folder: str | os.PathLike[str], *, force: bool = False
 ) -> list[Path]:
-    """Write drive.nmea, can.log, vehicle.dbc, vehicle.toml and truth.parquet.
+    """Write `FILES`: drive.nmea, can.log, vehicle.dbc, vehicle.toml and truth.parquet.
 
     Args:
         drive: What was simulated.
@@ -265,16 +268,11 @@ def write_drive(
     import pyarrow.parquet as pq
 
     place = Path(folder)
-    texts = {
-        "drive.nmea": nmea_text(drive),
-        "can.log": can_text(drive),
-        "vehicle.dbc": DBC,
-        "vehicle.toml": vehicle_text(drive.vehicle),
-    }
-    paths = [place / name for name in (*texts, "truth.parquet")]
+    texts = (nmea_text(drive), can_text(drive), DBC, vehicle_text(drive.vehicle))
+    paths = [place / name for name in FILES]
     prepare(paths, force=force)
     try:
-        for path, text in zip(paths, texts.values(), strict=False):
+        for path, text in zip(paths, texts, strict=False):
             path.write_bytes(text.encode())
         pq.write_table(truth_table(drive, roads), paths[-1])
     except OSError as error:
