@@ -164,4 +164,4 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
     ]
     assert err.count("covariance that is not one (settings' default used)") == 1
     assert "skipped: 240 covariance" in err
-    assert "skipped: far: position lat" in err
+    assert "skipped: far: none of its 40 fixes is within 1 km of a road" in err

@@ -159,6 +159,8 @@ def _write(result: "Result", out: Path | None, every: float | None, force: bool)
 
 def print_summary(result: "Result") -> None:
     """The summary; what was skipped or failed goes to the standard error."""
+    from ..roadmap.extent import outside_note
+
     each = result.summary.get("each", [result.summary])
     skipped: Counter[str] = Counter()
     for one in each:
@@ -167,6 +169,10 @@ def print_summary(result: "Result") -> None:
         typer.echo(f"skipped: {count} {reason}", err=True)
     for note in dict.fromkeys(note for one in each for note in one.get("notes", ())):
         typer.echo(f"note: {note}", err=True)
+    for one in each:
+        if outside := one.get("fixes_outside_map"):
+            fixes = one["fixes"] + one["fixes_masked"]
+            typer.echo(f"note: {one['drive_id']}: {outside_note(outside, fixes)}", err=True)
     for finding in (finding for one in each for finding in one.get("diagnosis", ())):
         typer.echo(_finding_line(finding), err=True)
     if len(each) > _EACH:

@@ -28,6 +28,7 @@ from ..filter.state import (
 from ..global_start import start_at
 from ..observations import Distance, GeoFix, Observation, StartPose
 from ..roadmap import RoadMap, open_map
+from ..roadmap.extent import check_start
 from ..sensors.gnss import fix_row
 from ..sensors.odometry import bridged_step
 from ..sensors.validation import validated
@@ -63,7 +64,7 @@ class Localizer:
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
 
     Raises:
-        SettingError: The lag is not a number of seconds.
+        SettingError: The lag is not a number of seconds, or the start is not on the map.
         MapError: It is no map.
     """
 
@@ -95,6 +96,8 @@ class Localizer:
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
         self._start = StartPose.of(start)
+        if self._start is not None:
+            check_start(self._start, self.roads)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._map = ""  # fingerprint of the map, once it was asked for

@@ -296,6 +296,7 @@ def _drives(
         if quantity not in ("time", "drive_id", "geometry"):
             values = numbers(table.column(column.place), column.name, skipped)
             columns[quantity] = values * column.factor
+    placed = {"lat", "lon"} <= columns.keys()
     _locate(table, found, columns, crs, where)
     _usable(columns, names, where, crs)
     good = np.flatnonzero(keep(np.abs(time) < LAST, NO_TIME, skipped))
@@ -309,6 +310,8 @@ def _drives(
     notes: tuple[str, ...] = ()
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
         notes = ("columns x, y not used: no crs (--crs) was given for them",)
+    elif crs is not None and placed:
+        notes = (f"crs (--crs) {crs} not used: columns lat, lon give the places, in degrees",)
     drives: list[Drive] = []
     for name, rows in _trips(table, found, good, source.stem):
         part = {quantity: values[rows] for quantity, values in columns.items()}

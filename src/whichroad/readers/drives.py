@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ReadError
+from ..errors import ReadError, SettingError
 from ..observations import (
     Drive,
     Fixes,
@@ -109,6 +109,7 @@ def read_drive(
         parts.append(_Part(Path(path).name, kind, drives))
     if can is not None:
         parts.append(_Part(Path(can).name, "can", _read(can, "can", vehicle, settings, dbc, crs)))
+    _check_used(parts, dbc, crs)
     parts = [_on_our_clock(part, vehicle) for part in parts]
     for path in recorded:
         parts += _recording(Path(path), vehicle, settings)
@@ -121,6 +122,26 @@ def read_drive(
             "at least one was expected"
         )
     return drives
+
+
+def _check_used(parts: list[_Part], dbc: AnyPath | None, crs: Any) -> None:
+    """Refuse options that none of the files is concerned by.
+
+    Raises:
+        SettingError: There is one.
+    """
+    kinds = {part.kind for part in parts}
+    names = ", ".join(part.name for part in parts)
+    if dbc is not None and "can" not in kinds:
+        raise SettingError(
+            f"dbc (--dbc) is {Path(dbc).name}, and {names} holds no CAN frames; a CAN log was "
+            "expected with it; give it by can= (--can)"
+        )
+    if crs is not None and "table" not in kinds:
+        raise SettingError(
+            f"crs (--crs) is {crs}, and {names} is no table; a table with columns x, y was "
+            "expected with it; leave it out"
+        )
 
 
 def format_of(path: AnyPath) -> str:
