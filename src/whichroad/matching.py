@@ -26,7 +26,7 @@ from .roadmap.extent import check_start, fixes_outside, start_note
 from .settings import Settings, Vehicle
 from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
-from .tables.result import Answered, Result
+from .tables.result import Result
 from .traversals import Traversals, traversals
 
 Start = StartPose | tuple[float, float, float] | str | None
@@ -208,7 +208,6 @@ def _match_one(
         lambda: _summary(drive, timeline, recorded, driven(), diagnosis(), outside),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
-        Answered(timeline.epochs, recorded.output, driven),
         None if recorded.past is None else recorded.past.alternatives,
     )  # fmt: skip
 
@@ -291,7 +290,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
-        find_alternatives=parts[0]._find_alternatives if len(parts) == 1 else None,
+        parts[0]._find_alternatives if len(parts) == 1 else None,
     )
 
 
