@@ -52,8 +52,9 @@ MapOption = Annotated[
     Path,
     typer.Option(
         "--map",
-        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
-        "or a table of edges (.geojson, .csv, .parquet, .gpkg, .shp).",
+        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, .osm.gz, "
+        ".osm.bz2), or a table or graph of edges (.geojson, .csv, .parquet, .gpkg, .graphml, "
+        ".shp).",
     ),
 ]
 

@@ -24,7 +24,7 @@ from ..filter.state import (
     new_belief,
     new_path,
     new_work,
-)
+)  # fmt: skip
 from ..global_start import start_at
 from ..observations import Distance, GeoFix, Observation, StartPose
 from ..roadmap import RoadMap, open_map

@@ -16,6 +16,7 @@ from ..geodesy.mercator import latitude_of, longitude_of, to_square
 from ..graph.network import AGAINST_ONE_WAY
 from ..observations import Array
 from ..roadmap import RoadMap
+from ..roadmap.osm import SUFFIXES
 from .vectortile import EXTENT, Line, encode_layer
 
 MAX_ZOOM = 16  # deeper tiles are magnified by the page
@@ -172,7 +173,7 @@ class RoadLayer:
 def attribution(roads: RoadMap) -> str:
     """The map's attribution, where its source is known."""
     source = str(roads.info()["source"]).lower()
-    osm = source.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2"))
+    osm = source.endswith(SUFFIXES)
     return "© OpenStreetMap contributors" if osm else ""
 
 

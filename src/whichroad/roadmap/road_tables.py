@@ -13,7 +13,8 @@ from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link
-from .sheet import Sheet, open_sheet, plain
+from .open_table import open_sheet
+from .sheet import Sheet, plain
 from .streets import Column, Streets, Texts, take
 from .values import T, as_number, as_word, best, each, first, parts_of
 
@@ -80,6 +81,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
         MapError: No geometry was found, or its coordinate system is unknown.
     """
     sheet = _known(open_sheet(table))
+    directed = sheet.directed if directed is None else directed
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)

@@ -14,7 +14,8 @@ from ..graph import index
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
 from ..observations import Array
 from . import store, topology
-from .compile import Network, Pieces, compile_streets, plane_record
+from .arrays import from_arrays, to_arrays
+from .compile import Network, Pieces, compile_streets
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     import geopandas
     import pyarrow as pa
 
-_TABLES = [name for name in Roads._fields if name != "plane"]
-_TEXTS = ("code", "offset", "utf8")
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
 
@@ -67,18 +66,22 @@ class RoadMap:
         self._reach: float | None = None
 
     @classmethod
-    def from_osm(cls, path: str | Path) -> "RoadMap":
-        """Compile an OpenStreetMap extract.
+    def from_osm(
+        cls, path: str | Path, *, bbox: tuple[float, float, float, float] | None = None
+    ) -> "RoadMap":
+        """Compile an OpenStreetMap extract, or a part of one.
 
         Args:
-            path: .osm.pbf, .osm, .osm.gz or .osm.bz2.
+            path: .osm.pbf, .osm, .osm.xml, .osm.gz or .osm.bz2.
+            bbox: West, south, east and north of the part, degrees.  Streets are cut where
+                their segments leave it.  None: all of it.
 
         Raises:
-            MapError: The file cannot be read, or holds no drivable way.
+            MapError: The file cannot be read, or holds no drivable way in the box.
         """
         from .osm import read_osm
 
-        return cls._compiled(read_osm(Path(path)), str(path))
+        return cls._compiled(read_osm(Path(path), bbox), str(path))
 
     @classmethod
     def from_edges(cls, table: Any, crs: Any = None, *, directed: bool | None = None) -> "RoadMap":
@@ -87,8 +90,8 @@ class RoadMap:
         Columns are found by their usual names (docs/formats.md); only `geometry` is required.
 
         Args:
-            table: GeoDataFrame, Arrow table, or path to GeoParquet, GeoJSON, CSV with WKT, or
-                whatever geopandas reads.
+            table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
+                GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
             crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
@@ -120,7 +123,7 @@ class RoadMap:
         """
         about, arrays = store.read(Path(path))
         try:
-            return _from_arrays(about, arrays)
+            return cls(*from_arrays(about, arrays))
         except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
                 f"{path}: what it holds does not make a map ({type(error).__name__}: {error}); "
@@ -133,7 +136,7 @@ class RoadMap:
         Raises:
             WriteError: The file cannot be written.
         """
-        store.write(Path(path), *_to_arrays(self))
+        store.write(Path(path), *to_arrays(self))
 
     def __len__(self) -> int:
         return len(self.arrays.edges)
@@ -359,39 +362,3 @@ class RoadMap:
         from .export import by_source
 
         return by_source(self, path)
-
-
-def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
-    """A map as JSON and named arrays."""
-    arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _TABLES}
-    arrays |= {f"pieces.{n}": getattr(roads.pieces, n) for n in Pieces._fields}
-    arrays["way"] = roads.way
-    for name, column in {"node_id": roads.node_id, **roads.ways}.items():
-        if isinstance(column, Texts):
-            arrays |= {f"{name}.{part}": getattr(column, part) for part in _TEXTS}
-        else:
-            arrays[name] = column
-    about = {
-        "about": roads._about,
-        "origin_deg": [roads.plane.lat0_deg, roads.plane.lon0_deg],
-        "cell_size": float(roads.arrays.plane.cell_size[0]),
-        "columns": list(roads.ways),
-    }
-    return about, arrays
-
-
-def _from_arrays(about: dict[str, Any], arrays: store.Arrays) -> RoadMap:
-    """The map of JSON and named arrays."""
-    plane = Plane(*about["origin_deg"])
-    roads = Roads(
-        **{n: arrays[f"roads.{n}"] for n in _TABLES},
-        plane=plane_record(plane.curvature, float(about["cell_size"])),
-    )
-    pieces = Pieces(*(arrays[f"pieces.{n}"] for n in Pieces._fields))
-    columns: dict[str, Column] = {}
-    for name in ("node_id", *about["columns"]):
-        columns[name] = (
-            arrays[name] if name in arrays else Texts(*(arrays[f"{name}.{p}"] for p in _TEXTS))
-        )
-    node_id = columns.pop("node_id")
-    return RoadMap(roads, plane, pieces, arrays["way"], node_id, columns, about["about"])
