@@ -83,8 +83,7 @@ class Localizer:
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._past = None if lag is None else Window(lag)
         self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
-        par = parameters(self.settings, self.vehicle, CLOCK)
-        ctx = Context(par, self.roads.arrays, new_work())
+        ctx = Context(parameters(self.settings, self.vehicle, CLOCK), self.roads.arrays, new_work())
         self._filter = EpochFilter(ctx)
         if self._past is not None:
             tree = new_path(1 << 14)
@@ -95,9 +94,7 @@ class Localizer:
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
-        self._start = StartPose.of(start)
-        if self._start is not None:
-            check_start(self._start, self.roads)
+        self._start = check_start(StartPose.of(start), self.roads)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._map = ""  # fingerprint of the map, once it was asked for

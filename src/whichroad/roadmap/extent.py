@@ -64,12 +64,14 @@ def outside_note(outside: int, fixes: int) -> str:
     )
 
 
-def check_start(start: StartPose, roads: RoadMap) -> None:
-    """See that a start pose lies on the map, within three times its sigma.
+def check_start(start: StartPose | None, roads: RoadMap) -> StartPose | None:
+    """A start pose that lies on the map, within three times its sigma; None: there is none.
 
     Raises:
         SettingError: It does not.
     """
+    if start is None:
+        return None
     x, y = (float(v) for v in roads.plane.from_geodetic(start.lat_deg, start.lon_deg))
     reach = NEAR + _SIGMAS * start.sigma_m
     if not index.near(roads.arrays, x, y, reach, records(1, index.CANDIDATE)):
@@ -78,6 +80,7 @@ def check_start(start: StartPose, roads: RoadMap) -> None:
             f"start: lat {start.lat_deg:.4f}, lon {start.lon_deg:.4f} is {_text(away)} from the "
             "map; a place on the map was expected; is it the right map, and latitude first?"
         )
+    return start
 
 
 def start_note(start: StartPose, lat_deg: float, lon_deg: float) -> str | None:
