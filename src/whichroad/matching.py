@@ -209,6 +209,7 @@ def _match_one(
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
         None if recorded.past is None else recorded.past.alternatives,
+        roads,
     )  # fmt: skip
 
 
@@ -291,6 +292,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
         parts[0]._find_alternatives if len(parts) == 1 else None,
+        parts[0]._roads,
     )
 
 

@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph import index
-from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
+from ..graph.network import Roads, records
 from ..observations import Array
 from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .compile import Network, Pieces, compile_streets
+from .edge_lines import edge_lines
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -142,7 +143,18 @@ class RoadMap:
         return len(self.arrays.edges)
 
     def __repr__(self) -> str:
-        return f"RoadMap({self._about['source']!r}, {len(self)} directed edges)"
+        return f"RoadMap({self.origin!r}, {len(self)} directed edges)"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the streets, as a picture that needs no connection."""
+        from .drawing import map_html
+
+        return map_html(self)
+
+    @property
+    def origin(self) -> str:
+        """What the map was made of: the name of a file, or of a kind of table."""
+        return str(self._about["source"])
 
     def near(self, x: float, y: float, radius: float) -> Near:
         """Every directed edge within `radius` true metres of a plane point, closest first."""
@@ -195,37 +207,7 @@ class RoadMap:
         Returns:
             x and y (m) of all vertices, and (n + 1,) where each line's begin.
         """
-        vertices, edges = self.arrays.vertices, self.arrays.edges
-        low = edges.first_vertex[edge]
-        count = edges.last_vertex[edge] - low + 1
-        line = np.repeat(np.arange(len(edge)), count)
-        vertex = np.arange(len(line)) + np.repeat(low - np.cumsum(count) + count, count)
-        x, y, s = vertices.x, vertices.y, vertices.s
-        length = edges.length[edge]
-        start = np.clip(start, 0.0, length)
-        end = np.clip(end, start, length)
-        first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
-        ends = []
-        for at in (start, end):  # the segment that holds the cut; its vertices stay where outside
-            before = s[vertex] <= at[line]
-            k = (
-                low + np.clip(np.add.reduceat(before, first) - 1, 0, count - 2)
-                if len(edge)
-                else low
-            )
-            share = (at - s[k]) / (s[k + 1] - s[k])
-            ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (x, y)])
-        inside = (s[vertex] > start[line]) & (s[vertex] < end[line])
-        order = np.argsort(
-            np.concatenate([np.arange(len(edge)), line[inside], np.arange(len(edge))]),
-            kind="stable",
-        )
-        x, y = (
-            np.concatenate([ends[0][i], v[vertex[inside]], ends[1][i]])[order]
-            for i, v in enumerate((x, y))
-        )
-        parts = np.bincount(line[inside], minlength=len(edge)) + 2
-        return x, y, np.concatenate([[0], np.cumsum(parts)]).astype(np.int64)
+        return edge_lines(self.arrays, edge, start, end)
 
     @property
     def reach(self) -> float:
@@ -313,35 +295,45 @@ class RoadMap:
 
     def info(self) -> dict[str, Any]:
         """What the map holds, where it came from, and what was skipped and why."""
-        vertices, edges = self.arrays.vertices, self.arrays.edges
-        legal = edges.rule == 0
-        once = legal & ((edges.opposite > np.arange(len(self))) | ~legal[edges.opposite])
-        # the other direction has the same vertices
-        count = edges.last_vertex - edges.first_vertex + 1
-        half = np.repeat(edges.opposite < np.arange(len(self)), count)
-        lat, lon = self.plane.to_geodetic(vertices.x[half], vertices.y[half])
-        words = [word or "unknown" for word in self.column("highway")]
-        highways, counts = np.unique(np.array(words), return_counts=True)
-        return {
-            **self._about,
-            "nodes": len(self.node_id),
-            "edges": len(self),
-            "legal_edges": int(legal.sum()),
-            "against_one_way": int((edges.rule & AGAINST_ONE_WAY > 0).sum()),
-            "no_access": int((edges.rule & NO_ACCESS > 0).sum()),
-            "turns": len(self.arrays.turns),
-            "streets": len(self.ways["source_id"]),
-            "km": round(float(edges.length[once].sum()) / 1e3, 3),
-            "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
-            "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
-            "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
-        }
+        from .export import info
+
+        return {**self._about, **info(self)}
 
     def edges_table(self) -> "geopandas.GeoDataFrame":
         """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
         from .export import edges_table
 
         return edges_table(self)
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the streets with matplotlib.
+
+        Args:
+            ax: Axes to draw on; None: new ones.
+            style: As `GeoDataFrame.plot` takes it, such as `color`, `linewidth`, `figsize`.
+
+        Returns:
+            The axes, longitude to the right and latitude up, degrees.
+        """
+        from .drawing import plot_map
+
+        return plot_map(self, ax, style)
+
+    def explore(self, **style: Any) -> Any:
+        """The streets on a page that can be moved and enlarged, with their attributes.
+
+        Args:
+            style: As `GeoDataFrame.explore` takes it.
+
+        Returns:
+            A `folium.Map`, whose page loads scripts and tiles from the net.
+
+        Raises:
+            SettingError: The package folium is not installed.
+        """
+        from .drawing import explore_map
+
+        return explore_map(self, style)
 
     def by_source(self, path: Any) -> Any:
         """A path with one row for each road of the source (OpenStreetMap way, row of a table).

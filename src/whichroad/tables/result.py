@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pyarrow as pa
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from ..errors import SettingError
 from ..path import Alternative, Route, best_routes
 from ..writers import write_table
 from .schema import geo_frame
+
+if TYPE_CHECKING:
+    from ..roadmap import RoadMap
 
 
 class Result:
@@ -28,6 +31,7 @@ class Result:
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
         find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
+        roads: The map, to be drawn below the answer; a pickled result is without it.
     """
 
     def __init__(
@@ -38,8 +42,9 @@ class Result:
         hypotheses: dict[str, NDArray[Any]] | None = None,
         diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
         find_alternatives: Callable[[], list[Alternative]] | None = None,
+        roads: "RoadMap | None" = None,
     ) -> None:
-        self._find_alternatives = find_alternatives
+        self._find_alternatives, self._roads = find_alternatives, roads
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -56,7 +61,7 @@ class Result:
             self._made(name)
         if self._find_alternatives is not None:
             _ = self._parts
-        return self.__dict__ | {"_find_alternatives": None}
+        return self.__dict__ | {"_find_alternatives": None, "_roads": None}
 
     def __repr__(self) -> str:
         figures = self.summary
@@ -67,6 +72,44 @@ class Result:
         )
         epochs, metres = figures.get("epochs", 0), figures.get("path_m", 0.0)
         return f"Result({name}, {epochs:,} epochs, {metres / 1e3:.1f} km)"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the track on its roads, as a picture that needs no connection."""
+        from .drawing import answer_html
+
+        return answer_html(self.to_arrow(), self.path_arrow(), repr(self), self._roads)
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw path and points with matplotlib; points are coloured by `p_road`.
+
+        Args:
+            ax: Axes to draw on, such as those of `RoadMap.plot`; None: new ones.
+            style: For the points, as `GeoDataFrame.plot` takes it, such as `column`, `cmap`,
+                `legend`, `markersize`, `figsize`.
+
+        Returns:
+            The axes, longitude to the right and latitude up, degrees.
+        """
+        from .drawing import plot_answer
+
+        return plot_answer(self.points, self.path, ax, style)
+
+    def explore(self, **style: Any) -> Any:
+        """Path and points on a page that can be moved and enlarged, with all their columns.
+
+        Args:
+            style: For the points, as `GeoDataFrame.explore` takes it, such as `column`, `tiles`.
+
+        Returns:
+            A `folium.Map`, whose page loads scripts and tiles from the net.  The commands
+            `whichroad report` and `replay` make pages that do not.
+
+        Raises:
+            SettingError: The package folium is not installed.
+        """
+        from .drawing import explore_answer
+
+        return explore_answer(self.points, self.path, style)
 
     @property
     def summary(self) -> dict[str, Any]:
