@@ -59,18 +59,29 @@ def simulate(
 
 
 def evaluate(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points that match wrote.")],
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT",
+            help="Points that `match` or any other program wrote: time, lat, lon, or more.",
+        ),
+    ],
     truth: Annotated[
         Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
     ],
 ) -> None:
     """Score an answer against a known truth."""
-    from ..evaluate import evaluate_files
+    from ..evaluate import evaluate_files, further_columns
 
     with progress_line() as progress:
         progress("comparing", 0, 0)
         figures = evaluate_files(result, truth)
     print_table(f"{result} against {truth}", figures.items())
+    further = further_columns(figures)
+    if further:
+        more = "; ".join(f"{column} ({adds})" for column, adds in further.items())
+        typer.echo(f"columns of the answer that would add figures: {more}", err=True)
+        typer.echo("of these edge_id and abscissa_m are needed in the truth, too", err=True)
 
 
 def experiments(
