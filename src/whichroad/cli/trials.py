@@ -90,17 +90,34 @@ def experiments(
     ),
     scene: Annotated[list[Scene] | None, typer.Option(help="Only this one; repeatable.")] = None,
     seeds: Annotated[str, typer.Option(metavar="A:B", help="Drives A to B - 1 of each.")] = "0:200",
+    keep: Annotated[
+        bool,
+        typer.Option("--keep", help="Also write every drive, its map and its truth, as tables."),
+    ] = False,
+    answers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=DIR",
+            help="Answers of another program, DIR/SCENE/SEED.parquet, to be compared; repeatable.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Drive the paper's experiments many times, by its method and by ours, and report."""
     first, _, last = seeds.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise typer.BadParameter(f"--seeds is {seeds!r}; A:B with A < B was expected")
+    others = dict(text.partition("=")[::2] for text in answers or ())
+    if not all(others.values()):
+        raise typer.BadParameter(f"--answers is {answers}; NAME=DIR was expected")
     from ..experiments import run_experiments
 
     drives, names = range(int(first), int(last)), [one.value for one in scene or ()]
     with progress_line() as progress:
-        done = run_experiments(out, scenes=names, seeds=drives, force=force, progress=progress)
+        done = run_experiments(
+            out, scenes=names, seeds=drives, force=force, keep=keep, answers=others,
+            progress=progress,
+        )  # fmt: skip
     for name, about in done["scenes"].items():
         typer.echo(f"{name}: {about['title']} ({about['figure']})")
         typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))

@@ -188,8 +188,13 @@ def _speeds(drive: SimulatedDrive) -> tuple[Array, Array]:
     return np.maximum(left, 0.0), np.maximum(right, 0.0)
 
 
-def vehicle_text(vehicle: Vehicle) -> str:
-    """`vehicle.toml` of the simulated car, with the signals that `DBC` names."""
+def vehicle_text(vehicle: Vehicle, *, counter_bits: int = _COUNTER_BITS) -> str:
+    """`vehicle.toml` of the simulated car, with the signals that `DBC` names.
+
+    Args:
+        vehicle: The car.
+        counter_bits: Bits of its wheel counters in the log; 0: they never wrap.
+    """
     lines = [
         "# The car as its user believes it to be.",
         f'driving_side = "{vehicle.driving_side}"',
@@ -198,7 +203,7 @@ def vehicle_text(vehicle: Vehicle) -> str:
         f"track_width_m = {vehicle.track_width}",
         f"metres_per_tick_left = {vehicle.metres_per_tick_left}",
         f"metres_per_tick_right = {vehicle.metres_per_tick_right}",
-        f"counter_bits = {_COUNTER_BITS}",
+        f"counter_bits = {counter_bits}",
         "",
         "[antenna]",
         f"forward_m = {vehicle.antenna_forward}",
