@@ -49,6 +49,8 @@ SAME = ["in.csv", "./in.csv", "sub/../in.csv", "link.csv", "hard.csv", "folder/i
         ["match", "in.csv", "--map", "roads.geojson", "-o", "roads.geojson"],
         ["match", "in.csv", "--map", "town.osm", "-o", "a.parquet", "--path-out", "a.parquet"],
         ["match", "in.csv", "--map", "town.osm", "-o", "a.csv", "--path-out", "sub/../a.csv"],
+        ["match", "*.csv", "--map", "town.osm", "-o", "in.csv"],
+        ["match", "s?b", "--map", "town.osm", "-o", "sub/part.parquet"],
         ["match", "sub", "--map", "town.osm", "-o", "sub/part.parquet"],
         ["map", "build", "town.osm", "-o", "town.osm"],
         ["map", "build", "town.osm", "-o", "folder/town.osm"],

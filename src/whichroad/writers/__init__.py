@@ -4,6 +4,7 @@ Nothing half-written is ever left under the name asked for: bytes go to a neighb
 file that takes the name when it is whole.
 """
 
+import glob
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -72,13 +73,13 @@ def check_apart(
 
     Args:
         outputs: By the option that names each; None: not asked for.
-        inputs: Files and folders that are read; None: not given.
+        inputs: Files, folders and patterns such as `day1/*.csv` that are read; None: not given.
 
     Raises:
         WriteError: An output would replace an input, or two outputs are one file.
     """
     given = {name: Path(path) for name, path in outputs.items() if path is not None}
-    read = [Path(path) for path in inputs if path is not None]
+    read = [one for path in inputs if path is not None for one in _named(path)]
     for name, output in given.items():
         replaced = next((one for one in read if _replaces(output, one)), None)
         if replaced is not None:
@@ -95,6 +96,13 @@ def check_apart(
                 f"{given[name]}: {other} and {name} would write the same file; two names were "
                 "expected; change one"
             )
+
+
+def _named(path: str | os.PathLike[str]) -> list[Path]:
+    """The path itself, and what it names as a pattern."""
+    text = os.fspath(path)
+    found = glob.glob(text, recursive=True) if glob.has_magic(text) else []
+    return [Path(text), *map(Path, found)]
 
 
 def _replaces(output: Path, read: Path) -> bool:
