@@ -116,8 +116,9 @@ def test_an_answer_shows_its_track_on_the_streets(result, roads):
     assert len(lines_of(parsed(alone._repr_html_()))) < len(lines)
 
 
-def test_a_long_answer_is_drawn_as_lines_that_cover_every_epoch(roads):
-    both = pd.concat([drive(3000).assign(trip="a"), drive(3000).assign(trip="b", lat=49.402)])
+@pytest.mark.parametrize("n", [450, 3000])
+def test_a_long_answer_is_drawn_as_lines_that_cover_every_epoch(roads, n: int):
+    both = pd.concat([drive(n).assign(trip="a"), drive(n).assign(trip="b", lat=49.402)])
     result = whichroad.match(both, roads)
     html = result._repr_html_()
     assert len(html) < 60_000

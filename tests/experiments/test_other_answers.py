@@ -15,6 +15,7 @@ from whichroad import cli
 from whichroad.errors import SettingError
 from whichroad.evaluate import evaluate_files
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
+from whichroad.experiments.other_answers import OtherAnswers
 from whichroad.experiments.runs import answer
 
 SEEDS = range(2)
@@ -136,6 +137,21 @@ def test_an_answer_that_is_missing_is_named_before_the_work(done, tmp_path):
             run_experiments(tmp_path / "x", answers={name: tmp_path})
     with pytest.raises(SettingError, match="is no folder"):
         run_experiments(tmp_path / "x", answers={"mine": tmp_path / "none"})
+
+
+def test_a_road_that_is_not_named_is_no_wrong_one(tmp_path):
+    scene = SCENES["fork"]
+    points = answer_to("fork", 0).select([*BARE, "edge_id", "p_road"])
+    edges = points["edge_id"].to_pylist()
+    half = len(edges) // 2
+    nowhere = pa.array([*edges[:half], *[None] * (len(edges) - half)], pa.int64())
+    (tmp_path / "fork").mkdir()
+    table = points.set_column(points.column_names.index("edge_id"), "edge_id", nowhere)
+    pq.write_table(table, tmp_path / "fork" / "0.parquet")
+    r = OtherAnswers.of("mine", tmp_path).run(scene, scene.drive(scene.roads, 0))
+    named = r.right + r.wrongest > 0.0
+    assert named[: half - 1].all()
+    assert not named[half + 1 :].any()
 
 
 def test_the_command_takes_names_and_folders(done, tmp_path, monkeypatch, capsys):
