@@ -25,10 +25,10 @@ class LifetimeLog:
 
 
 def log_hypotheses(scene: Scene, drive: SimulatedDrive, model: str) -> LifetimeLog:
-    """Run a model over a drive and log every hypothesis."""
+    """Run a model over a drive and log every hypothesis; what no hypothesis knows is left out."""
     timeline = build_timeline(drive.drive, scene.roads.plane, drive.vehicle)
     lives = lives_of(
-        scene.roads, timeline, vehicle=drive.vehicle, settings=Settings(), model=model
+        scene.roads, timeline, vehicle=drive.vehicle, settings=Settings(unknown=0.0), model=model
     )  # fmt: skip
     since = lives.time - lives.time[0]
     truth = drive.truth

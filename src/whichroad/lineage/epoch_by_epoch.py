@@ -39,7 +39,6 @@ class Rerun(NamedTuple):
 
     epochs: Iterator[Gaussians]  # those with hypotheses
     estimates: Records  # (n,) ESTIMATE, filled on the way
-    p_known: float  # 1 - `Settings.unknown`
 
 
 def run_again(
@@ -91,7 +90,7 @@ def run_again(
                     int(state.motion) == START,
                 )  # fmt: skip
 
-    return Rerun(epochs(), output.rows, known)
+    return Rerun(epochs(), output.rows)
 
 
 def _count_from_here(belief: Belief) -> int:
