@@ -168,5 +168,5 @@ def legend_of_lanes(model: str) -> list[Line2D]:
         created,
         below,
         sign("outweighed", "dead: outweighed"),
-        sign("left behind", "dead: left behind"),
+        sign("left behind", "dead: handed on"),
     ]
