@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, Vector, entry, kernel
-from ..graph.geometry import chord_heading, project, wrap
+from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .gaussian import normal_cdf
@@ -17,7 +17,6 @@ from .state import (
     MX,
     MY,
     OFF_ROAD,
-    WHEELS,
     B,
     Belief,
     Context,
@@ -42,7 +41,6 @@ _MOST_RETURNS = 12  # roads that one off-road hypothesis returns to at once
 _TURNS = 3e-4  # probability of a U-turn in a step that is represented by a hypothesis
 _ATHWART = 1.3  # rad off the road's heading, from which on a vehicle may be turning round
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
-_HALF_CHORD = 6.0  # m, of the road's heading
 _SERVICE, _PRIVATE = 0.5, 0.1  # prior weight of service roads, and of roads without access
 
 
@@ -176,7 +174,7 @@ def _start_on_roads(belief: Belief, ctx: Context, fix: Vector, start: Start) -> 
             mass *= _PRIVATE
         if road.service:
             mass *= _SERVICE
-        along = chord_heading(roads, edge, segment, min(max(s, 0.0), road.length), _HALF_CHORD)
+        along = chord_heading(roads, edge, segment, min(max(s, 0.0), road.length), HALF_CHORD)
         if c == 0:
             towards = along
         if mass < 1e-9 or state.count >= CAPACITY - 64:
@@ -227,7 +225,7 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
                 share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
                 rescale(hyp, 1.0 - share)
-                if par.mode != WHEELS:  # the heading was the road's
+                if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:
             _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5))
@@ -279,7 +277,7 @@ def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
         place = ctx.work.near[c]
         edge = place.edge
         v = vertex_at(roads, edge, place.s)
-        along = chord_heading(roads, edge, v, place.s, _HALF_CHORD)
+        along = chord_heading(roads, edge, v, place.s, HALF_CHORD)
         turned = abs(wrap(along - mean[H]))
         _, foot, _, _, _ = project(roads, edge, v, qx, qy)
         beside = -3.0 < foot < roads.edges[edge].length + 3.0
@@ -350,9 +348,9 @@ def turn_with_heading(belief: Belief, ctx: Context) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD or hyp.weight < 1e-4 or roads.edges[hyp.edge].opposite < 0:
             continue
-        if hyp.along < _HALF_CHORD:  # it has not driven along the road yet: nodes have U-turns
+        if hyp.along < HALF_CHORD:  # it has not driven along the road yet: nodes have U-turns
             continue
         s = min(hyp.along, roads.edges[hyp.edge].length)
-        along = chord_heading(roads, hyp.edge, hyp.segment, s, _HALF_CHORD)
+        along = chord_heading(roads, hyp.edge, hyp.segment, s, HALF_CHORD)
         if abs(wrap(along - hyp.mu[H])) > _ATHWART and belief.state[0].count < CAPACITY:
             _spawn_opposite(belief, ctx, i, 0.1)

@@ -190,7 +190,8 @@ def _predict_transition(
     noise = Noise(transition.noise, 0.0, variance, 0.0, 0.0, 0.0)
     heading = math.atan2(foot.ty, foot.tx)
     bend = wrap(heading - before)
-    predict_road(mean, cov, process.distance_by_speed, bend, heading, foot.tx, foot.ty, noise)
+    predict_road(cov, process.distance_by_speed, bend, foot.tx, foot.ty, noise)
+    redraw(hyp, H, heading, noise.heading)
     speed = SPEED_SIGMA * SPEED_SIGMA * transition.inflation
     decay(mean, cov, K, transition.usual, process.keep, speed)
     cross = process.cross * transition.inflation

@@ -76,6 +76,8 @@ FILTER = np.dtype(
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
         ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
+        ("course_time", "f8"),  # of the last course over ground, s
+        ("forward_time", "f8"),  # of the last truncation to forward speeds, s
         ("time", "f8"),  # of the last epoch, s
         ("scale", "f8"),  # plane metres per true metre here
         ("log_evidence", "f8"),  # log-likelihood of all observations
@@ -225,7 +227,9 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp.along_sigma = 1.0
     hyp.p_not_passed = 1.0
     hyp.path_entry = -1
-    return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), records(1, FILTER))
+    state = records(1, FILTER)
+    state.course_time = -math.inf
+    return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 
 def new_path(capacity: int) -> Path:
