@@ -26,6 +26,7 @@ BENCHMARKS = {
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),
     "nostart": ("search.run", "wheels and the map alone: until the road is known"),
+    "unmapped": ("scenes.unmapped.run", "an unmapped road beside a mapped one: P(off-road)"),
     "missing": ("scenes.missing.run", "streets that the map lacks: P(off-road)"),
     "jump": ("scenes.jump.run", "a receiver that jumps 200 m; a car that is carried away"),
     "diagnosis": ("scenes.diagnosis.run", "three-hour drives: are wrong settings noticed?"),

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 from .._compile import kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
-from .branching import BRANCH_THRESHOLD, LEAST_SHARE, OFFSET, pass_on, share_beyond
+from ..graph.network import is_at_node
+from .branching import BRANCH_THRESHOLD, LEAST_SHARE, OFFSET, pass_on, run_on, share_beyond
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
 from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
-from .state import MX, MY, OFF_ROAD, Belief, Context, H, K, N, Path, X, Y, redraw, rescale
+from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, Path, X, Y, redraw, rescale
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
@@ -42,7 +43,7 @@ def _about_road(ctx: Context, edge: int, segment: int, s: float) -> float:
         _, _, _, ax, ay = locate(roads, edge, segment, s - 4.0)
         _, _, _, bx, by = locate(roads, edge, segment, s + 4.0)
         variance += (0.5 * (ax * by - ay * bx)) ** 2
-    if min(s, roads.edges[edge].length - s) < par.node_radius:
+    if is_at_node(roads, edge, s, par.node_radius):
         variance += par.node_heading_sigma**2
     return float(variance)
 
@@ -93,6 +94,26 @@ def _move_to(
 
 
 @kernel(inline=True)
+def _pass_beyond(
+    belief: Belief, path: Path, ctx: Context, i: int, share: float, to: Advance, noise: Noise
+) -> None:
+    """Move the share of hypothesis i that is beyond its edge's end to the edges that follow."""
+    hyp = belief.hyp[i]
+    first = int(belief.state[0].count)
+    least = LEAST_SHARE * ctx.par[0].prune
+    given = pass_on(belief, path, ctx, i, to.s, to.sigma, share, least)
+    for row in range(first, belief.state[0].count):
+        child = belief.hyp[row]
+        if child.edge != OFF_ROAD:
+            beside = to.lateral + child.mu[D] - hyp.mu[D]
+            ahead = Advance(
+                to.odometer, to.s - child.scratch[OFFSET], to.sigma, beside, to.tx, to.ty, 0.0
+            )
+            _move_to(belief, ctx, row, ahead, noise, 0.0, ctx.roads.edges[child.edge].length)
+    rescale(hyp, 1.0 - given)
+
+
+@kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
@@ -117,31 +138,30 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if hyp.edge == OFF_ROAD:
             continue
         lateral, tx, ty = track(belief, ctx.roads, i)
+        begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov
-        s = hyp.along + odometer * hyp.mu[K]
+        s = begin + odometer * hyp.mu[K]
         cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
         variance = hyp.along_sigma**2 + odometer * (2.0 * cross + odometer * cov[K, K])
         sigma = math.sqrt(max(variance + noise.along, 1e-4))
+        hyp.along_sigma = sigma
+        after, s = run_on(belief, path, ctx, i, s)
+        if hyp.edge != edge:
+            changed = True
+            begin = 0.0
+            lateral += hyp.mu[D] - lane
         length = ctx.roads.edges[hyp.edge].length
-        now = normal_cdf((length - s) / sigma) if s + 6.0 * sigma > length else 1.0
+        now = 1.0
+        if after < 0 and s + 6.0 * sigma > length:
+            now = normal_cdf((length - s) / sigma)
         share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD)
-        to = Advance(odometer, s, sigma, lateral, tx, ty, hyp.along)
+        to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
         end = 1e9
         owed = hyp.p_not_passed
         if share > 0.0:
             owed = 0.0
             changed = True
-            first = int(belief.state[0].count)
-            least = LEAST_SHARE * ctx.par[0].prune
-            given = pass_on(belief, path, ctx, i, s, sigma, share, least)
-            for row in range(first, belief.state[0].count):
-                child = belief.hyp[row]
-                if child.edge != OFF_ROAD:
-                    on = s - child.scratch[OFFSET]
-                    ahead = Advance(odometer, on, sigma, lateral, tx, ty, 0.0)
-                    end = ctx.roads.edges[child.edge].length
-                    _move_to(belief, ctx, row, ahead, noise, 0.0, end)
-            rescale(hyp, 1.0 - given)
+            _pass_beyond(belief, path, ctx, i, share, to, noise)
             end = length
         _move_to(belief, ctx, i, to, noise, -1e9, end)
         hyp.p_not_passed = max(hyp.p_not_passed, owed)

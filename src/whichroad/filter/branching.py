@@ -9,23 +9,27 @@ the edges that follow, by turn prior times the mass that lies on them.
 import math
 
 from .._compile import Record, kernel
-from ..graph.network import Roads
+from ..graph.geometry import project
+from ..graph.network import Roads, onwards
 from .gaussian import normal_cdf
-from .motion import (
-    redraw_lane,
-)
+from .lanes import change_lane, redraw_lane
 from .road import track
 from .state import (
     CAPACITY,
     GRACE,
+    MX,
+    MY,
     OFF_ROAD,
     RARE,
     RARE_FLOOR,
     SUCCESSORS,
+    WHEELS,
     Belief,
     Context,
     H,
     Path,
+    X,
+    Y,
     enter,
     floor_of,
     lane_mean,
@@ -136,11 +140,22 @@ def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: f
             child.path_entry = enter(
                 path, found[up].edge, child.path_entry, belief.state[0].time, 0.0
             )
-    redraw_lane(
-        child.mu, child.cov, found[d].turn, lane_mean(ctx, parent.edge), lane_mean(ctx, edge),
-        lane_sigma(ctx, edge),
-    )  # fmt: skip
+    _take_lane(belief, ctx, row, parent.edge, found[d].turn)
     return row
+
+
+@kernel(inline=True)
+def _take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) -> None:
+    """Redraw the lane of hypothesis i, which has just left an edge with a turn."""
+    hyp = belief.hyp[i]
+    old, new, sigma = lane_mean(ctx, before), lane_mean(ctx, hyp.edge), lane_sigma(ctx, hyp.edge)
+    if ctx.par[0].mode == WHEELS:
+        redraw_lane(hyp.mu, hyp.cov, turn, old, new, sigma)
+        return
+    x = hyp.mu[X] + belief.state[0].scale * hyp.mu[MX]
+    y = hyp.mu[Y] + belief.state[0].scale * hyp.mu[MY]
+    _, _, _, tx, ty = project(ctx.roads, before, ctx.roads.edges[before].last_vertex - 1, x, y)
+    change_lane(hyp.mu, hyp.cov, turn, (old, new, sigma), (tx, ty), belief.state[0].scale)
 
 
 @kernel
@@ -157,6 +172,58 @@ def share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshol
     enough = share * p >= floor_of(hyp, LEAST_SHARE * ctx.par[0].prune)
     enough = enough and share >= min(threshold / p, _MOSTLY)
     return share if enough and belief.state[0].count < CAPACITY else 0.0
+
+
+@kernel(inline=True)
+def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[int, float]:
+    """Move hypothesis i on, as a whole, where its road just runs on beyond a node.
+
+    Nothing is decided there, so that its Gaussian is not cut.
+
+    Args:
+        belief: Its edge and lane are set.
+        path: Edges that it passes are entered.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        s: Its abscissa, m.
+
+    Returns:
+        The edge on which the road runs on from there, -1: none; and the abscissa.
+    """
+    hyp = belief.hyp[i]
+    after = -1
+    if s + _REACH * hyp.along_sigma > ctx.roads.edges[hyp.edge].length:
+        after = onwards(ctx.roads, hyp.edge)
+    while after >= 0 and s > ctx.roads.edges[hyp.edge].length:
+        if hyp.new_edge == 1:
+            hyp.path_entry = enter(path, hyp.edge, hyp.path_entry, belief.state[0].time, 0.0)
+        s -= ctx.roads.edges[hyp.edge].length
+        before = hyp.edge
+        hyp.edge = after
+        _take_lane(belief, ctx, i, before, 0.0)
+        hyp.segment = ctx.roads.edges[after].first_vertex
+        hyp.new_edge = 1
+        hyp.p_not_passed = 1.0
+        after = onwards(ctx.roads, after)
+    return after, s
+
+
+@kernel(inline=True)
+def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) -> float:
+    """Give a share of hypothesis i, as it stands, to what follows; returns what was given."""
+    s = belief.hyp[i].along
+    sigma = belief.hyp[i].along_sigma
+    first = int(belief.state[0].count)
+    given = pass_on(belief, path, ctx, i, s, sigma, share, _LEAST_CHILD * ctx.par[0].prune)
+    for row in range(first, belief.state[0].count):
+        child = belief.hyp[row]
+        if child.edge != OFF_ROAD:
+            _, tx, ty = track(belief, ctx.roads, row)
+            if not belief.state[0].knows_heading:  # it is the road's
+                child.mu[H] = math.atan2(ty, tx)
+            left = ctx.roads.edges[child.edge].length - (s - child.scratch[OFFSET])
+            child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+    return float(given)
 
 
 @kernel(inline=True)
@@ -191,23 +258,22 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if arc < 0.0:
             hyp.p_not_passed = now
             continue
+        if ctx.par[0].mode != WHEELS:
+            edge = hyp.edge
+            after, _ = run_on(belief, path, ctx, i, hyp.along)
+            if hyp.edge != edge:
+                changed = True
+                track(belief, ctx.roads, i)
+            length = ctx.roads.edges[hyp.edge].length
+            if after >= 0 or hyp.along + _REACH * hyp.along_sigma < length:
+                continue
+            now = normal_cdf((length - hyp.along) / hyp.along_sigma)
         share = share_beyond(belief, ctx, hyp, now, threshold)
         if share == 0.0:
             hyp.p_not_passed = max(hyp.p_not_passed, now)
             continue
         changed = True
-        s = hyp.along
-        first = int(belief.state[0].count)
-        least = _LEAST_CHILD * ctx.par[0].prune
-        given = pass_on(belief, path, ctx, i, s, hyp.along_sigma, share, least)
-        for row in range(first, belief.state[0].count):
-            child = belief.hyp[row]
-            if child.edge != OFF_ROAD:
-                _, tx, ty = track(belief, ctx.roads, row)
-                if not belief.state[0].knows_heading:  # it is the road's
-                    child.mu[H] = math.atan2(ty, tx)
-                left = ctx.roads.edges[child.edge].length - (s - child.scratch[OFFSET])
-                child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+        given = _pass_end(belief, path, ctx, i, share)
         hyp.p_not_passed = now
         rescale(hyp, 1.0 - given)
     return changed

@@ -64,6 +64,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.unmeasured = 0.0
     state.last_fix = epoch.time
     state.factor_time = epoch.time
+    state.unlearnt = 0.0
     state.on_road_at = epoch.time
     state.learnt_time = 0.0
     state.fix_1[2] = -math.inf

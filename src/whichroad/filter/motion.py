@@ -361,16 +361,3 @@ def age_bias(mean: Vector, cov: Matrix, keep: float) -> None:
     mean[GY] *= keep
     cov[GX, GX] += 1.0 - keep * keep
     cov[GY, GY] += 1.0 - keep * keep
-
-
-@kernel
-def redraw_lane(
-    mean: Vector, cov: Matrix, turn: float, old: float, new: float, sigma: float
-) -> None:
-    """Redraw part of the lane offset when turning into another road.
-
-    d⁺ = d̄' + c (d − d̄), variance + σ² (1 − c²), with c = max(cos turn, 0).
-    """
-    c = max(math.cos(turn), 0.0)
-    mean[D] += new - old
-    decay(mean, cov, D, new, c, sigma * sigma)

@@ -18,7 +18,7 @@ from ..graph.geometry import (
     project,
     wrap,
 )
-from ..graph.network import Roads
+from ..graph.network import Roads, is_at_node
 from .gaussian import LOG_2PI, update, update_across
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -26,6 +26,7 @@ from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
+_LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
 _LATERAL, _TANGENT_X, _TANGENT_Y, _HEADING, _SLOPE = range(5)  # scratch of a hypothesis
 
@@ -138,13 +139,13 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
         sagitta = min(0.5 * abs(slope) * variance, 4.0)
         more_lateral += p * (cutting * cutting + sagitta * sagitta)
         more_heading += p * (bow * bow + 0.1 * slope**2 * (variance + 9.0))
-        if min(s, ctx.roads.edges[edge].length - s) < par.node_radius:
+        if is_at_node(ctx.roads, edge, s, par.node_radius):
             more_lateral += p * par.node_sigma**2
             more_heading += p * par.node_heading_sigma**2
     if on > 0.0:
         more_lateral /= on
         more_heading /= on
-    thin = min(max(_CORRELATION / metres, 0.5), 4.0) if metres > 0.0 else 1.0
+    thin = _CORRELATION / max(metres, _LEAST_SPACING) if metres > 0.0 else 1.0
     return RoadNoise(
         thin * (par.relative_sigma**2 + more_lateral),
         thin * (par.edge_heading_sigma**2 + more_heading),

@@ -15,7 +15,8 @@ from ..graph.network import Roads
 from ..graph.search import Search, set_goals
 from ._simd import N
 from .gaussian import condition, normal_cdf, reshape_on_map, truncated_moments
-from .motion import Noise, add_across, age_map, decay, predict_road, redraw_lane
+from .lanes import redraw_lane
+from .motion import Noise, add_across, age_map, decay, predict_road
 from .road import track
 from .sparse_routes import (
     SPEED_SIGMA,

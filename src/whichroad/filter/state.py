@@ -58,7 +58,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
-        ("scratch", "f8", (5,)),  # of one observation; each module names its slots
+        ("scratch", "f8", (7,)),  # of one observation; each module names its slots
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
@@ -101,6 +101,7 @@ FILTER = np.dtype(
         ("windowed_factor", "f8"),  # by innovations that keep their sign,
         ("bias_factor", "f8"),  # and by the bias states
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
+        ("unlearnt", "f8"),  # s of motion since the factors were last learnt
         ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
         ("learnt_time", "f8"),  # s over which they have been learnt
         ("white_factor", "f8"),  # white variance over the reported one, as seen
