@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Array
 from .checks import Ints, Skipped, keep
-from .dates import is_clock, of_clocks, of_days, of_numbers, of_texts, to_utc
+from .dates import is_clock, of_clocks, of_days, of_numbers, of_texts, plausible, to_utc
 from .names import Column
 
 if TYPE_CHECKING:
@@ -111,9 +111,9 @@ def times(
     said = f"{where}: column {meaning.name!r}"
     if pa.types.is_timestamp(kind):
         ticks = _floats(column.cast(pa.int64()).cast(pa.float64(), safe=False))
-        seconds, zoneless = ticks / _PER_SECOND[kind.unit], kind.tz is None
+        seconds, zoneless = plausible(ticks / _PER_SECOND[kind.unit]), kind.tz is None
         return Times(to_utc(seconds, zone) if zoneless else seconds, zoneless)
-    clocks = pa.types.is_time(kind)
+    clocks = pa.types.is_time(kind) or pa.types.is_date(kind)
     if not (clocks or _is_text(kind) or _is_number(kind)):
         raise ReadError(
             f"{said} holds {kind}; date and time (ISO 8601) or seconds since 1970 were expected"

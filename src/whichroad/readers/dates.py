@@ -92,6 +92,11 @@ def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Arra
     if zone is not None:
         local = np.array([bool(cell) and not _HAS_ZONE.search(cell or "") for cell in cells], bool)
         seconds[local] = to_utc(seconds[local], zone)
+    return plausible(seconds)
+
+
+def plausible(seconds: Array) -> Array:
+    """Seconds since 1970, NaN where they are of no plausible year."""
     return np.where((seconds >= 0.0) & (seconds < LATEST), seconds, np.nan)
 
 
@@ -124,7 +129,7 @@ def of_texts(cells: Sequence[str | None], zone: tzinfo | None, where: str) -> Mo
     month_first = _month_first(found, where)
     seconds = np.array([_seconds(m, month_first, zone) if m else np.nan for m in found])
     zoneless = any(m is not None and not m["z"] for m in found)
-    return Moments(np.where((seconds >= 0.0) & (seconds < LATEST), seconds, np.nan), zoneless)
+    return Moments(plausible(seconds), zoneless)
 
 
 def of_days(

@@ -12,7 +12,7 @@ from ..observations import Array
 from . import units_by_places as fit
 from .arrow_columns import Times
 from .checks import Bools, Ints
-from .dates import from_serial
+from .dates import EARLIEST, from_serial
 from .drive_columns import Columns
 from .names import Column
 from .table_drives import Trip
@@ -50,10 +50,14 @@ def in_seconds(
             notes.append("times taken as a spreadsheet's days since 1899-12-30")
             time = from_serial(time, zone)
         else:
-            unit = fit.time_unit(_tracks(time, columns, trips))
-            if unit not in (None, "s"):
+            unit = fit.time_unit(_tracks(time, columns, trips)) or "s"
+            if unit != "s":
                 notes.append(f"times taken as {unit} from a start, which fits the places")
-            time = time * fit.TIME_UNITS[unit or "s"]
+            time = time * fit.TIME_UNITS[unit]
+            if (
+                np.isfinite(time).any() and np.nanmedian(np.abs(time)) >= EARLIEST
+            ):  # of no plausible year
+                time = np.full(len(time), np.nan)
     tracks = _tracks(time, columns, trips)
     if fit.is_impossible(tracks):
         raise ReadError(
