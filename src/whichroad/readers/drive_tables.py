@@ -19,6 +19,7 @@ from .dates import zone_of
 from .drive_columns import Columns, drive_of
 from .geometries import places_of, unproject
 from .names import Seen, normal
+from .odometry_fit import with_fit_notes
 from .reading import Reading
 from .source import Source
 from .table_drives import Trip, trips_of
@@ -90,13 +91,15 @@ def drive_from_table(
     """
     reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
     frames = frames_of(table)
-    if frames is not None:
-        return [
+    if frames is None:
+        drives = drives_of(in_memory(table, reading), reading, Counter(), "table", "drive")
+    else:
+        drives = [
             drive
             for name, frame in frames
             for drive in drives_of(in_memory(frame, reading), reading, Counter(), name, name)
         ]
-    return drives_of(in_memory(table, reading), reading, Counter(), "table", "drive")
+    return [with_fit_notes(drive, reading.vehicle) for drive in drives]
 
 
 def drives_of(

@@ -4,6 +4,7 @@ What does not fit is named with what to do.  Nothing is changed.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,9 @@ _FEWEST = 10  # fixes
 _SCALE = (0.8, 1.25)  # odometry over places, beyond which it is said
 _LAGS = np.arange(-5.0, 5.01, 0.1)  # s
 _STEP = 0.5  # s, at which speeds are compared
+_HALF = 1.5  # s, half of the time over which a speed is taken
+_DENSE = 2.5  # s between fixes, beyond which their speeds show no offset
+_GROSS = 3.0  # m/s, beyond which a difference is an error of its own
 _SHORTEST = 50.0  # s of both
 _LATE = 0.75  # s, from which an offset is said
 _BETTER = 0.6  # of the squared difference at no offset, that the best must stay below
@@ -23,13 +27,18 @@ _VARIES = 1.0  # m/s, standard deviation of a speed that shows an offset
 _MOST = 7200  # fixes that are looked at
 
 
-def fit_notes(drive: Drive, vehicle: Vehicle) -> list[str]:
-    """Notes on odometry that does not fit the fixes of its drive.
+def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
+    """The drive with notes on odometry that does not fit its fixes.
 
     Args:
         drive: A drive, in one piece.
         vehicle: For the scale of counters.
     """
+    notes = _notes(drive, vehicle)
+    return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
+
+
+def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
     fixes, odometry = drive.fixes, drive.odometry
     if fixes is None or odometry is None or len(fixes) < _FEWEST or len(odometry.time) < 2:
         return []
@@ -72,27 +81,32 @@ def _clock(track: Track, doppler: tuple[Array, Array], time: Array, way: Array) 
     """What is said of odometry that is early or late, by the speeds of both."""
     if track.time[-1] - track.time[0] < _SHORTEST:
         return ""
-    interval = float(np.median(np.diff(track.time)))
-    if interval > 2.5:
+    if float(np.median(np.diff(track.time))) > _DENSE:
         return ""
     known = np.isfinite(doppler[1])
     if np.mean(known) > 0.9:
         at, speed = track.time[known], doppler[0][known]
+        driven = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (speed[1:] + speed[:-1]))])
     else:
-        steps = np.diff(track.time)
-        at = 0.5 * (track.time[1:] + track.time[:-1])
-        speed = distances(track.lat_deg, track.lon_deg) / steps
-    grid = np.arange(at[0] + 6.0, at[-1] - 6.0, _STEP)
-    if len(grid) < 2.0 * _FEWEST:
+        at, driven = track.time, None
+    reach = float(_LAGS[-1]) + _HALF
+    grid = np.arange(at[0] + reach, at[-1] - reach, _STEP)
+    if len(grid) < 2 * _FEWEST:
         return ""
-    wanted = np.interp(grid, at, speed)
+    if driven is None:  # chords of some seconds: shorter ones are mostly errors of the fixes
+        lat = np.column_stack([np.interp(grid + h, at, track.lat_deg) for h in (-_HALF, _HALF)])
+        lon = np.column_stack([np.interp(grid + h, at, track.lon_deg) for h in (-_HALF, _HALF)])
+        way_of_fixes = distances(lat.ravel(), lon.ravel())[::2]
+    else:
+        way_of_fixes = np.interp(grid + _HALF, at, driven) - np.interp(grid - _HALF, at, driven)
+    wanted = way_of_fixes / (2.0 * _HALF)
     if np.std(wanted) < _VARIES:
         return ""
-    half = 0.5 * max(interval, 1.0)
     differences = []
     for lag in _LAGS:
-        ends = np.interp(grid + half + lag, time, way) - np.interp(grid - half + lag, time, way)
-        differences.append(float(np.median((np.abs(ends) / (2.0 * half) - wanted) ** 2)))
+        mine = np.interp(grid + _HALF + lag, time, way) - np.interp(grid - _HALF + lag, time, way)
+        apart = np.abs(mine) / (2.0 * _HALF) - wanted
+        differences.append(float(np.mean(np.minimum(apart**2, _GROSS**2))))
     best = int(np.argmin(differences))
     late = float(_LAGS[best])
     if abs(late) < _LATE or best in (0, len(_LAGS) - 1):

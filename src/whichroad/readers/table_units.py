@@ -95,11 +95,31 @@ def in_si(
                 _speed(quantity, columns, found, trips, windows, notes)
             elif quantity == "odometer":
                 _odometer(columns, found, trips, windows, notes)
-    if "yaw_rate" in bare and fit.is_in_degrees(columns["yaw_rate"], columns.get("speed")):
-        columns["yaw_rate"] = columns["yaw_rate"] * DEGREE
-        notes.append(
-            f"column {found['yaw_rate'].name!r} taken in degrees/s: in rad/s no car could turn so"
-        )
+    if "yaw_rate" in columns:
+        yaw_rate, said = possible_yaw_rate(
+            columns["yaw_rate"], columns.get("speed"), f"column {found['yaw_rate'].name!r}",
+            "yaw_rate" in bare,
+        )  # fmt: skip
+        columns["yaw_rate"] = yaw_rate
+        notes += said
+
+
+def possible_yaw_rate(
+    yaw_rate: Array, speed: Array | None, name: str, bare: bool
+) -> tuple[Array, list[str]]:
+    """A yaw rate in rad/s, and notes on it where no car could turn so.
+
+    Args:
+        yaw_rate: (n,) rad/s, as far as is known.
+        speed: (n,) m/s, where it is known at the same times.
+        name: What it is called, for the notes.
+        bare: Whether no unit was named, so that it may be in degrees.
+    """
+    if not fit.is_in_degrees(yaw_rate, speed):
+        return yaw_rate, []
+    if bare:
+        return yaw_rate * DEGREE, [f"{name} taken in degrees/s: in rad/s no car could turn so"]
+    return yaw_rate, [f"{name} is faster than any car turns; is it in degrees/s?"]
 
 
 def _speed(

@@ -20,9 +20,9 @@ SPEED_UNITS = {"m/s": 1.0, "km/h": KMH, "mph": MPH, "knots": KNOT}
 DISTANCE_UNITS = {"m": 1.0, "km": 1000.0, "miles": 1609.344}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "days": DAY}
 _WINDOW = 10.0  # s, over which distances are compared
+_SPARSE_RATIOS = {"m/s": (0.7, 1.5), "km/h": (3.4, 6.5)}  # of ways over chords of sparse fixes
 _LONGEST = 90.0  # s between fixes, beyond which a chord says too little of the distance driven
 _SPARSE = 20.0  # s between fixes, beyond which knots and mph cannot be told apart
-_DETOUR = 1.15  # way driven over the chord of sparse fixes
 _MOVED = 40.0  # m within a window, well beyond the errors of fixes
 _FEWEST = 5  # windows
 _MOST = 2000  # windows that are looked at
@@ -112,9 +112,8 @@ def speed_unit(ratios: Array, sparse: bool) -> str | None:
     if len(ratios) < _FEWEST:
         return None
     ratio = float(np.median(ratios))
-    if sparse:  # knots and mph cannot be told apart
-        known = {unit: f for unit, f in SPEED_UNITS.items() if f not in (KNOT, MPH)}
-        return _nearest(ratio / _DETOUR, known, 1.35)
+    if sparse:  # ways are longer than chords, so that knots and mph cannot be told apart
+        return next((u for u, (low, high) in _SPARSE_RATIOS.items() if low < ratio < high), None)
     return _nearest(ratio, SPEED_UNITS, 1.25)
 
 
