@@ -24,7 +24,8 @@ from ..filter.state import CLOCK, new_epochs
 from ..matching import are_near, timeline_of, tuned_by
 from ..observations import Drive
 from ..readers import drive_from_table, read_vehicle
-from ..readers.many_trips import TripBatch, batched_fixes, trip_batches
+from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.regular_trips import batched_fixes
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap, open_map
 from ..settings import Settings, Vehicle

@@ -5,6 +5,7 @@ no value; what cannot be understood is skipped and counted.
 """
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from .csv_text import no_column
 from .dates import zone_of
 from .drive_columns import Columns, drive_of
 from .geometries import places_of, unproject
+from .gpx import read_gpx
 from .names import Seen, normal
 from .odometry_fit import with_fit_notes
 from .reading import Reading
@@ -25,7 +27,7 @@ from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of
 from .table_units import in_seconds, in_si
-from .tables_in_memory import frames_of, in_memory
+from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
 _NO_VALUES = ("time", "date", "drive_id", "vehicle_id", "row_id", "geometry",
@@ -75,7 +77,7 @@ def drive_from_table(
     Args:
         table: A DataFrame, a GeoDataFrame of points, an Arrow table or anything with
             `__arrow_c_stream__`, a dict of columns, a list of dicts, rows (time, lat, lon) or
-            (lat, lon) as tuples or an array, or trajectories of movingpandas.
+            (lat, lon) as tuples or an array, trajectories of movingpandas, or a GPX of gpxpy.
         vehicle: Gives the scale and width of wheel counters.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns, anything that pyproj takes.
@@ -91,7 +93,10 @@ def drive_from_table(
     """
     reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
     frames = frames_of(table)
-    if frames is None:
+    if is_gpx(table):
+        drives = read_gpx(Source("drive", "", table.to_xml().encode()), reading.settings)
+        drives = [replace(drive, sources=()) for drive in drives]
+    elif frames is None:
         drives = drives_of(in_memory(table, reading), reading, Counter(), "table", "drive")
     else:
         drives = [

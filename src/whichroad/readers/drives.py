@@ -16,7 +16,11 @@ from .checks import listed
 from .combining import Part, combined
 from .csv_text import layout_of
 from .drive_tables import read_table
+from .geo_files import read_geo
+from .gnss_logger import read_gnss_logger
 from .gpx import read_gpx
+from .json_files import read_json
+from .kml import read_kml
 from .nmea import read_nmea
 from .reading import Reading
 from .rtklib import read_pos
@@ -29,30 +33,40 @@ _SUFFIXES = {
     **dict.fromkeys((".tsv", ".tab"), "table"),
     **dict.fromkeys((".nmea", ".nma"), "nmea"),
     **dict.fromkeys((".blf", ".asc", ".trc", ".mf4", ".candump"), "can"),
+    **dict.fromkeys((".gpkg", ".shp", ".fgb"), "geo"),
     ".gpx": "gpx",
     ".pos": "pos",
 }
 _CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
+    ("geo", re.compile(rb"\A(SQLite format 3\x00|fgb\x03fgb|\x00\x00\x27\x0a)")),
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
     ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
     ("gpx", re.compile(rb"<gpx[\s>]")),
+    ("kml", re.compile(rb"<kml[\s>]")),
     ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
+    ("gnss_logger", re.compile(rb"^#?\s*Fix,Provider,", re.MULTILINE)),
+    ("json", re.compile(rb"\A(\xef\xbb\xbf)?\s*[{\[]")),
+    ("json", re.compile(rb"\A[-\dT:.Z]+\t\*\s*\t\{")),  # OwnTracks' recorder
     ("table", re.compile(rb"\A\s*[^\n,;\t\x00]+[,;\t][^\n\x00]*(\n|\Z)")),
 )
 _STRANGERS = (  # what is not read: what it is, what to do, what it begins with
-    ("JSON", "write a CSV or Parquet with columns time, lat, lon", re.compile(rb"\A\s*[{\[]")),
     ("XML, but no GPX", "export GPX", re.compile(rb"\A(\xef\xbb\xbf)?\s*<")),
     ("compressed or a spreadsheet", "unpack it, or save it as CSV",
      re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
     ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
 )  # fmt: skip
+_ZIP, _SHAPES = b"PK\x03\x04", re.compile(rb"\.shp")  # a Shapefile in an archive
 _SNIFF = 1 << 16  # bytes read to recognise a format
 _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
     "nmea": lambda source, reading: [read_nmea(source, reading.settings)],
     "gpx": lambda source, reading: read_gpx(source, reading.settings),
     "pos": lambda source, reading: [read_pos(source, reading.settings)],
+    "kml": read_kml,
+    "json": read_json,
+    "geo": read_geo,
+    "gnss_logger": read_gnss_logger,
     "table": read_table,
 }
 
@@ -211,12 +225,14 @@ def _kind(source: Source, reading: Reading) -> str:
     strange = next(((s, advice) for s, advice, p in _STRANGERS if p.search(head)), None)
     if kind is None and not strange and b"\0" not in head and layout_of(head, reading):
         kind = "table"
+    if source.data.startswith(_ZIP) and _SHAPES.search(source.data):
+        return "geo"
     if kind is not None and not (kind == "table" and strange):
         return kind
     seen, advice = strange or ("a file of unknown format", "convert it")
     raise ReadError(
-        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, RTKLIB .pos or a "
-        f"CAN log was expected; {advice}"
+        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, KML, GeoJSON, "
+        f"RTKLIB .pos or a CAN log was expected; {advice}"
     )
 
 

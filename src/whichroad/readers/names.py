@@ -72,7 +72,7 @@ NAMES: dict[str, dict[str, float]] = {
         ),
         **_names("time_s t_s timestamp_s epoch_s utc_s unix_s seconds time_sec timestamp_sec"),
         **_names("time_ms t_ms timestamp_ms epoch_ms utc_ms unix_ms", 1e-3),
-        **_names("timestampms unixtimemillis utctimemillis", 1e-3),
+        **_names("timestampms unixtimemillis utctimemillis utc_timeinms", 1e-3),
         **_names("time_us t_us timestamp_us epoch_us utc_us unix_us", 1e-6),
         **_names("time_ns t_ns timestamp_ns epoch_ns utc_ns unix_ns", 1e-9),
     },

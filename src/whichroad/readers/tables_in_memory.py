@@ -49,6 +49,11 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
         ) from None
 
 
+def is_gpx(thing: Any) -> bool:
+    """Whether something is a GPX of gpxpy."""
+    return hasattr(thing, "tracks") and hasattr(thing, "routes") and hasattr(thing, "to_xml")
+
+
 def frames_of(thing: Any) -> list[tuple[str, Any]] | None:
     """Names and frames of the trajectories of movingpandas; None of anything else."""
     if hasattr(thing, "trajectories"):
