@@ -83,8 +83,8 @@ def _records(content: Any) -> Iterator[list[dict[str, Any]]]:
     if isinstance(content, dict):
         columns = {k: v for k, v in content.items() if isinstance(v, list)}
         if {"lat", "lon"} <= find(list(columns)).keys():  # a table, column by column
-            rows = zip(*columns.values(), strict=False)
-            yield [dict(zip(columns, row, strict=True)) for row in rows]
+            cells = zip(*columns.values(), strict=False)
+            yield [dict(zip(columns, row, strict=True)) for row in cells]
         for value in sorted(columns.values(), key=len, reverse=True):
             yield from _records(value)
         for value in content.values():

@@ -63,11 +63,11 @@ _BARE_YAW_RATES = "yaw_rate yawrate gyro_z"
 NAMES: dict[str, dict[str, float]] = {
     "time": {
         **_names(
-            "time timestamp t datetime date_time time_utc utc_time utc gps_time gpstime tst "
+            "time timestamp datetime date_time time_utc utc_time utc gps_time gpstime tst "
             "point_time fix_time fixtime epoch unix unix_time unixtime posix_time ts time_stamp "
             "recorded_at timestamp_utc datetime_utc tracked_at captured_at captured_timestamp "
             "capturedtimestamp logged_at event_time eventtime isotst position_time "
-            "local_time localtime time_local device_time devicetime server_time servertime",
+            "t local_time localtime time_local device_time devicetime server_time servertime",
             0.0,
         ),
         **_names("time_s t_s timestamp_s epoch_s utc_s unix_s seconds time_sec timestamp_sec"),
