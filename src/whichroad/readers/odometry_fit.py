@@ -21,6 +21,7 @@ _HALF = 1.5  # s, half of the time over which a speed is taken
 _DENSE = 2.5  # s between fixes, beyond which their speeds show no offset
 _GROSS = 3.0  # m/s, beyond which a difference is an error of its own
 _SHORTEST = 50.0  # s of both
+_LONGEST = 7200.0  # s of both that are compared
 _LATE = 0.75  # s, from which an offset is said
 _BETTER = 0.6  # of the squared difference at no offset, that the best must stay below
 _VARIES = 1.0  # m/s, standard deviation of a speed that shows an offset
@@ -90,7 +91,7 @@ def _clock(track: Track, doppler: tuple[Array, Array], time: Array, way: Array) 
     else:
         at, driven = track.time, None
     reach = float(_LAGS[-1]) + _HALF
-    grid = np.arange(at[0] + reach, at[-1] - reach, _STEP)
+    grid = np.arange(at[0] + reach, min(at[-1] - reach, at[0] + _LONGEST), _STEP)
     if len(grid) < 2 * _FEWEST:
         return ""
     if driven is None:  # chords of some seconds: shorter ones are mostly errors of the fixes

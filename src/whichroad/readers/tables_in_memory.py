@@ -42,7 +42,9 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
             return _frame(table, own)
         table = table if isinstance(table, pa.Table) else pa.table(table)
         return Seen(table, table.column_names, find(table.column_names, own))
-    except (pa.ArrowException, TypeError, ValueError, KeyError, AttributeError) as error:
+    except (
+        pa.ArrowException, TypeError, ValueError, KeyError, AttributeError, OverflowError
+    ) as error:  # fmt: skip
         raise ReadError(
             f"table: {type(given).__name__} cannot be read as a table ({_first_line(error)}); "
             f"{_NO_TABLE}"

@@ -42,7 +42,8 @@ class Track(NamedTuple):
     @classmethod
     def of(cls, time: Array, lat_deg: Array, lon_deg: Array) -> "Track":
         """The rows that have a place and a time of their own, in order."""
-        known = np.flatnonzero(np.isfinite(time) & np.isfinite(lat_deg) & np.isfinite(lon_deg))
+        possible = (np.abs(lat_deg) <= 90.0) & (np.abs(lon_deg) <= 360.0)
+        known = np.flatnonzero((np.abs(time) < 1e300) & possible)
         known = known[np.argsort(time[known], kind="stable")]
         new = np.diff(time[known], prepend=-np.inf) > 0.0
         known = known[new]
@@ -64,9 +65,10 @@ class Windows(NamedTuple):
 
 def distances(lat_deg: Array, lon_deg: Array, step: int = 1) -> Array:
     """Metres from each place to the one `step` later, (n - step,)."""
-    lat, lon = radians(lat_deg), radians(lon_deg)
-    east = (lon[step:] - lon[:-step]) * np.cos(0.5 * (lat[step:] + lat[:-step]))
-    return np.asarray(EARTH_RADIUS * np.hypot(east, lat[step:] - lat[:-step]))
+    with np.errstate(over="ignore", invalid="ignore"):  # places may be anything
+        lat, lon = radians(lat_deg), radians(lon_deg)
+        east = (lon[step:] - lon[:-step]) * np.cos(0.5 * (lat[step:] + lat[:-step]))
+        return np.asarray(EARTH_RADIUS * np.hypot(east, lat[step:] - lat[:-step]))
 
 
 def windows_of(track: Track) -> Windows:
@@ -200,6 +202,7 @@ def is_in_degrees(yaw_rate: Array, speed: Array | None) -> bool:
         return True
     if speed is None:
         return False
-    across = rate * np.abs(speed[known])
+    with np.errstate(over="ignore", invalid="ignore"):
+        across = rate * np.abs(speed[known])
     across = across[np.isfinite(across)]
     return len(across) >= _FEWEST and float(np.quantile(across, 0.98)) > _ACROSS
