@@ -136,7 +136,8 @@ def drives_of(
     trips = trips_of(seen, np.arange(seen.table.num_rows), stem, reading.id is not None)
     if "time" in seen.found:
         read = _times(seen, reading, skipped, where, notes, paths)
-        columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
+        with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
+            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
     else:
         columns["time"] = _invented(seen, columns, trips, notes, where)
     good = keep(np.abs(columns["time"]) < LAST, NO_TIME, skipped)
@@ -144,7 +145,8 @@ def drives_of(
         raise ReadError(_no_time(seen, where))
     trips = [Trip(t.name, t.rows[good[t.rows]]) for t in trips]
     trips = sorted((t for t in trips if len(t.rows)), key=lambda t: int(t.rows[0]))
-    in_si(columns, seen.found, trips, notes)
+    with np.errstate(over="ignore", invalid="ignore"):
+        in_si(columns, seen.found, trips, notes)
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
         notes.append("columns x, y not used: no crs (--crs) was given for them")
     drives: list[Drive] = []

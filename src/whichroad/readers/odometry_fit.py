@@ -35,7 +35,8 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
         drive: A drive, in one piece.
         vehicle: For the scale of counters.
     """
-    notes = _notes(drive, vehicle)
+    with np.errstate(over="ignore", invalid="ignore"):  # distances may be anything
+        notes = _notes(drive, vehicle)
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
 
 

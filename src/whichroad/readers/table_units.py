@@ -54,9 +54,8 @@ def in_seconds(
             if unit != "s":
                 notes.append(f"times taken as {unit} from a start, which fits the places")
             time = time * fit.TIME_UNITS[unit]
-            if (
-                np.isfinite(time).any() and np.nanmedian(np.abs(time)) >= EARLIEST
-            ):  # of no plausible year
+            sizes = np.sort(np.abs(time[np.isfinite(time)]))
+            if len(sizes) and sizes[len(sizes) // 2] >= EARLIEST:  # of no plausible year
                 time = np.full(len(time), np.nan)
     tracks = _tracks(time, columns, trips)
     if fit.is_impossible(tracks):

@@ -172,9 +172,10 @@ def median_speed(tracks: Iterable[Track]) -> float:
     for track in tracks:
         if len(track.time) > 1:
             moved = distances(track.lat_deg, track.lon_deg)
-            speeds.append((moved / np.diff(track.time))[moved > 1.0])
+            with np.errstate(over="ignore"):
+                speeds.append((moved / np.diff(track.time))[moved > 1.0])
     joined = np.concatenate(speeds) if speeds else np.empty(0)
-    return float(np.median(joined)) if len(joined) else math.nan
+    return float(np.sort(joined)[len(joined) // 2]) if len(joined) else math.nan
 
 
 def is_impossible(tracks: Sequence[Track]) -> bool:
