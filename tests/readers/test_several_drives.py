@@ -65,7 +65,7 @@ def test_the_caller_says_which_column_tells_drives_apart(tmp_path):
     assert [d.drive_id for d in drive_from_table(table, id="Fahrt")] == ["a", "b"]
     table.to_csv(tmp_path / "x.csv", index=False)
     assert len(read_drive(tmp_path / "x.csv", id="Fahrt")) == 2
-    with pytest.raises(ReadError, match=r"no such column among .*Fahrt"):
+    with pytest.raises(ReadError, match=r"no column 'Trip' .*Fahrt"):
         drive_from_table(table, id="Trip")
 
 

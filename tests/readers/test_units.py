@@ -149,6 +149,16 @@ def test_odometry_whose_scale_is_wrong_is_named():
     assert any("odometry says 3.7 times the distance" in note for note in drive.notes)
 
 
+@pytest.mark.parametrize("factor", [3.6, 1.0])
+def test_a_speed_whose_name_says_another_unit_is_named(tmp_path, factor):
+    for seed in range(10):
+        frame = town(seed)
+        frame.assign(speed_mps=factor * frame.true_speed).to_csv(tmp_path / "a.csv", index=False)
+        (drive,) = read_drive(tmp_path / "a.csv")
+        said = [note for note in drive.notes if note.startswith("speeds of the fixes are 3.")]
+        assert len(said) == (factor != 1.0)
+
+
 def test_a_speed_of_traccar_is_in_knots_and_one_of_owntracks_in_kmh():
     frame = town(n=4)  # too short to tell by its places
     traccar = frame.rename(columns={"time": "fixTime"}).assign(deviceId="a", deviceTime=0)

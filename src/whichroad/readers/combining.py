@@ -20,7 +20,7 @@ from ..observations import (
 )
 from ..settings import Vehicle
 from .checks import Skipped, in_order, listed
-from .odometry_fit import with_fit_notes
+from .odometry_fit import with_fit_notes, with_speed_notes
 from .units_by_places import distances
 from .wheel_counters import cumulative
 
@@ -233,7 +233,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             skipped=dict(skipped),
             notes=tuple(dict.fromkeys(notes)),
         )
-    return with_fit_notes(drive, vehicle)
+    return with_speed_notes(with_fit_notes(drive, vehicle))
 
 
 def _same_clock(name: str, fixes: Fixes | None, odometry: OdometryLog | None) -> None:

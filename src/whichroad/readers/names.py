@@ -245,8 +245,9 @@ def _place(names: Sequence[str], alias: str, column: str | int) -> int:
     if str(column).isdecimal() and 1 <= int(column) <= len(names):
         return int(column) - 1
     raise ReadError(
-        f"columns: {alias}={column}, but there is no such column among {listed(names)}; the name "
-        "of a column, or its number from 1, was expected"
+        f"table: no column {column!r} for {alias} among {listed(name for name in names if name)}; "
+        "the name of a column, or its number from 1, was expected by columns= or id= (--columns, "
+        "--id)"
     )
 
 

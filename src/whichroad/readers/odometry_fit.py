@@ -10,11 +10,20 @@ import numpy as np
 
 from ..observations import Array, Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
 from ..settings import Vehicle
-from .units_by_places import Track, Windows, distance_ratio, distances, windows_of
+from .units_by_places import (
+    Track,
+    Windows,
+    distance_ratio,
+    distances,
+    is_telling,
+    speed_ratios,
+    windows_of,
+)  # fmt: skip
 
 _COVERED = 0.9  # share of the fixes' time, below which odometry is said to cover a part
 _FEWEST = 10  # fixes
 _SCALE = (0.8, 1.25)  # odometry over places, beyond which it is said
+_SPARSE_SCALE = (0.5, 3.0)  # the same of a receiver's speed where fixes are far apart
 _LAGS = np.arange(-5.0, 5.01, 0.1)  # s
 _STEP = 0.5  # s, at which speeds are compared
 _HALF = 1.5  # s, half of the time over which a speed is taken
@@ -38,6 +47,30 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
     with np.errstate(over="ignore", invalid="ignore"):  # distances may be anything
         notes = _notes(drive, vehicle)
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
+
+
+def with_speed_notes(drive: Drive) -> Drive:
+    """The drive with a note on a receiver's speed that does not fit the places.
+
+    Args:
+        drive: A drive, in one piece.
+    """
+    fixes = drive.fixes
+    if fixes is None or len(fixes) < _FEWEST:
+        return drive
+    windows = windows_of(Track.of(fixes.time, fixes.lat_deg, fixes.lon_deg))
+    speed = np.where(np.isfinite(fixes.sigma_speed), fixes.speed, np.nan)
+    ratios = speed_ratios(windows, fixes.time, speed)
+    if not is_telling(ratios):
+        return drive
+    ratio = float(np.median(ratios))
+    low, high = _SPARSE_SCALE if windows.sparse else _SCALE
+    if low <= ratio <= high:
+        return drive
+    note = (
+        f"speeds of the fixes are {ratio:.2g} times those between their places; is the unit right?"
+    )
+    return replace(drive, notes=(*drive.notes, note))
 
 
 def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
