@@ -123,6 +123,20 @@ def test_odometry_goes_to_the_drive_at_its_time(tmp_path):
     assert second.odometry is not None
 
 
+def test_own_names_are_those_of_any_of_several_tables(tmp_path):
+    own = {"lat": "Breite", "wheel_rl_kmh": "links", "wheel_rr_kmh": "rechts"}
+    fixes = going().rename(columns={"lat": "Breite"}).assign(car="x")
+    spun = wheels().rename(columns={"wheel_rl_mps": "links", "wheel_rr_mps": "rechts"})
+    paths = files(tmp_path, gnss=fixes, wheels=spun)
+    (drive,) = read_drive(paths, columns=own, id="car")
+    assert drive.drive_id == "x"
+    assert len(drive.fixes) == N
+    assert drive.odometry.left == pytest.approx(10 / 3.6)
+    for options in ({"id": "trip"}, {"columns": own | {"hdop": "Guete"}}):
+        with pytest.raises(ReadError, match="no column"):
+            read_drive(paths, **({"columns": own} | options))
+
+
 def test_odometry_that_may_belong_to_two_drives_is_refused(tmp_path):
     with pytest.raises(ReadError, match=r"share no drive_id; one drive per call, or .*--id"):
         read_drive(files(tmp_path, a=going(49.4), b=going(49.5), w=wheels()))

@@ -21,6 +21,7 @@ from .gnss_logger import read_gnss_logger
 from .gpx import read_gpx
 from .json_files import read_json
 from .kml import read_kml
+from .names import NoSuchColumn
 from .nmea import read_nmea
 from .reading import Reading
 from .rtklib import read_pos
@@ -114,7 +115,7 @@ def read_drive(
     files, folders, notes = _files([paths] if is_file(paths) else list(paths))
     if not files and not folders and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")
-    parts = [_part(file, reading, dbc) for file in files]
+    parts = _parts(files, reading, dbc)
     if can is not None:
         parts.append(_can_part(can, reading, dbc))
     parts = [_on_our_clock(part, reading.vehicle) for part in parts]
@@ -176,9 +177,36 @@ def _inside(folder: Path) -> tuple[list[Path], list[str]]:
     return inside, others
 
 
+def _parts(files: Sequence[Any], reading: Reading, dbc: AnyPath | None) -> list[Part]:
+    """What the files hold; own names of columns are those of at least one of several tables."""
+    parts, found, missing = [], set[str](), dict[str, NoSuchColumn]()
+    for file in files:
+        here, file = reading, _kept(file)
+        while True:
+            try:
+                parts.append(_part(file, here, dbc))
+                break
+            except NoSuchColumn as error:
+                if len(files) == 1:
+                    raise
+                missing[error.alias] = error
+                own = {name: column for name, column in here.columns.items() if name != error.alias}
+                here = replace(here, columns=own, id=here.id if "drive_id" in own else None)
+        if parts[-1].kind == "table":
+            found |= here.columns.keys()
+    for alias in missing.keys() - found:
+        raise missing[alias]
+    return parts
+
+
+def _kept(file: Any) -> Any:
+    """What can be read more than once."""
+    return Source.of(file) if is_file_object(file) or str(file) == STDIN else file
+
+
 def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
     """What a file of any format holds."""
-    if not is_file_object(file) and str(file) != STDIN and _kind_of_path(file) == "can":
+    if not isinstance(file, Source) and _kind_of_path(file) == "can":
         return _can_part(file, reading, dbc)
     source = Source.of(file)
     kind = _kind(source, reading)

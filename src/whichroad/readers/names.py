@@ -30,6 +30,14 @@ class Column(NamedTuple):
     bare: bool = False  # the name has no unit, and the quantity has several usual ones
 
 
+class NoSuchColumn(ReadError):
+    """A table lacks the column that its caller named."""
+
+    def __init__(self, alias: str, message: str) -> None:
+        super().__init__(message)
+        self.alias = alias  # what the column was to be
+
+
 class Seen(NamedTuple):
     """A table as it was read: the columns that are used, and what they are."""
 
@@ -244,10 +252,11 @@ def _place(names: Sequence[str], alias: str, column: str | int) -> int:
         return alike[0]
     if str(column).isdecimal() and 1 <= int(column) <= len(names):
         return int(column) - 1
-    raise ReadError(
+    raise NoSuchColumn(
+        alias,
         f"table: no column {column!r} for {alias} among {listed(name for name in names if name)}; "
         "the name of a column, or its number from 1, was expected by columns= or id= (--columns, "
-        "--id)"
+        "--id)",
     )
 
 
