@@ -23,7 +23,7 @@ _BLANKS = " "  # any number of blanks between cells
 _DELIMITERS = (",", ";", "\t", "|", _BLANKS)
 _HEAD = 1 << 16  # bytes within which the names are looked for
 _LINES = 200  # lines of them
-_COMMENT = re.compile(rb"^[ \t]*(?:#|%|//)[^\n]*(?:\n|\Z)", re.MULTILINE)
+_COMMENT = re.compile(rb"^[ \t]*[#%][^\n]*(?:\n|\Z)", re.MULTILINE)
 _UNITS = frozenset(
     (
         *("s", "ms", "m", "m²", "km", "°", "deg", "degree", "degrees", "rad", "m/s", "km/h", "kmh"),
@@ -61,7 +61,7 @@ def layout_of(head: bytes, reading: Reading | None = None) -> Layout | None:
         if not text.strip():
             continue
         for delimiter in _DELIMITERS:
-            names = _cells(re.sub(r"^\s*(#|%|//)\s*", "", text), delimiter)
+            names = _cells(re.sub(r"^\s*[#%]\s*", "", text), delimiter)
             known = _known(names, own)
             # blanks are within names too, so they part columns only where nothing else does
             if known > most + (1 if delimiter == _BLANKS and most else 0):
@@ -135,7 +135,7 @@ def read_csv(data: bytes, where: str, skipped: Skipped, reading: Reading) -> See
     if layout is None:
         raise ReadError(no_column(where, "no known column", _first(data), ("time", "lat", "lon")))
     body = data[layout.begin :]
-    if b"#" in body or b"%" in body or b"//" in body:
+    if b"#" in body or b"%" in body:
         body = _COMMENT.sub(b"", body)
     if layout.delimiter == _BLANKS:
         body = re.sub(rb"(?m)^ | $", b"", re.sub(rb"[ \t]+", b" ", body.replace(b"\r", b"")))
@@ -153,7 +153,9 @@ def read_csv(data: bytes, where: str, skipped: Skipped, reading: Reading) -> See
 
 def _first(data: bytes) -> list[str]:
     """The cells of the first line that is not empty."""
-    line = next((line for line in data[:_HEAD].decode().splitlines() if line.strip()), "")
+    line = next(
+        (line for line in data[:_HEAD].decode("utf-8", "replace").splitlines() if line.strip()), ""
+    )
     return max((_cells(line, delimiter) for delimiter in _DELIMITERS[:-1]), key=len)
 
 
@@ -196,7 +198,7 @@ def _rows(
     import pyarrow.csv as pc
 
     places = [column.place for column in found.values()]
-    if not body.strip():
+    if not re.search(rb"\S", body):
         return pa.table({names[place]: pa.array([], pa.float64()) for place in places})
     line = body[:_HEAD].split(b"\n", 1)[0].decode("utf-8", "replace").rstrip("\r")
     cells = _cells(line, delimiter)
