@@ -118,6 +118,18 @@ def test_times_of_day_in_digits_may_lack_the_zero_of_their_hour(tmp_path):
     assert drive.fixes.time[0] == datetime(2026, 3, 28, 8, 15, tzinfo=UTC).timestamp()
 
 
+def test_numbers_beside_a_date_that_are_no_clock_count_from_a_start(tmp_path):
+    counted = drive_of(tmp_path, date=["2026-03-28"] * N, time=100_000 + 1000 * np.arange(N))
+    assert np.diff(counted.fixes.time) == pytest.approx(1.0)
+    assert any("taken as ms from a start" in note for note in counted.notes)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S,250", "%d.%m.%Y %H:%M:%S,250"])
+def test_fractions_of_seconds_may_stand_behind_a_comma(tmp_path, form):
+    drive = drive_of(tmp_path, time=MOMENTS.strftime(form))
+    assert drive.fixes.time == pytest.approx(T0 + 0.25 + np.arange(N))
+
+
 def test_times_of_day_alone_are_counted_from_1970_over_midnight_and_it_is_said(tmp_path):
     late = pd.date_range("2026-03-28 23:59:30", periods=N, freq="s").strftime("%H:%M:%S")
     drive = drive_of(tmp_path, time=late)

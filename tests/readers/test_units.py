@@ -168,6 +168,15 @@ def test_a_speed_of_traccar_is_in_knots_and_one_of_owntracks_in_kmh():
     assert drive.fixes.speed == pytest.approx(frame.true_speed.to_numpy())
 
 
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_places_decide_against_a_tools_usual_unit(unit):
+    frame = town()
+    table = frame.rename(columns={"time": "datetime", "lat": "latitude", "lon": "longitude"})
+    drive = one(table.assign(device="phone", speed=UNITS[unit] * frame.true_speed))  # as Geotab's
+    assert drive.fixes.speed == pytest.approx(frame.true_speed.to_numpy())
+    assert bool(drive.notes) == (unit != "km/h")
+
+
 DBC = """VERSION ""
 BU_: Car
 BO_ 931 Motion: 8 Car

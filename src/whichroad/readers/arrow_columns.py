@@ -123,6 +123,9 @@ def times(
         moments = None
         if date is not None and (clocks or not _is_text(kind) or any(map(_may_be_clock, cells))):
             moments = of_days(strings(date), cells, zone, said)
+            if moments is not None and not (clocks or _is_text(kind)):
+                whole = np.isfinite(moments.seconds).mean() > 0.99  # else the numbers are no clock
+                moments = moments if whole else None
         if moments is None and (clocks or _is_text(kind)):
             moments = of_texts(cells, zone, said)
         if moments is not None:

@@ -85,7 +85,8 @@ def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Arra
 
     if any(cell and cell.endswith(_NAMED) for cell in cells):
         cells = [_ZONE.sub(_zone_as_letter, cell) if cell else None for cell in cells]
-    texts = pd.Series([cell.replace("/", "-") if cell else None for cell in cells], dtype=object)
+    plain = [cell.replace("/", "-").replace(",", ".") if cell else None for cell in cells]
+    texts = pd.Series(plain, dtype=object)
     stamps = pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601")
     micros: NDArray[np.int64] = stamps.dt.as_unit("us").astype("int64").to_numpy()
     seconds = np.where(stamps.notna().to_numpy(), micros / 1e6, np.nan)

@@ -226,7 +226,7 @@ def _found(names: tuple[str, ...], own: tuple[tuple[str, str | int], ...]) -> di
 
 
 def _column(quantity: str, alias: str, place: int, name: str, units: Mapping[str, float]) -> Column:
-    bare = alias in BARE.get(quantity, ()) and alias not in units
+    bare = alias in BARE.get(quantity, ())
     return Column(place, name, units.get(alias, NAMES[quantity][alias]), bare)
 
 

@@ -1,4 +1,7 @@
-"""Tools that are known by the names of their columns, and the units that these names do not say."""
+"""Tools that are known by the names of their columns, and the units that these names do not say.
+
+The places decide where they show another unit.
+"""
 
 from collections.abc import Set
 from typing import NamedTuple

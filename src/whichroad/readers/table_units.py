@@ -136,12 +136,14 @@ def _speed(
     if not fit.is_telling(ratios):
         return
     sparse = any(w.sparse for w in windows)
-    unit = fit.speed_unit(ratios, sparse)
     ratio = float(np.median(ratios))
-    if unit is not None and unit != "m/s":
-        columns[quantity] = speed * fit.SPEED_UNITS[unit]
+    if fit.speed_unit(ratios, sparse) == "m/s":  # as it is, or as its tool writes it
+        return
+    unit = fit.speed_unit(ratios / found[quantity].factor, sparse)
+    if unit is not None:
+        columns[quantity] = speed * (fit.SPEED_UNITS[unit] / found[quantity].factor)
         notes.append(f"column {name!r} taken in {unit}, which fits the places")
-    elif unit is None and quantity == "speed" and ratio > 0.0:
+    elif quantity == "speed" and ratio > 0.0:
         columns[quantity] = np.full(len(speed), np.nan)
         notes.append(
             f"column {name!r} not used: as m/s it is {ratio:.2g} times the speed between places, "
