@@ -115,6 +115,21 @@ def wheels(t0=T0, n=N):
     return pd.DataFrame({"time": t0 + np.arange(n), "wheel_rl_mps": 10.0, "wheel_rr_mps": 10.0})
 
 
+def test_tracks_without_times_are_drives_of_their_own_wherever_they_are(tmp_path):
+    places = going().drop(columns="time")
+    drives = read_drive(files(tmp_path, a=places, b=places, c=places))
+    assert [drive.drive_id for drive in drives] == ["a", "b", "c"]
+    assert [len(drive.fixes) for drive in drives] == [N, N, N]
+
+
+def test_many_files_are_put_together_in_any_order(tmp_path):
+    days = {f"{d}_{k}": going(49.4 + 10 * N * k * METRES, T0 + 86_400 * d + N * k)
+            for k in range(4) for d in range(10)}  # fmt: skip
+    drives = read_drive(files(tmp_path, **days)[::-1])
+    assert len(drives) == 10
+    assert [len(drive.fixes) for drive in drives] == [4 * N] * 10
+
+
 def test_odometry_goes_to_the_drive_at_its_time(tmp_path):
     late = T0 + 86_400
     paths = files(tmp_path, a=going(), b=going(49.4, late), w=wheels(late))

@@ -79,7 +79,8 @@ def match_many(
             or an iterator of record batches.  Rows of a trip lie together, in a table in
             memory in any order.
         roads: A `RoadMap`, or the path of one.
-        drive_id: The column that names the trip; the default also finds its usual aliases.
+        drive_id: The column that names the trip; the default also finds its usual aliases, and
+            those of vehicles where no column names trips.
         vehicle: Of all trips.
         settings: The model's numbers.
         lag: As in `match`.

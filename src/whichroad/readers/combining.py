@@ -23,6 +23,7 @@ from .checks import Skipped, in_order, listed
 from .odometry_fit import with_fit_notes, with_speed_notes
 from .units_by_places import distances
 from .wheel_counters import cumulative
+from .without_times import NOTE
 
 _APART = 600.0  # s between files, beyond which they are no parts of one log
 _FASTEST = 70.0  # m/s, at which a vehicle gets from the end of one file to the begin of the next
@@ -98,12 +99,18 @@ def _free(name: str, taken: dict[str, Any]) -> str:
 def _by_place(drives: Sequence[Drive], notes: list[str]) -> list[list[Drive]]:
     """Files without ids, those of one vehicle and one time together."""
     groups: list[list[Drive]] = []
+    recent: list[list[Drive]] = []  # groups that may go on
     for drive in sorted(drives, key=_begin):
-        home = next((g for g in groups if all(_belong(one, drive) for one in g[-3:])), None)
+        recent = [g for g in recent if max(map(_end, g)) >= _begin(drive) - _APART]
+        home = None
+        if NOTE not in drive.notes:  # of invented times none is another's
+            home = next((g for g in recent if all(_belong(one, drive) for one in g[-3:])), None)
         if home is None:
-            groups.append([drive])
-        else:
-            home.append(drive)
+            home = []
+            groups.append(home)
+            if NOTE not in drive.notes:
+                recent.append(home)
+        home.append(drive)
     if len(groups) > 1:
         notes.append(
             f"{len(drives)} files are {len(groups)} drives: their times or places do not "
@@ -124,6 +131,10 @@ def _by_place(drives: Sequence[Drive], notes: list[str]) -> list[list[Drive]]:
 
 def _begin(drive: Drive) -> float:
     return float(drive.fixes.time[0]) if drive.fixes is not None and _has_fixes(drive) else np.inf
+
+
+def _end(drive: Drive) -> float:
+    return float(drive.fixes.time[-1]) if drive.fixes is not None and _has_fixes(drive) else np.inf
 
 
 def _belong(first: Drive, second: Drive) -> bool:
