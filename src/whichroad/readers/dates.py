@@ -128,9 +128,10 @@ def of_texts(cells: Sequence[str | None], zone: tzinfo | None, where: str) -> Mo
     if not any(found):
         return None
     month_first = _month_first(found, where)
-    seconds = np.array([_seconds(m, month_first, zone) if m else np.nan for m in found])
-    zoneless = any(m is not None and not m["z"] for m in found)
-    return Moments(plausible(seconds), zoneless)
+    seconds = np.array([_seconds(m, month_first) if m else np.nan for m in found])
+    local = np.array([m is not None and not m["z"] for m in found], bool)
+    seconds[local] = to_utc(seconds[local], zone)
+    return Moments(plausible(seconds), bool(local.any()))
 
 
 def of_days(
@@ -269,8 +270,8 @@ def _month_first(found: Sequence[re.Match[str] | None], where: str) -> bool:
     )
 
 
-def _seconds(match: re.Match[str], month_first: bool, zone: tzinfo | None) -> float:
-    """Seconds since 1970 UTC of one date, NaN where it cannot be."""
+def _seconds(match: re.Match[str], month_first: bool) -> float:
+    """Seconds since 1970 of one date, on the clocks of its zone where it names none; else UTC."""
     parts = match.groupdict()
     day, month = parts.get("d"), parts.get("m")
     if "first" in parts:
@@ -285,9 +286,9 @@ def _seconds(match: re.Match[str], month_first: bool, zone: tzinfo | None) -> fl
         return np.nan
     seconds = (begin - date(1970, 1, 1)).days * DAY + _of_day(match)
     named = _offset(parts["z"])
-    if named is not None:
-        return seconds - (named.utcoffset(None) or timedelta()).total_seconds()
-    return float(to_utc(np.array([seconds]), zone)[0]) if zone else seconds
+    if named is None:
+        return seconds
+    return seconds - (named.utcoffset(None) or timedelta()).total_seconds()
 
 
 def _of_day(match: re.Match[str]) -> float:
