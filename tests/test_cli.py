@@ -7,7 +7,7 @@ import geopandas
 import pytest
 import typer
 
-from whichroad import __version__, cli
+from whichroad import RoadMap, __version__, cli
 from whichroad.cli.arguments import read_window
 from whichroad.errors import DriveError
 
@@ -160,7 +160,6 @@ def test_a_start_south_of_the_equator_is_no_option(run, tmp_path):
 @pytest.fixture(scope="module")
 def town(tmp_path_factory):
     """A compiled map of the town that the simulator draws."""
-    from whichroad import RoadMap
     from whichroad.simulate import draw_town
 
     folder = tmp_path_factory.mktemp("town")
@@ -176,6 +175,42 @@ def test_a_map_is_built_and_told(run, town, tmp_path):
     assert (code, err) == (0, "")
     assert "edges" in out
     assert "--force" in one_error(run("map", "build", town / "town.osm", "-o", tmp_path / "m.map"))
+
+
+def test_a_map_that_is_built_says_what_was_left_out(run, town, tmp_path):
+    source = (town / "town.osm").read_text(encoding="utf-8")
+    area = '<tag k="area" v="yes"/></way>'
+    (tmp_path / "town.osm.xml").write_text(source.replace("</way>", area, 1), encoding="utf-8")
+    code, out, err = run("map", "build", tmp_path / "town.osm.xml", "-o", tmp_path / "m.map")
+    assert code == 0
+    assert "km of roads" in out
+    assert "skipped: 1 ways that are areas" in err
+    south, north = RoadMap.open(tmp_path / "m.map").info()["lat"]
+    part = f"-180,-90,180,{(south + north) / 2}"
+    half = ("map", "build", tmp_path / "town.osm.xml", "--bbox", part, "-o", tmp_path / "half.map")
+    code, _, err = run(*half)
+    assert (code, "ways outside the box" in err) == (0, True)
+    assert 0 < len(RoadMap.open(tmp_path / "half.map")) < len(RoadMap.open(tmp_path / "m.map"))
+    assert "bbox is" in one_error(run(*half[:3], "--bbox", "1,2,3", "-o", tmp_path / "x.map"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("drive.csv", "time,lat,lon\n0,49.4,8.7\n", "seems to be a drive and not a map"),
+        ("drive.nmea", "$GPGGA,1\n", "seems to belong to a drive"),
+        ("drive.gpx", "<gpx/>", "seems to belong to a drive"),
+        ("notes.txt", "a map of sorts", "an OpenStreetMap extract (.osm.pbf"),
+        ("city.map", "not compiled", "an OpenStreetMap extract (.osm.pbf"),
+    ],
+)
+def test_what_is_no_map_is_answered_by_what_is_one(run, tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    for command in (("map", "build", tmp_path / name, "-o", tmp_path / "m.out"),
+                    ("map", "info", tmp_path / name)):  # fmt: skip
+        error = one_error(run(*command))
+        assert said in error
+        assert "make it by" not in error
 
 
 def test_a_broken_source_leaves_no_map(run, tmp_path):

@@ -19,6 +19,7 @@ from whichroad.evaluate import (
     compare,
     evaluate,
     evaluate_files,
+    further_columns,
     pool,
     route_mismatch,
     score,
@@ -206,6 +207,79 @@ def test_a_truth_of_places_alone_has_errors_and_says_nothing_of_edges():
         "right_edge", "right_edge_strict", "abscissa_rmse_m", "brier", "calibration_error", "sure",
         "sure_wrong",
     }  # fmt: skip
+
+
+COLUMNS = {  # of an answer, and the figures that each adds to time, lat and lon
+    "bearing_deg": {"heading_rmse_deg"},
+    "cov_ee_m2 cov_en_m2 cov_nn_m2": {"anees", *(f"inside_{q}" for q in ("50", "90", "95", "99"))},
+    "sigma_bearing_deg": {"anees_pose"},  # with both before
+    "edge_id": {"right_edge", "right_edge_strict"},
+    "abscissa_m": {"abscissa_rmse_m"},
+    "p_road": {"brier", "calibration_error", "sure", "sure_wrong"},
+    "p_off_road": {"p_off_on_road", "p_off_off_road"},
+}
+
+
+def shaken():
+    """A drive and an answer with errors of every kind."""
+    points, truth = a_drive()
+    random = np.random.default_rng(5)
+    n = len(points["time"])
+    points["lat"] += random.normal(0.0, 2.0, n) / M_PER_DEG
+    points["bearing_deg"] += random.normal(0.0, 2.0, n)
+    points["abscissa_m"] += random.normal(0.0, 1.0, n)
+    points["edge_id"][::7] = 99
+    points["p_road"] = random.uniform(0.3, 1.0, n)
+    return points, truth
+
+
+def test_an_answer_of_places_alone_has_errors_and_each_further_column_adds_its_figures():
+    points, truth = shaken()
+    whole = evaluate(points, truth).figures()
+    given = {name: points[name] for name in ("time", "lat", "lon")}
+    figures = evaluate(given, truth).figures()
+    assert set(figures) == {
+        "epochs", "rmse_m", "median_m", "p95_m", "along_rmse_m", "cross_rmse_m",
+    }  # fmt: skip
+    for columns, added in COLUMNS.items():
+        assert set(further_columns(figures)) & set(columns.split())
+        given |= {name: points[name] for name in columns.split()}
+        more = evaluate(given, truth).figures()
+        assert set(more) - set(figures) == added
+        assert {name: whole[name] for name in more} == pytest.approx(more)
+        figures = more
+    assert figures == pytest.approx(whole)
+    assert further_columns(figures) == {}
+
+
+def test_a_round_sigma_is_a_covariance():
+    points, truth = shaken()
+    given = {name: points[name] for name in ("time", "lat", "lon")}
+    round_ = evaluate(given | {"sigma_m": np.full(1000, 2.0)}, truth)
+    assert round_.anees == pytest.approx(evaluate(points, truth).anees)
+
+
+@pytest.mark.parametrize("kind", [str, float, lambda v: v])
+def test_roads_of_the_source_are_compared_where_edges_are_not_known(kind):
+    points, truth = shaken()
+    ways = np.arange(100) * 1000 + 7  # way of an edge
+    given = {name: points[name] for name in ("time", "lat", "lon", "p_road")}
+    given["source_id"] = np.array([kind(int(v)) for v in ways[points["edge_id"]]], dtype=object)
+    own = {name: truth[name] for name in truth if name != "edge_id"}
+    own["source_id"] = ways[truth["edge_id"]]
+    got, whole = evaluate(given, own), evaluate(points, truth)
+    assert got.right_edge == whole.right_edge < 0.9
+    assert got.brier == pytest.approx(whole.brier)
+    nothing = evaluate(given, truth)  # the truth has edges, and the answer roads of the source
+    assert np.isnan(nothing.right_edge)
+
+
+def test_drives_of_an_answer_of_places_alone_are_pooled():
+    points, truth = shaken()
+    one = compare({name: points[name] for name in ("time", "lat", "lon")}, truth)
+    assert score(pool([one, one])).figures() == pytest.approx(
+        score(one).figures() | {"epochs": 2000}
+    )
 
 
 def test_the_course_of_a_truth_that_stands_is_the_last_one():

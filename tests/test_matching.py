@@ -1,5 +1,6 @@
 """One call: every way to say what was driven and where gives one answer, or says what is wrong."""
 
+import pickle
 import sys
 
 import geopandas
@@ -119,6 +120,46 @@ def test_a_result_says_what_it_is_of(fixes, roads):
     assert repr(whichroad.match(both, roads)) == "Result(2 drives, 80 epochs, 0.9 km)"
 
 
+def test_points_and_path_are_the_same_frames_at_each_access(fixes, roads):
+    result = whichroad.match(fixes, roads)
+    result.points["x"] = 1
+    result.path["mine"] = "a"
+    assert (result.points.x == 1).all()
+    assert (result.path.mine == "a").all()
+    assert "x" not in result.to_arrow().column_names
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_a_result_out_of_a_pickle_is_the_same(fixes, roads, lag, tmp_path):
+    both = pd.concat([fixes.assign(trip="a"), fixes.assign(trip="b")])
+    for drive in (fixes, both):
+        result = whichroad.match(drive, roads, lag=lag, hypotheses=drive is fixes)
+        again = pickle.loads(pickle.dumps(result))
+        assert again.to_arrow().equals(result.to_arrow())
+        assert again.path_arrow().equals(result.path_arrow())
+        assert again.summary == result.summary
+        assert again.diagnosis == result.diagnosis
+        assert repr(again) == repr(result)
+        assert again.points.equals(result.points)
+        again.write(tmp_path / "points.parquet", force=True)
+        if lag and drive is fixes:
+            assert again.routes() == result.routes()
+            assert again.alternatives == result.alternatives
+        else:
+            with pytest.raises(SettingError, match="no lag, or several drives"):
+                again.routes()
+        if drive is fixes:
+            np.testing.assert_array_equal(again.hypotheses["p"], result.hypotheses["p"])
+
+
+def test_a_map_out_of_a_pickle_is_the_same(fixes, roads, answer, tmp_path):
+    roads.save(tmp_path / "town.map")
+    for one in (roads, whichroad.RoadMap.open(tmp_path / "town.map")):
+        again = pickle.loads(pickle.dumps(one))
+        assert again.info() == roads.info()
+        same(whichroad.match(fixes, again).points, answer)
+
+
 @pytest.fixture
 def run(monkeypatch, capsys, tmp_path):
     """Run `whichroad match` in an empty folder: exit code, standard output, standard error."""
@@ -164,4 +205,4 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
     ]
     assert err.count("covariance that is not one (settings' default used)") == 1
     assert "skipped: 240 covariance" in err
-    assert "skipped: far: position lat" in err
+    assert "skipped: far: none of its 40 fixes is within 1 km of a road" in err

@@ -94,7 +94,7 @@ def said(estimates: dict[float, Estimate]) -> np.ndarray:
         [
             (e.pose.x, e.pose.y, e.pose.heading, e.cov[0, 0], e.cov[1, 1], e.p_road, e.p_off_road,
              e.abscissa)
-            for e in estimates.values()
+            for e in estimates.values() if e.answered
         ]
     )  # fmt: skip
 
@@ -131,7 +131,8 @@ def test_on_line_a_first_fix_between_two_wheel_readings_starts_there():
     at = np.arange(10, len(STRAIGHT.time), 10)
     estimates, values, _ = both_ways(wheels(STRAIGHT), fixes(STRAIGHT, at, 0.05))
     started = values[:, 3] > 0
-    np.testing.assert_allclose(said(estimates)[started], values[started], atol=1e-9)
+    assert [e.answered for e in estimates.values()] == started.tolist()
+    np.testing.assert_allclose(said(estimates), values[started], atol=1e-9)
 
 
 def test_of_a_fix_and_a_wheel_reading_of_one_moment_either_may_come_first():
@@ -448,6 +449,25 @@ def test_before_the_first_fix_the_localizer_is_lost():
     assert estimate.status == "lost"
     assert estimate.edge is None
     assert estimate.hypotheses == ()
+
+
+@pytest.mark.parametrize("ask", ["update", "predict", "estimate"])
+def test_before_the_first_fix_there_is_no_pose_and_no_covariance(ask: str):
+    online = Localizer(TOWN, vehicle=CAR, lag=5.0)
+    first = online.update(WheelTicks(0.0, 0.0, 0.0))
+    estimate = {"update": lambda: first, "predict": lambda: online.predict(3.0),
+                "estimate": online.estimate}[ask]()  # fmt: skip
+    assert not estimate.answered
+    for name in ("pose", "cov", "map_pose", "map_cov", "matched", "speed"):
+        assert getattr(estimate, name) is None
+    assert estimate.protection_level == np.inf
+    assert "pose=None, cov=None" in repr(estimate)
+    assert online.lagged() is None
+    known = online.update(town_fix(150.0, -1.75, 1.0))
+    assert known.answered
+    assert known.cov.shape == (3, 3)
+    assert np.linalg.eigvalsh(known.cov).min() > 0.0
+    assert known.pose.x == pytest.approx(150.0, abs=10.0)
 
 
 def test_a_start_pose_stands_in_for_the_first_fix():

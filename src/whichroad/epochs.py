@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._compile import Records
-from .errors import DriveError
+from .errors import DriveError, SettingError
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes
@@ -21,6 +21,7 @@ from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
 
 _SAME = 1e-4  # s, distance below which readings are one epoch
+_SLACK = 1.0  # s by which a mask may miss a drive
 _GAP = 2.0  # s without odometry after which it no longer counts as known
 
 
@@ -44,6 +45,37 @@ def mask_windows(mask: Sequence[tuple[float, float]], start: float) -> list[tupl
     """Windows in absolute seconds; numbers below ten years count from the drive's start."""
     ten_years = 10 * 365.25 * 86400.0
     return [tuple(start + t if abs(t) < ten_years else t for t in w) for w in mask]  # type: ignore[misc]
+
+
+def check_mask(drives: Sequence[Drive], mask: Sequence[tuple[float, float]]) -> None:
+    """Refuse a window that holds no moment of any drive.
+
+    Args:
+        drives: All that the mask is for.
+        mask: Windows as `mask_windows` takes them.
+
+    Raises:
+        SettingError: There is such a window.
+    """
+    spans = []
+    for drive in drives:
+        logs = [log.time for log in (drive.fixes, drive.odometry) if log is not None]
+        times = [time for time in logs if len(time)]
+        if times:
+            spans.append((float(min(t[0] for t in times)), float(max(t[-1] for t in times))))
+    for window in mask if spans else ():
+        held = [mask_windows([window], begin)[0] for begin, _ in spans]
+        if all(
+            high < begin - _SLACK or low > end + _SLACK
+            for (low, high), (begin, end) in zip(held, spans, strict=True)
+        ):
+            begin, end = spans[0]
+            low, high = (t - begin for t in held[0])
+            raise SettingError(
+                f"mask: it withholds fixes from {low:,.0f} to {high:,.0f} s after the drive's "
+                f"start, and the drive lasts {end - begin:,.0f} s; a window within the drive was "
+                "expected"
+            )
 
 
 def _union(times: list[Array]) -> Array:

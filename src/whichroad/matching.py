@@ -1,7 +1,7 @@
 """One call from files to tables: read, localize, make tables."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache, partial
@@ -10,46 +10,51 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from .diagnosis.findings import Finding
-from .epochs import Timeline, build_timeline
+from .epochs import Timeline, build_timeline, check_mask
 from .errors import DriveError, MapError, SettingError
 from .filter.estimate import Output
 from .filter.state import NO_EDGE, OFF_ROAD
-from .geodesy.angles import radians
 from .global_start import MAP
-from .observations import Array, Drive, Fixes, Observation, StartPose
-from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
+from .observations import Drive, Observation, StartPose
+from .readers import (
+    drive_from_table,
+    drive_of_observations,
+    is_file,
+    read_drive,
+    read_vehicle,
+)  # fmt: skip
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
+from .roadmap.extent import are_near as are_near
+from .roadmap.extent import check_start, fixes_outside, start_note
 from .settings import Settings, Vehicle
 from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
-from .tables.result import Answered, Result
+from .tables.result import Result
 from .traversals import Traversals, traversals
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]
 
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
-_FAR = 20_000.0  # m, distance from the map at which a whole drive is refused
 
 
-def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:
+def _drives(drive: Any, settings: Settings, **reading: Any) -> list[Drive]:
     """The drives of whatever names them or holds them."""
     if isinstance(drive, Drive):
         return [drive]
-    if isinstance(drive, str | Path):
-        return read_drive([drive], vehicle=vehicle, settings=settings, crs=crs)
+    if is_file(drive):
+        return read_drive([drive], settings=settings, **reading)
     if isinstance(drive, list | tuple):
         if all(isinstance(d, Drive) for d in drive):
             return list(drive)
-        if all(isinstance(d, str | Path) for d in drive):
-            return read_drive(list(drive), vehicle=vehicle, settings=settings, crs=crs)
+        if all(is_file(d) for d in drive):
+            return read_drive(list(drive), settings=settings, **reading)
         if any(isinstance(d, Observation) for d in drive):
             return [drive_of_observations(drive, settings)]
-    return drive_from_table(drive, vehicle=vehicle, settings=settings, crs=crs)
+    return drive_from_table(drive, settings=settings, **reading)
 
 
 def _seconds(value: Any) -> float:
@@ -109,13 +114,18 @@ def match(
     attributes: bool = False,
     hypotheses: bool = False,
     crs: Any = None,
+    id: str | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    tz: str | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
     """Estimate where a vehicle was at every epoch, on which road, and how sure that is.
 
     Args:
-        drive: Paths of logs and tables, a DataFrame or Arrow table, `Drive` records, or a list
-            of observations (`GeoFix`, ...) or of dicts with the columns of a table.
+        drive: Paths of logs and tables (also folders, patterns and open files), a DataFrame,
+            an Arrow table or anything with `__arrow_c_stream__`, `Drive` records, or a list
+            of observations (`GeoFix`, ...), of dicts with the columns of a table, or of
+            (time, lat, lon); a GPX object of gpxpy, trajectories of movingpandas.
         roads: A `RoadMap`, the path of a compiled map, an OSM extract or an edge table, or a
             GeoDataFrame of edges.
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
@@ -130,6 +140,9 @@ def match(
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
+        id: The column of tables whose values tell drives apart.
+        columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times in tables that name none, e.g. "Europe/Berlin"; None: UTC.
         progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:
@@ -154,7 +167,12 @@ def match(
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
     parts: list[Result] = []
     failed: list[str] = []
-    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL, crs)
+    if isinstance(pose, StartPose):
+        check_start(pose, road_map)
+    drives = _drives(
+        drive, settings or _USUAL, vehicle=vehicle or _A_CAR, crs=crs, id=id, columns=columns, tz=tz
+    )
+    check_mask(drives, windows)
     for one in drives:
         try:
             parts.append(
@@ -180,7 +198,8 @@ def _match_one(
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
     hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
 ) -> Result:  # fmt: skip
-    timeline = timeline_of(drive, roads, vehicle, mask)
+    outside, drive = _outside(drive, roads), _with_start_note(drive, start)
+    timeline = build_timeline(drive, roads.plane, vehicle, mask)
     n = len(timeline.epochs)
     localize: Callable[..., Recorded] = (
         localize_by_paper if model == "paper" else partial(localize_recorded, lag=lag)
@@ -202,11 +221,11 @@ def _match_one(
             attributes=attributes,
         ),
         lambda: path_table([drive.drive_id], driven(), roads),
-        lambda: _summary(drive, timeline, recorded, driven(), diagnosis()) | _lag_figures(recorded),
+        lambda: _summary(drive, timeline, recorded, driven(), diagnosis(), outside),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,
-        Answered(timeline.epochs, recorded.output, driven),
         None if recorded.past is None else recorded.past.alternatives,
+        roads,
     )  # fmt: skip
 
 
@@ -216,21 +235,22 @@ def _summary(
     recorded: Recorded,
     driven: Traversals,
     diagnosis: tuple[Finding, ...],
+    outside: int,
 ) -> dict[str, Any]:
     figures = summary_of(timeline.epochs, recorded.output, driven, timeline.masked)
-    return figures | {
+    figures |= {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),
         "skipped": dict(drive.skipped),
         "notes": list(drive.notes),
         "diagnosis": [asdict(finding) for finding in diagnosis],
     }
-
-
-def _lag_figures(recorded: Recorded) -> dict[str, Any]:
-    """The summary's figures of the lag."""
+    if outside:
+        figures["fixes_outside_map"] = outside
     past = recorded.past
-    return {} if past is None else {"lag": str(past.lag), "decided_until_s": past.decided_until()}
+    if past is not None:
+        figures |= {"lag": str(past.lag), "decided_until_s": past.decided_until()}
+    return figures
 
 
 def timeline_of(
@@ -242,47 +262,28 @@ def timeline_of(
         MapError: It is nowhere near the map.
         DriveError: There is neither a fix nor odometry.
     """
-    if drive.fixes is not None and len(drive.fixes):
-        _check_distance(drive.drive_id, drive.fixes, roads)
+    _outside(drive, roads)
     return build_timeline(drive, roads.plane, vehicle, mask)
 
 
-def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
-    """Whether each of (n,) fixes is not too far from the map for its drive to be matched."""
-    return np.asarray(_away(lat_deg, lon_deg, roads) <= _FAR)
+def _outside(drive: Drive, roads: RoadMap) -> int:
+    """How many fixes are off the map.
+
+    Raises:
+        MapError: All of them are.
+    """
+    fixes = drive.fixes
+    if fixes is None or not len(fixes):
+        return 0
+    return fixes_outside(drive.drive_id, fixes.lat_deg, fixes.lon_deg, roads)
 
 
-def _away(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> Array:
-    """Metres from the circle around the map, negative inside, (n,)."""
-    return np.asarray(_ground_distance(roads, lat_deg, lon_deg) - roads.reach)
-
-
-def _check_distance(name: str, fixes: Fixes, roads: RoadMap) -> None:
-    """Refuse a drive that is wholly off the map, with the distance and a hint."""
-    away = _away(fixes.lat_deg, fixes.lon_deg, roads)
-    nearest = int(np.argmin(away))
-    if away[nearest] <= _FAR:
-        return
-    lat, lon = float(fixes.lat_deg[nearest]), float(fixes.lon_deg[nearest])
-    swapped = abs(lon) <= 90.0 and (
-        _ground_distance(roads, fixes.lon_deg[nearest], fixes.lat_deg[nearest]) < roads.reach + _FAR
-    )
-    hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
-    raise MapError(
-        f"{name}: position lat {lat:.4f}, lon {lon:.4f} is "
-        f"{away[nearest] / 1000:,.0f} km from the map; {hint}"
-    )
-
-
-def _ground_distance(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
-    """Great-circle distance from the middle of the map, m."""
-    lat0, lon0 = radians(roads.plane.lat0_deg), radians(roads.plane.lon0_deg)
-    lat, lon = radians(lat_deg), radians(lon_deg)
-    half = (
-        np.sin(0.5 * (lat - lat0)) ** 2
-        + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
-    )
-    return 2.0 * 6_371_000.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
+def _with_start_note(drive: Drive, start: StartPose | str | None) -> Drive:
+    """The drive, with a note where its first fix contradicts the start pose."""
+    if not isinstance(start, StartPose) or drive.fixes is None or not len(drive.fixes):
+        return drive
+    note = start_note(start, float(drive.fixes.lat_deg[0]), float(drive.fixes.lon_deg[0]))
+    return drive if note is None else replace(drive, notes=(*drive.notes, note))
 
 
 def _poses(output: Output, timeline: Timeline) -> dict[str, Any]:
@@ -306,7 +307,8 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         lambda: _pooled([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
-        find_alternatives=parts[0]._find_alternatives if len(parts) == 1 else None,
+        parts[0]._find_alternatives if len(parts) == 1 else None,
+        parts[0]._roads,
     )
 
 

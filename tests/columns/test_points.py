@@ -32,6 +32,7 @@ from columns.scene import (
     seen,
 )
 from laws.public import GNSS, START, WHEELS, metres
+from whichroad.observations import Pose
 
 Array = NDArray[np.float64]
 
@@ -292,7 +293,7 @@ def test_the_matched_position_is_the_projection_of_the_position_in_the_map(mode:
 @MODES
 def test_the_matched_position_equals_that_of_the_on_line_estimate(mode: str):
     on = [value is not None for value in column(mode, "edge_id")]
-    expected = np.array([e.matched for e in seen(mode).estimates])
+    expected = np.array([e.matched or (np.nan, np.nan) for e in seen(mode).estimates])
     expected[~np.array(on)] = np.nan
     assert_column(mode, "matched_lat", expected[:, 0], atol=1e-9)
     assert_column(mode, "matched_lon", expected[:, 1], atol=1e-9)
@@ -322,7 +323,8 @@ def test_positions_are_those_of_the_vehicle_in_the_world_and_in_the_map(mode: st
         ok &= seen(mode).truth.s < 850.0
     cov = np.array([[[m.cov[0, 0], m.cov[0, 1]], [m.cov[0, 1], m.cov[1, 1]]]
                     for m in mixtures(mode) if m is not None])  # fmt: skip
-    map_cov = np.array([e.map_cov for e in seen(mode).estimates])
+    none = np.full((2, 2), np.nan)
+    map_cov = np.array([none if e.map_cov is None else e.map_cov for e in seen(mode).estimates])
     ok_cov = cov[ok[answered(mode)]]
     in_map = error_of(mode, "map_", *SHIFT)
     for error, spread in ((error_of(mode, ""), ok_cov), (in_map, map_cov[ok])):
@@ -337,10 +339,13 @@ def test_positions_are_those_of_the_vehicle_in_the_world_and_in_the_map(mode: st
 @MODES
 def test_the_position_in_the_map_equals_that_of_the_on_line_estimate(mode: str):
     poses = [e.map_pose for e in seen(mode).estimates]
-    lon, lat = TO_DEGREES.transform([p.x for p in poses], [p.y for p in poses])
-    none = ~answered(mode)
-    assert_column(mode, "map_lat", np.where(none, np.nan, lat), atol=1e-9)
-    assert_column(mode, "map_lon", np.where(none, np.nan, lon), atol=1e-9)
+    ok = answered(mode)
+    assert [pose is not None for pose in poses] == ok.tolist()
+    lon, lat = np.full((2, len(poses)), np.nan)
+    known = [pose for pose in poses if pose is not None]
+    lon[ok], lat[ok] = TO_DEGREES.transform([p.x for p in known], [p.y for p in known])
+    assert_column(mode, "map_lat", lat, atol=1e-9)
+    assert_column(mode, "map_lon", lon, atol=1e-9)
 
 
 @MODES
@@ -579,15 +584,20 @@ def test_the_geometry_is_a_point_at_the_pose(mode: str):
 @MODES
 def test_an_on_line_estimate_equals_the_row_of_its_epoch(mode: str):
     ok, rows = answered(mode), seen(mode).estimates
+    assert [e.answered for e in rows] == ok.tolist()
+    nothing, no_cov = Pose(*[np.nan] * 6), np.full((3, 3), np.nan)
+    poses = [e.pose or nothing for e in rows]
+    covs = [no_cov if e.cov is None else e.cov for e in rows]
+    speeds = [np.nan if e.speed is None else e.speed for e in rows]
     fields = {
-        "lat": [e.pose.lat for e in rows], "lon": [e.pose.lon for e in rows],
-        "bearing_deg": [e.pose.bearing_deg for e in rows], "p_road": [e.p_road for e in rows],
-        "p_off_road": [e.p_off_road for e in rows], "speed_mps": [e.speed for e in rows],
+        "lat": [p.lat for p in poses], "lon": [p.lon for p in poses],
+        "bearing_deg": [p.bearing_deg for p in poses], "p_road": [e.p_road for e in rows],
+        "p_off_road": [e.p_off_road for e in rows], "speed_mps": speeds,
         "protection_level_m": [e.protection_level for e in rows],
         "level_along_m": [e.level_along_m for e in rows],
         "level_across_m": [e.level_across_m for e in rows],
         "gnss_scale": [e.gnss_scale for e in rows],
-        "sigma_bearing_deg": [math.degrees(math.sqrt(e.cov[2, 2])) for e in rows],
+        "sigma_bearing_deg": [math.degrees(math.sqrt(cov[2, 2])) for cov in covs],
     }  # fmt: skip
     for name, values in fields.items():
         assert_column(mode, name, np.where(ok, values, np.nan), rtol=1e-9)
@@ -599,6 +609,6 @@ def test_an_on_line_estimate_equals_the_row_of_its_epoch(mode: str):
     for name, value in (("abscissa_m", "abscissa"), ("lateral_m", "lateral")):
         said = [getattr(rows[k], value) for k in on]
         np.testing.assert_allclose(numbers(mode, name)[on], said, atol=1e-9)
-    trace = [float(np.trace(e.cov[:2, :2])) for e in rows]
+    trace = [float(np.trace(cov[:2, :2])) for cov in covs]
     total = numbers(mode, "cov_ee_m2") + numbers(mode, "cov_nn_m2")
     np.testing.assert_allclose(total, np.where(ok, trace, np.nan), rtol=1e-9)

@@ -10,7 +10,7 @@ from scenes import drive_along
 TRUTH = drive_along([[0.0, 0.0], [700.0, 0.0]], margin=20.0)
 SILENT = (20.0, 45.0)  # s after the start
 IN_STREET = [[[-100.0, 1.75], [900.0, 1.75]]]
-IN_A_FIELD = [[[0.0, 5000.0], [100.0, 5000.0]]]  # dead reckoning only
+IN_A_FIELD = [[[0.0, 900.0], [100.0, 900.0]]]  # dead reckoning only
 FIVE_PERCENT = 0.05
 
 

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from whichroad.errors import MapError
-from whichroad.graph.network import AGAINST_ONE_WAY
+from whichroad.graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from whichroad.roadmap import RoadMap
 
 
@@ -74,6 +74,70 @@ def test_a_table_of_edges_becomes_a_network(town, check):
     assert roads.source(south, 101.0) == (11, False)
     assert sorted(set(roads.node_ids(roads.arrays.edges.from_node))) == [1, 2, 3, 4, 6]
     assert roads.attributes(south)["name"] == "South"
+
+
+LISTS = {
+    "as lists": lambda values: values,
+    "as Python's text": str,
+    "as JSON": json.dumps,
+}
+
+
+@pytest.mark.parametrize("form", LISTS.values(), ids=LISTS)
+def test_lists_of_values_mean_the_same_as_text(line, form):
+    streets = {  # what OSMnx lists of streets that it joined
+        "osmid": [[7, 8], [9], 10, [11, 12], 13],
+        "highway": [
+            ["footway", "residential"], ["steps", "footway"], "primary", ["service", "steps"],
+            "path",
+        ],
+        "name": [["East", "West"], "Stairs", None, ["South"], "Way"],
+        "maxspeed": [["none", "30 mph"], None, "50", None, None],
+        "oneway": [[False, True], False, True, False, False],
+        "lanes": [["2", "3"], None, "1", None, None],
+        "bridge": [["no", "viaduct"], None, None, None, None],
+        "tunnel": [None, None, None, ["yes", "no"], None],
+        "access": [["yes", "private"], None, "yes", ["permissive", "yes"], None],
+        "junction": [None, None, ["roundabout", "circular"], None, None],
+        "layer": [None, None, None, ["-1", "0"], None],
+    }  # fmt: skip
+    table = geopandas.GeoDataFrame(
+        {
+            name: pandas.Series(
+                [form(v) if isinstance(v, list) else v for v in values], dtype=object
+            )
+            for name, values in streets.items()
+        },
+        geometry=[line((0, 100 * k), (50, 100 * k)) for k in range(5)],
+        crs="EPSG:4326",
+    )
+    roads = RoadMap.from_edges(table)
+    assert roads.info()["skipped"] == {"rows of classes not for cars": 2}
+    found = {
+        roads.source(e, 1.0)[0]: roads.attributes(e) for e in range(len(roads))
+        if roads.source(e, 1.0)[1]
+    }  # fmt: skip
+    assert set(found) == {"7", "10", "11"}
+    assert found["7"] == {
+        "source_id": "7", "name": "East", "highway": "residential", "lanes": 2, "width": None,
+        "speed_limit_kmh": pytest.approx(30 * 1.609344), "layer": 0, "bridge": True,
+        "tunnel": False, "oneway": 1, "roundabout": False, "access": "no",
+    }  # fmt: skip
+    assert found["10"]["roundabout"]
+    assert found["10"]["oneway"] == 1
+    assert (found["11"]["highway"], found["11"]["layer"]) == ("service", -1)
+    assert (found["11"]["tunnel"], found["11"]["access"]) == (True, "yes")
+    assert rule(roads, "7", False) == AGAINST_ONE_WAY | NO_ACCESS
+
+
+@pytest.mark.parametrize("text", ["[", "[]", "['a'", "[1, 2", "{}", "[nan]", "[" * 5000 + "]"])
+def test_a_text_that_is_no_list_is_a_word(line, text: str):
+    table = geopandas.GeoDataFrame(
+        {"name": [text], "highway": [text], "oneway": [text]}, geometry=[line((0, 0), (50, 0))],
+        crs="EPSG:4326",
+    )  # fmt: skip
+    name = RoadMap.from_edges(table).name(0)
+    assert name == (None if text == "[]" else text)
 
 
 def test_every_form_of_the_table_gives_the_same_map(town, tmp_path):

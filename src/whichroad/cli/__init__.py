@@ -12,6 +12,7 @@ import typer
 
 from .. import __version__
 from ..errors import WhichroadError
+from .inspect import inspect
 from .live import live
 from .maps import map_app
 from .match import match
@@ -28,7 +29,7 @@ app = typer.Typer(
 app.add_typer(map_app, name="map", help="Compile a road map, or describe one.")
 # as help lists them
 for command in (
-    demo, match, replay, report, live, simulate, evaluate, experiments, warmup,
+    demo, match, inspect, replay, report, live, simulate, evaluate, experiments, warmup,
 ):  # fmt: skip
     app.command()(command)
 

@@ -52,10 +52,44 @@ MapOption = Annotated[
     Path,
     typer.Option(
         "--map",
-        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.gz, .osm.bz2), "
-        "or a table of edges (.geojson, .csv, .parquet, .gpkg, .shp).",
+        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, .osm.gz, "
+        ".osm.bz2), or a table or graph of edges (.geojson, .csv, .parquet, .gpkg, .graphml, "
+        ".shp).",
     ),
 ]
+
+IdOption = Annotated[
+    str | None,
+    typer.Option("--id", metavar="COLUMN", help="The column of tables that tells drives apart."),
+]
+ColumnsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=COLUMN",
+        help="Own names of columns in tables, such as time=ts,lat=Latitude,speed_kmh=v; "
+        "repeatable.",
+    ),
+]
+ZoneOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ZONE",
+        help="Zone of times in tables that name none, such as Europe/Berlin; else they are UTC.",
+    ),
+]
+
+
+def read_columns(texts: list[str] | None) -> dict[str, str | int]:
+    """`NAME=COLUMN,NAME=COLUMN` as names and the columns that they stand for."""
+    own: dict[str, str | int] = {}
+    for part in (part for text in texts or () for part in text.split(",")):
+        name, equals, column = part.partition("=")
+        if not (name.strip() and equals and column.strip()):
+            raise typer.BadParameter(
+                f"--columns has {part!r}; NAME=COLUMN was expected, such as time=ts,lat=Latitude"
+            )
+        own[name.strip()] = column.strip()
+    return own
 
 
 def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | str | None":

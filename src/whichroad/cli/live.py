@@ -96,7 +96,12 @@ def live(
     page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
 ) -> None:
     """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
+    from ..writers import check_apart
+
     pose, factor = read_start(start), _speed(speed)
+    recorded = record and record / "fixes.arrow"
+    read = [roads, dbc, vehicle, can, *(play or ()), *(nmea or ())]
+    check_apart({"--record": recorded, "--state": state}, read)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
     with extra_live("live"):
         check_token(host, token)

@@ -13,21 +13,45 @@ map_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
 @map_app.command("build")
 def map_build(
-    source: Annotated[Path, typer.Argument(metavar="INPUT", help="OSM extract or edge table.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="INPUT",
+            help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), or a table or graph of "
+            "edges (.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The compiled map.")],
     crs: Annotated[
         str | None, typer.Option(help="Reference system of an edge table, such as EPSG:3067.")
+    ] = None,
+    bbox: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WEST,SOUTH,EAST,NORTH", help="Only this part of an OSM extract, in degrees."
+        ),
     ] = None,
     force: Force = False,
 ) -> None:
     """Compile a map once, to open it in an instant."""
     from ..roadmap import RoadMap, open_map
-    from ..writers import replacing
+    from ..writers import check_apart, replacing
 
+    if crs is not None and bbox is not None:
+        raise typer.BadParameter("--crs is of edge tables, and --bbox of OSM extracts: one of them")
+    check_apart({"-o": out}, [source])
     with progress_line() as progress, replacing(out, force=force) as part:
         progress(f"reading {source}", 0, 0)
-        (open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)).save(part)
-    typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+        if bbox is not None:
+            roads = RoadMap.from_osm(source, bbox=tuple(bbox.split(",")))  # type: ignore[arg-type]
+        else:
+            roads = open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)
+        roads.save(part)
+        info = roads.info()
+    for reason, count in info["skipped"].items():
+        typer.echo(f"skipped: {count:,} {reason}", err=True)
+    size = f"{out.stat().st_size / 1e6:.1f} MB"
+    typer.echo(f"{out}: {info['km']:,.1f} km of roads, {info['edges']:,} directed edges, {size}")
 
 
 @map_app.command("info")

@@ -109,10 +109,12 @@ def report(
 ) -> None:
     """Write one HTML file that shows an answer, to open anywhere and to mail."""
     from ..replay.drive_report import check_report, write_report
-    from ..replay.points import read_points
+    from ..replay.points import check_map, read_points
     from ..replay.recorded_messages import RecordedMessages
     from ..roadmap import open_map
+    from ..writers import check_apart
 
+    check_apart({"-o": out}, [result, roads, path])
     check_report(out, force=force)
     if path is not None and roads is None:
         raise typer.BadParameter("--path is drawn along the roads; --map was expected with it")
@@ -121,6 +123,8 @@ def report(
         points = read_points(result, drive_id, path)
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)
+        if network is not None:
+            check_map(points, network, result)
         progress("writing", 0, 0)
         write_report(RecordedMessages(points, network), out, network, force=force)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

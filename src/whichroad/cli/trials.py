@@ -44,8 +44,10 @@ def simulate(
 ) -> None:
     """Make a drive whose truth is known, in the formats of a real one."""
     from ..roadmap import open_map
-    from ..simulate import simulate_drive, write_drive
+    from ..simulate import FILES, simulate_drive, write_drive
+    from ..writers import check_apart
 
+    check_apart({f"{name} of -o": out / name for name in FILES}, [roads])
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)
@@ -57,18 +59,29 @@ def simulate(
 
 
 def evaluate(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points that match wrote.")],
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT",
+            help="Points that `match` or any other program wrote: time, lat, lon, or more.",
+        ),
+    ],
     truth: Annotated[
         Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
     ],
 ) -> None:
     """Score an answer against a known truth."""
-    from ..evaluate import evaluate_files
+    from ..evaluate import evaluate_files, further_columns
 
     with progress_line() as progress:
         progress("comparing", 0, 0)
         figures = evaluate_files(result, truth)
     print_table(f"{result} against {truth}", figures.items())
+    further = further_columns(figures)
+    if further:
+        more = "; ".join(f"{column} ({adds})" for column, adds in further.items())
+        typer.echo(f"columns of the answer that would add figures: {more}", err=True)
+        typer.echo("of these edge_id and abscissa_m are needed in the truth, too", err=True)
 
 
 def experiments(
@@ -77,17 +90,34 @@ def experiments(
     ),
     scene: Annotated[list[Scene] | None, typer.Option(help="Only this one; repeatable.")] = None,
     seeds: Annotated[str, typer.Option(metavar="A:B", help="Drives A to B - 1 of each.")] = "0:200",
+    keep: Annotated[
+        bool,
+        typer.Option("--keep", help="Also write every drive, its map and its truth, as tables."),
+    ] = False,
+    answers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=DIR",
+            help="Answers of another program, DIR/SCENE/SEED.parquet, to be compared; repeatable.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Drive the paper's experiments many times, by its method and by ours, and report."""
     first, _, last = seeds.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise typer.BadParameter(f"--seeds is {seeds!r}; A:B with A < B was expected")
+    others = dict(text.partition("=")[::2] for text in answers or ())
+    if not all(others.values()):
+        raise typer.BadParameter(f"--answers is {answers}; NAME=DIR was expected")
     from ..experiments import run_experiments
 
     drives, names = range(int(first), int(last)), [one.value for one in scene or ()]
     with progress_line() as progress:
-        done = run_experiments(out, scenes=names, seeds=drives, force=force, progress=progress)
+        done = run_experiments(
+            out, scenes=names, seeds=drives, force=force, keep=keep, answers=others,
+            progress=progress,
+        )  # fmt: skip
     for name, about in done["scenes"].items():
         typer.echo(f"{name}: {about['title']} ({about['figure']})")
         typer.echo("".join(f"  {sentence}\n" for sentence in about["seen"]))

@@ -12,6 +12,7 @@ from .score import (
     calibration_error,
     evaluate,
     evaluate_files,
+    further_columns,
     score,
 )
 
@@ -24,6 +25,7 @@ __all__ = [
     "compare",
     "evaluate",
     "evaluate_files",
+    "further_columns",
     "pool",
     "route_mismatch",
     "score",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..errors import DriveError
 from ..geodesy.angles import radians, unwrap_degrees, wrap_degrees
 from ..observations import Array
-from .input_tables import Bools, Table
+from .input_tables import Bools, Table, roads_of
 
 SLACK_M = 10.0
 """An edge is right if it is, was or will be the true one within so much travel."""
@@ -23,7 +23,10 @@ _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; square
 
 
 class Comparison(NamedTuple):
-    """An answer beside its truth, one row per compared epoch; concatenate them to pool drives."""
+    """An answer beside its truth, one row per compared epoch; concatenate them to pool drives.
+
+    A column is NaN where the answer or the truth lacks what it is made of.
+    """
 
     along: Array  # m, estimate less truth, in the true direction of travel
     cross: Array  # m, to the right of it
@@ -40,7 +43,7 @@ class Comparison(NamedTuple):
     stopped: Bools  # in truth
     since: Array  # s since the truth began
     outage: Bools
-    edge_known: Bools  # whether the truth names its edge
+    edge_known: Bools  # whether answer and truth name their edges
 
     def rows(self, keep: Bools) -> "Comparison":
         """Some of the rows."""
@@ -63,16 +66,23 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
     nearest = _nearest(true_time, time)
     bearing = np.interp(time, true_time, np.unwrap(_bearing(t)))
     east, north = _error(p, t, time, true_time, "lat", "lon")
-    turned = radians(p.numbers("bearing_deg")) - bearing
+    unknown = np.full(len(time), np.nan)
+    turned = (radians(p.numbers("bearing_deg")) if "bearing_deg" in p.names else unknown) - bearing
     heading = -np.arctan2(np.sin(turned), np.cos(turned))
-    nees = _nees(east, north, *(p.numbers(f"cov_{n}_m2") for n in ("ee", "en", "nn")))
+    nees = _nees(east, north, *cov) if (cov := _covariance(p)) is not None else unknown
     map_error = np.full(len(time), np.inf)
     if {"map_lat", "map_lon"} <= p.names & t.names:
         map_error = np.hypot(*_error(p, t, time, true_time, "map_lat", "map_lon"))
     on_road = t.flags("on_road", True)
-    edge, true_edge = p.edges(), np.where(on_road, t.edges(), -1)
+    named = roads_of(p, t)
+    edge, true_edge = named or (np.full(len(time), -1), np.full(len(true_time), -1))
+    true_edge = np.where(on_road, true_edge, -1)
     speed = t.numbers("speed_mps", 1.0)[nearest]
-    place = t.numbers("abscissa_m", 0.0)[nearest] + speed * (time - true_time[nearest])
+    placed = named is not None and {"abscissa_m"} <= p.names & t.names
+    along = unknown
+    if placed:
+        place = t.numbers("abscissa_m", 0.0)[nearest] + speed * (time - true_time[nearest])
+        along = p.numbers("abscissa_m", 0.0) - place
     strict = edge == true_edge[nearest]
     outage = t.flags("outage", False)[nearest]
     for begin, end in mask:
@@ -84,20 +94,30 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
         nees=nees,
         # the table has no covariance of place and heading; the mean is 3 without it, too
         nees_pose=np.minimum(
-            nees + (heading / radians(p.numbers("sigma_bearing_deg"))) ** 2, NEES_CAP
+            nees + (heading / radians(p.known("sigma_bearing_deg"))) ** 2, NEES_CAP
         ),
         map_error=map_error,
         right=_within_slack(edge, nearest, true_edge, _travelled(t)),
         strict=strict,
-        along_error=np.where(strict & (edge >= 0), p.numbers("abscissa_m", 0.0) - place, 0.0),
-        p_road=p.numbers("p_road", 0.0),
-        p_off=p.numbers("p_off_road", 0.0),
+        along_error=np.where(strict & (edge >= 0), along, 0.0) if placed else unknown,
+        p_road=p.numbers("p_road", 0.0) if "p_road" in p.names else unknown,
+        p_off=p.numbers("p_off_road", 0.0) if "p_off_road" in p.names else unknown,
         on_road=on_road[nearest],
         stopped=speed == 0.0,
         since=time - true_time[0],
         outage=outage,
-        edge_known=np.full(len(time), "edge_id" in t.names),
+        edge_known=np.full(len(time), named is not None),
     )
+
+
+def _covariance(p: Table) -> tuple[Array, Array, Array] | None:
+    """East-east, east-north and north-north, m², also of a round sigma; None: not given."""
+    if {"cov_ee_m2", "cov_nn_m2"} <= p.names:
+        return p.numbers("cov_ee_m2"), p.numbers("cov_en_m2", 0.0), p.numbers("cov_nn_m2")
+    if "sigma_m" not in p.names:
+        return None
+    variance = p.numbers("sigma_m") ** 2
+    return variance, np.zeros(len(variance)), variance
 
 
 def _bearing(t: Table) -> Array:

@@ -44,6 +44,14 @@ def read_table(path: Path) -> Any:
     )
 
 
+def _word(value: Any) -> str:
+    """A road's id as a word: 7, 7.0 and "7" are one; empty where there is none."""
+    if value is None or value != value:
+        return ""
+    whole = isinstance(value, float) and value.is_integer()
+    return str(int(value) if whole else value).strip().removesuffix(".0")
+
+
 class Table:
     """Columns of any table as arrays."""
 
@@ -85,6 +93,10 @@ class Table:
             values[np.isnan(values)] = absent
         return values
 
+    def known(self, name: str) -> Array:
+        """A column of numbers, NaN where it is missing."""
+        return self.numbers(name) if name in self.names else np.full(len(self._raw("time")), np.nan)
+
     def flags(self, name: str, absent: bool) -> Bools:
         """A column of yes and no."""
         yes: Bools = self.numbers(name, float(absent)) != 0.0
@@ -98,6 +110,10 @@ class Table:
         """Edges, -1 for none."""
         return self.numbers("edge_id", -1.0).astype(np.int64)
 
+    def sources(self) -> list[str]:
+        """The source's ids of roads as words, empty for none."""
+        return [_word(value) for value in self._raw("source_id").tolist()]
+
     def times(self) -> Array:
         """Seconds since 1970 UTC from timestamps, ISO text or numbers."""
         values = self._raw("time")
@@ -110,3 +126,20 @@ class Table:
         if values.dtype.kind == "M":
             return values.astype("datetime64[us]").astype(np.int64) / 1e6
         return values.astype(np.float64)
+
+
+def roads_of(p: Table, t: Table) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Roads of an answer and of its truth as numbers, -1 for none; None: not both name them.
+
+    They are edges where both have `edge_id`, else the source's roads, such as OpenStreetMap's ways.
+    """
+    if {"edge_id"} <= p.names & t.names:
+        return p.edges(), t.edges()
+    if not {"source_id"} <= p.names & t.names:
+        return None
+    numbers: dict[str, int] = {"": -1}
+    found = [
+        np.array([numbers.setdefault(word, len(numbers) - 1) for word in table.sources()], np.int64)
+        for table in (p, t)
+    ]
+    return found[0], found[1]

@@ -26,7 +26,8 @@ _BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 class Evaluation:
     """Figures of one or many drives; shares are between 0 and 1.
 
-    Without edges in the truth the figures of edges are NaN.
+    What the tables do not give is NaN: figures of edges without edges in both, of covariances
+    and probabilities without these in the answer.
     """
 
     epochs: int
@@ -57,7 +58,8 @@ class Evaluation:
         for f in fields(self):
             value = getattr(self, f.name)
             if f.name == "coverage":
-                out |= {f"inside_{100 * c:g}": v for c, v in zip(COVERAGE, value, strict=True)}
+                shares = zip(COVERAGE, value, strict=True)
+                out |= {f"inside_{100 * c:g}": v for c, v in shares if np.isfinite(v)}
             elif f.name != "outage":
                 out |= {f.name: value} if np.isfinite(value) else {}
             elif value is not None:
@@ -76,9 +78,12 @@ def evaluate(
     """Compare one drive's points with its truth.
 
     Args:
-        points: The points table (docs/formats.md) as pandas, GeoPandas, Arrow or a dict.
-        truth: time, lat, lon, and if known bearing_deg (else the course), edge_id, abscissa_m,
-            speed_mps, on_road, map_lat, map_lon, travelled_m, outage.
+        points: The answer, as pandas, GeoPandas, Arrow or a dict: time, lat, lon, and whatever
+            is known of the points table (docs/formats.md).  Each adds its figures:
+            bearing_deg; cov_ee_m2, cov_en_m2, cov_nn_m2 or sigma_m; sigma_bearing_deg; edge_id
+            or source_id; abscissa_m; p_road; p_off_road; map_lat, map_lon.
+        truth: time, lat, lon, and if known bearing_deg (else the course), edge_id or source_id,
+            abscissa_m, speed_mps, on_road, map_lat, map_lon, travelled_m, outage.
         mask: Outages as (from, to), s since 1970, besides the truth's own.
         skip_s: Leave out so much of the drive's beginning.
         moving: Leave out standstill.
@@ -109,6 +114,26 @@ def evaluate_files(
     return evaluate(read_table(Path(result)), read_table(Path(truth))).figures()
 
 
+FURTHER = {
+    "bearing_deg": "heading_rmse_deg",
+    "cov_ee_m2": "anees, inside_95",
+    "edge_id": "right_edge",
+    "p_road": "brier, calibration_error, sure_wrong",
+    "abscissa_m": "abscissa_rmse_m",
+    "p_off_road": "p_off_on_road",
+    "sigma_bearing_deg": "anees_pose",
+}
+"""Columns that an answer may lack, and the figures that each would add."""
+
+
+def further_columns(figures: Mapping[str, float | int]) -> dict[str, str]:
+    """Columns that would add figures to an answer's, and which these are."""
+    return {
+        column: adds for column, adds in FURTHER.items()
+        if not any(name in figures for name in adds.split(", "))
+    }  # fmt: skip
+
+
 def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
     """Figures of a comparison, or of those of its rows that are to be kept (n,).
 
@@ -128,7 +153,9 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
     named = (c.p_road > 0.0) & c.edge_known
     sure = named & (c.p_road >= SURE)
     exact = c.strict & c.on_road & c.edge_known
-    some = 1.0 if c.edge_known.any() else np.nan  # a truth without edges gives no figures of them
+    # what is not in the tables gives no figures
+    some = _or_nan(c.edge_known)
+    stated, placed, spread = (_or_nan(np.isfinite(v)) for v in (c.p_road, c.along_error, c.nees))
     return Evaluation(
         epochs=len(error),
         rmse_m=_rms(error),
@@ -140,17 +167,17 @@ def _figures(c: Comparison, outage: Evaluation | None = None) -> Evaluation:
         anees=float(np.mean(c.nees) / 2.0),
         anees_pose=float(np.mean(c.nees_pose) / 3.0),
         # two degrees of freedom: P(chi2 < x) = 1 - exp(-x / 2)
-        coverage=tuple(float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
+        coverage=tuple(spread * float(np.mean(c.nees < -2.0 * np.log(1.0 - q))) for q in COVERAGE),
         map_rmse_m=_rms(c.map_error),
         right_edge=some * _mean(c.right[c.edge_known]),
         right_edge_strict=some * _mean(c.strict[c.edge_known]),
-        abscissa_rmse_m=some * _rms(c.along_error[exact]),
-        brier=some * _mean((c.p_road - c.right)[named] ** 2),
-        calibration_error=some * calibration_error(c.p_road[named], c.right[named]),
-        sure=some * _mean(sure[c.edge_known]),
-        sure_wrong=some * _mean(~c.right[sure]),
-        p_off_on_road=_mean(c.p_off[c.on_road]),
-        p_off_off_road=_mean(c.p_off[~c.on_road]),
+        abscissa_rmse_m=some * placed * _rms(c.along_error[exact]),
+        brier=some * stated * _mean((c.p_road - c.right)[named] ** 2),
+        calibration_error=some * stated * calibration_error(c.p_road[named], c.right[named]),
+        sure=some * stated * _mean(sure[c.edge_known]),
+        sure_wrong=some * stated * _mean(~c.right[sure]),
+        p_off_on_road=_or_nan(np.isfinite(c.p_off)) * _mean(c.p_off[c.on_road]),
+        p_off_off_road=_or_nan(np.isfinite(c.p_off)) * _mean(c.p_off[~c.on_road]),
         outage=outage,
     )
 
@@ -184,6 +211,11 @@ def anees_band(epochs: int, freedom: int = 2, z: float = 1.96) -> tuple[float, f
     """
     half = z * np.sqrt(2.0 / (epochs * freedom))
     return float(1.0 - half), float(1.0 + half)
+
+
+def _or_nan(known: Bools) -> float:
+    """1 where anything is known, else NaN."""
+    return 1.0 if known.any() else np.nan
 
 
 def _mean(values: NDArray[Any]) -> float:

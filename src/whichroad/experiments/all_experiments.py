@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,10 @@ from ..errors import SettingError, WriteError
 from .example_drive import answer_example, median_seed
 from .experiments_report import key_table, write_report
 from .gst import KINDS, PER_FIX, Kind, score_gst
+from .kept_drives import keep_drive, keep_map
 from .logs import write_log
 from .numbers import Row
+from .other_answers import OtherAnswers, score_other
 from .pictures import Picture, draw_scene
 from .runs import ALIVE, MODELS, STEP_S, SURE, Run, answer, run_of
 from .scenes import SCENES, Scene, fixed_sigma
@@ -46,7 +48,8 @@ def _silent(what: str, done: int, total: int) -> None:
 
 def run_experiments(
     out: str | os.PathLike[str], *, scenes: Sequence[str] = (), seeds: range | None = None,
-    force: bool = False, progress: Progress = _silent,
+    force: bool = False, keep: bool = False,
+    answers: Mapping[str, str | os.PathLike[str]] | None = None, progress: Progress = _silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Drive the paper's scenes over many seeds, by its method and by ours, and report.
 
@@ -55,22 +58,32 @@ def run_experiments(
         scenes: Names among `SCENES`; none: all.
         seeds: Drives of each scene.
         force: Use a folder that holds something else.
+        keep: Also write every drive to `drives/SCENE/SEED` in the folder, with its truth.
+        answers: Answers of other programs to the same drives, by their names: folders with
+            `SCENE/SEED.parquet`, tables as `evaluate` takes them.
         progress: Called with (task, drives done, total).
 
     Returns:
         What `experiments.json` holds, and the path of the `report`.
 
     Raises:
-        SettingError: No such scene, or no seed.
+        SettingError: No such scene, or no seed, or an answer of another program is missing.
         WriteError: The folder holds something else, or cannot be written to.
     """
     seeds = SEEDS if seeds is None else seeds
     chosen = _chosen(scenes, seeds)
+    others = [OtherAnswers.of(name, Path(folder)) for name, folder in (answers or {}).items()]
+    for other in others:
+        for scene in chosen:
+            for seed in seeds:
+                other.file(scene.name, seed)  # missing ones are named before the work
     out = Path(out)
     _prepare(out, force)
     outcomes = []
     for number, scene in enumerate(chosen):
-        outcomes.append(_run_scene(scene, seeds, out, number, len(chosen), progress))
+        if keep:
+            keep_map(scene, out)
+        outcomes.append(_run_scene(scene, seeds, out, number, len(chosen), progress, keep, others))
     about = {
         "made_by": _MADE_BY,
         "version": __version__,
@@ -133,14 +146,20 @@ def _about(o: Outcome) -> dict[str, Any]:
 
 
 def _run_scene(
-    scene: Scene, seeds: range, out: Path, number: int, count: int, progress: Progress
-) -> Outcome:
+    scene: Scene, seeds: range, out: Path, number: int, count: int, progress: Progress,
+    keep: bool, others: Sequence[OtherAnswers],
+) -> Outcome:  # fmt: skip
     kinds: Sequence[Kind] = KINDS if scene.name == "gst" else [(m, PER_FIX) for m in MODELS]
     runs: dict[Kind, list[Run]] = {kind: [] for kind in kinds}
+    theirs: dict[str, list[Run]] = {other.name: [] for other in others}
     alone = []
     for done, seed in enumerate(seeds):
         progress(f"{scene.name}, seed {seed}", number * len(seeds) + done, count * len(seeds))
         drive = scene.drive(scene.roads, seed)
+        if keep:
+            keep_drive(scene, drive, out)
+        for other in others:
+            theirs[other.name].append(other.run(scene, drive))
         if scene.name == "outage":
             alone.append(wheels_alone_error(drive))
         for kind in kinds:
@@ -160,4 +179,6 @@ def _run_scene(
         else [row for model in MODELS for row in score(scene, model, runs[model, PER_FIX], alone)]
     )
     pictures = draw_scene(scene, runs, example, out)
-    return Outcome(scene, rows, seen(scene, rows), example.drive.seed, pictures, logs)
+    told = seen(scene, rows)
+    rows += [row for name, found in theirs.items() for row in score_other(scene, name, found)]
+    return Outcome(scene, rows, told, example.drive.seed, pictures, logs)

@@ -133,11 +133,11 @@ def _table(rows: Sequence[Row]) -> str:
 
 def _head(model: str) -> str:
     name, comma, noise = model.partition(",")
-    return _HEADS[name] + comma + noise
+    return _HEADS.get(name, name) + comma + noise
 
 
 def _class(model: str) -> str:
-    return "paper" if model.startswith("paper") else "ours"
+    return {"paper": "paper", "default": "ours"}.get(model.partition(",")[0], "")
 
 
 def _name(known: dict[tuple[str, str], Row], figure: str, models: Sequence[str]) -> str:
@@ -180,14 +180,21 @@ _KEY = {
 
 def key_table(outcomes: Sequence["Outcome"]) -> str:
     """The figures that matter most, as a table in Markdown."""
-    lines = ["| scene | figure | paper | whichroad |", "|---|---|---|---|"]
+    own = {m for o in outcomes for row in o.rows if (m := row.model.partition(",")[0])}
+    others = sorted(own - set(MODELS))
+    lines = [f"| {' | '.join(['scene', 'figure', 'paper', 'whichroad', *others])} |"]
+    lines.append("|---" * (4 + len(others)) + "|")
     for o in outcomes:
         known = {(row.model, row.figure): row for row in o.rows}
         noises = [f", {n}" for n in NOISES] if o.scene.name == "gst" else [""]
         for figure in _KEY[o.scene.name]:
             for noise in noises:
                 rows = [known[f"{model}{noise}", figure] for model in MODELS]
-                cells = " | ".join(f"{text(row)}{_brackets(row)}" for row in rows)
+                theirs = [known.get((name, figure)) for name in others]
+                cells = " | ".join(
+                    "" if row is None else f"{text(row)}{_brackets(row)}"
+                    for row in [*rows, *theirs]
+                )
                 what = f"{figure}{noise.replace(',', ', sigma')} ({rows[0].unit})"
                 lines.append(f"| {o.scene.name} | {what} | {cells} |")
     return "\n".join(lines) + "\n"

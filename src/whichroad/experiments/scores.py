@@ -62,9 +62,10 @@ def moving(r: Run) -> NDArray[np.bool_]:
 
 
 def honesty(
-    rows: Rows, runs: Sequence[Run], where: Callable[[Run], NDArray[np.bool_]], note: str
-) -> None:
-    """Error of the position, and whether its covariance is true, over chosen epochs."""
+    rows: Rows, runs: Sequence[Run], where: Callable[[Run], NDArray[np.bool_]], note: str, *,
+    spread: bool = True,
+) -> None:  # fmt: skip
+    """Error of the position, and whether its covariance (`spread`: it is known) is true."""
     kept = [moving(r) & where(r) for r in runs]
     size = [int(k.sum()) for k in kept]
     error = [r.answer.along**2 + r.answer.cross**2 for r in runs]
@@ -73,6 +74,8 @@ def honesty(
         return [float(v[k].sum()) for v, k in zip(values, kept, strict=True)]
 
     rows.ratio(f"position error{note}", sums(error), size, "m RMS", root=True)
+    if not spread:
+        return
     rows.ratio(f"as stated{note}", sums([r.sigma**2 for r in runs]), size, "m RMS", True)
     nees = [r.answer.nees for r in runs]
     rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "1 is honest")
@@ -108,23 +111,28 @@ def believed_after(r: Run) -> float:
     return float(max(r.past[uncertain[-1]], 0.0)) if len(uncertain) else 0.0
 
 
-def choice(rows: Rows, runs: Sequence[Run], asked_m: Sequence[float]) -> None:
-    """Which road: how soon, how often, how surely wrong."""
+def choice(
+    rows: Rows, runs: Sequence[Run], asked_m: Sequence[float], *, stated: bool = True
+) -> None:
+    """Which road: how soon, how often, and, where probabilities are stated, how surely wrong."""
     for metres in asked_m:
         at = [min(int(np.searchsorted(r.past, metres)), len(r.past) - 1) for r in runs]
         leads = [r.right[k] > r.wrongest[k] for r, k in zip(runs, at, strict=True)]
         rows.share(f"true road the most probable, {metres:g} m on", leads)
     rows.share("true road the most probable all along", [right_all_along(r) for r in runs])
-    rows.median(
-        f"true road believed (P > {BELIEVED}) for good after",
-        [[believed_after(r)] for r in runs], "m",
-    )  # fmt: skip
-    ends(rows, runs)
+    if stated:
+        rows.median(
+            f"true road believed (P > {BELIEVED}) for good after",
+            [[believed_after(r)] for r in runs], "m",
+        )  # fmt: skip
+    ends(rows, runs, stated=stated)
 
 
-def ends(rows: Rows, runs: Sequence[Run]) -> None:
+def ends(rows: Rows, runs: Sequence[Run], *, stated: bool = True) -> None:
     """Whether the drive ends well, and whether what is declared is true."""
     rows.share("true road the most probable at the end", [right_at_end(r) for r in runs])
+    if not stated:
+        return
     rows.share(f"a wrong road declared (P >= {SURE})", [declared_wrong(r) for r in runs])
     rows.share(
         f"a wrong road believed (P > {BELIEVED}) at the end",
@@ -147,26 +155,41 @@ def declared_wrong(r: Run) -> bool:
     return bool((r.wrongest[r.past > 0.0] >= SURE).any())
 
 
-def through_mask(rows: Rows, runs: Sequence[Run], alone: Sequence[float]) -> None:
-    """The paper's Figure 9: the mask, its end, and dead reckoning by wheels there."""
-    rows.ratio(
-        "true road the most probable in the mask",
-        [100.0 * float(r.answer.right[r.dark].sum()) for r in runs],
-        [int(r.dark.sum()) for r in runs], "% of epochs",
-    )  # fmt: skip
+def through_mask(
+    rows: Rows, runs: Sequence[Run], alone: Sequence[float], *, named: bool = True,
+    spread: bool = True,
+) -> None:  # fmt: skip
+    """The paper's Figure 9: the mask, its end, and dead reckoning by wheels there.
+
+    Args:
+        rows: Where figures are added.
+        runs: One per seed.
+        alone: Error of wheels alone at the mask's end, m, one per seed; none: not known.
+        named: Whether the answers name roads.
+        spread: Whether they state covariances.
+    """
     last = [int(np.flatnonzero(r.dark)[-1]) for r in runs]
     pairs = list(zip(runs, last, strict=True))
-    rows.share(
-        "true road the most probable at the mask's end", [r.answer.right[k] for r, k in pairs]
-    )
+    if named:
+        rows.ratio(
+            "true road the most probable in the mask",
+            [100.0 * float(r.answer.right[r.dark].sum()) for r in runs],
+            [int(r.dark.sum()) for r in runs], "% of epochs",
+        )  # fmt: skip
+        rows.share(
+            "true road the most probable at the mask's end", [r.answer.right[k] for r, k in pairs]
+        )
     one = [1.0] * len(runs)
     error = [float(r.answer.along[k] ** 2 + r.answer.cross[k] ** 2) for r, k in pairs]
     rows.ratio("position error at the mask's end", error, one, "m RMS", root=True)
     rows.median("position error at the mask's end, median", [[e**0.5] for e in error], "m")
-    stated = [float(r.sigma[k] ** 2) for r, k in pairs]
-    rows.ratio("as stated at the mask's end", stated, one, "m RMS", root=True)
-    rows.ratio("wheels alone at the mask's end", [a * a for a in alone], one, "m RMS", root=True)
-    honesty(rows, runs, lambda r: r.dark, " in the mask")
+    if spread:
+        stated = [float(r.sigma[k] ** 2) for r, k in pairs]
+        rows.ratio("as stated at the mask's end", stated, one, "m RMS", root=True)
+    if alone:
+        squares = [a * a for a in alone]
+        rows.ratio("wheels alone at the mask's end", squares, one, "m RMS", root=True)
+    honesty(rows, runs, lambda r: r.dark, " in the mask", spread=spread)
 
 
 ASKED = {

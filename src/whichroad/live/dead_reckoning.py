@@ -23,9 +23,9 @@ class DeadReckoning:
         self._since = self._travelled = 0.0
 
     def reset(self, estimate: Estimate) -> None:
-        """Restart at the pose of an estimate."""
+        """Restart at the pose of an estimate, if it has one."""
         pose = estimate.pose
-        self._pose = (pose.x, pose.y, pose.heading)
+        self._pose = None if pose is None else (pose.x, pose.y, pose.heading)
         self._since, self._travelled = estimate.time, 0.0
 
     def stop(self) -> None:

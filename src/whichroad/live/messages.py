@@ -16,7 +16,7 @@ from typing import Any, TypedDict
 
 from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
-from ..observations import Array, GeoFix, Hypothesis
+from ..observations import Array, GeoFix, Hypothesis, Pose
 from ..online import Estimate
 from ..roadmap import RoadMap
 
@@ -216,33 +216,29 @@ class Messages:
             estimate: The localizer's.
             around: Everything else.
         """
-        hypotheses = estimate.hypotheses
-        answered, plane = bool(hypotheses), self._roads.plane
-        pose, cov = estimate.pose, estimate.cov
-        map_pose = estimate.map_pose if answered else None
-        ellipse = _ellipse(plane, pose.x, pose.y, cov) if answered else None
-        until = around.decided_until
+        hypotheses, until = estimate.hypotheses, around.decided_until
+        pose, cov, map_pose = estimate.pose, estimate.cov, estimate.map_pose
         return EstimateMessage(
             version=VERSION,
             type="estimate",
             seq=around.seq,
             time=iso(estimate.time),
             epoch_s=round(estimate.time, 6),
-            answered=answered,
-            pose=_pose(estimate) if answered else None,
+            answered=estimate.answered,
+            pose=_pose(pose, estimate.speed) if pose else None,
             map_lat=round(map_pose.lat, 8) if map_pose else None,
             map_lon=round(map_pose.lon, 8) if map_pose else None,
-            ellipse=ellipse,
-            sigma_bearing_deg=round(degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3)
-            if answered
-            else None,
+            ellipse=_ellipse(self._roads.plane, pose, cov),
+            sigma_bearing_deg=None
+            if cov is None
+            else round(degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3),
             protection_m=_finite(estimate.protection_level, 3),
             protection_risk=around.protection_risk,
-            radius95_m=_radius95(hypotheses, pose.x, pose.y) if answered else None,
+            radius95_m=_radius95(hypotheses, pose.x, pose.y) if pose else None,
             gnss_scale=round(estimate.gnss_scale, 3),
             p_road=round(estimate.p_road, 6),
             p_off_road=round(estimate.p_off_road, 6),
-            road=self._road(estimate) if answered else NO_ROAD,
+            road=self._road(estimate),
             status=estimate.status,
             reason=estimate.reason,
             dead_reckoning=around.dead_reckoning,
@@ -257,16 +253,19 @@ class Messages:
             latency_ms=around.latency_ms,
         )
 
-    def _lagged(self, estimate: Estimate) -> LaggedMessage:
+    def _lagged(self, estimate: Estimate) -> LaggedMessage | None:
         """The smoothed estimate, of the moment the lag ago."""
-        pose = estimate.pose
+        pose, map_pose = estimate.pose, estimate.map_pose
+        ellipse = _ellipse(self._roads.plane, pose, estimate.cov)
+        if pose is None or map_pose is None or ellipse is None:
+            return None
         return LaggedMessage(
             time=iso(estimate.time),
             epoch_s=round(estimate.time, 6),
-            pose=_pose(estimate),
-            map_lat=round(estimate.map_pose.lat, 8),
-            map_lon=round(estimate.map_pose.lon, 8),
-            ellipse=_ellipse(self._roads.plane, pose.x, pose.y, estimate.cov),
+            pose=_pose(pose, estimate.speed),
+            map_lat=round(map_pose.lat, 8),
+            map_lon=round(map_pose.lon, 8),
+            ellipse=ellipse,
             p_road=round(estimate.p_road, 6),
             p_off_road=round(estimate.p_off_road, 6),
             road=self._road(estimate),
@@ -274,7 +273,7 @@ class Messages:
         )
 
     def _road(self, estimate: Estimate) -> RoadMessage:
-        if estimate.edge is None:
+        if estimate.edge is None or estimate.matched is None:
             return NO_ROAD
         street = self._street(estimate.edge, estimate.abscissa)
         lat, lon = estimate.matched
@@ -301,7 +300,7 @@ class Messages:
             lat=round(pose.lat, 8),
             lon=round(pose.lon, 8),
             bearing_deg=round(pose.bearing_deg, 3),
-            ellipse=_ellipse(self._roads.plane, pose.x, pose.y, one.cov),
+            ellipse=_ellipse_of(self._roads.plane, pose, one.cov),
         )
 
     def _street(self, edge: int, s: float) -> dict[str, Any]:
@@ -319,13 +318,12 @@ class Messages:
         return street
 
 
-def _pose(estimate: Estimate) -> PoseMessage:
-    pose = estimate.pose
+def _pose(pose: Pose, speed: float | None) -> PoseMessage:
     return PoseMessage(
         lat=round(pose.lat, 8),
         lon=round(pose.lon, 8),
         bearing_deg=round(pose.bearing_deg, 3),
-        speed_mps=round(estimate.speed, 3),
+        speed_mps=None if speed is None else round(speed, 3),
     )
 
 
@@ -339,10 +337,14 @@ def _finite(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def _ellipse(plane: Plane, x: float, y: float, cov: Array) -> Ellipse:
+def _ellipse(plane: Plane, pose: Pose | None, cov: Array | None) -> Ellipse | None:
+    return None if pose is None or cov is None else _ellipse_of(plane, pose, cov)
+
+
+def _ellipse_of(plane: Plane, pose: Pose, cov: Array) -> Ellipse:
     """1 sigma ellipse of a position in the plane, its bearing from true north."""
     xx, xy, yy = float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])
-    return _axes(xx, xy, yy, plane.convergence(x, y))
+    return _axes(xx, xy, yy, plane.convergence(pose.x, pose.y))
 
 
 def _axes(ee: float, en: float, nn: float, turn: float = 0.0) -> Ellipse:

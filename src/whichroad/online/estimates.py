@@ -25,6 +25,9 @@ def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
 class Estimate:
     """Where the vehicle is, on which road, and how sure that is.
 
+    Before the first fix (or a start pose) nothing is known: `answered` is False, `status` is
+    "lost", and `pose`, `cov`, `map_pose`, `map_cov`, `matched` and `speed` are None.
+
     It never changes: what the filter held is copied when it is made.  Most of it is worked out
     when it is first asked for.
 
@@ -74,17 +77,24 @@ class Estimate:
         return self._time
 
     @property
-    def pose(self) -> Pose:
-        """Where M, the middle of the rear axle, is: the mean of all hypotheses."""
-        if self._pose is None:
+    def answered(self) -> bool:
+        """Whether there is a pose: a fix came, or a start was given."""
+        return self._values.live > 0
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where M, the middle of the rear axle, is: the mean of all hypotheses; None: unknown."""
+        if self._pose is None and self.answered:
             at = self._values
             self._pose = pose_at(self._roads.plane, at.x, at.y, at.heading)
         return self._pose
 
     @property
-    def cov(self) -> Array:
-        """Its covariance, (3, 3) x, y, heading; m², m rad, rad²."""
+    def cov(self) -> Array | None:
+        """Its covariance, (3, 3) x, y, heading; m², m rad, rad²; None: there is no pose."""
         at = self._values
+        if not at.live:
+            return None
         return np.array(
             [
                 [at.xx, at.xy, at.xh],
@@ -127,22 +137,22 @@ class Estimate:
     @property
     def protection_level(self) -> float:
         """Bound on the position error at `Settings.protection_risk`, m; inf before an answer."""
-        return self._values.protection_level if self._values.live else math.inf
+        return self._values.protection_level if self.answered else math.inf
 
     @property
     def level_along_m(self) -> float:
         """Bound on the error along the heading, at the same risk, m; inf before an answer."""
-        return self._values.level_along if self._values.live else math.inf
+        return self._values.level_along if self.answered else math.inf
 
     @property
     def level_across_m(self) -> float:
         """Bound on the error across the heading, at the same risk, m; inf before an answer."""
-        return self._values.level_across if self._values.live else math.inf
+        return self._values.level_across if self.answered else math.inf
 
     @property
     def gnss_scale(self) -> float:
         """GNSS errors over what is reported, as learnt; 1 before an answer."""
-        return self._values.gnss_scale if self._values.live else 1.0
+        return self._values.gnss_scale if self.answered else 1.0
 
     @property
     def reason(self) -> str:
@@ -168,32 +178,41 @@ class Estimate:
         That is off the roads, and where the vehicle is by all of them.
         """
         known = self._living()
-        found = list(self._each(known))
-        if found and self._unknown:
-            found.append(Hypothesis(self._unknown, None, self.pose, self.cov, 0.0, 0.0))
+        found, pose, cov = list(self._each(known)), self.pose, self.cov
+        if found and self._unknown and pose is not None and cov is not None:
+            found.append(Hypothesis(self._unknown, None, pose, cov, 0.0, 0.0))
         return tuple(sorted(found, key=lambda one: -one.p))
 
     @property
-    def map_pose(self) -> Pose:
-        """The pose in the map's frame: what to draw on the map."""
+    def map_pose(self) -> Pose | None:
+        """The pose in the map's frame: what to draw on the map; None: there is no pose."""
         at = self._values
+        if not at.live:
+            return None
         return pose_at(self._roads.plane, at.map_x, at.map_y, at.heading)
 
     @property
-    def map_cov(self) -> Array:
-        """Covariance of the position in the map's frame, (2, 2), m²."""
+    def map_cov(self) -> Array | None:
+        """Covariance of the position in the map's frame, (2, 2), m²; None: there is no pose."""
         at = self._values
+        if not at.live:
+            return None
         return np.array([[at.map_xx, at.map_xy], [at.map_xy, at.map_yy]])
 
     @property
-    def matched(self) -> tuple[float, float]:
-        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is."""
+    def matched(self) -> tuple[float, float] | None:
+        """Latitude and longitude (degrees) of the point on the edge; the pose's where none is.
+
+        None: there is no pose.
+        """
+        if not self.answered:
+            return None
         return self._roads.plane.to_geodetic(self._values.match_x, self._values.match_y)
 
     @property
-    def speed(self) -> float:
-        """Speed, m/s, negative in reverse."""
-        return self._values.speed
+    def speed(self) -> float | None:
+        """Speed, m/s, negative in reverse; None: there is no pose."""
+        return self._values.speed if self.answered else None
 
     @property
     def disbelieved(self) -> float:

@@ -24,10 +24,11 @@ from ..filter.state import (
     new_belief,
     new_path,
     new_work,
-)
+)  # fmt: skip
 from ..global_start import start_at
 from ..observations import Distance, GeoFix, Observation, StartPose
 from ..roadmap import RoadMap, open_map
+from ..roadmap.extent import check_start
 from ..sensors.gnss import fix_row
 from ..sensors.odometry import bridged_step
 from ..sensors.validation import validated
@@ -63,7 +64,7 @@ class Localizer:
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
 
     Raises:
-        SettingError: The lag is not a number of seconds.
+        SettingError: The lag is not a number of seconds, or the start is not on the map.
         MapError: It is no map.
     """
 
@@ -82,8 +83,7 @@ class Localizer:
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._past = None if lag is None else Window(lag)
         self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
-        par = parameters(self.settings, self.vehicle, CLOCK)
-        ctx = Context(par, self.roads.arrays, new_work())
+        ctx = Context(parameters(self.settings, self.vehicle, CLOCK), self.roads.arrays, new_work())
         self._filter = EpochFilter(ctx)
         if self._past is not None:
             tree = new_path(1 << 14)
@@ -94,7 +94,7 @@ class Localizer:
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
-        self._start = StartPose.of(start)
+        self._start = check_start(StartPose.of(start), self.roads)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._map = ""  # fingerprint of the map, once it was asked for

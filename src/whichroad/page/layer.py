@@ -16,6 +16,7 @@ from ..geodesy.mercator import latitude_of, longitude_of, to_square
 from ..graph.network import AGAINST_ONE_WAY
 from ..observations import Array
 from ..roadmap import RoadMap
+from ..roadmap.drawing import attribution, streets
 from .vectortile import EXTENT, Line, encode_layer
 
 MAX_ZOOM = 16  # deeper tiles are magnified by the page
@@ -45,7 +46,7 @@ class RoadLayer:
         self.roads = roads
         edges, vertices = roads.arrays.edges, roads.arrays.vertices
         opposite = edges.opposite
-        self._edge = np.flatnonzero((opposite < 0) | (opposite > np.arange(len(opposite))))
+        self._edge = streets(roads)
         x, y = to_square(*roads.plane.to_geodetic(vertices.x, vertices.y))
         first = edges.first_vertex[self._edge]
         count = edges.last_vertex[self._edge] - first + 1
@@ -169,13 +170,6 @@ class RoadLayer:
         return sorted(drawn, key=lambda line: int(line.properties["rank"]))
 
 
-def attribution(roads: RoadMap) -> str:
-    """The map's attribution, where its source is known."""
-    source = str(roads.info()["source"]).lower()
-    osm = source.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2"))
-    return "© OpenStreetMap contributors" if osm else ""
-
-
 def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:
     """One directed edge: its line (lon, lat in driving direction) and its street."""
     line = roads.edge_line(edge)
@@ -202,19 +196,10 @@ def drawn_near(
         lon: (n,)
         margin: How near, m.
     """
-    edge_table, vertices, plane = roads.arrays.edges, roads.arrays.vertices, roads.plane
+    plane = roads.plane
     x, y = plane.from_geodetic(lat, lon)
     low, high = (x.min() - margin, y.min() - margin), (x.max() + margin, y.max() + margin)
-    begin, opposite = edge_table.first_vertex, edge_table.opposite
-    all_x, all_y = np.ascontiguousarray(vertices.x), np.ascontiguousarray(vertices.y)
-    about = (
-        (np.maximum.reduceat(all_x, begin) > low[0])
-        & (np.minimum.reduceat(all_x, begin) < high[0])
-        & (np.maximum.reduceat(all_y, begin) > low[1])
-        & (np.minimum.reduceat(all_y, begin) < high[1])
-    )
-    once = (opposite < 0) | (opposite > np.arange(len(opposite)))
-    edges = np.flatnonzero(about & once)
+    edges = streets(roads, low, high)
     ranks = _ranks(roads, edges)
     lines = np.array([shapely.LineString(roads.edge_line(edge)) for edge in edges.tolist()])
     track = shapely.LineString(np.column_stack([np.append(x, x[-1]), np.append(y, y[-1])]))

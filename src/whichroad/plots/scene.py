@@ -186,15 +186,8 @@ def _name(roads: "RoadMap", edge: int) -> str:
 
 def _roads_near(roads: "RoadMap", xy: "Array", origin: "Array") -> list["Array"]:
     """The polylines of edges near the drive, each street once."""
-    edges, vertices = roads.arrays.edges, roads.arrays.vertices
-    begin, opposite = edges.first_vertex, edges.opposite
-    x, y = np.ascontiguousarray(vertices.x), np.ascontiguousarray(vertices.y)
+    from ..roadmap.drawing import streets
+
     low, high = np.nanmin(xy, axis=0) - MARGIN, np.nanmax(xy, axis=0) + MARGIN
-    near = (
-        (np.maximum.reduceat(x, begin) > low[0])
-        & (np.minimum.reduceat(x, begin) < high[0])
-        & (np.maximum.reduceat(y, begin) > low[1])
-        & (np.minimum.reduceat(y, begin) < high[1])
-    )
-    once = (opposite < 0) | (opposite > np.arange(len(opposite)))
-    return [roads.edge_line(edge) - origin for edge in np.flatnonzero(near & once).tolist()]
+    near = streets(roads, tuple(low), tuple(high))
+    return [roads.edge_line(edge) - origin for edge in near.tolist()]

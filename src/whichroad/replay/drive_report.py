@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import WriteError
-from ..page.layer import attribution, drawn_near, edge_of
+from ..page.layer import drawn_near, edge_of
 from ..page.standalone import standalone
+from ..roadmap.drawing import attribution
 from ..tables.status import STATUS
 from ..writers import replacing
 from .recorded_messages import RecordedMessages

@@ -11,7 +11,7 @@ from ..epochs import mask_windows
 from ..errors import DriveError
 from ..matching import match
 from .player import Player
-from .points import read_points
+from .points import check_map, read_points
 from .recorded_messages import RecordedMessages, Window
 from .signals import Signals
 
@@ -77,8 +77,15 @@ def play_drive(remaking: Remaking, mask: Sequence[tuple[Any, Any]] = ()) -> Play
 def play_result(
     path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None
 ) -> Player:
-    """A player of points, and of the route, from files; there is no drive to mask."""
-    return Player(RecordedMessages(read_points(path, drive_id, route), roads))
+    """A player of points, and of the route, from files; there is no drive to mask.
+
+    Raises:
+        ReadError: A file is no such table.
+        MapError: They are of another map.
+    """
+    result = read_points(path, drive_id, route)
+    check_map(result, roads, path)
+    return Player(RecordedMessages(result, roads))
 
 
 def one_of(drives: "list[Drive]", drive_id: str | None) -> "Drive":

@@ -2,17 +2,25 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..errors import ReadError
+from ..errors import MapError, ReadError
 from ..evaluate.input_tables import read_table
+from ..geodesy.angles import radians
+from ..geodesy.units import METRES_PER_DEGREE
 from ..tables.result import Result
 from ..tables.schema import PATH, POINTS, TIME
 from .driven_path import COLUMNS
 
+if TYPE_CHECKING:
+    from ..roadmap import RoadMap
+
+_COMPARED = 100  # points that are compared with the map
+_ELSEWHERE = 20.0  # m between a point on its edge and that place of the map
 _NEEDED = ("time", "lat", "lon", "p_road", "status")
 
 
@@ -54,6 +62,50 @@ def read_points(
             "by --drive-id"
         )
     return Result(points, pa.table({}) if route is None else read_path(route), {})
+
+
+def check_map(result: Result, roads: "RoadMap", where: str | Path) -> None:
+    """See that an answer read from a file is of a map.
+
+    Args:
+        result: As `read_points` gives it.
+        roads: The map.
+        where: The file.
+
+    Raises:
+        MapError: Its edges are not there, or elsewhere.
+    """
+    points, path = result.to_arrow(), result.path_arrow()
+    edges = [points["edge_id"], *([path["edge_id"]] if "edge_id" in path.column_names else [])]
+    last = max((pc.max(column).as_py() or 0 for column in edges), default=0)
+    expected = "the map that it was matched to was expected with --map"
+    if last >= len(roads):
+        raise MapError(
+            f"{where}: it names edge {last:,}, and the map has {len(roads):,} edges; {expected}"
+        )
+    on = points.filter(pc.and_(pc.is_valid(points["edge_id"]), pc.is_valid(points["abscissa_m"])))
+    on = on.filter(pc.is_valid(on["matched_lat"])) if on.num_rows else on
+    if not on.num_rows:
+        return
+    some = np.unique(np.linspace(0, on.num_rows - 1, _COMPARED).round().astype(int))
+    edge, along, lat, lon = (
+        on[name].to_numpy()[some]
+        for name in ("edge_id", "abscissa_m", "matched_lat", "matched_lon")
+    )
+    here = [roads.at(int(e), float(s))[:2] for e, s in zip(edge, along, strict=True)]
+    own_lat, own_lon = roads.plane.to_geodetic(*np.array(here).T)
+    away = METRES_PER_DEGREE * np.hypot(
+        lat - own_lat, (lon - own_lon) * np.cos(radians(np.asarray(own_lat)))
+    )
+    if np.median(away) > _ELSEWHERE:
+        raise MapError(
+            f"{where}: its roads lie {_distance(float(np.median(away)))} from the map's roads of "
+            f"the same numbers; {expected}"
+        )
+
+
+def _distance(metres: float) -> str:
+    return f"{metres / 1e3:,.1f} km" if metres >= 1e3 else f"{metres:.0f} m"
 
 
 def read_path(path: str | Path) -> pa.Table:

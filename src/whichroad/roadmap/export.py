@@ -20,6 +20,32 @@ _NEEDED = ("edge_id", "enter_time", "exit_time", "enter_m", "exit_m")
 _OF_EDGES = ("from_node", "to_node")  # a road of the source need not end at a junction
 
 
+def info(roads: "RoadMap") -> dict[str, Any]:
+    """What a map holds, in numbers."""
+    vertices, edges = roads.arrays.vertices, roads.arrays.edges
+    legal = edges.rule == 0
+    once = legal & ((edges.opposite > np.arange(len(roads))) | ~legal[edges.opposite])
+    # the other direction has the same vertices
+    count = edges.last_vertex - edges.first_vertex + 1
+    half = np.repeat(edges.opposite < np.arange(len(roads)), count)
+    lat, lon = roads.plane.to_geodetic(vertices.x[half], vertices.y[half])
+    words = [word or "unknown" for word in roads.column("highway")]
+    highways, counts = np.unique(np.array(words), return_counts=True)
+    return {
+        "nodes": len(roads.node_id),
+        "edges": len(roads),
+        "legal_edges": int(legal.sum()),
+        "against_one_way": int((edges.rule & AGAINST_ONE_WAY > 0).sum()),
+        "no_access": int((edges.rule & NO_ACCESS > 0).sum()),
+        "turns": len(roads.arrays.turns),
+        "streets": len(roads.ways["source_id"]),
+        "km": round(float(edges.length[once].sum()) / 1e3, 3),
+        "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
+        "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
+        "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
+    }
+
+
 def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
     """See `RoadMap.edges_table`."""
     import geopandas

@@ -4,11 +4,15 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MapError
+from .graphs import is_graph
+from .osm import SUFFIXES
 from .roadmap import RoadMap
+from .store import is_compiled
 
-# what is not among these is a compiled map, whatever it is called
+# what is not among these, and no extract, is a compiled map, whatever it is called
 _TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
-           ".shp", ".fgb", ".gml", ".zip")  # fmt: skip
+           ".graphml", ".shp", ".fgb", ".gml", ".zip")  # fmt: skip
+_DRIVES = (".gpx", ".nmea", ".nma", ".pos", ".log", ".asc", ".blf", ".trc", ".mf4", ".dbc")
 
 
 def open_map(roads: Any) -> RoadMap:
@@ -18,18 +22,32 @@ def open_map(roads: Any) -> RoadMap:
         MapError: It is no map, nor the path of one.
     """
     if isinstance(roads, str | Path):
-        name = str(roads).lower()
-        if name.endswith((".pbf", ".osm", ".osm.gz", ".osm.bz2")):
+        path, name = Path(roads), str(roads).lower()
+        if is_compiled(path):
+            return RoadMap.open(path)
+        if name.endswith(SUFFIXES):
             return RoadMap.from_osm(roads)
         if name.endswith(_TABLES):
             return RoadMap.from_edges(roads)
-        return RoadMap.open(roads)
+        if path.is_file() and path.stat().st_size:
+            raise MapError(_refusal(path))
+        return RoadMap.open(path)
     if hasattr(roads, "arrays"):
         opened: RoadMap = roads
         return opened
-    if hasattr(roads, "columns"):  # a table of pandas or Arrow
+    if hasattr(roads, "columns") or is_graph(roads):  # a table of pandas or Arrow, or OSMnx's
         return RoadMap.from_edges(roads)
     raise MapError(
         f"roads: {type(roads).__name__} was given; a RoadMap, the path of a map or a table of "
         "edges was expected; RoadMap.from_osm(path) makes one"
+    )
+
+
+def _refusal(path: Path) -> str:
+    """What to say of a file that is no map."""
+    drive = path.suffix.lower() in _DRIVES
+    hint = "this seems to belong to a drive" if drive else "the suffix of the name says which it is"
+    return (
+        f"{path}: it is no compiled map, and named like no other; an OpenStreetMap extract "
+        f"({', '.join(SUFFIXES)}) or a table of edges ({', '.join(_TABLES)}) was expected; {hint}"
     )

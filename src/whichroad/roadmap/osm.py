@@ -1,7 +1,9 @@
 """OpenStreetMap extracts: drivable ways, their nodes and turn restrictions."""
 
+import math
 from array import array
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +15,22 @@ from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .streets import Column, Restriction, Streets, Texts
 
-SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osh.pbf", ".xml")
+SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osm.xml", ".xml")
+_Node = tuple[int, int, int]  # id, longitude and latitude in osmium's units of 1e-7 degrees
+_Box = tuple[int, int, int, int]  # west, south, east, north, in the same units
 _UNDEFINED = 2**31 - 1  # osmium's coordinate of a node that the extract lacks
 _CARS = ("motorcar", "motor_vehicle")
 # what no car passes; gates and their like may stand open
 _BARRIERS = ("bollard", "block", "jersey_barrier", "log", "cycle_barrier", "debris")
 
 
-def read_osm(path: Path) -> Streets:
+def read_osm(path: Path, bbox: Any = None) -> Streets:
     """Streets of an OpenStreetMap file.
 
     Args:
-        path: .osm.pbf, .osm, .osm.gz or .osm.bz2.
+        path: One of `SUFFIXES`.
+        bbox: West, south, east and north, degrees: segments outside are left out.  None: all
+            are read.
 
     Returns:
         The drivable ways, over nodes that carry OSM ids.
@@ -38,7 +44,7 @@ def read_osm(path: Path) -> Streets:
         raise MapError(
             f"{path}: there is no such file; an OpenStreetMap extract was expected; check the name"
         )
-    ways = _Ways()
+    ways = _Ways(None if bbox is None else _box(bbox))
     try:
         for item in _processor(path):
             if item.is_way():
@@ -51,9 +57,15 @@ def read_osm(path: Path) -> Streets:
     except (RuntimeError, OSError, ValueError, osmium.InvalidLocationError) as error:
         reason = " ".join(str(error).split())
         raise MapError(
-            f"{path}: {reason}; an OpenStreetMap file ({', '.join(SUFFIXES[:5])}) was expected; "
+            f"{path}: {reason}; an OpenStreetMap file ({', '.join(SUFFIXES)}) was expected; "
             "check that it is one and complete"
         ) from error
+    if not ways.ids and ways.outside is not None:
+        edges = ", ".join(f"{value / 1e7:.4f}" for value in ways.outside)
+        raise MapError(
+            f"{path}: no drivable way is in the box {bbox}; the file's lie within {edges}; west, "
+            "south, east, north in degrees were expected; check their order"
+        )
     if not ways.ids:
         raise MapError(
             f"{path}: no drivable way was found; ways with highway=motorway ... service were "
@@ -86,10 +98,43 @@ def _of(kind: Any, *tags: tuple[str, str]) -> Any:
     return chosen
 
 
+def _box(bbox: Any) -> _Box:
+    """A box in osmium's units.
+
+    Raises:
+        MapError: It is none.
+    """
+    try:
+        west, south, east, north = (float(value) for value in bbox)
+    except (TypeError, ValueError):
+        west = south = east = north = math.nan
+    if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
+        raise MapError(
+            f"bbox is {bbox!r}; west, south, east, north in degrees were expected, such as "
+            "(8.6, 49.3, 8.8, 49.5)"
+        )
+    return round(west * 1e7), round(south * 1e7), round(east * 1e7), round(north * 1e7)
+
+
+def _within(run: list[_Node], box: _Box) -> list[list[_Node]]:
+    """The parts of a line of nodes whose segments may touch a box."""
+    west, south, east, north = box
+    parts: list[list[_Node]] = [[]]
+    for a, b in pairwise(run):
+        (_, ax, ay), (_, bx, by) = a, b
+        if max(ax, bx) < west or min(ax, bx) > east or max(ay, by) < south or min(ay, by) > north:
+            parts.append([])
+        else:
+            parts[-1] += [b] if parts[-1] else [a, b]
+    return parts
+
+
 class _Ways:
     """Collects what the file holds, as flat arrays; equal tags are understood once."""
 
-    def __init__(self) -> None:
+    def __init__(self, box: _Box | None) -> None:
+        self.box = box
+        self.outside: _Box | None = None  # bounds of the ways that the box leaves out
         self.ids, self.count = array("q"), array("i")
         self.kinds: dict[tuple[str | None, ...], _Kind] = {}
         self.rows: list[_Kind] = []
@@ -106,7 +151,7 @@ class _Ways:
         if tags.get("area") == "yes":
             self.skipped["ways that are areas"] += 1
             return
-        runs: list[list[Any]] = [[]]
+        runs: list[list[_Node]] = [[]]
         for node in way.nodes:
             if node.x != _UNDEFINED:
                 runs[-1].append((node.ref, node.x, node.y))
@@ -117,6 +162,12 @@ class _Ways:
         if not long:
             self.skipped["ways of fewer than two nodes"] += 1
             return
+        if self.box is not None:
+            inside = [part for run in long for part in _within(run, self.box) if part]
+            if not inside:
+                self._leave_out(long)
+                return
+            long = inside
         values = tuple(map(tags.get, _KEYS))
         kind = self.kinds.get(values) or self.kinds.setdefault(values, _Kind(tags))
         name = tags.get("name") or tags.get("ref") or ""
@@ -130,6 +181,13 @@ class _Ways:
             self.rows.append(kind)
             self.names.append(name)
             self.count.append(len(run))
+
+    def _leave_out(self, runs: list[list[_Node]]) -> None:
+        """Count a way outside the box."""
+        self.skipped["ways outside the box"] += 1
+        _, x, y = zip(*(node for run in runs for node in run), strict=True)
+        west, south, east, north = self.outside or (x[0], y[0], x[0], y[0])
+        self.outside = min(west, *x), min(south, *y), max(east, *x), max(north, *y)
 
     def add_relation(self, relation: Any) -> None:
         """Keep a turn restriction that concerns cars and turns at one node."""

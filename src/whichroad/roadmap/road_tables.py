@@ -1,9 +1,9 @@
 """Anyone's own table of roads: columns found by their usual names, rows to streets."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,10 @@ from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link
-from .sheet import Sheet, open_sheet, plain
+from .open_table import open_sheet
+from .sheet import Sheet, plain
 from .streets import Column, Streets, Texts, take
-
-T = TypeVar("T", bound=Hashable)
+from .values import T, as_number, as_word, best, each, first, parts_of
 
 # accepted column names by meaning; the first that is there wins; case does not matter
 NAMES = {
@@ -52,6 +52,20 @@ _NOT_FOR_CARS = frozenset(
 )  # fmt: skip
 
 
+# a cell's meaning, of the list in it or of its one value
+_word = first(as_word, "")
+_limit = first(lambda v: meaning.speed_limit_kmh(as_word(v)), 0.0)
+_size = first(lambda v: meaning.number(as_word(v)), 0.0)
+_any_true = best(meaning.truth, max, False)
+_access = best(lambda v: meaning.access({"access": as_word(v)}), max, meaning.OPEN)
+_oneway: Callable[[Any], int | None] = first(meaning.oneway_word, 0)
+_is_ring = best(lambda v: _one_ring(as_word(v).lower()), max, False)
+
+
+def _one_ring(name: str) -> bool:
+    return meaning.roundabout({"junction": name}) or name in {"true", "1", "yes", "t"}
+
+
 def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, str]:
     """Streets of a table of roads.
 
@@ -67,6 +81,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
         MapError: No geometry was found, or its coordinate system is unknown.
     """
     sheet = _known(open_sheet(table))
+    directed = sheet.directed if directed is None else directed
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
@@ -97,33 +112,16 @@ def _find(sheet: Sheet, what: str) -> NDArray[Any] | None:
     return next((sheet.columns[n] for n in NAMES[what] if n in sheet.columns), None)
 
 
-def _each(values: NDArray[Any], function: Callable[[Any], T]) -> list[T]:
-    """A function of every value, worked out once for each different one."""
-    known: dict[Any, T] = {}
-    out = []
-    for value in values.tolist():
-        key = value if isinstance(value, Hashable) else str(value)
-        if key not in known:
-            known[key] = function(value)
-        out.append(known[key])
-    return out
-
-
-def _word(value: object) -> str:
-    """A cell as a word, empty where there is nothing."""
-    if value is None or (isinstance(value, float) and value != value):
-        return ""
-    if isinstance(value, (list, tuple, np.ndarray)):  # OSMnx joins streets and lists their tags
-        return _word(value[0]) if len(value) else ""
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    return str(value).strip()
-
-
-def _class(value: object) -> str:
+def _one_class(value: object) -> str:
     """A road class in OpenStreetMap's word, or the table's own."""
-    word = _word(value).lower()
-    return _NUMBERED.get(word, word)
+    name = as_word(value).lower()
+    return _NUMBERED.get(name, name)
+
+
+def _class(cell: object) -> str:
+    """The first class of a cell that is for cars, else the first."""
+    found = [_one_class(value) for value in parts_of(cell)]
+    return next((one for one in found if one not in _NOT_FOR_CARS), found[0] if found else "")
 
 
 def _for_cars(sheet: Sheet, lines: Lines, skipped: Counter[str]) -> Lines:
@@ -131,7 +129,7 @@ def _for_cars(sheet: Sheet, lines: Lines, skipped: Counter[str]) -> Lines:
     column = _find(sheet, "highway")
     if column is None:
         return lines
-    foot = np.array(_each(column[lines.row], lambda v: _class(v) in _NOT_FOR_CARS), dtype=bool)
+    foot = np.array(each(column[lines.row], lambda v: _class(v) in _NOT_FOR_CARS), dtype=bool)
     if foot.any():
         skipped["rows of classes not for cars"] += int(foot.sum())
         lines = lines.take(~foot)
@@ -144,8 +142,8 @@ def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
     for i, what in enumerate(("layer", "bridge", "tunnel")):
         column = _find(sheet, what)
         if column is not None:
-            read: Callable[[Any], int] = meaning.whole if i == 0 else meaning.truth
-            level = level * 1000 + np.array(_each(column[lines.row], read), dtype=np.int64)
+            read: Callable[[Any], int] = first(meaning.whole, 0) if i == 0 else _any_true
+            level = level * 1000 + np.array(each(column[lines.row], read), dtype=np.int64)
     return level
 
 
@@ -155,7 +153,7 @@ def _one_way(
     """1 where a row may be driven as drawn only, -1 against it only, 0 both; None: unknown word."""
     column = _find(sheet, "oneway")
     if column is not None:
-        words = _each(column[rows], meaning.oneway_word)
+        words = each(column[rows], _oneway)
         if unknown := words.count(None):
             skipped["one-way words that were not understood (taken as two-way)"] += unknown
         return np.array([word or 0 for word in words], dtype=np.int8)
@@ -173,19 +171,11 @@ def _one_way(
 
 def _costs(column: NDArray[Any], skipped: Counter[str]) -> NDArray[np.float64]:
     """Costs as numbers; NaN, which closes nothing, where there is none."""
-    costs = np.array(_each(column, _number), dtype=np.float64)
+    costs = np.array(each(column, as_number), dtype=np.float64)
     unknown = sum(c != c and v is not None for c, v in zip(costs, column.tolist(), strict=True))
     if unknown:
         skipped["costs that were not understood (taken as open)"] += int(unknown)
     return costs
-
-
-def _number(value: Any) -> float:
-    """A cell as a number, NaN where it is none."""
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        return float("nan")
 
 
 def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Counter[str]) -> Streets:
@@ -240,10 +230,10 @@ class _Tags:
         self._sheet, self._rows = sheet, rows
         self.highway = self._read("highway", _class, "")
         self.limit = np.array(self._read("speed_limit_kmh", _limit, 0.0))
-        self.lanes = np.array(self._read("lanes", lambda v: meaning.number(_word(v)), 0.0))
-        self.width = np.array(self._read("width", lambda v: meaning.number(_word(v)), 0.0))
+        self.lanes = np.array(self._read("lanes", _size, 0.0))
+        self.width = np.array(self._read("width", _size, 0.0))
         self.ring = np.array(self._read("junction", _is_ring, False))
-        words = self._read("access", lambda v: meaning.access({"access": _word(v)}), meaning.OPEN)
+        words = self._read("access", _access, meaning.OPEN)
         self.access = np.array(words, dtype=np.uint8)
         self.service = np.array([name == "service" for name in self.highway], dtype=bool)
         usual = np.array(
@@ -255,7 +245,7 @@ class _Tags:
         column = _find(self._sheet, what)
         if column is None:
             return [absent] * len(self._rows)
-        return _each(column[self._rows], function)
+        return each(column[self._rows], function)
 
     def lane(self, oneway: NDArray[np.int8]) -> NDArray[np.float64]:
         """Usual offset right of the centre line, m."""
@@ -269,25 +259,16 @@ class _Tags:
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""
-        layer = self._read("layer", meaning.whole, 0)
+        layer = self._read("layer", first(meaning.whole, 0), 0)
         return {
             "name": Texts.of(self._read("name", _word, "")),
             "speed_limit_kmh": self.limit.astype(np.float32),
             "lanes": np.minimum(self.lanes, 255).astype(np.uint8),
             "width": self.width.astype(np.float32),
             "layer": np.array(layer, dtype=np.int8),
-            "bridge": np.array(self._read("bridge", meaning.truth, False), dtype=np.uint8),
-            "tunnel": np.array(self._read("tunnel", meaning.truth, False), dtype=np.uint8),
+            "bridge": np.array(self._read("bridge", _any_true, False), dtype=np.uint8),
+            "tunnel": np.array(self._read("tunnel", _any_true, False), dtype=np.uint8),
             "oneway": oneway,
             "roundabout": self.ring.astype(np.uint8),
             "access": self.access,
         }
-
-
-def _limit(value: object) -> float:
-    return meaning.speed_limit_kmh(_word(value))
-
-
-def _is_ring(value: object) -> bool:
-    word = _word(value).lower()
-    return meaning.roundabout({"junction": word}) or word in {"true", "1", "yes", "t"}

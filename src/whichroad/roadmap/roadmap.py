@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph import index
-from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, Roads, records
+from ..graph.network import Roads, records
 from ..observations import Array
 from . import store, topology
-from .compile import Network, Pieces, compile_streets, plane_record
+from .arrays import from_arrays, to_arrays
+from .compile import Network, Pieces, compile_streets
+from .edge_lines import edge_lines
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
     import geopandas
     import pyarrow as pa
 
-_TABLES = [name for name in Roads._fields if name != "plane"]
-_TEXTS = ("code", "offset", "utf8")
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
 
@@ -67,18 +67,22 @@ class RoadMap:
         self._reach: float | None = None
 
     @classmethod
-    def from_osm(cls, path: str | Path) -> "RoadMap":
-        """Compile an OpenStreetMap extract.
+    def from_osm(
+        cls, path: str | Path, *, bbox: tuple[float, float, float, float] | None = None
+    ) -> "RoadMap":
+        """Compile an OpenStreetMap extract, or a part of one.
 
         Args:
-            path: .osm.pbf, .osm, .osm.gz or .osm.bz2.
+            path: .osm.pbf, .osm, .osm.xml, .osm.gz or .osm.bz2.
+            bbox: West, south, east and north of the part, degrees.  Streets are cut where
+                their segments leave it.  None: all of it.
 
         Raises:
-            MapError: The file cannot be read, or holds no drivable way.
+            MapError: The file cannot be read, or holds no drivable way in the box.
         """
         from .osm import read_osm
 
-        return cls._compiled(read_osm(Path(path)), str(path))
+        return cls._compiled(read_osm(Path(path), bbox), str(path))
 
     @classmethod
     def from_edges(cls, table: Any, crs: Any = None, *, directed: bool | None = None) -> "RoadMap":
@@ -87,8 +91,8 @@ class RoadMap:
         Columns are found by their usual names (docs/formats.md); only `geometry` is required.
 
         Args:
-            table: GeoDataFrame, Arrow table, or path to GeoParquet, GeoJSON, CSV with WKT, or
-                whatever geopandas reads.
+            table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
+                GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
             crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
@@ -120,7 +124,7 @@ class RoadMap:
         """
         about, arrays = store.read(Path(path))
         try:
-            return _from_arrays(about, arrays)
+            return cls(*from_arrays(about, arrays))
         except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
                 f"{path}: what it holds does not make a map ({type(error).__name__}: {error}); "
@@ -133,13 +137,24 @@ class RoadMap:
         Raises:
             WriteError: The file cannot be written.
         """
-        store.write(Path(path), *_to_arrays(self))
+        store.write(Path(path), *to_arrays(self))
 
     def __len__(self) -> int:
         return len(self.arrays.edges)
 
     def __repr__(self) -> str:
-        return f"RoadMap({self._about['source']!r}, {len(self)} directed edges)"
+        return f"RoadMap({self.origin!r}, {len(self)} directed edges)"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the streets, as a picture that needs no connection."""
+        from .drawing import map_html
+
+        return map_html(self)
+
+    @property
+    def origin(self) -> str:
+        """What the map was made of: the name of a file, or of a kind of table."""
+        return str(self._about["source"])
 
     def near(self, x: float, y: float, radius: float) -> Near:
         """Every directed edge within `radius` true metres of a plane point, closest first."""
@@ -192,37 +207,7 @@ class RoadMap:
         Returns:
             x and y (m) of all vertices, and (n + 1,) where each line's begin.
         """
-        vertices, edges = self.arrays.vertices, self.arrays.edges
-        low = edges.first_vertex[edge]
-        count = edges.last_vertex[edge] - low + 1
-        line = np.repeat(np.arange(len(edge)), count)
-        vertex = np.arange(len(line)) + np.repeat(low - np.cumsum(count) + count, count)
-        x, y, s = vertices.x, vertices.y, vertices.s
-        length = edges.length[edge]
-        start = np.clip(start, 0.0, length)
-        end = np.clip(end, start, length)
-        first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
-        ends = []
-        for at in (start, end):  # the segment that holds the cut; its vertices stay where outside
-            before = s[vertex] <= at[line]
-            k = (
-                low + np.clip(np.add.reduceat(before, first) - 1, 0, count - 2)
-                if len(edge)
-                else low
-            )
-            share = (at - s[k]) / (s[k + 1] - s[k])
-            ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (x, y)])
-        inside = (s[vertex] > start[line]) & (s[vertex] < end[line])
-        order = np.argsort(
-            np.concatenate([np.arange(len(edge)), line[inside], np.arange(len(edge))]),
-            kind="stable",
-        )
-        x, y = (
-            np.concatenate([ends[0][i], v[vertex[inside]], ends[1][i]])[order]
-            for i, v in enumerate((x, y))
-        )
-        parts = np.bincount(line[inside], minlength=len(edge)) + 2
-        return x, y, np.concatenate([[0], np.cumsum(parts)]).astype(np.int64)
+        return edge_lines(self.arrays, edge, start, end)
 
     @property
     def reach(self) -> float:
@@ -310,35 +295,45 @@ class RoadMap:
 
     def info(self) -> dict[str, Any]:
         """What the map holds, where it came from, and what was skipped and why."""
-        vertices, edges = self.arrays.vertices, self.arrays.edges
-        legal = edges.rule == 0
-        once = legal & ((edges.opposite > np.arange(len(self))) | ~legal[edges.opposite])
-        # the other direction has the same vertices
-        count = edges.last_vertex - edges.first_vertex + 1
-        half = np.repeat(edges.opposite < np.arange(len(self)), count)
-        lat, lon = self.plane.to_geodetic(vertices.x[half], vertices.y[half])
-        words = [word or "unknown" for word in self.column("highway")]
-        highways, counts = np.unique(np.array(words), return_counts=True)
-        return {
-            **self._about,
-            "nodes": len(self.node_id),
-            "edges": len(self),
-            "legal_edges": int(legal.sum()),
-            "against_one_way": int((edges.rule & AGAINST_ONE_WAY > 0).sum()),
-            "no_access": int((edges.rule & NO_ACCESS > 0).sum()),
-            "turns": len(self.arrays.turns),
-            "streets": len(self.ways["source_id"]),
-            "km": round(float(edges.length[once].sum()) / 1e3, 3),
-            "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
-            "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
-            "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
-        }
+        from .export import info
+
+        return {**self._about, **info(self)}
 
     def edges_table(self) -> "geopandas.GeoDataFrame":
         """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
         from .export import edges_table
 
         return edges_table(self)
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the streets with matplotlib.
+
+        Args:
+            ax: Axes to draw on; None: new ones.
+            style: As `GeoDataFrame.plot` takes it, such as `color`, `linewidth`, `figsize`.
+
+        Returns:
+            The axes, longitude to the right and latitude up, degrees.
+        """
+        from .drawing import plot_map
+
+        return plot_map(self, ax, style)
+
+    def explore(self, **style: Any) -> Any:
+        """The streets on a page that can be moved and enlarged, with their attributes.
+
+        Args:
+            style: As `GeoDataFrame.explore` takes it.
+
+        Returns:
+            A `folium.Map`, whose page loads scripts and tiles from the net.
+
+        Raises:
+            SettingError: The package folium is not installed.
+        """
+        from .drawing import explore_map
+
+        return explore_map(self, style)
 
     def by_source(self, path: Any) -> Any:
         """A path with one row for each road of the source (OpenStreetMap way, row of a table).
@@ -359,39 +354,3 @@ class RoadMap:
         from .export import by_source
 
         return by_source(self, path)
-
-
-def _to_arrays(roads: RoadMap) -> tuple[dict[str, Any], store.Arrays]:
-    """A map as JSON and named arrays."""
-    arrays: store.Arrays = {f"roads.{n}": getattr(roads.arrays, n) for n in _TABLES}
-    arrays |= {f"pieces.{n}": getattr(roads.pieces, n) for n in Pieces._fields}
-    arrays["way"] = roads.way
-    for name, column in {"node_id": roads.node_id, **roads.ways}.items():
-        if isinstance(column, Texts):
-            arrays |= {f"{name}.{part}": getattr(column, part) for part in _TEXTS}
-        else:
-            arrays[name] = column
-    about = {
-        "about": roads._about,
-        "origin_deg": [roads.plane.lat0_deg, roads.plane.lon0_deg],
-        "cell_size": float(roads.arrays.plane.cell_size[0]),
-        "columns": list(roads.ways),
-    }
-    return about, arrays
-
-
-def _from_arrays(about: dict[str, Any], arrays: store.Arrays) -> RoadMap:
-    """The map of JSON and named arrays."""
-    plane = Plane(*about["origin_deg"])
-    roads = Roads(
-        **{n: arrays[f"roads.{n}"] for n in _TABLES},
-        plane=plane_record(plane.curvature, float(about["cell_size"])),
-    )
-    pieces = Pieces(*(arrays[f"pieces.{n}"] for n in Pieces._fields))
-    columns: dict[str, Column] = {}
-    for name in ("node_id", *about["columns"]):
-        columns[name] = (
-            arrays[name] if name in arrays else Texts(*(arrays[f"{name}.{p}"] for p in _TEXTS))
-        )
-    node_id = columns.pop("node_id")
-    return RoadMap(roads, plane, pieces, arrays["way"], node_id, columns, about["about"])

@@ -1,9 +1,7 @@
-"""A table of roads from wherever it comes: columns by name, geometries, coordinate system."""
+"""A table of roads in memory: columns by name, geometries, coordinate system."""
 
 import json
-import warnings
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ class Sheet:
     geometry: NDArray[Any]  # (n,) shapely geometries or None
     crs: Any  # as pyproj takes it; None: not given
     bad: int = 0  # geometries that could not be understood, now None
+    directed: bool | None = None  # whether a row is one direction of a road; None: not known
 
     @property
     def rows(self) -> int:
@@ -30,82 +29,12 @@ class Sheet:
         return len(self.geometry)
 
 
-def open_sheet(table: Any) -> Sheet:
-    """A table of roads, whatever it is.
-
-    Args:
-        table: GeoDataFrame, DataFrame or Arrow table with WKB or WKT, or a path to CSV with WKT,
-            Parquet, GeoJSON or anything else that geopandas reads.
+def from_arrow(table: Any, where: str) -> Sheet:
+    """The sheet of an Arrow table; GeoParquet's metadata name geometry and system.
 
     Raises:
-        MapError: It cannot be read, or has no geometry.
+        MapError: It has no geometry, or its metadata cannot be understood.
     """
-    if isinstance(table, (str, Path)):
-        return _open_file(Path(table))
-    if hasattr(table, "column_names"):
-        return _from_arrow(table, "table of edges")
-    if hasattr(table, "columns") and hasattr(table, "reset_index"):
-        return _from_frame(table, "table of edges")
-    raise MapError(
-        f"table of edges: it is a {type(table).__name__}; a GeoDataFrame, an Arrow table or a path "
-        "was expected; convert it"
-    )
-
-
-def _open_file(path: Path) -> Sheet:
-    import pyarrow as pa
-    from shapely.errors import ShapelyError
-
-    if not path.is_file():
-        raise MapError(f"{path}: there is no such file; a table of roads was expected; check it")
-    name = path.name.lower()
-    try:
-        if name.endswith((".csv", ".csv.gz", ".tsv")):
-            return _from_arrow(_read_csv(path), str(path))
-        if name.endswith((".parquet", ".geoparquet", ".pq")):
-            import pyarrow.parquet
-
-            return _from_arrow(pyarrow.parquet.read_table(path), str(path))
-        import geopandas
-
-        with warnings.catch_warnings():
-            # what could not be read has no geometry, and `lines` counts it
-            warnings.simplefilter("ignore", RuntimeWarning)
-            frame = geopandas.read_file(path)
-        return _from_frame(frame, str(path))
-    except (pa.ArrowException, ShapelyError, OSError, RuntimeError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise MapError(
-            f"{path}: {reason}; a table of roads (CSV with WKT, GeoParquet, GeoJSON) was expected; "
-            "check that it is one"
-        ) from error
-
-
-def _read_csv(path: Path) -> Any:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    with path.open("rb") as f:
-        compressed = f.read(2) == b"\x1f\x8b"
-    if compressed:
-        source: Any = pa.CompressedInputStream(str(path), "gzip")
-    else:
-        source = str(path)
-    delimiter = "\t" if path.suffix == ".tsv" else ","
-    table = csv.read_csv(
-        source,
-        read_options=csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
-        parse_options=csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
-    )
-    for i, column in enumerate(table.columns):
-        if pa.types.is_binary(column.type):  # one word of it is not UTF-8
-            words = [c if c is None else c.decode(errors="replace") for c in column.to_pylist()]
-            table = table.set_column(i, table.column_names[i], pa.array(words))
-    return table
-
-
-def _from_arrow(table: Any, where: str) -> Sheet:
-    """The sheet of an Arrow table; GeoParquet's metadata name geometry and system."""
     metadata = (table.schema.metadata or {}).get(b"geo")
     name, crs = None, None
     if metadata:
@@ -127,8 +56,12 @@ def _decoded(column: Any) -> Any:
     return column.cast(column.type.value_type) if hasattr(column.type, "index_type") else column
 
 
-def _from_frame(frame: Any, where: str) -> Sheet:
-    """The sheet of a pandas or geopandas frame; named index levels are columns."""
+def from_frame(frame: Any, where: str) -> Sheet:
+    """The sheet of a pandas or geopandas frame; named index levels are columns.
+
+    Raises:
+        MapError: It has no geometry.
+    """
     if any(level is not None for level in frame.index.names):
         frame = frame.reset_index()
     name = getattr(frame, "_geometry_column_name", None)
@@ -145,9 +78,11 @@ def _sheet(where: str, columns: dict[str, NDArray[Any]], name: str | None, crs: 
 
     name = name or next((n for n in GEOMETRY if n in columns), None)
     if name is None or name not in columns:
+        drive = {"lat", "latitude"} & columns.keys() and {"lon", "longitude"} & columns.keys()
+        hint = "this seems to be a drive and not a map" if drive else "rename the column"
         raise MapError(
-            f"{where}: columns {', '.join(columns) or '(none)'}; a geometry in one of "
-            f"{', '.join(GEOMETRY)} was expected; rename the column"
+            f"{where}: columns {', '.join(columns) or '(none)'}; lines in one of "
+            f"{', '.join(GEOMETRY)} were expected; {hint}"
         )
     cells = columns.pop(name)
     absent = np.array([is_absent(c) for c in cells.tolist()], dtype=bool)

@@ -5,7 +5,7 @@ car follows lanes and cuts corners, its wheels are never what the user believes.
 """
 
 from .demo_drive import Scenes, demo_drive, demo_route, demo_scenes, write_demo
-from .drive_files import truth_table, write_drive
+from .drive_files import FILES, truth_table, vehicle_text, write_drive
 from .map_builder import MapBuilder
 from .route_choice import drivable, random_route, shortest_route
 from .sensor_models import Jump, Pull
@@ -14,6 +14,7 @@ from .simulation_settings import GOOD, OUTAGE, PRESETS, URBAN, SimulationSetting
 from .town import draw_town
 
 __all__ = [
+    "FILES",
     "GOOD",
     "OUTAGE",
     "PRESETS",
@@ -35,6 +36,7 @@ __all__ = [
     "shortest_route",
     "simulate_drive",
     "truth_table",
+    "vehicle_text",
     "write_demo",
     "write_drive",
 ]

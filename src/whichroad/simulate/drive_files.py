@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from ..roadmap import RoadMap
 
+FILES = ("drive.nmea", "can.log", "vehicle.dbc", "vehicle.toml", "truth.parquet")
+"""Names of the files that `write_drive` writes."""
+
 _COUNTER_BITS = 16
 _KMH = 0.01  # km/h, one step of the wheel speeds on the bus
 _FORWARD, _STANDING = 4, 0  # values of the gear signal
@@ -185,8 +188,13 @@ def _speeds(drive: SimulatedDrive) -> tuple[Array, Array]:
     return np.maximum(left, 0.0), np.maximum(right, 0.0)
 
 
-def vehicle_text(vehicle: Vehicle) -> str:
-    """`vehicle.toml` of the simulated car, with the signals that `DBC` names."""
+def vehicle_text(vehicle: Vehicle, *, counter_bits: int = _COUNTER_BITS) -> str:
+    """`vehicle.toml` of the simulated car, with the signals that `DBC` names.
+
+    Args:
+        vehicle: The car.
+        counter_bits: Bits of its wheel counters in the log; 0: they never wrap.
+    """
     lines = [
         "# The car as its user believes it to be.",
         f'driving_side = "{vehicle.driving_side}"',
@@ -195,7 +203,7 @@ def vehicle_text(vehicle: Vehicle) -> str:
         f"track_width_m = {vehicle.track_width}",
         f"metres_per_tick_left = {vehicle.metres_per_tick_left}",
         f"metres_per_tick_right = {vehicle.metres_per_tick_right}",
-        f"counter_bits = {_COUNTER_BITS}",
+        f"counter_bits = {counter_bits}",
         "",
         "[antenna]",
         f"forward_m = {vehicle.antenna_forward}",
@@ -248,7 +256,7 @@ def truth_table(drive: SimulatedDrive, roads: "RoadMap") -> "pa.Table":
 def write_drive(
     drive: SimulatedDrive, roads: "RoadMap", folder: str | os.PathLike[str], *, force: bool = False
 ) -> list[Path]:
-    """Write drive.nmea, can.log, vehicle.dbc, vehicle.toml and truth.parquet.
+    """Write `FILES`: drive.nmea, can.log, vehicle.dbc, vehicle.toml and truth.parquet.
 
     Args:
         drive: What was simulated.
@@ -265,16 +273,11 @@ def write_drive(
     import pyarrow.parquet as pq
 
     place = Path(folder)
-    texts = {
-        "drive.nmea": nmea_text(drive),
-        "can.log": can_text(drive),
-        "vehicle.dbc": DBC,
-        "vehicle.toml": vehicle_text(drive.vehicle),
-    }
-    paths = [place / name for name in (*texts, "truth.parquet")]
+    texts = (nmea_text(drive), can_text(drive), DBC, vehicle_text(drive.vehicle))
+    paths = [place / name for name in FILES]
     prepare(paths, force=force)
     try:
-        for path, text in zip(paths, texts.values(), strict=False):
+        for path, text in zip(paths, texts, strict=False):
             path.write_bytes(text.encode())
         pq.write_table(truth_table(drive, roads), paths[-1])
     except OSError as error:

@@ -3,33 +3,26 @@
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from .._compile import Records
 from ..diagnosis.findings import Finding
 from ..errors import SettingError
-from ..filter.estimate import Output
 from ..path import Alternative, Route, best_routes
-from ..traversals import Traversals
 from ..writers import write_table
 from .schema import geo_frame
 
-
-class Answered(NamedTuple):
-    """What the tables of a drive are made of."""
-
-    epochs: Records  # (n,) filter.state.EPOCH
-    output: Output
-    driven: Callable[[], Traversals]
+if TYPE_CHECKING:
+    from ..roadmap import RoadMap
 
 
 class Result:
     """A matched drive (or several): tables of points and path, and a summary.
 
-    What is given as a function is put together when it is first asked for.
+    What is given as a function is put together when it is first asked for.  A result can be
+    pickled: its tables are then made.
 
     Args:
         points: Points, one row per epoch.
@@ -37,8 +30,8 @@ class Result:
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
         diagnosis: Settings that do not fit the data.
-        answered: Of one drive: what its tables are made of.
         find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
+        roads: The map, to be drawn below the answer; a pickled result is without it.
     """
 
     def __init__(
@@ -48,10 +41,10 @@ class Result:
         summary: dict[str, Any] | Callable[[], dict[str, Any]],
         hypotheses: dict[str, NDArray[Any]] | None = None,
         diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
-        answered: Answered | None = None,
         find_alternatives: Callable[[], list[Alternative]] | None = None,
+        roads: "RoadMap | None" = None,
     ) -> None:
-        self.answered, self._find_alternatives = answered, find_alternatives
+        self._find_alternatives, self._roads = find_alternatives, roads
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -63,6 +56,13 @@ class Result:
             value = self._late[name] = value()
         return value
 
+    def __getstate__(self) -> dict[str, Any]:
+        for name in self._late:
+            self._made(name)
+        if self._find_alternatives is not None:
+            _ = self._parts
+        return self.__dict__ | {"_find_alternatives": None, "_roads": None}
+
     def __repr__(self) -> str:
         figures = self.summary
         name = (
@@ -72,6 +72,44 @@ class Result:
         )
         epochs, metres = figures.get("epochs", 0), figures.get("path_m", 0.0)
         return f"Result({name}, {epochs:,} epochs, {metres / 1e3:.1f} km)"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the track on its roads, as a picture that needs no connection."""
+        from .drawing import answer_html
+
+        return answer_html(self.to_arrow(), self.path_arrow(), repr(self), self._roads)
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw path and points with matplotlib; points are coloured by `p_road`.
+
+        Args:
+            ax: Axes to draw on, such as those of `RoadMap.plot`; None: new ones.
+            style: For the points, as `GeoDataFrame.plot` takes it, such as `column`, `cmap`,
+                `legend`, `markersize`, `figsize`.
+
+        Returns:
+            The axes, longitude to the right and latitude up, degrees.
+        """
+        from .drawing import plot_answer
+
+        return plot_answer(self.points, self.path, ax, style)
+
+    def explore(self, **style: Any) -> Any:
+        """Path and points on a page that can be moved and enlarged, with all their columns.
+
+        Args:
+            style: For the points, as `GeoDataFrame.explore` takes it, such as `column`, `tiles`.
+
+        Returns:
+            A `folium.Map`, whose page loads scripts and tiles from the net.  The commands
+            `whichroad report` and `replay` make pages that do not.
+
+        Raises:
+            SettingError: The package folium is not installed.
+        """
+        from .drawing import explore_answer
+
+        return explore_answer(self.points, self.path, style)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -83,14 +121,18 @@ class Result:
         """Settings that do not fit the data."""
         return cast(tuple[Finding, ...], self._made("diagnosis"))
 
-    @property
+    @cached_property
     def points(self) -> Any:
-        """Points as a GeoDataFrame in EPSG:4326."""
+        """Points as a GeoDataFrame in EPSG:4326; the same one each time.
+
+        Its columns are in docs/formats.md.  What is added to it is kept here, and not in
+        `to_arrow` or `write`, which give the table as it was matched.
+        """
         return geo_frame(self.to_arrow())
 
-    @property
+    @cached_property
     def path(self) -> Any:
-        """Path as a GeoDataFrame in EPSG:4326."""
+        """Path as a GeoDataFrame in EPSG:4326; the same one each time."""
         return geo_frame(self.path_arrow())
 
     def to_arrow(self) -> pa.Table:
@@ -101,7 +143,7 @@ class Result:
         """Path as an Arrow table, geometry as WKB."""
         return self._made("path")
 
-    @cached_property
+    @cached_property  # which a pickled result has, and not what finds them
     def _parts(self) -> list[Alternative]:
         if self._find_alternatives is None:
             raise SettingError('no lag, or several drives; one with lag="full" was expected')

@@ -4,9 +4,10 @@ Nothing half-written is ever left under the name asked for: bytes go to a neighb
 file that takes the name when it is whole.
 """
 
+import glob
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,6 +61,70 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
             f"{path}: there is no folder {str(path.parent)!r}; an existing folder was expected; "
             "create it first"
         )
+
+
+def check_apart(
+    outputs: Mapping[str, str | os.PathLike[str] | None],
+    inputs: Iterable[str | os.PathLike[str] | None],
+) -> None:
+    """Refuse an output that is an input or another output, however its path is written.
+
+    Links are followed.  A file inside an input folder counts as an input.
+
+    Args:
+        outputs: By the option that names each; None: not asked for.
+        inputs: Files, folders and patterns such as `day1/*.csv` that are read; None: not given.
+
+    Raises:
+        WriteError: An output would replace an input, or two outputs are one file.
+    """
+    given = {name: Path(path) for name, path in outputs.items() if path is not None}
+    read = [one for path in inputs if path is not None for one in _named(path)]
+    for name, output in given.items():
+        replaced = next((one for one in read if _replaces(output, one)), None)
+        if replaced is not None:
+            inside = f", in the folder {replaced}" if replaced.is_dir() else ""
+            raise WriteError(
+                f"{output}: {name} would replace a file that is read{inside}; another name was "
+                "expected, with --force too; choose one"
+            )
+    names = list(given)
+    for k, name in enumerate(names):
+        other = next((one for one in names[:k] if _same(given[one], given[name])), None)
+        if other is not None:
+            raise WriteError(
+                f"{given[name]}: {other} and {name} would write the same file; two names were "
+                "expected; change one"
+            )
+
+
+def _named(path: str | os.PathLike[str]) -> list[Path]:
+    """The path itself, and what it names as a pattern."""
+    text = os.fspath(path)
+    found = glob.glob(text, recursive=True) if glob.has_magic(text) else []
+    return [Path(text), *map(Path, found)]
+
+
+def _replaces(output: Path, read: Path) -> bool:
+    """Whether an output is an input, or a file that is there within an input folder."""
+    if _same(output, read):
+        return True
+    if not read.is_dir() or not output.exists():
+        return False
+    return any(_same(folder, read) for folder in (*output.parents, *output.resolve().parents))
+
+
+def _same(a: Path, b: Path) -> bool:
+    """Whether two paths name one file, through links too; it need not be there yet."""
+    try:
+        if a.samefile(b):
+            return True
+    except (OSError, ValueError):
+        pass
+    try:
+        return a.resolve() == b.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return False
 
 
 @contextmanager

@@ -1,0 +1,162 @@
+"""Whether places lie on a map: near one of its roads."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import MapError, SettingError
+from ..geodesy.angles import radians
+from ..geodesy.units import EARTH_RADIUS
+from ..graph import index
+from ..graph.network import records
+from ..observations import Array, StartPose
+from .roadmap import RoadMap
+
+NEAR = 1000.0
+"""Distance from the nearest road up to which a place is on the map, true m."""
+
+_PLANE = 100_000.0  # m from the map beyond which distances are measured on the sphere
+_CIRCLE = 1.01  # of the circle's radius, more than the sphere differs from the Earth
+_SIGMAS = 3.0  # of a start pose, by which it may be off the map
+_TRIED = 20  # fixes of which the nearest is named
+_HALF = 2**31  # columns and rows of cells count from -2³¹, as in `graph.index.cell_key`
+
+
+def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
+    """Whether each of (n,) places is within `NEAR` of a road of the map."""
+    near = np.zeros(len(lat_deg), np.bool_)
+    some = np.flatnonzero(_beyond(roads, lat_deg, lon_deg) <= NEAR)
+    x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
+    near[some] = _beside_full_cells(roads, x, y)
+    found = records(1, index.CANDIDATE)
+    for k in np.flatnonzero(~near[some]).tolist():
+        near[some[k]] = index.near(roads.arrays, float(x[k]), float(y[k]), NEAR, found) > 0
+    return near
+
+
+def fixes_outside(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> int:
+    """How many of a drive's fixes are off the map.
+
+    Args:
+        name: Of the drive.
+        lat_deg: (n,) of its fixes, n > 0.
+        lon_deg: (n,)
+        roads: The map.
+
+    Raises:
+        MapError: All of them are.
+    """
+    near = are_near(lat_deg, lon_deg, roads)
+    outside = int((~near).sum())
+    if outside == len(near):
+        raise MapError(_refusal(name, lat_deg, lon_deg, roads))
+    return outside
+
+
+def outside_note(outside: int, fixes: int) -> str:
+    """What to say of a drive of which some fixes are off the map."""
+    return (
+        f"{outside:,} of {fixes:,} fixes ({100.0 * outside / fixes:.1f} %) are farther than "
+        f"{NEAR / 1e3:g} km from every road of the map: no road can be matched there; a map of the "
+        "whole drive would hold them"
+    )
+
+
+def check_start(start: StartPose | None, roads: RoadMap) -> StartPose | None:
+    """A start pose that lies on the map, within three times its sigma; None: there is none.
+
+    Raises:
+        SettingError: It does not.
+    """
+    if start is None:
+        return None
+    x, y = (float(v) for v in roads.plane.from_geodetic(start.lat_deg, start.lon_deg))
+    reach = NEAR + _SIGMAS * start.sigma_m
+    if not index.near(roads.arrays, x, y, reach, records(1, index.CANDIDATE)):
+        away = distance(roads, start.lat_deg, start.lon_deg)
+        raise SettingError(
+            f"start: lat {start.lat_deg:.4f}, lon {start.lon_deg:.4f} is {_text(away)} from the "
+            "map; a place on the map was expected; is it the right map, and latitude first?"
+        )
+    return start
+
+
+def start_note(start: StartPose, lat_deg: float, lon_deg: float) -> str | None:
+    """What to say of a start pose that the first fix contradicts; None: it does not.
+
+    Args:
+        start: The pose.
+        lat_deg: Of the first fix.
+        lon_deg: Likewise.
+    """
+    away = float(_on_sphere(start.lat_deg, start.lon_deg, lat_deg, lon_deg))
+    if away <= NEAR + _SIGMAS * start.sigma_m:
+        return None
+    return (
+        f"the start pose is {_text(away)} from the drive's first fix, and is given up where fixes "
+        "contradict it"
+    )
+
+
+def distance(roads: RoadMap, lat_deg: float, lon_deg: float) -> float:
+    """Distance of a place from the nearest road, true m; far away on the sphere, at the least."""
+    beyond = float(_beyond(roads, lat_deg, lon_deg))
+    if not beyond <= _PLANE:
+        return beyond
+    x, y = (float(v) for v in roads.plane.from_geodetic(lat_deg, lon_deg))
+    found, radius = records(1, index.CANDIDATE), NEAR
+    while not index.near(roads.arrays, x, y, radius, found):
+        radius *= 2.0
+    return float(found[0].distance)
+
+
+def _refusal(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
+    """That none of some fixes lies on the map, and what may be the cause."""
+    tried = np.unique(np.linspace(0, len(lat_deg) - 1, _TRIED).round().astype(int))
+    tried = np.append(tried, np.argmin(_beyond(roads, lat_deg, lon_deg)))
+    places = [(float(lat_deg[k]), float(lon_deg[k])) for k in tried.tolist()]
+    away, lat, lon = min((distance(roads, *place), *place) for place in places)
+    swapped = abs(lon) <= 90.0 and distance(roads, lon, lat) <= NEAR
+    hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
+    fixes = "its fix" if len(lat_deg) == 1 else f"its {len(lat_deg):,} fixes"
+    return (
+        f"{name}: none of {fixes} is within {NEAR / 1e3:g} km of a road; the nearest, lat "
+        f"{lat:.4f}, lon {lon:.4f}, is {_text(away)} from the map; a map that holds the drive was "
+        f"expected; {hint}"
+    )
+
+
+def _text(away: float) -> str:
+    return f"{away / 1e3:,.0f} km" if away >= 1e5 else f"{away / 1e3:.1f} km"
+
+
+def _beside_full_cells(roads: RoadMap, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Whether a segment touches the cell of each place, or one beside it: False is no answer."""
+    keys, size = roads.arrays.cell_key, float(roads.arrays.plane.cell_size[0])
+    held = np.zeros(len(x), np.bool_)
+    if 2.0 * math.sqrt(2.0) * size > NEAR or not len(keys):  # a plane metre is a true one or less
+        return held
+    column, row = (np.floor(v / size).astype(np.int64) + _HALF for v in (x, y))
+    for side in (-1, 0, 1):
+        first = (column + side) * (2 * _HALF) + row
+        at = np.searchsorted(keys, first - 1)
+        held |= (at < len(keys)) & (keys[np.minimum(at, len(keys) - 1)] <= first + 1)
+    return held
+
+
+def _beyond(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
+    """Metres from the circle around the map on the sphere, negative inside."""
+    away = _on_sphere(roads.plane.lat0_deg, roads.plane.lon0_deg, lat_deg, lon_deg)
+    return away - roads.reach * _CIRCLE
+
+
+def _on_sphere(lat0_deg: float, lon0_deg: float, lat_deg: Any, lon_deg: Any) -> Any:
+    """Great-circle distance of places from one place, m."""
+    lat0, lon0, lat, lon = map(radians, (lat0_deg, lon0_deg, lat_deg, lon_deg))
+    half = (
+        np.sin(0.5 * (lat - lat0)) ** 2
+        + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
+    )
+    return 2.0 * EARTH_RADIUS * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))

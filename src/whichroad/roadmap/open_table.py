@@ -1,0 +1,114 @@
+"""Opening a table of roads: files and tables of any kind to `sheet.Sheet`."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+from ..errors import MapError
+from .graphs import is_graph, read_graphml, sheet_of_graph
+from .sheet import Sheet, from_arrow, from_frame
+
+_EDGES = "edges"  # the layer of OSMnx with the lines
+
+
+def open_sheet(table: Any) -> Sheet:
+    """A table of roads, whatever it is.
+
+    Args:
+        table: GeoDataFrame, DataFrame or Arrow table with WKB or WKT, a graph of networkx, or a
+            path to CSV with WKT, Parquet, GeoJSON, GraphML or anything else that geopandas reads.
+
+    Raises:
+        MapError: It cannot be read, or has no geometry.
+    """
+    if isinstance(table, (str, Path)):
+        return _open_file(Path(table))
+    if is_graph(table):
+        return sheet_of_graph(table)
+    if hasattr(table, "column_names"):
+        return from_arrow(table, "table of edges")
+    if hasattr(table, "columns") and hasattr(table, "reset_index"):
+        return from_frame(table, "table of edges")
+    raise MapError(
+        f"table of edges: it is a {type(table).__name__}; a GeoDataFrame, an Arrow table, a graph "
+        "or a path was expected; convert it"
+    )
+
+
+def _open_file(path: Path) -> Sheet:
+    import pyarrow as pa
+    from shapely.errors import ShapelyError
+
+    if not path.is_file():
+        raise MapError(f"{path}: there is no such file; a table of roads was expected; check it")
+    name = path.name.lower()
+    try:
+        if name.endswith((".csv", ".csv.gz", ".tsv")):
+            return from_arrow(_read_csv(path), str(path))
+        if name.endswith((".parquet", ".geoparquet", ".pq")):
+            import pyarrow.parquet
+
+            return from_arrow(pyarrow.parquet.read_table(path), str(path))
+        if name.endswith(".graphml"):
+            return read_graphml(path)
+        import geopandas
+
+        layer = _layer(path)
+        with warnings.catch_warnings():
+            # what could not be read has no geometry, and `lines` counts it
+            warnings.simplefilter("ignore", RuntimeWarning)
+            frame = geopandas.read_file(path, layer=layer)
+        return from_frame(frame, str(path))
+    except (pa.ArrowException, ShapelyError, OSError, RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise MapError(
+            f"{path}: {reason}; a table of roads (CSV with WKT, GeoParquet, GeoJSON) was expected; "
+            "check that it is one"
+        ) from error
+
+
+def _layer(path: Path) -> str | None:
+    """The layer with the edges, of a file of several; None: it has one.
+
+    Raises:
+        MapError: Several hold lines, and none is called `edges`.
+    """
+    import geopandas
+
+    layers = geopandas.list_layers(path)
+    if len(layers) < 2:
+        return None
+    kinds = dict(zip(layers["name"], layers["geometry_type"].astype(str), strict=True))
+    if _EDGES in kinds:
+        return _EDGES
+    lines = [name for name, kind in kinds.items() if "LineString" in kind or kind == "Unknown"]
+    if len(lines) == 1:
+        return str(lines[0])
+    raise MapError(
+        f"{path}: layers {', '.join(kinds)}, of which {len(lines)} may hold lines; one with the "
+        f"roads, or one called {_EDGES}, was expected; give "
+        "geopandas.read_file(path, layer=...) to RoadMap.from_edges"
+    )
+
+
+def _read_csv(path: Path) -> Any:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    with path.open("rb") as f:
+        compressed = f.read(2) == b"\x1f\x8b"
+    if compressed:
+        source: Any = pa.CompressedInputStream(str(path), "gzip")
+    else:
+        source = str(path)
+    delimiter = "\t" if path.suffix == ".tsv" else ","
+    table = csv.read_csv(
+        source,
+        read_options=csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
+        parse_options=csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
+    )
+    for i, column in enumerate(table.columns):
+        if pa.types.is_binary(column.type):  # one word of it is not UTF-8
+            words = [c if c is None else c.decode(errors="replace") for c in column.to_pylist()]
+            table = table.set_column(i, table.column_names[i], pa.array(words))
+    return table

@@ -1,0 +1,136 @@
+"""An answer as a picture for a notebook: track, path, and how probable the road was."""
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ..observations import Array
+from ..roadmap.drawing import attribution, check_folium, streets, strokes
+from ..svg import Frame, Strokes, figure
+
+if TYPE_CHECKING:
+    from ..roadmap import RoadMap
+
+_LIMITS = (0.5, 0.8, 0.95, 0.99)  # of P(road) between the colours
+_COLORS = ("#c51b1b", "#ee7d2f", "#eec143", "#5aa6cf", "#0b4f9e")
+_OFF, _PATH = "#7d838b", "#bcd7ea"
+_KEYS = [
+    ("#0b4f9e", "P(road) 0.99 and more"), ("#5aa6cf", "0.95"), ("#eec143", "0.8"),
+    ("#ee7d2f", "0.5"), ("#c51b1b", "less"), (_OFF, "off road"), (_PATH, "path"),
+]  # fmt: skip
+_DOTS = 400  # points up to which each is a dot
+_PIXELS = 0.3  # by which the track may be simplified
+
+
+def answer_html(
+    points: pa.Table, path: pa.Table, caption: str, roads: "RoadMap | None" = None
+) -> str:
+    """An answer as HTML.
+
+    Args:
+        points: The points, as `schema.POINTS`.
+        path: The path, as `schema.PATH`; may be without columns.
+        caption: Plain text below it.
+        roads: The map, of which the streets near the track are drawn.
+    """
+    lat, lon = (points[name].to_numpy().astype(np.float64) for name in ("lat", "lon"))
+    known = np.flatnonzero(np.isfinite(lat) & np.isfinite(lon))
+    if not len(known):
+        return f"<p>{escape(caption)}: no epoch has a position</p>"
+    frame = Frame.about(lat[known], lon[known])
+    layers = [] if roads is None else _streets_near(roads, frame)
+    layers += _path(path)
+    layers += _track(points, lat, lon, known, frame)
+    credit = "" if roads is None else attribution(roads)
+    return figure(layers, frame, " · ".join(filter(None, (caption, credit))), _KEYS)
+
+
+def plot_answer(points: Any, path: Any, ax: Any, style: dict[str, Any]) -> Any:
+    """See `Result.plot`."""
+    if len(path):
+        size = {"figsize": style["figsize"]} if ax is None and "figsize" in style else {}
+        ax = path.plot(ax=ax, color=_PATH, linewidth=5, zorder=1, **size)
+    usual: dict[str, Any] = {"markersize": 6, "zorder": 2}
+    if "color" not in style:
+        usual |= {"column": "p_road", "cmap": "RdYlBu"}
+        usual |= {"vmin": 0.0, "vmax": 1.0} if style.get("column", "p_road") == "p_road" else {}
+    return points[points.lat.notna()].plot(ax=ax, **(usual | style))
+
+
+def explore_answer(points: Any, path: Any, style: dict[str, Any]) -> Any:
+    """See `Result.explore`."""
+    check_folium()
+    style = dict(style)
+    page = style.pop("m", None)
+    if len(path):
+        kept = path.drop(columns=[n for n in ("enter_time", "exit_time") if n in path])
+        tiles = {n: style.pop(n) for n in ("tiles", "attr") if n in style}
+        page = kept.explore(m=page, color=_COLORS[3], style_kwds={"weight": 6}, **tiles)
+    known = points[points.lat.notna()]
+    known = known.assign(time=known.time.astype(str)).drop(columns=["alternatives"])
+    usual = {} if "color" in style else {"column": "p_road", "cmap": "RdYlBu"}
+    return known.explore(m=page, **(usual | style))
+
+
+def _streets_near(roads: "RoadMap", frame: Frame) -> list[Strokes]:
+    x, y = roads.plane.from_geodetic(*frame.corners())
+    low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
+    return strokes(roads, frame, streets(roads, low, high))[0]
+
+
+def _path(path: pa.Table) -> list[Strokes]:
+    import shapely
+
+    if "geometry" not in path.column_names or not path.num_rows:
+        return []
+    lines = shapely.from_wkb(path["geometry"].to_numpy())
+    xy = shapely.get_coordinates(lines)
+    first = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(lines))]).astype(np.int64)
+    return [Strokes(xy[:, 1], xy[:, 0], first, _PATH, 7.0)]
+
+
+def _track(
+    points: pa.Table, lat: Array, lon: Array, known: NDArray[np.int64], frame: Frame
+) -> list[Strokes]:
+    """The epochs by colour: dots, or lines where there are many of one drive."""
+    p = points["p_road"].to_numpy().astype(np.float64)[known]
+    on = points["edge_id"].is_valid().to_numpy()[known]
+    look = np.where(on, np.searchsorted(_LIMITS, np.nan_to_num(p), side="right"), len(_COLORS))
+    drive = points["drive_id"].dictionary_encode().combine_chunks().indices.to_numpy()[known]
+    lat, lon = lat[known], lon[known]
+    layers = []
+    for k, color in reversed(list(enumerate((*_COLORS, _OFF)))):  # what is not sure lies above
+        if len(known) <= _DOTS:
+            some = np.flatnonzero(look == k)
+            layer = Strokes(lat[some], lon[some], np.arange(len(some) + 1), color, 6.0)
+        else:
+            layer = _lines(lat, lon, (look == k), drive, color, frame)
+        layers.append(layer)
+    return layers
+
+
+def _lines(
+    lat: Array, lon: Array, chosen: NDArray[np.bool_], drive: NDArray[Any], color: str, frame: Frame
+) -> Strokes:
+    """Runs of the chosen epochs as simplified lines, each from the epoch before it."""
+    import shapely
+
+    before = np.concatenate([[False], (drive[1:] == drive[:-1])])
+    begins = chosen & ~np.concatenate([[False], chosen[:-1] & before[1:]])
+    ends = chosen & ~np.concatenate([chosen[1:] & before[1:], [False]])
+    low, high = np.flatnonzero(begins), np.flatnonzero(ends) + 1
+    low = np.where(before[low], low - 1, low)
+    if not len(low):
+        return Strokes(lat[:0], lon[:0], np.zeros(1, np.int64), color, 3.0)
+    count = np.maximum(high - low, 2)  # a line has two ends
+    row = np.repeat(np.arange(len(low)), count)
+    at = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    at = np.minimum(low[row] + at, high[row] - 1)
+    lines = shapely.linestrings(np.column_stack([lon, lat])[at], indices=row)
+    lines = shapely.simplify(lines, _PIXELS / frame.scale)
+    xy = shapely.get_coordinates(lines)
+    first = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(lines))]).astype(np.int64)
+    return Strokes(xy[:, 1], xy[:, 0], first, color, 3.0)
