@@ -47,6 +47,30 @@ def test_every_documented_id_tells_vehicles_apart(quantity):
         assert len(drive_from_table(two(**{name: ["7", "8"]}))) == 2, name
 
 
+@pytest.mark.parametrize("later", [0.0, 0.5])
+def test_rows_of_two_vehicles_without_an_id_are_refused_with_what_to_do(later):
+    rows = two()
+    rows["time"] += np.tile([0.0, later], N)
+    with pytest.raises(ReadError, match=r"farther than any vehicle gets; .*--id COLUMN"):
+        drive_from_table(rows)
+    three = rows.assign(trip=np.repeat(["a", "b"], N))
+    assert any("drive a: " in note for note in drive_from_table(three)[0].notes)
+
+
+def test_rows_of_a_receiver_without_a_fix_are_no_other_vehicle():
+    rows = going()
+    rows.loc[::2, ["lat", "lon"]] = 0.0
+    (drive,) = drive_from_table(rows)
+    assert drive.skipped == {"impossible position": N // 2}
+
+
+def test_single_wild_fixes_are_no_other_vehicle():
+    rows = going()
+    rows.loc[[5, 11, 20], "lat"] += 1.0
+    (drive,) = drive_from_table(rows)
+    assert len(drive.fixes) == N
+
+
 def test_an_id_that_numbers_rows_does_not():
     (drive,) = drive_from_table(going().assign(id=np.arange(N)))
     assert len(drive.fixes) == N
@@ -61,7 +85,8 @@ def test_a_trip_that_two_vehicles_have_is_two_drives():
 
 def test_the_caller_says_which_column_tells_drives_apart(tmp_path):
     table = two(vehicle_id=["x", "x"], Fahrt=["a", "b"])
-    assert len(drive_from_table(table)) == 1
+    with pytest.raises(ReadError, match="--id"):  # two vehicles are said to be one
+        drive_from_table(table)
     assert [d.drive_id for d in drive_from_table(table, id="Fahrt")] == ["a", "b"]
     table.to_csv(tmp_path / "x.csv", index=False)
     assert len(read_drive(tmp_path / "x.csv", id="Fahrt")) == 2

@@ -24,8 +24,10 @@ _COVERED = 0.9  # share of the fixes' time, below which odometry is said to cove
 _FEWEST = 10  # fixes
 _SCALE = (0.8, 1.25)  # odometry over places, beyond which it is said
 _SPARSE_SCALE = (0.5, 3.0)  # the same of a receiver's speed where fixes are far apart
-_LAGS = np.arange(-5.0, 5.01, 0.1)  # s
+_MOST_LATE = 5.0  # s, the largest offset that is looked for
+_COARSE, _FINE = 0.5, 0.1  # s between offsets that are tried
 _STEP = 0.5  # s, at which speeds are compared
+_MOST_STEPS = 1500  # of a drive
 _HALF = 1.5  # s, half of the time over which a speed is taken
 _DENSE = 2.5  # s between fixes, beyond which their speeds show no offset
 _GROSS = 3.0  # m/s, beyond which a difference is an error of its own
@@ -124,8 +126,12 @@ def _clock(track: Track, doppler: tuple[Array, Array], time: Array, way: Array) 
         driven = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (speed[1:] + speed[:-1]))])
     else:
         at, driven = track.time, None
-    reach = float(_LAGS[-1]) + _HALF
-    grid = np.arange(at[0] + reach, min(at[-1] - reach, at[0] + _LONGEST), _STEP)
+    reach = _MOST_LATE + _HALF
+    begin, end = at[0] + reach, min(at[-1] - reach, at[0] + _LONGEST)
+    grid = np.arange(begin, end, max(_STEP, (end - begin) / _MOST_STEPS))
+    gaps = np.concatenate([[0], np.cumsum(np.diff(at) > _DENSE)])  # before each fix
+    first, last = (np.searchsorted(at, grid + h) for h in (-_HALF, _HALF))
+    grid = grid[gaps[np.minimum(last, len(at) - 1)] == gaps[np.maximum(first - 1, 0)]]
     if len(grid) < 2 * _FEWEST:
         return ""
     if driven is None:  # chords of some seconds: shorter ones are mostly errors of the fixes
@@ -137,16 +143,15 @@ def _clock(track: Track, doppler: tuple[Array, Array], time: Array, way: Array) 
     wanted = way_of_fixes / (2.0 * _HALF)
     if np.std(wanted) < _VARIES:
         return ""
-    differences = []
-    for lag in _LAGS:
+
+    def difference(lag: float) -> float:
         mine = np.interp(grid + _HALF + lag, time, way) - np.interp(grid - _HALF + lag, time, way)
         apart = np.abs(mine) / (2.0 * _HALF) - wanted
-        differences.append(float(np.mean(np.minimum(apart**2, _GROSS**2))))
-    best = int(np.argmin(differences))
-    late = float(_LAGS[best])
-    if abs(late) < _LATE or best in (0, len(_LAGS) - 1):
-        return ""
-    if differences[best] > _BETTER * differences[len(_LAGS) // 2]:
+        return float(np.mean(np.minimum(apart**2, _GROSS**2)))
+
+    late = min(np.arange(-_MOST_LATE, _MOST_LATE + _FINE, _COARSE), key=difference)
+    late = min(np.arange(late - _COARSE, late + _COARSE + 0.5 * _FINE, _FINE), key=difference)
+    if not _LATE <= abs(late) < _MOST_LATE or difference(late) > _BETTER * difference(0.0):
         return ""
     return (
         f"odometry seems to be {abs(late):.1f} s {'late' if late > 0 else 'early'}: speeds of "

@@ -18,7 +18,7 @@ from .drive_columns import Columns, reported
 from .names import Column, find
 from .reported_fixes import completed, is_place
 from .table_units import in_metres_per_second
-from .units_by_places import TOO_FAST, distances
+from .units_by_places import TOO_FAST, distances, reachable
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -69,7 +69,8 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
     later = step > 0.0
     later[first] = True
     moved = np.concatenate([[0.0], distances(columns["lat"], columns["lon"])])
-    possible = ~(moved > TOO_FAST * step)  # else the times of the trip may be wrong
+    # else the times of the trip may be wrong, or its rows of several vehicles
+    possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
     possible[first] = True
     regular = np.logical_and.reduceat(good & later & possible, first)
     if "speed" in found and found["speed"].bare:

@@ -18,6 +18,8 @@ from .names import Column
 from .table_drives import Trip
 
 _MOST = 50  # drives of a table that are asked for its units
+_FEWEST = 5  # steps from place to place that are judged
+_JUMPING = 0.3  # share of them that is impossible, from which rows are of several vehicles
 _SPEEDS = ("speed", "wheel_rl", "wheel_rr")
 
 
@@ -64,7 +66,28 @@ def in_seconds(
             "a vehicle was expected; are the times in seconds since 1970 or ISO 8601, and "
             "the places in degrees?"
         )
+    _check_jumps(time, columns, trips, notes, where)
     return time
+
+
+def _check_jumps(
+    time: Array, columns: Columns, trips: Sequence[Trip], notes: list[str], where: str
+) -> None:
+    """Refuse rows of several vehicles as one drive; of several drives name those."""
+    if not {"lat", "lon"} <= columns.keys():
+        return
+    for name, rows in trips[:_MOST]:
+        found = fit.jumps(time[rows], columns["lat"][rows], columns["lon"][rows])
+        if len(found) < _FEWEST or np.mean(found) < _JUMPING:
+            continue
+        said = (
+            f"{np.count_nonzero(found)} of {len(found)} steps from place to place are farther than "
+            "any vehicle gets; rows of one vehicle were expected; name the column that tells "
+            "vehicles apart (--id COLUMN, id=)"
+        )
+        if len(trips) == 1:
+            raise ReadError(f"{where}: {said}")
+        notes.append(f"drive {name}: {said}")
 
 
 def _tracks(time: Array, columns: Columns, trips: Sequence[Trip]) -> list[fit.Track]:

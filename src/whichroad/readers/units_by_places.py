@@ -14,7 +14,9 @@ import numpy as np
 from ..geodesy.angles import radians
 from ..geodesy.units import EARTH_RADIUS, KMH, KNOT, MPH
 from ..observations import Array
+from .checks import Bools
 from .dates import DAY
+from .reported_fixes import is_place
 
 SPEED_UNITS = {"m/s": 1.0, "km/h": KMH, "mph": MPH, "knots": KNOT}
 DISTANCE_UNITS = {"m": 1.0, "km": 1000.0, "miles": 1609.344}
@@ -27,6 +29,7 @@ _MOVED = 40.0  # m within a window, well beyond the errors of fixes
 _FEWEST = 5  # windows
 _MOST = 2000  # windows that are looked at
 _CAR = (0.5, 70.0)  # m/s, median speed of what drives
+_JUMP, _JUMP_SPEED = 1000.0, 100.0  # m, m/s: beyond them a fix is of another vehicle, or wrong
 TOO_FAST = 1e5  # m/s, median speed of nothing that is recorded
 _ACROSS = 12.0  # m/s², lateral acceleration beyond what tyres hold
 _TURNING = 3.0  # rad/s, beyond what cars reach
@@ -42,8 +45,7 @@ class Track(NamedTuple):
     @classmethod
     def of(cls, time: Array, lat_deg: Array, lon_deg: Array) -> "Track":
         """The rows that have a place and a time of their own, in order."""
-        possible = (np.abs(lat_deg) <= 90.0) & (np.abs(lon_deg) <= 360.0)
-        known = np.flatnonzero((np.abs(time) < 1e300) & possible)
+        known = np.flatnonzero((np.abs(time) < 1e300) & is_place(lat_deg, lon_deg))
         known = known[np.argsort(time[known], kind="stable")]
         new = np.diff(time[known], prepend=-np.inf) > 0.0
         known = known[new]
@@ -181,6 +183,21 @@ def median_speed(tracks: Iterable[Track]) -> float:
 def is_impossible(tracks: Sequence[Track]) -> bool:
     """Whether nothing that is recorded moves so fast, so that times or places are wrong."""
     return sum(len(track.time) for track in tracks) > 2 and median_speed(tracks) > TOO_FAST
+
+
+def jumps(time: Array, lat_deg: Array, lon_deg: Array) -> Bools:
+    """Whether each fix, by time, is where no vehicle gets from the one before, (n - 1,)."""
+    known = np.flatnonzero((np.abs(time) < 1e300) & is_place(lat_deg, lon_deg))
+    known = known[np.argsort(time[known], kind="stable")]
+    if len(known) < 2:
+        return np.zeros(0, np.bool_)
+    moved = distances(lat_deg[known], lon_deg[known])
+    return np.asarray(moved > reachable(np.diff(time[known])))
+
+
+def reachable(seconds: Array) -> Array:
+    """Metres within which a vehicle is after so many seconds, errors of fixes included."""
+    return _JUMP + _JUMP_SPEED * seconds
 
 
 def are_days(values: Array) -> bool:
