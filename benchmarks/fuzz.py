@@ -23,6 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
+from .fuzz_formats import formats
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -210,7 +211,7 @@ def _tables(drive: SimulatedDrive, folder: Path) -> dict[str, bytes]:
     circles = circles.append_column("yaw_rate_radps", [np.zeros(len(stamps))])
     circles = circles.set_column(0, "time_ms", [1e3 * fixes.time[rows]])
     pyarrow.csv.write_csv(circles, folder / "c.csv")
-    return {
+    return formats(stamps, fixes.lat_deg[rows], fixes.lon_deg[rows], folder) | {
         "sigma": (folder / "c.csv").read_bytes(),
         "csv": (folder / "t.csv").read_bytes(),
         "parquet": (folder / "t.parquet").read_bytes(),
@@ -244,6 +245,9 @@ def readers(folder: Path) -> list[Reader]:
     def drives(path: Path) -> int:
         return _records(read_drive(path))
 
+    def by_names(path: Path) -> int:
+        return _records(read_drive(path, columns={"time": "Datum_Zeit"}, tz="Europe/Berlin"))
+
     def with_dbc(path: Path) -> int:
         return _records(read_drive([], can=path, dbc=dbc, vehicle=vehicle))
 
@@ -261,6 +265,13 @@ def readers(folder: Path) -> list[Reader]:
         Reader("parquet", tables["parquet"], drives, ".parquet"),
         Reader("gpx", tables["gpx"], drives, ".gpx"),
         Reader("pos", tables["pos"], drives, ".pos"),
+        Reader("json", tables["json"], drives, ".json"),
+        Reader("geojson", tables["geojson"], drives, ".geojson"),
+        Reader("kml", tables["kml"], drives, ".kml"),
+        Reader("gpkg", tables["gpkg"], drives, ".gpkg"),
+        Reader("gnss logger", tables["gnss logger"], drives, ".txt"),
+        Reader("csv, own names", tables["own names"], by_names, ".csv"),
+        Reader("places alone", tables["places"], drives, ".txt"),
         Reader("any suffix", tables["csv"], drives, ".dat"),
         Reader("candump", can_short.read_bytes(), with_dbc, ".log"),
         Reader("asc", _by_library(can_short, folder / "log.asc"), with_dbc, ".asc"),
@@ -286,7 +297,7 @@ def readers(folder: Path) -> list[Reader]:
 def _mutations(reader: Reader) -> tuple[Mutation, ...]:
     if reader.name.startswith("nmea"):
         return (*_TEXT, _sealed, _sealed)
-    return _BINARY if reader.suffix in (".parquet", ".blf", ".map") else _TEXT
+    return _BINARY if reader.suffix in (".parquet", ".blf", ".map", ".gpkg") else _TEXT
 
 
 def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[str, Any]:

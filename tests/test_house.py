@@ -173,8 +173,6 @@ LINES = 400
 DISCUSSED: dict[str, int] = {
     "src/whichroad/graph/search.py": 600,
     "src/whichroad/filter/sparse.py": 530,
-    "src/whichroad/filter/branching.py": 460,
-    "src/whichroad/filter/link_motion.py": 460,
     "src/whichroad/filter/smoother.py": 420,
     "src/whichroad/filter/state.py": 420,
     "src/whichroad/global_start/search.py": 410,

@@ -20,6 +20,9 @@ from whichroad.settings import Settings
 
 FORK = road_map([[(0, 0), (300, 0)], [(300, 0), (900, 0)], [(300, 0), (893, -94)]])
 STREET = road_map([[(0, 0), (600, 0)]])
+CUT = road_map(
+    [[(150 * k, 0), (150 * (k + 1), 0)] for k in range(4)], highway=2 * ["primary", "secondary"]
+)
 GAP = road_map([[(0, 0), (300, 0)], [(700, 0), (1100, 0)]])
 TOWN = road_map(
     [[(0, 150 * k), (600, 150 * k)] for k in range(4)]
@@ -128,6 +131,26 @@ def test_the_merged_go_on_in_one_that_lives_on_their_edge(answer):
     assert (into.born.to_numpy() <= merged.died.to_numpy()).all()
     last = into.died.fillna(answer.points.time.iloc[-1] + pd.Timedelta(1, "s"))
     assert (last.to_numpy() > merged.died.to_numpy()).all()
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, GNSS])
+def test_where_a_road_just_runs_on_p_is_handed_on_whole(mode):
+    result = matched(CUT, drive_along([(0, 0), (600, 0)]), mode)
+    table, weights = by_street(result), result.lineage.weights()
+    best = table[table.p_most > 0.9]
+    assert best.road.tolist() == ["0+", "1+", "2+", "3+"]
+    assert best.birth.tolist() == ["start", *3 * ["the road runs on"]]
+    assert best.parent_id[1:].tolist() == best.id[:-1].tolist()
+    assert best.into_id[:-1].tolist() == best.id[1:].tolist()
+    assert best.reason[:-1].str.startswith("handed on").all()
+    names = result_edges(result)
+    ahead = weights.id.map(table.set_index("id").road.str.endswith("+"))
+    told = weights[ahead].groupby("time").p.sum()
+    few = [row for row in result.points.itertuples() if len(row.alternatives) < 6]
+    assert len(few) > 100 or mode == GNSS
+    for row in few:
+        said = sum(one["p"] for one in row.alternatives if names.get(one["edge_id"], "")[1:] == "+")
+        assert said == pytest.approx(told[row.time], abs=1e-6)
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE, GNSS])

@@ -18,6 +18,7 @@ from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive
+from whichroad.smoothing import Lag
 
 from .. import Figure, Options, interval, seeds_text
 
@@ -43,12 +44,13 @@ class Answer(NamedTuple):
 
 
 def answer(
-    roads: RoadMap, drive: SimulatedDrive, settings: Settings, start: StartPose | None = None
-) -> Answer:
+    roads: RoadMap, drive: SimulatedDrive, settings: Settings, start: StartPose | None = None,
+    lag: Lag | None = None,
+) -> Answer:  # fmt: skip
     """Localize a drive; between epochs the last answer holds."""
     timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
     rows = localize_recorded(
-        roads, timeline, vehicle=drive.vehicle, settings=settings, start=start
+        roads, timeline, vehicle=drive.vehicle, settings=settings, start=start, lag=lag
     ).output.rows
     at = np.searchsorted(timeline.epochs.time, drive.truth.time + 1e-3) - 1
     known = np.maximum(at, 0)

@@ -1,7 +1,7 @@
 """One call from files to tables: read, localize, make tables."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache, partial
@@ -19,7 +19,13 @@ from .filter.state import NO_EDGE, OFF_ROAD
 from .global_start import MAP
 from .lineage import lineage_of
 from .observations import Drive, Observation, StartPose
-from .readers import drive_from_table, drive_of_observations, read_drive, read_vehicle
+from .readers import (
+    drive_from_table,
+    drive_of_observations,
+    is_file,
+    read_drive,
+    read_vehicle,
+)  # fmt: skip
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
 from .roadmap.extent import are_near as are_near
@@ -36,20 +42,20 @@ Window = tuple[Any, Any]
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
 
 
-def _drives(drive: Any, vehicle: Vehicle, settings: Settings, crs: Any) -> list[Drive]:
+def _drives(drive: Any, settings: Settings, **reading: Any) -> list[Drive]:
     """The drives of whatever names them or holds them."""
     if isinstance(drive, Drive):
         return [drive]
-    if isinstance(drive, str | Path):
-        return read_drive([drive], vehicle=vehicle, settings=settings, crs=crs)
+    if is_file(drive):
+        return read_drive([drive], settings=settings, **reading)
     if isinstance(drive, list | tuple):
         if all(isinstance(d, Drive) for d in drive):
             return list(drive)
-        if all(isinstance(d, str | Path) for d in drive):
-            return read_drive(list(drive), vehicle=vehicle, settings=settings, crs=crs)
+        if all(is_file(d) for d in drive):
+            return read_drive(list(drive), settings=settings, **reading)
         if any(isinstance(d, Observation) for d in drive):
             return [drive_of_observations(drive, settings)]
-    return drive_from_table(drive, vehicle=vehicle, settings=settings, crs=crs)
+    return drive_from_table(drive, settings=settings, **reading)
 
 
 def _seconds(value: Any) -> float:
@@ -109,13 +115,18 @@ def match(
     attributes: bool = False,
     hypotheses: bool = False,
     crs: Any = None,
+    id: str | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    tz: str | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
     """Estimate where a vehicle was at every epoch, on which road, and how sure that is.
 
     Args:
-        drive: Paths of logs and tables, a DataFrame or Arrow table, `Drive` records, or a list
-            of observations (`GeoFix`, ...) or of dicts with the columns of a table.
+        drive: Paths of logs and tables (also folders, patterns and open files), a DataFrame,
+            an Arrow table or anything with `__arrow_c_stream__`, `Drive` records, or a list
+            of observations (`GeoFix`, ...), of dicts with the columns of a table, or of
+            (time, lat, lon); a GPX object of gpxpy, trajectories of movingpandas.
         roads: A `RoadMap`, the path of a compiled map, an OSM extract or an edge table, or a
             GeoDataFrame of edges.
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
@@ -130,6 +141,9 @@ def match(
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
+        id: The column of tables whose values tell drives apart.
+        columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times in tables that name none, e.g. "Europe/Berlin"; None: UTC.
         progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:
@@ -156,7 +170,9 @@ def match(
     failed: list[str] = []
     if isinstance(pose, StartPose):
         check_start(pose, road_map)
-    drives = _drives(drive, vehicle or _A_CAR, settings or _USUAL, crs)
+    drives = _drives(
+        drive, settings or _USUAL, vehicle=vehicle or _A_CAR, crs=crs, id=id, columns=columns, tz=tz
+    )
     check_mask(drives, windows)
     for one in drives:
         try:

@@ -130,8 +130,17 @@ class Vehicle:
     driving_side: str = "right"
 
     def __post_init__(self) -> None:
-        if not self.track_width > 0:
-            raise SettingError(f"track_width is {self.track_width} m; more than 0 was expected")
+        if not 0.0 < self.track_width <= 5.0:
+            hint = "; is it in millimetres?" if self.track_width > 5.0 else ""
+            raise SettingError(
+                f"track_width is {self.track_width} m; more than 0, at most 5 m was expected{hint}"
+            )
+        for name in ("antenna_forward", "antenna_left"):
+            value = getattr(self, name)
+            if not abs(value) <= 30.0:
+                raise SettingError(
+                    f"{name} is {value} m; within 30 m was expected; is it in millimetres?"
+                )
         if self.driving_side not in ("right", "left"):
             raise SettingError(
                 f"driving_side is {self.driving_side!r}; 'right' or 'left' was expected"

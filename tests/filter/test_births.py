@@ -21,6 +21,7 @@ from scenes import (
     weights,
 )
 from strategies import UNITS
+from whichroad.filter.along import advance_along
 from whichroad.filter.births import (
     Start,
     cold_start,
@@ -28,7 +29,7 @@ from whichroad.filter.births import (
     turn_round,
     turn_with_heading,
 )
-from whichroad.filter.branching import advance_along, branch
+from whichroad.filter.branching import branch
 from whichroad.filter.motion import Noise
 from whichroad.filter.state import (
     CAPACITY,

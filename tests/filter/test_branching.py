@@ -21,7 +21,7 @@ from scenes import (
 )  # fmt: skip
 from strategies import seeds
 from whichroad._compile import jit
-from whichroad.filter import branching, reduction
+from whichroad.filter import along, branching, reduction
 from whichroad.filter.motion import Noise
 from whichroad.filter.state import OFF_ROAD, Belief, D, H, X, Y, new_path
 from whichroad.graph.network import TURN, Roads, records
@@ -39,7 +39,7 @@ CROSS = network(
 TOWN = network(grid_town(4, 4, 90.0))
 
 branch = jit(branching.branch)
-advance_along = jit(branching.advance_along)
+advance_along = jit(along.advance_along)
 list_successors = jit(branching._list_successors)
 merge_cost = jit(reduction._merge_cost)
 

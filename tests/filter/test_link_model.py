@@ -14,7 +14,9 @@ from scenes.links import Link, Motion, Moved, motion
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 
 STRAIGHT = [[0.0, 0.0], [1000.0, 0.0]]
-BENT = [[x, 1e-3 * (x - 250.0) ** 2] for x in np.linspace(0.0, 600.0, 61)]  # radius 500 m
+BENT, SMOOTH = (  # radius 500 m, vertices 10 m apart; 1 m, so that its chord turns evenly
+    [[x, 1e-3 * (x - 250.0) ** 2] for x in np.linspace(0.0, 600.0, n)] for n in (61, 601)
+)
 CURVATURE = 1e-7  # 1/m²; the plane's scale is 1.009 where the link begins
 #               X     Y     H     K      B     D    MX   MY   GX   GY
 START = [300.0, -1.75, 0.02, 1.0, 1e-4, 1.75, 0.5, -0.3, 0.1, -0.2, 0.0, 0.0]
@@ -30,6 +32,7 @@ class Case(NamedTuple):
     mode: int
     motion: Motion
     off_road: bool = False
+    course: bool = False
     line: object = STRAIGHT
     curvature: float = 0.0
 
@@ -41,12 +44,12 @@ def both(case: Case) -> tuple[Moved, Moved, np.ndarray]:
         mean[RATE] = 9.0  # m/s
     if case.mode != WHEELS:
         mean[DRIFT] = 0.0  # no heading drift without a heading sensor
-    if case.line is BENT:
+    if case.line is not STRAIGHT:
         mean[:3] = 300.0, 2.5 - 1.75, 0.1
     scale = 1.0 + case.curvature * float(mean[0] ** 2 + mean[1] ** 2)
     link = Link(
         network([case.line], curvature=case.curvature), case.motion, case.mode, mean,
-        off_road=case.off_road, scale=scale,
+        off_road=case.off_road, course=case.course, scale=scale,
     )  # fmt: skip
     sigmas = SIGMAS.copy()
     if case.mode == CLOCK:
@@ -76,6 +79,15 @@ CASES = {
     "time": Case(CLOCK, motion(10, 0.1, 0.0, valid=False)),
     "time in one step": Case(CLOCK, motion(1, 1.0, 0.0, valid=False)),
     "time in a bend": Case(CLOCK, motion(10, 0.1, 0.0, valid=False), line=BENT),
+    "distance, a course heard": Case(DISTANCE, motion(*AT_10_HZ), course=True),
+    "distance in a bend, a course heard": Case(DISTANCE, motion(*AT_10_HZ), line=BENT, course=True),
+    "time, a course heard": Case(CLOCK, motion(10, 0.1, 0.0, valid=False), course=True),
+    "time in a bend, a course heard": Case(
+        CLOCK, motion(10, 0.1, 0.0, valid=False), line=SMOOTH, course=True
+    ),
+    "time in one step, a course heard": Case(
+        CLOCK, motion(1, 1.0, 0.0, valid=False), line=SMOOTH, course=True
+    ),
     "time off the roads": Case(CLOCK, motion(10, 0.1, 0.0, valid=False), off_road=True),
 }
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from oracles.textbook import jacobian
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
+from whichroad.filter.lanes import change_lane, redraw_lane
 from whichroad.filter.motion import (
     Increment,
     Noise,
@@ -20,7 +21,7 @@ from whichroad.filter.motion import (
     increment_of,
     predict_plane,
     predict_road,
-    redraw_lane,
+    turn_by_road,
     wheel_noise,
 )
 from whichroad.filter.state import (
@@ -192,20 +193,16 @@ def test_moving_along_a_bend_carries_the_covariance_by_the_jacobian(seed, radius
         c, t = on_circle(s0 + along + odometer * state[K], radius)
         p = c + np.array([t[1], -t[0]]) * across - state[[MX, MY]]
         out = state.copy()
-        out[[X, Y]] = p
-        out[H] = 0.0
+        out[[X, Y]] = p  # the heading is the caller's affair
         return out
 
     f = jacobian(moved, g.mean, 1e-4 * UNITS)
-    expected = quadratic(f, g.cov)
     s1 = s0 + odometer * g.mean[K]
     _, t1 = on_circle(s1, radius)
     turn = wrap(math.atan2(t1[1], t1[0]) - math.atan2(t0[1], t0[0]))
-    predict_road(g.mean, g.cov, odometer, turn, 0.5, *t1, QUIET._replace(heading=0.04))
+    expected = quadratic(f, g.cov)
+    predict_road(g.cov, odometer, turn, *t1, QUIET)
     ours = g.cov / np.outer(UNITS, UNITS)
-    assert g.mean[H] == 0.5
-    assert g.cov[H, H] == 0.04
-    ours[H, H] = 0.0
     np.testing.assert_allclose(ours, expected, atol=1e-5, rtol=1e-5)
 
 
@@ -262,6 +259,41 @@ def test_the_lane_is_carried_on_straight_ahead_and_drawn_anew_round_a_corner(g: 
     assert corner.mean[D] == pytest.approx(3.5)
     assert corner.cov[D, D] == pytest.approx(1.8**2)
     np.testing.assert_allclose(np.delete(corner.cov[D], D), 0.0, atol=1e-12)
+
+
+@given(gaussians, st.floats(-3.0, 3.0), st.floats(0.0, 2.0), st.floats(-2.0, 2.0))
+def test_a_vehicle_that_follows_its_road_moves_across_it_with_its_lane(g, direction, turn, shift):
+    """P + n (d' − d), with d' = d̄ + c (d − d̄) + w: F and Q by hand."""
+    tangent = (math.cos(direction), math.sin(direction))
+    n = np.array([tangent[1], -tangent[0]])
+    kept = max(math.cos(turn), 0.0)
+    f, q = np.eye(N), np.zeros((N, N))
+    f[D, D] = kept
+    f[[X, Y], D] = n * (kept - 1.0)
+    w = np.zeros(N)
+    w[[X, Y, D]] = *n, 1.0
+    q = (1.0 - kept**2) * 1.8**2 * np.outer(w, w)
+    expected = g.mean.copy()
+    new = 1.75 + shift + kept * (g.mean[D] - 1.75)
+    expected[[X, Y]] += n * (new - g.mean[D])
+    expected[D] = new
+    cov = f @ g.cov @ f.T + q
+    change_lane(g.mean, g.cov, turn, (1.75, 1.75 + shift, 1.8), tangent, 1.0)
+    np.testing.assert_allclose(g.mean, expected, atol=1e-9)
+    np.testing.assert_allclose(g.cov, cov, atol=1e-9)
+
+
+@given(gaussians, st.floats(-2.0, 2.0), st.floats(0.0, 0.1))
+def test_a_known_heading_turns_with_the_road_as_far_as_was_driven(g: Gaussian, turn, variance):
+    """The turn is in proportion to κ, the speed or scale."""
+    f = np.eye(N)
+    f[H, K] = turn / g.mean[K] if abs(g.mean[K]) > 0.5 else 0.0
+    expected = f @ g.cov @ f.T
+    expected[H, H] += variance
+    heading = wrap(g.mean[H] + turn)
+    turn_by_road(g.mean, g.cov, turn, variance)
+    assert g.mean[H] == pytest.approx(heading)
+    np.testing.assert_allclose(g.cov, expected, atol=1e-9)
 
 
 def test_the_states_stand_in_their_documented_order():

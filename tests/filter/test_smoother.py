@@ -24,7 +24,7 @@ from whichroad.filter.history import (
     new_history,
     store,
 )  # fmt: skip
-from whichroad.filter.link_motion import Link
+from whichroad.filter.link_road import Link
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
 from whichroad.filter.reduction import reduce
 from whichroad.filter.smoother import new_buffers

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import whichroad
+from laws.drives import said, sensed
 from laws.public import CAR, DISTANCE, WHEELS, geo_fixes, readings, road_map
-from scenes import drive_along, gnss
+from scenes import drive_along, gnss, network
+from whichroad.filter import state
 
 LENGTH = 3000.0  # m, straight
 GAPS = (8.0, 15.0, 25.0)  # m between the parallel roads
@@ -48,30 +50,10 @@ def answers(mode: str, adapt: float, spacing: float) -> dict[str, np.ndarray]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-STEPS = "the learnt GNSS scale moves in steps of 3 %, which drives cross at different fixes"
-COUNT = "the bound depends on the number of Gaussian components of a road"
-
-
-def red(reason: str) -> object:
-    return pytest.mark.xfail(strict=True, reason=reason)
-
-
+@pytest.mark.parametrize("adapt", [AS_REPORTED, LEARNT])
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
 @pytest.mark.parametrize(
-    ("mode", "figure", "limit", "adapt"),
-    [
-        (WHEELS, "p", 0.01, AS_REPORTED),
-        (WHEELS, "ellipse", 0.01, AS_REPORTED),
-        pytest.param(WHEELS, "protection", 0.02, AS_REPORTED, marks=red(COUNT)),
-        (WHEELS, "p", 0.01, LEARNT),
-        (WHEELS, "ellipse", 0.01, LEARNT),
-        pytest.param(WHEELS, "protection", 0.02, LEARNT, marks=red(COUNT)),
-        (DISTANCE, "p", 0.01, AS_REPORTED),
-        (DISTANCE, "ellipse", 0.01, AS_REPORTED),
-        pytest.param(DISTANCE, "protection", 0.02, AS_REPORTED, marks=red(COUNT)),
-        pytest.param(DISTANCE, "p", 0.01, LEARNT, marks=red(STEPS)),
-        pytest.param(DISTANCE, "ellipse", 0.01, LEARNT, marks=red(STEPS)),
-        pytest.param(DISTANCE, "protection", 0.02, LEARNT, marks=red(COUNT)),
-    ],
+    ("figure", "limit"), [("p", 0.01), ("ellipse", 0.01), ("protection", 0.02)]
 )
 def test_map_observations_every_4_m_or_8_m_give_the_same_estimate_beside_a_parallel_road(
     mode: str, figure: str, limit: float, adapt: float
@@ -79,3 +61,60 @@ def test_map_observations_every_4_m_or_8_m_give_the_same_estimate_beside_a_paral
     """P of a road, and logarithms of the ellipse's axes and of the protection level."""
     often, seldom = (answers(mode, adapt, spacing)[figure] for spacing in (4.0, 8.0))
     assert np.abs(often - seldom).max() <= limit
+
+
+def fork(degrees: float) -> list[list[list[float]]]:
+    """A road of 600 m, and two of 1.4 km on from its end, apart by an angle."""
+    half = np.radians(degrees / 2.0)
+    ends = [[600.0 + 1400.0 * np.cos(half), side * 1400.0 * np.sin(half)] for side in (1.0, -1.0)]
+    return [[[0.0, 0.0], [600.0, 0.0]], *([[600.0, 0.0], end] for end in ends)]
+
+
+@pytest.mark.parametrize("degrees", [2.0, 3.0])
+@pytest.mark.parametrize("spacing", [1.0, 20.0])
+@pytest.mark.parametrize("mode", [state.WHEELS, state.CLOCK])
+def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
+    mode: int, spacing: float, degrees: float
+):
+    """Log-odds of the branches of a fork, from 100 m to 200 m behind it, where both have asked."""
+    roads, told = network(fork(degrees)), []
+    for every in (5.0, spacing):
+        odds = []
+        for seed in range(8):
+            turn = np.radians(degrees) * (np.random.default_rng(seed).uniform() - 0.5)
+            end = [600.0 + 300.0 * np.cos(turn), -1.75 + 300.0 * np.sin(turn)]
+            truth = drive_along([[200.0, -1.75], [600.0, -1.75], end])
+            at = np.arange(0, len(truth.time), 10)
+            if mode == state.WHEELS:
+                at = at[truth.x[at] < 550.0]
+            epochs = sensed(truth, gnss(truth, sigma=3.0, seed=seed), at, mode)
+            settings = whichroad.Settings(map_spacing=every, gnss_adapt_time=AS_REPORTED)
+            answer = said(roads, epochs, [[2, 3], [4, 5]], mode=mode, settings=settings)
+            travel = truth.s if mode == state.WHEELS else truth.s[at]
+            seen = (travel > 500.0) & (travel < 600.0) & (np.abs(travel / 20.0 % 1.0) < 0.05)
+            odds.append(np.log(answer.p[seen, 0] / answer.p[seen, 1]))
+        told.append(np.concatenate(odds))
+    share = (told[1] @ told[0]) / (told[0] @ told[0])
+    assert len(told[0]) >= 8
+    assert share == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("degrees", [3.0, 10.0, 30.0])
+@pytest.mark.parametrize("lanes", [(1, 1), (2, 1), (3, 1), (None, None)])
+def test_an_odometer_alone_does_not_tell_the_branches_of_a_fork_apart(lanes: tuple, degrees: float):
+    """Nothing is observed behind the fork, over 1 km and whatever the lanes."""
+    lines = fork(degrees)
+    tags = {"lanes": ["2", *(str(n) if n else None for n in lanes)]}
+    tags["oneway"] = ["no", *("yes" if n else "no" for n in lanes)]
+    roads = road_map(lines, name=["Approach", "Left", "Right"], **tags)
+    truth = drive_along([[200.0, -1.75], [1600.0, -1.75]])
+    at = np.arange(0, 200, 10)
+    seen = geo_fixes(truth, gnss(truth, sigma=3.0, seed=1), at, doppler=True)
+    points = whichroad.match(seen + readings(truth, DISTANCE), roads, vehicle=CAR).to_arrow()
+    names = roads.column("name")
+    rows = points["alternatives"].to_pylist()
+    behind = [row for row, s in zip(rows, truth.s, strict=True) if s > 500.0]
+    for name in ("Left", "Right"):
+        p = [sum(a["p"] for a in row if names[a["edge_id"]] == name) for row in behind]
+        assert min(p) >= 0.45
+        assert max(p) <= 0.55

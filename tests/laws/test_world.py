@@ -182,17 +182,8 @@ def out_of_town(seed: int) -> tuple[Truth, np.ndarray, np.ndarray]:
     return truth, fix, np.arange(0, len(truth.time), 10)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        WHEELS,
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="a start far from every road tries eight headings, the first along "
-            "the plane's x axis: 17 drives of 60 start anew in the fields, and differ by 0.5 m")),
-        CLOCK,
-    ],
-)  # fmt: skip
-@example(seed=3)  # one of those
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
+@example(seed=3)  # starts anew in the fields, far from every road, in eight directions
 @given(seed=seeds)
 @law
 def test_turning_the_world_turns_who_leaves_the_roads_and_comes_back(mode: int, seed: int):

@@ -88,6 +88,7 @@ def _single_out(crowd: Belief, one: Belief, i: int) -> None:
     one.hyp[0].weight = 1.0
     one.state[0].count = 1
     one.state[0].scale = crowd.state[0].scale
+    one.state[0].knows_heading = 1
 
 
 @kernel

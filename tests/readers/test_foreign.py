@@ -11,7 +11,7 @@ T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("x.json", b'[{"time": 0, "lat": 49.4, "lon": 8.7}]', "JSON; .*columns time, lat, lon"),
+        ("x.json", b'[{"time": 0, "name": "here"}]', "JSON .*columns time, lat, lon"),
         ("x.geojson", b'{"type": "FeatureCollection", "features": [], "x": 1}', "JSON"),
         ("x.kml", b"<kml><coordinates>8.65,49.48</coordinates></kml>", "no GPX; .*export GPX"),
         ("x.csv.gz", b"\x1f\x8b\x08rubbish", "unpack it"),

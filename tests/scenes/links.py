@@ -12,7 +12,7 @@ from whichroad._compile import Records
 from whichroad.filter.estimate import new_output
 from whichroad.filter.history import History, new_history
 from whichroad.filter.link_motion import LINK_MODEL, predict_link
-from whichroad.filter.link_motion import Link as Between
+from whichroad.filter.link_road import Link as Between
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import (
     OFF_ROAD,
@@ -86,14 +86,16 @@ class Link:
         mode: WHEELS, DISTANCE or CLOCK.
         mean: State at the beginning, (N,).
         off_road: Whether it is on no road.
+        course: Whether a course over ground was heard just before.
         scale: Local scale of the plane; the map's curvature has to be right for it.
     """
 
     def __init__(
         self, roads: Roads, motion: Motion, mode: int, mean: Array, *, off_road: bool = False,
-        scale: float = 1.0,
+        course: bool = False, scale: float = 1.0,
     ) -> None:  # fmt: skip
         self.roads, self.mode, self.mean, self.scale = roads, mode, mean, scale
+        self.course = course
         self.epochs = _epochs(motion)
         self.ctx = Context(parameters(SETTINGS, Vehicle(), mode), roads, new_work())
         self.edge = OFF_ROAD if off_road else 0
@@ -107,6 +109,8 @@ class Link:
         belief.hyp["mu"][0], belief.hyp["cov"][0] = mean, cov
         state = belief.state[0]
         state.count, state.started, state.scale, state.speed = 1, 1, self.scale, 10.0
+        if self.course:
+            state.course_time = 0.0
         history, path = new_history(64), new_path(1 << 12)
         n = len(self.epochs)
         run(belief, path, history, self.epochs, new_output(n, False), self.ctx, 0, n)

@@ -24,7 +24,8 @@ from ..filter.state import CLOCK, new_epochs
 from ..matching import are_near, timeline_of, tuned_by
 from ..observations import Drive
 from ..readers import drive_from_table, read_vehicle
-from ..readers.many_trips import TripBatch, batched_fixes, trip_batches
+from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.regular_trips import batched_fixes
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap, open_map
 from ..settings import Settings, Vehicle
@@ -78,7 +79,8 @@ def match_many(
             or an iterator of record batches.  Rows of a trip lie together, in a table in
             memory in any order.
         roads: A `RoadMap`, or the path of one.
-        drive_id: The column that names the trip; the default also finds its usual aliases.
+        drive_id: The column that names the trip; the default also finds its usual aliases, and
+            those of vehicles where no column names trips.
         vehicle: Of all trips.
         settings: The model's numbers.
         lag: As in `match`.

@@ -58,6 +58,39 @@ MapOption = Annotated[
     ),
 ]
 
+IdOption = Annotated[
+    str | None,
+    typer.Option("--id", metavar="COLUMN", help="The column of tables that tells drives apart."),
+]
+ColumnsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=COLUMN",
+        help="Own names of columns in tables, such as time=ts,lat=Latitude,speed_kmh=v; "
+        "repeatable.",
+    ),
+]
+ZoneOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ZONE",
+        help="Zone of times in tables that name none, such as Europe/Berlin; else they are UTC.",
+    ),
+]
+
+
+def read_columns(texts: list[str] | None) -> dict[str, str | int]:
+    """`NAME=COLUMN,NAME=COLUMN` as names and the columns that they stand for."""
+    own: dict[str, str | int] = {}
+    for part in (part for text in texts or () for part in text.split(",")):
+        name, equals, column = part.partition("=")
+        if not (name.strip() and equals and column.strip()):
+            raise typer.BadParameter(
+                f"--columns has {part!r}; NAME=COLUMN was expected, such as time=ts,lat=Latitude"
+            )
+        own[name.strip()] = column.strip()
+    return own
+
 
 def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | str | None":
     """`LAT,LON,BEARING` as three numbers, `map`, or `map:LAT,LON,METRES` as a vague pose."""

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ReadError
+from .arguments import ColumnsOption, IdOption, ZoneOption, read_columns
 from .console import print_table, progress_line
 
 
@@ -21,13 +22,16 @@ def inspect(
         str | None,
         typer.Option(help="Reference system of columns x and y, such as EPSG:3067."),
     ] = None,
+    id_: IdOption = None,
+    columns: ColumnsOption = None,
+    tz: ZoneOption = None,
 ) -> None:
     """Print what files hold, what was read as what, and the command that matches them."""
     from ..inspection import inspect_files
 
     with progress_line() as progress:
         progress("reading", 0, 0)
-        found = inspect_files(files, crs=crs)
+        found = inspect_files(files, crs=crs, id=id_, columns=read_columns(columns) or None, tz=tz)
     for section in found.sections:
         print_table(section.title, section.rows)
         for line in section.said:

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
-from .arguments import Force, MapOption, Model, read_start, read_window
+from .arguments import (
+    ColumnsOption,
+    Force,
+    IdOption,
+    MapOption,
+    Model,
+    ZoneOption,
+    read_columns,
+    read_start,
+    read_window,
+)  # fmt: skip
 from .console import print_table, progress_line
 from .many import match_trips
 
@@ -22,7 +32,11 @@ _PRINTED_APART = ("skipped", "notes", "diagnosis")
 
 def match(
     drive: Annotated[
-        list[Path], typer.Argument(metavar="DRIVE", help="NMEA logs and drive tables.")
+        list[Path],
+        typer.Argument(
+            metavar="DRIVE",
+            help="Logs and tables of drives: files, folders, patterns, or `-` for standard input.",
+        ),
     ],
     roads: MapOption,
     can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
@@ -32,6 +46,9 @@ def match(
         str | None,
         typer.Option(help="Reference system of columns x and y, such as EPSG:3067."),
     ] = None,
+    id_: IdOption = None,
+    columns: ColumnsOption = None,
+    tz: ZoneOption = None,
     start: Annotated[
         str | None,
         typer.Option(
@@ -91,6 +108,7 @@ def match(
     force: Force = False,
 ) -> None:
     """Estimate where a vehicle was, on which road, and how sure that is."""
+    own = read_columns(columns)
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 
@@ -108,16 +126,20 @@ def match(
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
-    defaults = not (can or dbc or start or mask or report or lineage) and model is Model.default
-    if len(drive) == 1 and defaults and are_many(drive[0]):
+    defaults = not (can or dbc or start or mask or report or lineage or own or tz)
+    defaults = defaults and model is Model.default
+    if len(drive) == 1 and defaults and are_many(drive[0], id_):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
+            drive_id=id_ or "drive_id",
         )  # fmt: skip
     with progress_line() as progress:
         car = None if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
-        drives = read_drive(drive, vehicle=car, dbc=dbc, can=can, crs=crs)
+        drives = read_drive(
+            drive, vehicle=car, dbc=dbc, can=can, crs=crs, id=id_, columns=own, tz=tz
+        )
         if (report or lineage) is not None and len(drives) > 1:
             raise DriveError(
                 f"{len(drives)} drives ({', '.join(d.drive_id for d in drives[:10])}) are in the "

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, Vector, entry, kernel
-from ..graph.geometry import chord_heading, project, wrap
+from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .gaussian import normal_cdf
@@ -17,7 +17,6 @@ from .state import (
     MX,
     MY,
     OFF_ROAD,
-    WHEELS,
     B,
     Belief,
     Context,
@@ -40,9 +39,10 @@ _LEAVES = 0.02  # weight of a road hypothesis that spawns an off-road one
 _RETURNS = 1e-3  # weight of an off-road hypothesis that spawns road ones
 _MOST_RETURNS = 12  # roads that one off-road hypothesis returns to at once
 _TURNS = 3e-4  # probability of a U-turn in a step that is represented by a hypothesis
+_FOOT_SIGMA = 3.0  # m, of the place beside which a vehicle comes back to a road, at least
+_LEAST_MASS = 0.01  # of the abscissa on a road that it comes back to
 _ATHWART = 1.3  # rad off the road's heading, from which on a vehicle may be turning round
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
-_HALF_CHORD = 6.0  # m, of the road's heading
 _SERVICE, _PRIVATE = 0.5, 0.1  # prior weight of service roads, and of roads without access
 
 
@@ -126,6 +126,7 @@ def cold_start(
     """
     state = belief.state[0]
     parent = belief.hyp[heaviest(belief)].path_entry if state.count > 0 else -1
+    towards = belief.hyp[heaviest(belief)].mu[H] if state.count > 0 else 0.0
     kept = 0
     if total < 1.0:
         while state.count > CAPACITY - _HEADINGS:
@@ -134,7 +135,7 @@ def cold_start(
         for i in range(kept):
             rescale(belief.hyp[i], 1.0 - total)
     state.count = kept
-    found, towards = _start_on_roads(belief, ctx, fix, start)
+    found, towards = _start_on_roads(belief, ctx, fix, start, towards)
     n = int(state.count)
     mass = 0.0
     for i in range(kept, n):
@@ -152,8 +153,14 @@ def cold_start(
 
 
 @kernel(inline=True)
-def _start_on_roads(belief: Belief, ctx: Context, fix: Vector, start: Start) -> tuple[int, float]:
-    """Append a hypothesis on each road near; returns how many are near, the nearest's heading."""
+def _start_on_roads(
+    belief: Belief, ctx: Context, fix: Vector, start: Start, towards: float
+) -> tuple[int, float]:
+    """Append a hypothesis on each road near.
+
+    Returns:
+        How many are near; the nearest one's heading, or `towards` where there is none.
+    """
     par = ctx.par[0]
     roads = ctx.roads
     state = belief.state[0]
@@ -162,7 +169,6 @@ def _start_on_roads(belief: Belief, ctx: Context, fix: Vector, start: Start) -> 
     sigma = math.sqrt(fix[2] ** 2 * full + par.map_sigma**2)
     radius = max(par.search_radius, 4.5 * sigma + par.lane_sigma)
     found = near(roads, fix[0], fix[1], radius, ctx.work.near)
-    towards = 0.0
     for c in range(found):
         edge = ctx.work.near[c].edge
         road = roads.edges[edge]
@@ -176,7 +182,7 @@ def _start_on_roads(belief: Belief, ctx: Context, fix: Vector, start: Start) -> 
             mass *= _PRIVATE
         if road.service:
             mass *= _SERVICE
-        along = chord_heading(roads, edge, segment, min(max(s, 0.0), road.length), _HALF_CHORD)
+        along = chord_heading(roads, edge, segment, min(max(s, 0.0), road.length), HALF_CHORD)
         if c == 0:
             towards = along
         if mass < 1e-9 or state.count >= CAPACITY - 64:
@@ -227,7 +233,7 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
                 share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
                 rescale(hyp, 1.0 - share)
-                if par.mode != WHEELS:  # the heading was the road's
+                if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:
             _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5))
@@ -240,12 +246,15 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
     hyp = belief.hyp[i]
     p = hyp.weight
     count = _roads_about(hyp, ctx, belief.state[0].scale)
+    total = 0.0
+    for c in range(count):
+        total += ctx.work.near[c].distance
     given = 0.0
     for c in range(count):
         if belief.state[0].count >= CAPACITY:
             break
         edge = ctx.work.near[c].edge
-        part = share / count
+        part = share * ctx.work.near[c].distance / total
         if ctx.roads.edges[edge].rule & AGAINST_ONE_WAY:
             part *= max(ctx.par[0].wrong_way, 1e-6)
         if part * p < 1e-6:
@@ -261,7 +270,11 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
 
 @kernel(inline=True)
 def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
-    """List the roads that fit an off-road hypothesis' place and heading, nearest first."""
+    """List the roads that fit an off-road hypothesis' place and heading, nearest first.
+
+    In place of their distance stands the Gaussian mass of the abscissa on them, so that nodes
+    on a road change nothing.
+    """
     par = ctx.par[0]
     roads = ctx.roads
     mean = hyp.mu
@@ -279,14 +292,17 @@ def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
         place = ctx.work.near[c]
         edge = place.edge
         v = vertex_at(roads, edge, place.s)
-        along = chord_heading(roads, edge, v, place.s, _HALF_CHORD)
+        along = chord_heading(roads, edge, v, place.s, HALF_CHORD)
         turned = abs(wrap(along - mean[H]))
         _, foot, _, _, _ = project(roads, edge, v, qx, qy)
-        beside = -3.0 < foot < roads.edges[edge].length + 3.0
-        fits = beside and turned < min(2.5 * heading_sigma, 1.6)
+        along_sigma = max(sigma, _FOOT_SIGMA)
+        length = roads.edges[edge].length
+        mass = normal_cdf((length - foot) / along_sigma) - normal_cdf(-foot / along_sigma)
+        fits = mass > _LEAST_MASS and turned < min(2.5 * heading_sigma, 1.6)
         if fits and place.distance < 3.0 * sigma + 5.0:
             ctx.work.near[count].edge = edge
             ctx.work.near[count].s = place.s
+            ctx.work.near[count].distance = mass
             count += 1
     return min(count, _MOST_RETURNS)
 
@@ -350,9 +366,9 @@ def turn_with_heading(belief: Belief, ctx: Context) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD or hyp.weight < 1e-4 or roads.edges[hyp.edge].opposite < 0:
             continue
-        if hyp.along < _HALF_CHORD:  # it has not driven along the road yet: nodes have U-turns
+        if hyp.along < HALF_CHORD:  # it has not driven along the road yet: nodes have U-turns
             continue
         s = min(hyp.along, roads.edges[hyp.edge].length)
-        along = chord_heading(roads, hyp.edge, hyp.segment, s, _HALF_CHORD)
+        along = chord_heading(roads, hyp.edge, hyp.segment, s, HALF_CHORD)
         if abs(wrap(along - hyp.mu[H])) > _ATHWART and belief.state[0].count < CAPACITY:
             _spawn_opposite(belief, ctx, i, 0.1)

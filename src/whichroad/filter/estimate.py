@@ -8,14 +8,29 @@ import numpy as np
 from .._compile import Array, Cube, Record, Records, entry, kernel
 from ..graph.geometry import locate, project, wrap
 from ..graph.network import records
+from .node_shares import share_out, take_back
+from .protection import Centre, set_levels
 from .road import track
-from .state import MX, MY, NO_EDGE, OFF_ROAD, Belief, Context, H, X, Y, heaviest
+from .state import (
+    MX,
+    MY,
+    NO_EDGE,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    X,
+    Y,
+    heaviest,
+)
 
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
 ALTERNATIVES = 6
 
 _ALONE = 0.999  # P of an edge beside which the others do not matter
+_CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
 
 ESTIMATE = np.dtype(
@@ -93,6 +108,9 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.chi2 = chi2
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.live = state.count
+    hypotheses = int(state.count)
+    if ctx.par[0].mode != WHEELS and not ctx.par[0].paper:
+        share_out(belief, ctx)
     _rank(belief, output, k, unknown)
     edge = out.alt_edge[0]
     if edge == OFF_ROAD and out.alt_edge[1] >= 0 and off <= 0.5:
@@ -113,6 +131,7 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
         out.match_y = out.y
         out.s = 0.0
         out.lateral = 0.0
+    take_back(belief, hypotheses)
     out.p_edge = p_edge
     out.status = _status(state, ctx.par[0], off, p_edge)
 
@@ -169,22 +188,10 @@ def _moments(belief: Belief, ctx: Context, out: Record) -> float:
     out.heading = wrap(h0 + mh)
     out.map_x = x0 + mx + state.scale * ux
     out.map_y = y0 + my + state.scale * uy
-    level = _covariances(belief, ctx, out, top, Centre(x0, y0, h0, mx, my, mh, ux, uy))
-    out.protection_level = level + math.sqrt(mx * mx + my * my) / state.scale
+    mid = Centre(x0, y0, h0, mx, my, mh, ux, uy)
+    _covariances(belief, out, mid)
+    set_levels(belief, out, mid, ctx.par[0].protection_risk)
     return off
-
-
-class Centre(NamedTuple):
-    """A reference pose, and the mixture's mean beside it."""
-
-    x: float  # reference, m, plane
-    y: float
-    heading: float  # rad
-    mx: float  # mean of the deviations, m, plane
-    my: float
-    mh: float  # rad
-    ux: float  # mean of the map's offset, m
-    uy: float
 
 
 @kernel
@@ -196,22 +203,14 @@ def _mean_direction(belief: Belief, heading: float) -> float:
         hyp = belief.hyp[i]
         sine += hyp.weight * math.sin(hyp.mu[H] - heading)
         cosine += hyp.weight * math.cos(hyp.mu[H] - heading)
+    if sine * sine + cosine * cosine < _CANCELLED:
+        return 0.0
     return math.atan2(sine, cosine)
 
 
 @kernel(inline=True)
-def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centre) -> float:
-    """Covariances of the mixture; returns the protection level about the heaviest hypothesis.
-
-    The protection level r bounds the probability of a position error beyond it: with
-    major axes a_i, distances d_i from the mean, and weights w_i of n hypotheses,
-
-        P(error > r) <= sum w_i exp(-(r - d_i)^2 / 2 a_i^2) <= risk
-        r = max_i d_i + a_i sqrt(2 log(n w_i / risk))     over all w_i > risk / n
-
-    (for the heaviest d is left for last, which makes r larger by as much).  The levels along
-    the heading and across it take the distances and sigmas of that direction.
-    """
+def _covariances(belief: Belief, out: Record, mid: Centre) -> None:
+    """Covariances of the mixture, in the world and on the map."""
     n = belief.state[0].count
     scale = belief.state[0].scale
     xx = 0.0
@@ -223,11 +222,6 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
     map_xx = 0.0
     map_xy = 0.0
     map_yy = 0.0
-    level = 0.0
-    along = 0.0
-    across = 0.0
-    c = math.cos(out.heading)
-    s = math.sin(out.heading)
     for i in range(n):
         hyp = belief.hyp[i]
         p = hyp.weight
@@ -244,20 +238,6 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
         yy += p * (cyy + dy * dy)
         yh += p * (cov[Y, H] + dy * dh)
         hh += p * (cov[H, H] + dh * dh)
-        odds = p * n / ctx.par[0].protection_risk
-        if odds > 1.0:
-            apart = cxx - cyy
-            major = 0.5 * (cxx + cyy + math.sqrt(apart * apart + 4.0 * cxy * cxy))
-            factor = 2.0 * math.log(odds)
-            reach = math.sqrt(factor * major)
-            twice = 2.0 * c * s * cxy
-            v = c * c * cxx + twice + s * s * cyy
-            along = max(along, abs(c * dx + s * dy) + math.sqrt(factor * v))
-            v = s * s * cxx - twice + c * c * cyy
-            across = max(across, abs(c * dy - s * dx) + math.sqrt(factor * v))
-            if i != top:
-                reach += math.sqrt(dx * dx + dy * dy)
-            level = max(level, reach)
         dx += hyp.mu[MX] - mid.ux
         dy += hyp.mu[MY] - mid.uy
         map_xx += p * (cxx + 2.0 * cov[X, MX] + cov[MX, MX] + dx * dx)
@@ -265,9 +245,7 @@ def _covariances(belief: Belief, ctx: Context, out: Record, top: int, mid: Centr
         map_yy += p * (cyy + 2.0 * cov[Y, MY] + cov[MY, MY] + dy * dy)
     out.cov[0], out.cov[1], out.cov[2] = xx, xy, xh
     out.cov[3], out.cov[4], out.cov[5] = yy, yh, hh
-    out.level_along, out.level_across = along, across
     out.map_cov[0], out.map_cov[1], out.map_cov[2] = map_xx, map_xy, map_yy
-    return level
 
 
 @kernel(inline=True)

@@ -24,10 +24,11 @@ from .state import (
 
 _FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost lock
 _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
+_SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
 _SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one
-_REDRAW = 0.97  # ratio of bias scales below which the bias is redrawn in that proportion
+_PLAY = 1.015  # ratio of bias scales up to which the one in use stays as it is
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
 _PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
 _BIAS_TIME, _BIAS_PRIOR = 300.0, 60.0  # s; forgetting and prior of the factor by biases
@@ -77,7 +78,8 @@ def update_root(belief: Belief, fix: Vector, factor: float, interval: float) -> 
 
     Scaling the bias by each fix's own ellipse would let the ellipse's jitter measure the
     error: a sigma that scatters by 5 % took the filter's ANEES from 0.9 to 1.4.  The
-    scale moves in steps of 3 %, at which the bias is redrawn in that proportion.
+    scale in use stays until the reported one is 1.5 % away, and keeps that distance from then on;
+    as far as it moves the bias is redrawn.
 
     Args:
         belief: Its state keeps the covariance, smoothed and as used, and the symmetric root
@@ -93,17 +95,21 @@ def update_root(belief: Belief, fix: Vector, factor: float, interval: float) -> 
     xx, xy, yy = cov[0], cov[1], cov[2]
     det = used[0] * used[2] - used[1] ** 2
     if interval < 0.0 or det <= 0.0:
-        keep = 0.0
-    else:
-        ratio = math.sqrt(math.sqrt((xx * yy - xy * xy) / det))
-        keep = min(ratio, 1.0 / ratio)
-        if keep < _REDRAW:
-            for i in range(state.count):
-                age_bias(belief.hyp[i].mu, belief.hyp[i].cov, math.exp(math.log(keep)))
-    if keep < _REDRAW:
         used[0] = xx
         used[1] = xy
         used[2] = yy
+    else:
+        ratio = math.sqrt((xx * yy - xy * xy) / det)  # of variances
+        far = max(ratio, 1.0 / ratio)
+        if far > _PLAY * _PLAY:
+            kept = math.sqrt(_PLAY * _PLAY / far)
+            for i in range(state.count):
+                age_bias(belief.hyp[i].mu, belief.hyp[i].cov, kept)
+            edge = ratio / (_PLAY * _PLAY) if ratio > 1.0 else ratio * _PLAY * _PLAY
+            share = (edge - 1.0) / (ratio - 1.0)
+            used[0] += share * (xx - used[0])
+            used[1] += share * (xy - used[1])
+            used[2] += share * (yy - used[2])
     xx, xy, yy = used[0], used[1], used[2]
     det = math.sqrt(max(xx * yy - xy * xy, 0.0))
     trace = math.sqrt(xx + yy + 2.0 * det)
@@ -140,7 +146,7 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
 
 @kernel(inline=True)
 def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, moving: float) -> None:
-    """Learn from a fix how much larger GNSS errors are than reported.
+    """Learn from a fix how much larger GNSS errors are than reported, once a second.
 
     Args:
         belief: Before it is conditioned on the fix.
@@ -151,7 +157,12 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
     """
     par = ctx.par[0]
     state = belief.state[0]
+    state.unlearnt += moving
     since = min(max(epoch.time - state.factor_time, 0.0), _RECENT)
+    if since < _SECOND:
+        return
+    moving = state.unlearnt
+    state.unlearnt = 0.0
     state.factor_time = epoch.time
     state.learnt_time += since
     if par.gnss_adapt_time > _NEVER:

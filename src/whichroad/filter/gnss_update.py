@@ -64,11 +64,14 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.unmeasured = 0.0
     state.last_fix = epoch.time
     state.factor_time = epoch.time
+    state.unlearnt = 0.0
     state.on_road_at = epoch.time
     state.learnt_time = 0.0
     state.fix_1[2] = -math.inf
     state.fix_2[2] = -math.inf
     state.across_time = -math.inf
+    state.course_time = epoch.time if heading_sigma < 10.0 else -math.inf
+    state.forward_time = -math.inf
     update_root(belief, epoch.fix, sigmas * sigmas, -1.0)
     return bool(heading_sigma < 10.0)
 
@@ -136,6 +139,7 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
         swing = state.turn_rate * par.lever[0] / max(abs(state.speed), 2.0)  # the antenna's own
         variance = (epoch.course_sigma**2 + 0.0025) * thin
         observe_state(belief, ctx, H, epoch.course - swing, variance)
+        state.course_time = epoch.time
     if par.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:

@@ -14,8 +14,8 @@ import numpy as np
 from .._compile import Array, Matrix, Record, Records, Vector, kernel
 from ..graph.network import records
 from ._simd import N, copy_record
-from .motion import Increment, Noise, pack_noise, predict_plane
-from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
+from .motion import Increment, Noise, predict_plane
+from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, D, H, K, X, Y
 
 PACKED = N * (N + 1) // 2
 
@@ -35,6 +35,7 @@ MOTION = np.dtype(
         ("gnss_aged", "f8"),  # time by which the GNSS bias has decayed, s
         ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
         ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
+        ("drawn", "u1"),  # 1: the heading was drawn anew from the road's
         ("jumped", "u1"),  # 1: by a sparse transition, whose route gives a new position
     ],
     align=True,
@@ -310,6 +311,7 @@ def _clear_motion(since: Record) -> None:
     since.lever_left = 0.0
     since.map_aged = 0.0
     since.gnss_aged = 0.0
+    since.drawn = 0
     since.jumped = 0
     for a in range(3):
         since.road_noise[a] = 0.0
@@ -358,3 +360,34 @@ def load(history: History, node: int, mean: Vector, cov: Matrix) -> None:
             cov[a, b] = packed.cov[at]
             cov[b, a] = packed.cov[at]
             at += 1
+
+
+@kernel
+def pack_noise(cov: Matrix, packed: Vector) -> None:
+    """Upper triangle of the rows and columns X, Y, H, K, B of a covariance, row by row, (15,)."""
+    at = 0
+    for a in range(D):
+        for b in range(a, D):
+            packed[at] = cov[a, b]
+            at += 1
+
+
+@kernel
+def unpack_noise(packed: Vector, c: float, s: float, cov: Matrix) -> None:
+    """Turn a packed Q by a heading (cosine, sine) into the plane: into the upper triangle.
+
+    Q' = R Q Rᵀ,   R of X and Y alone
+    """
+    at = 0
+    for a in range(D):
+        for b in range(a, D):
+            cov[a, b] = packed[at]
+            at += 1
+    xx, xy, yy = cov[X, X], cov[X, Y], cov[Y, Y]
+    cov[X, X] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    cov[Y, Y] = s * s * xx + 2.0 * c * s * xy + c * c * yy
+    cov[X, Y] = c * s * (xx - yy) + (c * c - s * s) * xy
+    for b in range(H, D):
+        px, py = cov[X, b], cov[Y, b]
+        cov[X, b] = c * px - s * py
+        cov[Y, b] = s * px + c * py

@@ -5,22 +5,29 @@ was observed there, and F:
 
     x⁻ = f(xᵢ),   P⁻ = F Pᵢ Fᵀ + Q
 
-The equations and the noise are those of `filter.motion`, `filter.branching` (corners) and
+The equations and the noise are those of `filter.motion`, `filter.along` (corners) and
 `filter.sparse` (routes between sparse fixes).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from .._compile import Record, Vector, kernel
-from ..graph.geometry import locate, project, wrap
+from ..graph.geometry import locate, wrap
 from ..graph.network import Roads
 from ._simd import N, add_times, set_times
-from .branching import ACROSS, CORNER, CORNER_RADIUS, CORNER_SIGMA
-from .history import History
-from .motion import Increment, Noise, keep_lane, unpack_noise
+from .along import ACROSS, CORNER_SIGMA
+from .history import History, unpack_noise
+from .link_road import (
+    Advance,
+    Link,
+    add_road_noise,
+    keep_heading,
+    move_on_road,
+    skipped_along,
+)
+from .motion import Increment, Noise, keep_lane
 from .sparse import ACROSS_SIGMA, HEADING_NOISE
 from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
 from .state import (
@@ -45,7 +52,6 @@ from .state import (
 )
 
 _STRANGE = 16.0  # squared sigmas beyond which something not modelled here moved a state
-_ENTRIES = 256  # of the path tree between two steps, at most
 _PACKED_RATE = K * (K + 3) // 2  # place of the variance of κ in a packed covariance
 _STOOD = 0.7  # m/s up to which a vehicle stands that did not move between sparse fixes
 
@@ -64,25 +70,6 @@ LINK_MODEL = np.dtype(
     ],
     align=True,
 )
-
-
-class Link(NamedTuple):
-    """A link of the graph."""
-
-    step: int  # of j
-    i: int  # node of the step before
-    j: int  # node
-
-
-class Advance(NamedTuple):
-    """A displacement along the path from the edge of then to the edge of now."""
-
-    then_edge: int
-    then_segment: int
-    edge: int
-    skipped: float  # from the start of the edge of then to the start of the edge of now, m
-    distance: float  # driven, m
-    odometer: float  # derivative of the distance by κ
 
 
 @kernel(inline=True)
@@ -219,15 +206,17 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
         return False
     distance = odometer * mean[K]
     advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
-    bent = _move_on_road(model, ctx.roads, advance, True)
+    bent = move_on_road(model, ctx.roads, advance, True)
     corner = (CORNER_SIGMA * bent) ** 2
-    _add_road_noise(
+    add_road_noise(
         model,
         Noise(
             motion.road_noise[0] + corner, ACROSS * abs(distance), par.edge_heading_sigma**2,
             motion.road_noise[2], 0.0, motion.road_noise[1],
         ),
     )  # fmt: skip
+    if not motion.drawn:
+        keep_heading(model, history, ctx.roads, link)
     return True
 
 
@@ -264,99 +253,6 @@ def _move_in_plane(model: Record, motion: Record, step: Increment) -> None:
 
 
 @kernel(inline=True)
-def _move_on_road(model: Record, roads: Roads, advance: Advance, corners: bool) -> float:
-    """Moved along the road, as `motion.predict_road` does; F and the mean are set.
-
-    Args:
-        model: In place; Q is left alone.
-        roads: The network.
-        advance: The displacement.
-        corners: Whether corners of the map are driven as arcs.
-
-    Returns:
-        The turn between the two tangents, at most 1.6 rad.
-    """
-    mean = model.then_mean
-    scale = model.scale
-    qx = mean[X] + scale * mean[MX]
-    qy = mean[Y] + scale * mean[MY]
-    _, s, across, tx, ty = project(roads, advance.then_edge, advance.then_segment, qx, qy)
-    s += advance.distance - advance.skipped
-    edge = advance.edge
-    segment, cx, cy, nx, ny = locate(roads, edge, roads.edges[edge].first_vertex, s)
-    heading = math.atan2(ny, nx)
-    turn = wrap(heading - math.atan2(ty, tx))
-    bent = min(abs(turn), 1.6)
-    if corners and bent > CORNER:
-        s += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
-        segment, cx, cy, nx, ny = locate(roads, edge, segment, s)
-    c = math.cos(turn)
-    sine = math.sin(turn)
-    f = model.f
-    f[X, X] = c
-    f[X, Y] = -sine
-    f[Y, X] = sine
-    f[Y, Y] = c
-    f[X, MX] = c - 1.0
-    f[X, MY] = -sine
-    f[Y, MX] = sine
-    f[Y, MY] = c - 1.0
-    f[X, K] = nx * advance.odometer
-    f[Y, K] = ny * advance.odometer
-    f[K, K] = 1.0
-    model.mu[X] = cx + across * ny - scale * mean[MX]
-    model.mu[Y] = cy - across * nx - scale * mean[MY]
-    model.mu[H] = heading
-    model.mu[K] = mean[K]
-    return bent
-
-
-@kernel
-def _add_road_noise(model: Record, noise: Noise) -> None:
-    """Q of a motion along a road with the heading predicted."""
-    nx = math.cos(model.mu[H])
-    ny = math.sin(model.mu[H])
-    cov = model.cov
-    cov[X, Y] = (noise.along - noise.across) * nx * ny
-    cov[X, K] = noise.cross * nx
-    cov[Y, K] = noise.cross * ny
-    q = model.q
-    q[X] = noise.along * nx * nx + noise.across * ny * ny
-    q[Y] = noise.along * ny * ny + noise.across * nx * nx
-    q[H] = noise.heading
-    q[K] = noise.rate
-
-
-@kernel
-def skipped_along(roads: Roads, path: Path, history: History, link: Link) -> tuple[float, float]:
-    """Metres and seconds from the start of the edge of i to the start of the edge of j.
-
-    By the path tree; metres are negative where it does not connect them.
-    """
-    then = history.nodes[link.i]
-    edge = history.nodes[link.j].edge
-    if edge == then.edge:
-        return 0.0, 0.0
-    total = 0.0
-    time = 0.0
-    entry = history.nodes[link.j].path_entry
-    for _ in range(_ENTRIES):
-        entry = path.entry[entry].parent if entry >= 0 else -1
-        if entry < 0:
-            break
-        before = path.entry[entry].edge
-        if before == OFF_ROAD or roads.edges[edge].opposite == before:
-            break
-        length = roads.edges[before].length
-        total += length
-        time += length / max(roads.edges[before].speed, 1.0)
-        if entry == then.path_entry or before == then.edge:
-            return total, time
-        edge = before
-    return -1.0, 0.0
-
-
-@kernel(inline=True)
 def _move_on_route(model: Record, history: History, path: Path, ctx: Context, link: Link) -> bool:
     """Moved along a route between sparse fixes (`filter.sparse`); whether that is known."""
     par = ctx.par[0]
@@ -379,7 +275,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     usual = usual_speed(ctx.roads, skipped, time, edge)
     distance = usual * (dt - old) + mean[K] * old
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
-    _move_on_road(model, ctx.roads, advance, False)
+    move_on_road(model, ctx.roads, advance, False)
     nx = math.cos(model.mu[H])
     ny = math.sin(model.mu[H])
     off = (nx * (later[X] - model.mu[X]) + ny * (later[Y] - model.mu[Y])) / model.scale
@@ -389,7 +285,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     rate = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
     heading = par.edge_heading_sigma**2 + HEADING_NOISE
     across = ACROSS_SIGMA * ACROSS_SIGMA
-    _add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))
+    add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))
     model.f[K, K] = keep
     model.mu[K] = usual + keep * (mean[K] - usual)
     return True

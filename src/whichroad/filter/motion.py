@@ -15,6 +15,7 @@ from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
 _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
+_LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
 _STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
@@ -180,28 +181,22 @@ def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: N
 
 
 @kernel
-def predict_road(
-    mean: Vector, cov: Matrix, odometer: float, turn: float, heading: float, tx: float,
-    ty: float, q: Noise,
-) -> None:  # fmt: skip
+def predict_road(cov: Matrix, odometer: float, turn: float, tx: float, ty: float, q: Noise) -> None:
     """Covariance of a hypothesis that follows its road without a heading sensor.
 
     With p = c(s) + n d − m, moving on by κ δ turns what surrounds the road with it:
 
         δp⁺ = R (δp + δm) − δm + t⁺ δ δκ,    R the road's turn from s to s⁺
 
-    The mean is set by the caller, who knows the road.
+    The mean is set by the caller, who knows the road, and so is the heading.
 
     Args:
-        mean: State, (N,); only the heading is set.
         cov: Covariance, (N, N), in place.
         odometer: δ, odometer metres (or seconds).
         turn: Turn of the road between the two abscissae, rad.
-        heading: New heading, rad.
         tx: New unit tangent, x.
         ty: New unit tangent, y.
-        q: Process noise along the road, of κ, and between them; `heading` is the variance of
-            the vehicle's heading about the road's.
+        q: Process noise along the road, of κ, and between them.
     """
     c = 1.0
     s = 0.0
@@ -240,42 +235,28 @@ def predict_road(
     cov[Y, K] += q.cross * ty
     cov[K, X] = cov[X, K]
     cov[K, Y] = cov[Y, K]
-    for j in range(N):
-        cov[H, j] = 0.0
-        cov[j, H] = 0.0
-    cov[H, H] = q.heading
-    mean[H] = heading
 
 
 @kernel
-def pack_noise(cov: Matrix, packed: Vector) -> None:
-    """Upper triangle of the rows and columns X, Y, H, K, B of a covariance, row by row, (15,)."""
-    at = 0
-    for a in range(D):
-        for b in range(a, D):
-            packed[at] = cov[a, b]
-            at += 1
+def rate_of_turn(turn: float, rate: float) -> float:
+    """Derivative by κ of the turn of the road that was driven: θ' = turn / κ; 0 at rest."""
+    return turn / rate if abs(rate) > _LEAST_RATE else 0.0
 
 
 @kernel
-def unpack_noise(packed: Vector, c: float, s: float, cov: Matrix) -> None:
-    """Turn a packed Q by a heading (cosine, sine) into the plane: into the upper triangle.
+def turn_by_road(mean: Vector, cov: Matrix, turn: float, variance: float) -> None:
+    """Turn a known heading with the road, before `predict_road`.
 
-    Q' = R Q Rᵀ,   R of X and Y alone
+    θ⁺ = θ + turn + e,    turn proportional to κ,    e ~ variance
     """
-    at = 0
-    for a in range(D):
-        for b in range(a, D):
-            cov[a, b] = packed[at]
-            at += 1
-    xx, xy, yy = cov[X, X], cov[X, Y], cov[Y, Y]
-    cov[X, X] = c * c * xx - 2.0 * c * s * xy + s * s * yy
-    cov[Y, Y] = s * s * xx + 2.0 * c * s * xy + c * c * yy
-    cov[X, Y] = c * s * (xx - yy) + (c * c - s * s) * xy
-    for b in range(H, D):
-        px, py = cov[X, b], cov[Y, b]
-        cov[X, b] = c * px - s * py
-        cov[Y, b] = s * px + c * py
+    rate = rate_of_turn(turn, mean[K])
+    mean[H] = wrap(mean[H] + turn)
+    if rate != 0.0:
+        add_times(cov[H], rate, cov[K])
+        for j in range(N):
+            cov[j, H] = cov[H, j]
+        cov[H, H] += rate * cov[H, K]
+    cov[H, H] += variance
 
 
 @kernel
@@ -380,16 +361,3 @@ def age_bias(mean: Vector, cov: Matrix, keep: float) -> None:
     mean[GY] *= keep
     cov[GX, GX] += 1.0 - keep * keep
     cov[GY, GY] += 1.0 - keep * keep
-
-
-@kernel
-def redraw_lane(
-    mean: Vector, cov: Matrix, turn: float, old: float, new: float, sigma: float
-) -> None:
-    """Redraw part of the lane offset when turning into another road.
-
-    d⁺ = d̄' + c (d − d̄), variance + σ² (1 − c²), with c = max(cos turn, 0).
-    """
-    c = max(math.cos(turn), 0.0)
-    mean[D] += new - old
-    decay(mean, cov, D, new, c, sigma * sigma)

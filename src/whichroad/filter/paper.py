@@ -27,7 +27,7 @@ from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
 from ..graph.index import near, vertex_at
 from ._simd import copy_record
-from .branching import forward_only
+from .along import forward_only
 from .estimate import LOST, OUTAGE, Output
 from .gaussian import condition, merge_moments
 from .gnss import Axes, has_course, observe_position, observe_state

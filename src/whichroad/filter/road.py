@@ -8,8 +8,17 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, entry, kernel
-from ..graph.geometry import angle_of, chord, chord_heading, is_straight, locate, project, wrap
-from ..graph.network import Roads
+from ..graph.geometry import (
+    HALF_CHORD,
+    angle_of,
+    chord,
+    chord_heading,
+    is_straight,
+    locate,
+    project,
+    wrap,
+)
+from ..graph.network import Roads, is_at_node
 from .gaussian import LOG_2PI, update, update_across
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -17,8 +26,8 @@ from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
+_LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
-_HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
 _LATERAL, _TANGENT_X, _TANGENT_Y, _HEADING, _SLOPE = range(5)  # scratch of a hypothesis
 
 
@@ -126,17 +135,17 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
             slope = heading_slope(ctx.roads, edge, hyp.segment, s, hyp.along_sigma)
         hyp.scratch[_SLOPE] = slope
         variance = hyp.along_sigma**2
-        cutting = min(abs(slope) * _HALF_CHORD, 1.0) * par.node_sigma
+        cutting = min(abs(slope) * HALF_CHORD, 1.0) * par.node_sigma
         sagitta = min(0.5 * abs(slope) * variance, 4.0)
         more_lateral += p * (cutting * cutting + sagitta * sagitta)
         more_heading += p * (bow * bow + 0.1 * slope**2 * (variance + 9.0))
-        if min(s, ctx.roads.edges[edge].length - s) < par.node_radius:
+        if is_at_node(ctx.roads, edge, s, par.node_radius):
             more_lateral += p * par.node_sigma**2
             more_heading += p * par.node_heading_sigma**2
     if on > 0.0:
         more_lateral /= on
         more_heading /= on
-    thin = min(max(_CORRELATION / metres, 0.5), 4.0) if metres > 0.0 else 1.0
+    thin = _CORRELATION / max(metres, _LEAST_SPACING) if metres > 0.0 else 1.0
     return RoadNoise(
         thin * (par.relative_sigma**2 + more_lateral),
         thin * (par.edge_heading_sigma**2 + more_heading),
@@ -203,13 +212,13 @@ def heading_regression(
         _, _, _, tx, ty = locate(roads, edge, segment, inside)
         return math.atan2(ty, tx), 0.0, 0.0
     step = min(max(sigma, 2.0), 15.0)
-    low = max(inside - 2.0 * step - _HALF_CHORD, 0.0)
+    low = max(inside - 2.0 * step - HALF_CHORD, 0.0)
     low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
-    high = min(inside + 2.0 * step + _HALF_CHORD, length)
+    high = min(inside + 2.0 * step + HALF_CHORD, length)
     high_segment, _, _, _, _ = locate(roads, edge, low_segment, high)
     if low_segment == high_segment:  # straight within the span
         return math.atan2(ty, tx), 0.0, 0.0
-    middle = chord_heading(roads, edge, segment, inside, _HALF_CHORD)
+    middle = chord_heading(roads, edge, segment, inside, HALF_CHORD)
     near = _turn_to(roads, edge, segment, min(inside + step, length), middle)
     near_low = _turn_to(roads, edge, segment, max(inside - step, 0.0), middle)
     far = _turn_to(roads, edge, segment, min(inside + 2.0 * step, length), middle)
@@ -228,7 +237,7 @@ def heading_regression(
 @kernel
 def _turn_to(roads: Roads, edge: int, segment: int, s: float, heading: float) -> float:
     """The chord's heading at s less another one."""
-    return float(wrap(chord_heading(roads, edge, segment, s, _HALF_CHORD) - heading))
+    return float(wrap(chord_heading(roads, edge, segment, s, HALF_CHORD) - heading))
 
 
 @kernel(inline=True)
@@ -239,7 +248,7 @@ def heading_slope(roads: Roads, edge: int, segment: int, s: float, sigma: float)
         return 0.0
     inside = min(max(s, 0.0), length)
     step = min(max(sigma, 2.0), 15.0)
-    reach = 2.0 * step + _HALF_CHORD
+    reach = 2.0 * step + HALF_CHORD
     if max(inside - reach, 0.0) >= roads.vertices[segment].s and (
         min(inside + reach, length) <= roads.vertices[segment + 1].s
     ):  # straight within the span
@@ -255,8 +264,8 @@ def heading_slope(roads: Roads, edge: int, segment: int, s: float, sigma: float)
 def _turn_about(roads: Roads, edge: int, segment: int, s: float, step: float) -> float:
     """By how much the chord turns from a step before an abscissa to a step after it, rad."""
     length = roads.edges[edge].length
-    ax, ay = chord(roads, edge, segment, max(s - step, 0.0), _HALF_CHORD)
-    bx, by = chord(roads, edge, segment, min(s + step, length), _HALF_CHORD)
+    ax, ay = chord(roads, edge, segment, max(s - step, 0.0), HALF_CHORD)
+    bx, by = chord(roads, edge, segment, min(s + step, length), HALF_CHORD)
     across = ax * by - ay * bx
     onwards = ax * bx + ay * by
     if abs(across) < 1e-12 * onwards:

@@ -25,7 +25,8 @@ from ..graph.network import plane_scale, records
 from ._simd import N, add_times, new_row, scale_by, set_times, set_to
 from .estimate import Output, summarise
 from .history import History, load
-from .link_motion import LINK_MODEL, Link, predict_link
+from .link_motion import LINK_MODEL, predict_link
+from .link_road import Link
 from .state import CLOCK, KEPT, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 
 _NO_POSE = 1e-6  # weight of a link up to which it does not move the pose

@@ -15,7 +15,8 @@ from ..graph.network import Roads
 from ..graph.search import Search, set_goals
 from ._simd import N
 from .gaussian import condition, normal_cdf, reshape_on_map, truncated_moments
-from .motion import Noise, add_across, age_map, decay, predict_road, redraw_lane
+from .lanes import redraw_lane
+from .motion import Noise, add_across, age_map, decay, predict_road
 from .road import track
 from .sparse_routes import (
     SPEED_SIGMA,
@@ -190,7 +191,8 @@ def _predict_transition(
     noise = Noise(transition.noise, 0.0, variance, 0.0, 0.0, 0.0)
     heading = math.atan2(foot.ty, foot.tx)
     bend = wrap(heading - before)
-    predict_road(mean, cov, process.distance_by_speed, bend, heading, foot.tx, foot.ty, noise)
+    predict_road(cov, process.distance_by_speed, bend, foot.tx, foot.ty, noise)
+    redraw(hyp, H, heading, noise.heading)
     speed = SPEED_SIGMA * SPEED_SIGMA * transition.inflation
     decay(mean, cov, K, transition.usual, process.keep, speed)
     cross = process.cross * transition.inflation

@@ -58,7 +58,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
-        ("scratch", "f8", (5,)),  # of one observation; each module names its slots
+        ("scratch", "f8", (7,)),  # of one observation; each module names its slots
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
@@ -76,6 +76,8 @@ FILTER = np.dtype(
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
         ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
+        ("course_time", "f8"),  # of the last course over ground, s
+        ("forward_time", "f8"),  # of the last truncation to forward speeds, s
         ("time", "f8"),  # of the last epoch, s
         ("scale", "f8"),  # plane metres per true metre here
         ("log_evidence", "f8"),  # log-likelihood of all observations
@@ -99,6 +101,7 @@ FILTER = np.dtype(
         ("windowed_factor", "f8"),  # by innovations that keep their sign,
         ("bias_factor", "f8"),  # and by the bias states
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
+        ("unlearnt", "f8"),  # s of motion since the factors were last learnt
         ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
         ("learnt_time", "f8"),  # s over which they have been learnt
         ("white_factor", "f8"),  # white variance over the reported one, as seen
@@ -225,7 +228,9 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp.along_sigma = 1.0
     hyp.p_not_passed = 1.0
     hyp.path_entry = -1
-    return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), records(1, FILTER))
+    state = records(1, FILTER)
+    state.course_time = -math.inf
+    return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 
 def new_path(capacity: int) -> Path:

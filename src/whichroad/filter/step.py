@@ -10,8 +10,9 @@ import math
 from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
+from .along import advance_along, forward_only
 from .births import exchange_off_road, turn_round, turn_with_heading
-from .branching import BRANCH_THRESHOLD, advance_along, branch, forward_only
+from .branching import BRANCH_THRESHOLD, branch
 from .estimate import Output, summarise
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
@@ -54,6 +55,7 @@ _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _STANDING = 0.5  # m/s; a receiver that reports less stands
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
+_COURSE_KEPT = 3.0  # s, for which a course over ground keeps the heading the vehicle's own
 _LONGEST = 1800.0  # s; a longer pause without odometry starts anew
 _FARTHEST = 5e4  # m; an odometer that jumps farther in one epoch starts anew, too
 _MOST_PIECES = 10_000  # of an epoch's arc
@@ -159,7 +161,7 @@ def _start(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
             state.motion = WAIT
         return
     known = start_at_fix(belief, path, ctx, epoch)
-    state.knows_heading = known and ctx.par[0].mode != CLOCK
+    state.knows_heading = known
     normalise(belief)
 
 
@@ -170,7 +172,8 @@ def _predict(
     """The process model, for the epoch's kind of motion."""
     mode = ctx.par[0].mode
     state = belief.state[0]
-    state.knows_heading = mode == WHEELS
+    heard = state.motion != ROUTES and epoch.time - state.course_time < _COURSE_KEPT
+    state.knows_heading = mode == WHEELS or heard
     if ctx.par[0].paper:
         paper.predict(belief, ctx, epoch, dt)
         return
@@ -191,6 +194,7 @@ def _predict(
         odometer = dt if mode == CLOCK else epoch.arc
         q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), metres, mode)
         if len(history.steps) > 0:
+            history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0), q)
         turned = turn_round(belief, ctx, dt)
         branched = advance_along(belief, path, ctx, odometer, q)

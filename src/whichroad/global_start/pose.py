@@ -30,6 +30,7 @@ def initial_state(belief: Belief, time: float, settings: Settings) -> None:
     state.factor_time = time
     state.last_fix = -math.inf
     state.started = 1
+    state.knows_heading = 1
     state.gnss_cov[0, [0, 2]] = settings.default_sigma_m**2
     for factor in ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor"):
         state[factor] = 1.0

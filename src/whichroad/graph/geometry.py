@@ -10,6 +10,8 @@ import math
 from .._compile import kernel
 from .network import Roads
 
+HALF_CHORD = 6.0  # m either side; shorter sees the digitisation, longer cuts bends
+
 
 @kernel
 def wrap(angle: float) -> float:
@@ -129,6 +131,17 @@ def chord(roads: Roads, edge: int, segment: int, s: float, half: float) -> tuple
     if dx * dx + dy * dy < 1e-6:
         return tx, ty
     return dx, dy
+
+
+@kernel
+def turn_within(roads: Roads, edge: int, segment: int, begin: float, end: float) -> float:
+    """By how much the road's chord of 12 m turns between two abscissae of an edge, rad."""
+    if is_straight(roads, edge):
+        return 0.0
+    length = roads.edges[edge].length
+    ax, ay = chord(roads, edge, segment, min(max(begin, 0.0), length), HALF_CHORD)
+    bx, by = chord(roads, edge, segment, min(max(end, 0.0), length), HALF_CHORD)
+    return angle_of(ax * bx + ay * by, ax * by - ay * bx)
 
 
 @kernel

@@ -17,6 +17,7 @@ AGAINST_ONE_WAY = 1  # bit of `rule`
 TURN_BANNED = 2
 NO_ACCESS = 4
 U_TURN = 8
+STRAIGHT_ON = 0.1  # rad; a node that bends a road less is none to its driver
 
 VERTEX = np.dtype(
     [
@@ -113,3 +114,45 @@ def lane_sigma_of(roads: Roads, edge: int, lane_sigma: float) -> float:
     """Sigma of the offset from the usual lane on an edge, m: the driver's and the lanes'."""
     own = float(roads.edges[edge].lane_sigma)
     return math.sqrt(lane_sigma * lane_sigma + own * own)
+
+
+@kernel
+def onwards(roads: Roads, edge: int) -> int:
+    """Where a road just runs on at the end of an edge, hardly bent, and no other ends; or -1."""
+    road = roads.edges[edge]
+    after = -1
+    for t in range(road.first_turn, road.end_turn):
+        turn = roads.turns[t]
+        if turn.edge == road.opposite:
+            continue
+        if after >= 0 or abs(turn.angle) > STRAIGHT_ON:
+            return -1
+        after = int(turn.edge)
+    if after < 0:
+        return -1
+    others = 0
+    for t in range(roads.edges[after].first_predecessor, roads.edges[after].end_predecessor):
+        if roads.predecessors[t] != roads.edges[after].opposite:
+            others += 1
+    return after if others == 1 else -1
+
+
+@kernel
+def backwards(roads: Roads, edge: int) -> int:
+    """The edge whose road just runs on along this one (`onwards`), or -1."""
+    road = roads.edges[edge]
+    before = -1
+    for t in range(road.first_predecessor, road.end_predecessor):
+        if roads.predecessors[t] != road.opposite:
+            if before >= 0:
+                return -1
+            before = int(roads.predecessors[t])
+    return before if before >= 0 and onwards(roads, before) >= 0 else -1
+
+
+@kernel
+def is_at_node(roads: Roads, edge: int, s: float, radius: float) -> bool:
+    """Whether an abscissa (m) is within a radius of a node that is more than a straight line's."""
+    if roads.edges[edge].length - s < radius and onwards(roads, edge) < 0:
+        return True
+    return bool(s < radius and backwards(roads, edge) < 0)

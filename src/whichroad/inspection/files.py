@@ -1,6 +1,7 @@
 """Files of any kind: what each holds, and the command that would match them."""
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,21 +10,27 @@ from ..errors import ReadError, WhichroadError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle
 from ..readers.drives import format_of
-from ..readers.table_columns import column_names
+from ..readers.names import Seen
+from ..readers.reading import Reading
+from ..readers.source import Source
+from ..readers.table_files import table_of
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import fixes_outside, outside_note
 from ..roadmap.osm import SUFFIXES as EXTRACTS
 from ..roadmap.store import is_compiled
 from ..settings import Settings, Vehicle
-from .of_drives import columns_of, drive_section
+from .of_drives import columns_section, drive_section
 from .of_maps import map_section
 from .section import Section
 
 _FORMATS = {
     "nmea": "NMEA 0183", "table": "a table", "gpx": "GPX", "pos": "RTKLIB .pos", "can": "a CAN log",
+    "kml": "KML", "json": "JSON", "geo": "a layer of points or lines",
+    "gnss_logger": "a log of GnssLogger",
 }  # fmt: skip
 _EITHER = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
            ".shp", ".fgb", ".gml", ".zip")  # a drive or a map  # fmt: skip
+_IN_A_CRS = frozenset(("table", "geo", "json"))
 _LINES = frozenset(("geometry", "geom", "geom_wkt", "wkt", "the_geom", "wkb"))
 _MOST = 4  # drives of a file that are described one by one
 
@@ -117,15 +124,15 @@ class _Files:
 
     def _take_drive(self, path: Path) -> None:
         kind = "recording" if path.is_dir() else format_of(path)
-        names = column_names(path) if kind == "table" else []
-        if "p_road" in names:
+        seen = _seen(path, self.reading) if kind == "table" else None
+        if seen is not None and "p_road" in seen.names:
             self.answer = path
             title = f"{path}: points that `whichroad match` wrote"
-            self.sections.append(Section(title, [("columns", ", ".join(names))]))
+            self.sections.append(Section(title, [("columns", ", ".join(seen.names))]))
             return
         drives = read_drive(
             [path], vehicle=self.car, dbc=self.dbc if kind == "can" else None,
-            settings=self.settings, **(self.reading if kind == "table" else {}),
+            settings=self.settings, **(self.reading if kind in _IN_A_CRS else {}),
         )  # fmt: skip
         title = _FORMATS.get(kind, "a recording of `whichroad live`")
         self.sections.append(Section(f"{path}: {title}", []))
@@ -133,9 +140,9 @@ class _Files:
             self.can = path
         else:
             self.drives.append(path)
-        if names:
-            self.tables = True
-            self.sections.append(columns_of(path.name, names))
+        self.tables |= kind in _IN_A_CRS
+        if seen is not None:
+            self.sections.append(columns_section(path.name, seen.names, seen.found))
         self._describe(drives)
 
     def take_together(self) -> None:
@@ -194,21 +201,38 @@ class _Files:
             options |= {"--can": self.can, "--dbc": self.dbc or "DBC"}
         if self.vehicle:
             options["--vehicle"] = self.vehicle[0]
-        options |= {f"--{name}": value for name, value in self.reading.items()}
+        options |= {f"--{name}": _option(value) for name, value in self.reading.items()}
         options |= {"-o": "points.parquet", "--path-out": "path.parquet"}
         return shlex.join([*parts, *(str(word) for item in options.items() for word in item)])
+
+
+def _option(value: Any) -> str:
+    """A value as the command line takes it."""
+    if isinstance(value, dict):
+        return ",".join(f"{name}={column}" for name, column in value.items())
+    return str(value)
+
+
+def _seen(path: Path, reading: dict[str, Any]) -> Seen:
+    """The columns of a table, and what they are."""
+    return table_of(Source.of(path), Counter(), Reading.of(**reading))
 
 
 def _looks_like_roads(path: Path) -> bool:
     """Whether a table seems to be one of roads: its geometries are lines, and it has no times."""
     name = path.name.lower()
     if name.endswith((".csv", ".tsv", ".parquet", ".geoparquet")):
-        names = {name.lower() for name in column_names(path)}
+        try:
+            names = {name.lower() for name in _seen(path, {}).names}
+        except WhichroadError:
+            return False
         return bool(names & _LINES) and not any("time" in n or "date" in n for n in names)
     if not name.endswith((".geojson", ".json")):
         return True
     try:
         with path.open("rb") as file:
-            return b"LineString" in file.read(1 << 16)
+            head = file.read(1 << 16)
     except OSError:
         return False
+    # one line, or lines with times, are tracks
+    return head.count(b"LineString") > 1 and b'"time' not in head.lower()

@@ -18,7 +18,7 @@ from ..observations import (
     WheelCounts,
     WheelSpeeds,
 )
-from ..readers.names import Column, find, normal
+from ..readers.names import Column, normal
 from ..settings import Settings
 from .section import Section, duration, moment, rate, spread
 
@@ -79,11 +79,6 @@ def columns_section(title: str, names: Sequence[str], found: Mapping[str, Column
     if others:
         rows.append(("not used", ", ".join(others)))
     return Section(f"columns of {title}", rows)
-
-
-def columns_of(title: str, names: Sequence[str]) -> Section:
-    """`columns_section` of a table whose columns are found by their usual names."""
-    return columns_section(title, names, find(list(names)))
 
 
 def _column_text(quantity: str, column: Column) -> str:

@@ -26,9 +26,10 @@ OFF = "off the roads"
 COUNTS = 0.01
 """Probability from which on a hypothesis counts."""
 
-START, NODE, LEFT, BACK, TURN, REVERSE, RESTART, CANDIDATE = (
+START, NODE, ON, LEFT, BACK, TURN, REVERSE, RESTART, CANDIDATE = (
     "start",
     "branch at a node",
+    "the road runs on",
     "off the roads",
     "back to a road",
     "U-turn",
@@ -36,6 +37,8 @@ START, NODE, LEFT, BACK, TURN, REVERSE, RESTART, CANDIDATE = (
     "restart",
     "candidate",
 )
+
+_OVER_NODES = (NODE, ON, REVERSE)
 
 WHY = {
     "alive": "alive at the drive's end",
@@ -191,12 +194,15 @@ class _Log:
             return LEFT
         if origin < 0:
             return BACK
-        edges = self.roads.arrays.edges
-        if edges.opposite[origin] == edge:
+        edges, turns = self.roads.arrays.edges, self.roads.arrays.turns
+        opposite = edges.opposite[origin]
+        if opposite == edge:
             return TURN
-        if edges.to_node[origin] == edges.from_node[edge]:
-            return NODE
-        return REVERSE if edges.to_node[edge] == edges.from_node[origin] else NODE
+        ahead = edges.to_node[origin] == edges.from_node[edge]
+        if not ahead and edges.to_node[edge] == edges.from_node[origin]:
+            return REVERSE
+        follow = turns.edge[edges.first_turn[origin] : edges.end_turn[origin]]
+        return ON if follow[follow != opposite].tolist() == [edge] else NODE
 
     def end(self, key: int, dead: Hypothesis, now: Gaussians) -> None:
         """Set why a hypothesis has ended."""
@@ -221,9 +227,9 @@ class _Log:
     def heir(self, dead: Hypothesis) -> int:
         """The child over a node from which the most probable living descendant comes; -1: none."""
         for h in sorted(self.alive.values(), key=lambda h: -h.p[-1]):
-            while h.birth in (NODE, REVERSE) and h.parent > dead.number:
+            while h.birth in _OVER_NODES and h.parent > dead.number:
                 h = self.all[h.parent]
-            if h.birth in (NODE, REVERSE) and h.parent == dead.number:
+            if h.birth in _OVER_NODES and h.parent == dead.number:
                 return h.number
         return -1
 

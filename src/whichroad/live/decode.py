@@ -11,7 +11,7 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
-from ..readers.can import SI_UNITS, Signal, find_signals
+from ..readers.can import Signal, find_signals, si_factor
 from ..readers.nmea import NmeaParser
 from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
@@ -265,8 +265,8 @@ class _Unwrapped:
 def _bits(role: str, signal: Signal) -> _Bits:
     """Where the bits of a signal are; the .dbc counts those of big endian from the left."""
     about = signal.about
-    unit = (about.unit or "").strip()
-    factor = 1.0 if role.endswith("_ticks") or role == "reverse" else SI_UNITS.get(unit, 1.0)
+    plain = role.endswith("_ticks") or role == "reverse"
+    factor = 1.0 if plain else si_factor((about.unit or "").strip()) or 1.0
     scale, offset = factor * float(about.scale), factor * float(about.offset)
     little = about.byte_order == "little_endian"
     start = about.start if little else 8 * (about.start // 8) + 7 - about.start % 8

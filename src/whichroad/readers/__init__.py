@@ -4,8 +4,10 @@ from .drive_tables import drive_from_table
 from .drives import read_drive
 from .from_observations import drive_of_observations
 from .nmea import NmeaParser
+from .source import is_file
 from .vehicle import read_vehicle
 
 __all__ = [
-    "NmeaParser", "drive_from_table", "drive_of_observations", "read_drive", "read_vehicle"
+    "NmeaParser", "drive_from_table", "drive_of_observations", "is_file", "read_drive",
+    "read_vehicle",
 ]  # fmt: skip

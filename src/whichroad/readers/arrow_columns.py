@@ -1,15 +1,14 @@
 """Columns of an Arrow table as NumPy arrays: numbers, times, labels."""
 
-import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from datetime import tzinfo
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..observations import Array
 from .checks import Ints, Skipped, keep
+from .dates import is_clock, of_clocks, of_days, of_numbers, of_texts, plausible, to_utc
 from .names import Column
 
 if TYPE_CHECKING:
@@ -17,12 +16,17 @@ if TYPE_CHECKING:
 
 _NUMBER = "unparsable number"
 _TIME = "unparsable time"
-_NAMED = ("UTC", "GMT", "]")
-# UTC by name, or the name of a zone behind an offset: 12:00:00+02:00[Europe/Berlin]
-_ZONE = re.compile(r"(?<=\d)\s*(?:UTC|GMT)$|(?:(?<=[+-]\d\d:\d\d)|(?<=Z))\[[^\[\]]*\]$")
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-# A bare number of seconds since 1970 stays below 1e11 until the year 5138.
-LARGEST = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
+_ABSENT = ("", "-", "--", "null", "none", "nan", "na", "n/a")  # what stands in empty cells
+
+
+class Times(NamedTuple):
+    """A column of times."""
+
+    seconds: Array  # (n,) since 1970 UTC, NaN where a cell is empty or no time
+    zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
+    counted: bool = False  # bare numbers that count from another start, their unit is open
+    dateless: bool = False  # times of day, counted from the midnight before the first
 
 
 def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
@@ -69,84 +73,108 @@ def _parsed(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
 
     cells = pd.Series(column.to_pandas(), dtype=object)
     cells = cells.map(lambda cell: cell.decode("utf-8", "replace") if type(cell) is bytes else cell)
-    empty = cells.map(lambda cell: not isinstance(cell, str) or not cell.strip()).to_numpy(bool)
+    empty = cells.map(_is_absent).to_numpy(bool)
     values = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64)
     keep(~np.isnan(values) | empty, f"{_NUMBER} in {name}", skipped)
     return np.array(values)
 
 
-def times(column: "pa.ChunkedArray", meaning: Column, where: str, skipped: Skipped) -> Array:
-    """A column as seconds since 1970 UTC, NaN where a cell is empty or no time.
+def _is_absent(cell: object) -> bool:
+    return not isinstance(cell, str) or cell.strip().lower() in _ABSENT
 
-    Times without a zone are UTC.  The unit of bare numbers follows from their size.
+
+def times(
+    column: "pa.ChunkedArray",
+    meaning: Column,
+    where: str,
+    skipped: Skipped,
+    *,
+    zone: tzinfo | None = None,
+    date: "pa.ChunkedArray | None" = None,
+) -> Times:
+    """A column of times, or a column of times of day and one of dates.
 
     Args:
-        column: ISO 8601 text, Arrow timestamps, or numbers.
+        column: Text (see `dates`), Arrow timestamps, or numbers.
         meaning: Gives the unit of numbers, where the column's name does.
         where: The source, for errors.
         skipped: Counts cells that are no time.
+        zone: Of times that name none; None: UTC.
+        date: The dates, where the column may hold times of day.
 
     Raises:
-        ReadError: The column holds times of day, dates or something else.
+        ReadError: The column holds something else, or day and month cannot be told apart.
     """
+    import pyarrow as pa
+
+    column, kind = _plain(column)
+    said = f"{where}: column {meaning.name!r}"
+    if pa.types.is_timestamp(kind):
+        ticks = _floats(column.cast(pa.int64()).cast(pa.float64(), safe=False))
+        seconds, zoneless = plausible(ticks / _PER_SECOND[kind.unit]), kind.tz is None
+        return Times(to_utc(seconds, zone) if zoneless else seconds, zoneless)
+    clocks = pa.types.is_time(kind) or pa.types.is_date(kind)
+    if not (clocks or _is_text(kind) or _is_number(kind)):
+        raise ReadError(
+            f"{said} holds {kind}; date and time (ISO 8601) or seconds since 1970 were expected"
+        )
+    if clocks or _is_text(kind) or (date is not None and not meaning.factor):
+        cells = strings(column)
+        moments = None
+        if date is not None and (clocks or not _is_text(kind) or any(map(_may_be_clock, cells))):
+            moments = of_days(strings(date), cells, zone, said)
+            if moments is not None and not (clocks or _is_text(kind)):
+                whole = np.isfinite(moments.seconds).mean() > 0.99  # else the numbers are no clock
+                moments = moments if whole else None
+        if moments is None and (clocks or _is_text(kind)):
+            moments = of_texts(cells, zone, said)
+        if moments is not None:
+            empty = np.array([not cell for cell in cells], bool)
+            keep(np.isfinite(moments.seconds) | empty, _TIME, skipped)
+            return Times(*moments)
+        since_midnight = of_clocks(cells) if clocks or _is_text(kind) else None
+        if since_midnight is not None:
+            return Times(since_midnight, dateless=True)
+    if clocks:
+        return Times(np.full(len(column), np.nan))
+    values = numbers(column, meaning.name, skipped)
+    values[~np.isfinite(values)] = np.nan
+    if meaning.factor:
+        return Times(values * meaning.factor)
+    moments = of_numbers(values, zone)
+    return Times(values, counted=True) if moments is None else Times(*moments)
+
+
+def _plain(column: "pa.ChunkedArray") -> tuple["pa.ChunkedArray", "pa.DataType"]:
+    """A column without a dictionary, and its type."""
     import pyarrow as pa
 
     kind = column.type
     if pa.types.is_dictionary(kind):
-        column, kind = column.cast(kind.value_type), kind.value_type
-    if pa.types.is_timestamp(kind):
-        ticks = _nullable(column.cast(pa.int64()))
-        return ticks / _PER_SECOND[kind.unit]
-    if _is_text(kind):
-        seconds = _iso(column)
-        if seconds is not None:
-            empty = np.array([not cell for cell in column.to_pylist()], bool)
-            keep(np.isfinite(seconds) | empty, _TIME, skipped)
-            return seconds
-    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
-        raise ReadError(
-            f"{where}: column {meaning.name!r} holds {kind}; date and time (ISO 8601) or seconds "
-            "since 1970 were expected"
-        )
-    values = numbers(column, meaning.name, skipped)
-    values[~np.isfinite(values)] = np.nan
-    if meaning.factor:
-        return values * meaning.factor
-    sizes = np.abs(values[np.isfinite(values)])
-    if not len(sizes):
-        return values
-    middle = (len(sizes) - 1) // 2
-    size = float(np.partition(sizes, middle)[middle])
-    return values * next(factor for largest, factor in LARGEST if size < largest)
+        return column.cast(kind.value_type), kind.value_type
+    return column, kind
 
 
-def _nullable(column: "pa.ChunkedArray") -> Array:
+def _is_number(kind: "pa.DataType") -> bool:
     import pyarrow as pa
 
-    return _floats(column.cast(pa.float64(), safe=False))
+    return bool(
+        pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+        or pa.types.is_null(kind)
+    )  # fmt: skip
 
 
-def _iso(column: "pa.ChunkedArray") -> Array | None:
-    """Seconds of ISO 8601 text, or None where no cell is a date."""
-    cells = [
-        cell.decode("utf-8", "replace") if type(cell) is bytes else cell
-        for cell in column.to_pylist()
-    ]
-    if not any(cell and "-" in cell[1:].replace("/", "-") for cell in cells):
-        return None
-    return iso_seconds(cells)
+def _may_be_clock(cell: str | None) -> bool:
+    return (bool(cell) and is_clock(cell or "")) or (cell or "").replace(".", "", 1).isdecimal()
 
 
-def iso_seconds(cells: Sequence[str | None]) -> Array:
-    """Seconds since 1970 UTC of ISO 8601 texts, NaN where one is not; no zone: UTC."""
-    import pandas as pd
-
-    if any(cell and cell.endswith(_NAMED) for cell in cells):
-        cells = [_ZONE.sub("", cell) if cell else None for cell in cells]
-    texts = pd.Series([cell.replace("/", "-") if cell else None for cell in cells], dtype=object)
-    stamps = pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601")
-    micros: NDArray[Any] = stamps.dt.as_unit("us").astype("int64").to_numpy()
-    return np.where(stamps.notna().to_numpy(), micros / 1e6, np.nan)
+def strings(column: "pa.ChunkedArray") -> list[str | None]:
+    """A column of any type as text; None where a cell is empty."""
+    return [
+        None if cell is None
+        else cell.decode("utf-8", "replace") if type(cell) is bytes else str(cell)
+        for cell in _plain(column)[0].to_pylist()
+    ]  # fmt: skip
 
 
 def texts(column: "pa.ChunkedArray") -> tuple[list[str], Ints]:

@@ -15,20 +15,38 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..geodesy.angles import DEGREE
-from ..geodesy.units import KMH, MPH
+from ..geodesy.units import KMH, KNOT, MPH
 from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
 from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, unused
+from .table_units import possible_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 SI_UNITS = {
-    "m/s": 1.0, "km/h": KMH, "kmh": KMH, "kph": KMH, "km/hr": KMH,
-    "mph": MPH, "rad/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "dps": DEGREE,
-    "m": 1.0, "km": 1000.0, "mi": 1609.344,
-}  # fmt: skip
+    **dict.fromkeys(("m/s", "m/sec", "mps", "meter/second", "meters/second"), 1.0),
+    **dict.fromkeys(("km/h", "kmh", "kph", "km/hr", "kmph"), KMH),
+    **dict.fromkeys(("mph", "mi/h", "miles/h"), MPH),
+    **dict.fromkeys(("kn", "kt", "knots"), KNOT),
+    **dict.fromkeys(("rad/s", "rad/sec"), 1.0),
+    **dict.fromkeys(("deg/s", "deg/sec", "degree/s", "degrees/s", "degree/second"), DEGREE),
+    **dict.fromkeys(("°/s", "º/s", "°/sec", "dps", "grad/s", "grad/sec", "grad/sek"), DEGREE),
+    "m": 1.0,
+    "meter": 1.0,
+    "cm": 0.01,
+    "mm": 1e-3,
+    "km": 1e3,
+    "mi": 1609.344,
+    "miles": 1609.344,
+}  # units of a .dbc in lower case, without blanks
 _PLAIN = {"wheel_rl_ticks", "wheel_rr_ticks", "reverse"}  # roles without a unit
+
+
+def si_factor(unit: str) -> float | None:
+    """The factor to SI of a unit as a .dbc writes it; None: the unit is not known."""
+    # cantools takes a .dbc for cp1252; in those in UTF-8 the degree sign has a letter before it
+    return SI_UNITS.get(unit.lower().replace(" ", "").replace("â°", "°"))
 
 
 class Signal(NamedTuple):
@@ -186,9 +204,16 @@ def _series(
         values = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
     if role not in _PLAIN:
         unit = (about.unit or "").strip()
-        if unit not in SI_UNITS:
+        factor = si_factor(unit)
+        if role == "yaw_rate":
+            said = f"signal {signal.name} (unit {unit!r})"
+            values, more = possible_yaw_rate(values * (factor or 1.0), None, said, factor is None)
+            notes += more
+            factor = 1.0 if more or factor else None
+        else:
+            values = values * (factor or 1.0)
+        if factor is None:
             notes.append(f"signal {signal.name}: unit {unit!r} taken as SI")
-        values = values * SI_UNITS.get(unit, 1.0)
     order = in_order(time, skipped)
     return time[order], values[order]
 

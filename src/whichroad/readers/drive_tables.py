@@ -4,75 +4,62 @@ One table may hold fixes, odometry or both, of one drive or of many.  Empty cell
 no value; what cannot be understood is skipped and counted.
 """
 
-import csv
-import io
-import re
 from collections import Counter
-from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..errors import ReadError
 from ..observations import Array, Drive
 from ..settings import Settings, Vehicle
-from .arrow_columns import numbers, texts, times
-from .checks import LAST, NO_TIME, Skipped, keep, listed, read_bytes
+from .arrow_columns import Times, numbers, strings, times
+from .checks import LAST, NO_TIME, Skipped, keep
+from .csv_text import no_column
+from .dates import zone_of
 from .drive_columns import Columns, drive_of
-from .names import NAMES, Column, find
+from .geometries import places_of, unproject
+from .gpx import read_gpx
+from .names import Seen, normal
+from .odometry_fit import with_fit_notes
+from .reading import Reading
+from .source import Source
+from .table_drives import Trip, trips_of
+from .table_files import table_of
+from .table_units import in_seconds, in_si
+from .tables_in_memory import frames_of, in_memory, is_gpx
+from .without_times import invented_times
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-Path_ = str | PathLike[str]
-Seen = tuple["pa.Table", list[str]]  # the columns that are used, and the names of all
-
-
-class _Source(NamedTuple):
-    """Where a table comes from."""
-
-    where: str  # in messages
-    stem: str  # the drive's name, if the table has none
-    paths: tuple[str, ...]
+_NO_VALUES = ("time", "date", "drive_id", "vehicle_id", "row_id", "geometry",
+              "north_south", "east_west")  # fmt: skip
+_NO_TIMES = frozenset(
+    (
+        *("", "index", "unnamed_0", "id", "fid", "n", "no", "nr", "number", "seq", "order"),
+        *("point", "name", "alt", "altitude", "altitude_m", "ele", "elevation", "elevation_m"),
+        *("height", "height_m", "z", "sat", "satellites", "layer", "track_seg_id"),
+        "track_seg_point_id",
+    )
+)  # columns that hold no times, whatever the table
 
 
-_WIDTH = "row with a wrong number of cells"
-
-
-def read_table(
-    path: Path_,
-    *,
-    vehicle: Vehicle | None = None,
-    settings: Settings | None = None,
-    crs: Any = None,
-) -> list[Drive]:
+def read_table(file: Any, reading: Reading | None = None) -> list[Drive]:
     """Read a drive table: .csv, .tsv, .txt, .parquet, .geoparquet, .arrow or .feather.
 
     Args:
-        path: The file.
-        vehicle: Gives the scale and width of wheel counters.
-        settings: Gives the sigma of fixes that report none.
-        crs: Reference system of `x, y` columns, anything that pyproj takes.
+        file: A path or a source.
+        reading: What the caller says of it.
 
     Returns:
-        One drive, or one for each value of a `drive_id` column, in the order of the file.
+        One drive, or one for each value of the columns that tell drives apart, in the order
+        of the file.
 
     Raises:
-        ReadError: The file is no table, or holds no time or nothing that locates a drive.
+        ReadError: The file is no table, or holds nothing that locates a drive.
     """
+    source, reading = Source.of(file), reading or Reading()
     skipped: Skipped = Counter()
-    data = read_bytes(path)
-    suffix = Path(path).suffix.lower()
-    where = Path(path).name
-    if suffix in (".parquet", ".geoparquet", ".pq"):
-        table = _parquet(data, where)
-    elif suffix in (".arrow", ".feather", ".ipc"):
-        table = _arrow(data, where, skipped)
-    else:
-        table = _csv(data, where, skipped)
-    source = _Source(where, Path(path).stem, (str(path),))
-    return _drives(table, source, skipped, vehicle, settings, crs)
+    seen = table_of(source, skipped, reading)
+    return drives_of(seen, reading, skipped, source.name, source.stem, (source.path,))
 
 
 def drive_from_table(
@@ -81,307 +68,175 @@ def drive_from_table(
     vehicle: Vehicle | None = None,
     settings: Settings | None = None,
     crs: Any = None,
+    id: str | None = None,
+    columns: Any = None,
+    tz: str | None = None,
 ) -> list[Drive]:
     """The drives of a table in memory.
 
     Args:
-        table: A pandas DataFrame, a GeoDataFrame of points, a pyarrow Table or RecordBatch,
-            a dict of columns, or a list of dicts, one for each row.
+        table: A DataFrame, a GeoDataFrame of points, an Arrow table or anything with
+            `__arrow_c_stream__`, a dict of columns, a list of dicts, rows (time, lat, lon) or
+            (lat, lon) as tuples or an array, trajectories of movingpandas, or a GPX of gpxpy.
         vehicle: Gives the scale and width of wheel counters.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns, anything that pyproj takes.
+        id: The column whose values tell drives apart.
+        columns: Own names of columns: {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times that name none; None: UTC.
 
     Returns:
-        One drive, or one for each value of a `drive_id` column.
+        One drive, or one for each value of the columns that tell drives apart.
 
     Raises:
-        ReadError: It is no table, or holds no time or nothing that locates a drive.
+        ReadError: It is no table, or holds nothing that locates a drive.
     """
-    source = _Source("table", "drive", ())
-    return _drives(in_memory(table), source, Counter(), vehicle, settings, crs)
+    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
+    frames = frames_of(table)
+    if is_gpx(table):
+        drives = read_gpx(Source("drive", "", table.to_xml().encode()), reading.settings)
+        drives = [replace(drive, sources=()) for drive in drives]
+    elif frames is None:
+        drives = drives_of(in_memory(table, reading), reading, Counter(), "table", "drive")
+    else:
+        drives = [
+            drive
+            for name, frame in frames
+            for drive in drives_of(in_memory(frame, reading), reading, Counter(), name, name)
+        ]
+    return [with_fit_notes(drive, reading.vehicle) for drive in drives]
 
 
-def in_memory(table: Any) -> Seen:
-    """The used columns of any table in memory as Arrow, and the names of all.
-
-    Raises:
-        ReadError: It is no table.
-    """
-    import pyarrow as pa
-
-    try:
-        if isinstance(table, pa.RecordBatch):
-            table = pa.Table.from_batches([table])
-        elif isinstance(table, list) and table and all(isinstance(row, dict) for row in table):
-            table = _of_rows(table)
-        elif hasattr(table, "geometry") and hasattr(table, "to_crs"):
-            table = _points(table)
-        if hasattr(table, "reset_index"):
-            return _frame(table)
-        table = table if isinstance(table, pa.Table) else pa.table(table)
-        return table, table.column_names
-    except (pa.ArrowException, TypeError, ValueError, KeyError, AttributeError) as error:
-        raise ReadError(
-            f"table: {type(table).__name__} cannot be read as a table ({_first_line(error)}); a "
-            "DataFrame, GeoDataFrame, pyarrow Table or list of dicts was expected"
-        ) from None
-
-
-def _of_rows(rows: list[dict[str, Any]]) -> Any:
-    import pandas as pd
-
-    return pd.DataFrame(rows)
-
-
-def _frame(frame: Any) -> Seen:
-    """The used columns of a DataFrame; an index that is a time, or named like a column, is one."""
-    import pyarrow as pa
-
-    if find([str(name) for name in frame.index.names if name is not None]):
-        frame = frame.reset_index()
-    elif str(frame.index.dtype).startswith("datetime64"):
-        frame = frame.rename_axis("time").reset_index()
-    names = [str(name) for name in frame.columns]
-    # columns that are not used may be of types that Arrow does not know
-    arrays = {
-        column.name: pa.array(frame.iloc[:, column.place], from_pandas=True)
-        for column in find(names).values()
-    }
-    return pa.table(arrays), names
-
-
-def _points(frame: Any) -> Any:
-    """A GeoDataFrame as a DataFrame with lon and lat."""
-    points = frame.geometry
-    if points.crs is not None:
-        points = points.to_crs(4326)
-    plain = frame.drop(columns=frame.geometry.name)
-    if not {"lat", "lon"} & find([str(c) for c in plain.columns]).keys():
-        plain = plain.assign(lon=points.x.to_numpy(), lat=points.y.to_numpy())
-    return plain
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
-
-
-def _parquet(data: bytes, where: str) -> Seen:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        file = pq.ParquetFile(io.BytesIO(data))
-        names = file.schema_arrow.names
-        table = file.read(columns=[column.name for column in find(names).values()] or names[:1])
-        table.validate(full=True)
-        return table, names
-    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-        raise ReadError(
-            f"{where}: no readable Parquet ({_first_line(error)}); was the file cut short?"
-        ) from None
-
-
-def _arrow(data: bytes, where: str, skipped: Skipped) -> Seen:
-    import pyarrow as pa
-
-    from ..tables.schema import read_arrow
-
-    try:
-        table, whole = read_arrow(data)
-        keep(np.array([whole]), "end of a recording, torn", skipped)
-        table.validate(full=True)
-        return table, table.column_names
-    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-        raise ReadError(
-            f"{where}: no readable Arrow file ({_first_line(error)}); was the file cut short?"
-        ) from None
-
-
-def _csv(data: bytes, where: str, skipped: Skipped) -> Seen:
-    import pyarrow as pa
-    import pyarrow.csv as pc
-
-    data = _in_utf8(data)
-    first = re.search(rb"[^\r\n]+", data)
-    head = first[0].decode() if first else ""
-    delimiter = max(",;\t", key=head.count)
-    try:
-        names = next(csv.reader([head], delimiter=delimiter), [])
-    except csv.Error as error:
-        raise ReadError(
-            f"{where}: no readable line of column names ({error}); a table was expected"
-        ) from None
-    wanted = [column.name for column in find(names).values()]
-    if not wanted:
-        raise ReadError(no_column(where, "no known column", names, ("time", "lat", "lon")))
-
-    def widths(row: Any) -> str:
-        skipped[_WIDTH] += 1
-        return "skip"
-
-    def read(types: dict[str, Any] | None) -> "pa.Table":
-        skipped.pop(_WIDTH, None)
-        return pc.read_csv(
-            io.BytesIO(data),
-            read_options=pc.ReadOptions(use_threads=False, block_size=1 << 22),
-            parse_options=pc.ParseOptions(delimiter=delimiter, invalid_row_handler=widths),
-            convert_options=pc.ConvertOptions(include_columns=wanted, column_types=types),
-        )
-
-    try:
-        try:
-            table = read(None)
-        except pa.ArrowInvalid:  # a cell unlike those before it: take them one by one
-            table = read(dict.fromkeys(wanted, pa.string()))
-        return table if delimiter == "," else _with_points(table), names
-    except (pa.ArrowException, KeyError, ValueError) as error:
-        raise ReadError(
-            f"{where}: no readable table ({_first_line(error)}); comma-separated columns under "
-            "one line of names were expected"
-        ) from None
-
-
-def _with_points(table: "pa.Table") -> "pa.Table":
-    """Numbers with decimal commas, where the comma does not part columns, with points."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    for i, column in enumerate(table.columns):
-        if pa.types.is_string(column.type):
-            commas = pc.match_substring_regex(column, r"^\s*[-+]?\d+,\d+\s*$")
-            if pc.any(commas).as_py() and not pc.any(pc.match_substring(column, ".")).as_py():
-                points = pc.if_else(commas, pc.replace_substring(column, ",", "."), column)
-                table = table.set_column(i, table.column_names[i], points)
-    return table
-
-
-def _in_utf8(data: bytes) -> bytes:
-    """The text with a mark in place of what is none, as in tables of older programs."""
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    try:
-        data.decode()
-    except UnicodeDecodeError:
-        return data.decode(errors="replace").encode()
-    return data
-
-
-def no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
-    """The message about a table that lacks something, with what it has and what would do."""
-    accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
-    return (
-        f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}; "
-        "rename the columns"
-    )
-
-
-def _drives(
+def drives_of(
     seen: Seen,
-    source: _Source,
+    reading: Reading,
     skipped: Skipped,
-    vehicle: Vehicle | None,
-    settings: Settings | None,
-    crs: Any,
+    where: str,
+    stem: str,
+    paths: tuple[str, ...] = (),
 ) -> list[Drive]:
-    """Each drive of a table; what is skipped before the split counts with the first."""
-    table, names = seen
-    where = source.where
-    found = find(table.column_names)
-    if "time" not in found:
-        raise ReadError(no_column(where, "no time", names, ("time",)))
-    if table.num_rows == 0:
+    """Each drive of a table; what is skipped before the split counts with the first.
+
+    Args:
+        seen: The table.
+        reading: What the caller says of it.
+        skipped: What was skipped so far.
+        where: The table, in messages.
+        stem: The drive's name, if the table has none.
+        paths: The files, for `Drive.sources`; empty: it was in memory.
+    """
+    if seen.table.num_rows == 0:
+        if "time" not in seen.found:
+            raise ReadError(no_column(where, "no time", seen.names, ("time",)))
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
-    time = times(table.column(found["time"].place), found["time"], where, skipped)
-    columns: Columns = {"time": time}
-    for quantity, column in found.items():
-        if quantity not in ("time", "drive_id", "geometry"):
-            values = numbers(table.column(column.place), column.name, skipped)
-            columns[quantity] = values * column.factor
-    placed = {"lat", "lon"} <= columns.keys()
-    _locate(table, found, columns, crs, where)
-    _usable(columns, names, where, crs)
-    good = np.flatnonzero(keep(np.abs(time) < LAST, NO_TIME, skipped))
-    if len(good) == 0:
-        first = next((str(c) for c in table.column(found["time"].place).to_pylist() if c), "")
-        raise ReadError(
-            f"{where}: column {found['time'].name!r} holds no time that can be understood, such as "
-            f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970 "
-            "were expected; write it so"
+    notes: list[str] = []
+    columns = _values(seen, skipped)
+    if reading.crs is not None and {"lat", "lon"} <= columns.keys():
+        notes.append(
+            f"crs (--crs) {reading.crs} not used: columns lat, lon give the places, in degrees"
         )
-    notes: tuple[str, ...] = ()
+    _locate(seen, columns, reading.crs, where)
+    _usable(columns, seen, where, reading.crs)
+    trips = trips_of(seen, np.arange(seen.table.num_rows), stem, reading.id is not None)
+    if "time" in seen.found:
+        read = _times(seen, reading, skipped, where, notes, paths)
+        with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
+            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
+    else:
+        columns["time"] = _invented(seen, columns, trips, notes, where)
+    good = keep(np.abs(columns["time"]) < LAST, NO_TIME, skipped)
+    if not good.any():
+        raise ReadError(_no_time(seen, where))
+    trips = [Trip(t.name, t.rows[good[t.rows]]) for t in trips]
+    trips = sorted((t for t in trips if len(t.rows)), key=lambda t: int(t.rows[0]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        in_si(columns, seen.found, trips, notes)
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
-        notes = ("columns x, y not used: no crs (--crs) was given for them",)
-    elif crs is not None and placed:
-        notes = (f"crs (--crs) {crs} not used: columns lat, lon give the places, in degrees",)
+        notes.append("columns x, y not used: no crs (--crs) was given for them")
     drives: list[Drive] = []
-    for name, rows in _trips(table, found, good, source.stem):
+    for name, rows in trips:
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
-        drive = drive_of(part, vehicle or Vehicle(), settings or Settings(), here)
-        drives.append(
-            Drive(name, drive.fixes, drive.odometry, source.paths, dict(here), notes + drive.notes)
-        )
+        drive = drive_of(part, reading.vehicle, reading.settings, here)
+        told = (*notes, *drive.notes)
+        drives.append(Drive(name, drive.fixes, drive.odometry, paths, dict(here), told))
     return drives
 
 
-def _trips(
-    table: "pa.Table", found: dict[str, Column], good: Any, stem: str
-) -> list[tuple[str, Any]]:
-    """The rows of each drive, in the order in which drives first appear."""
-    if "drive_id" not in found:
-        return [(stem, good)]
-    labels, codes = texts(table.column(found["drive_id"].place))
-    codes = codes[good]
-    order = np.argsort(codes, kind="stable")
-    bounds = np.flatnonzero(np.diff(codes[order], prepend=-1))
-    pieces = np.split(order, bounds[1:])
-    pieces.sort(key=lambda piece: int(piece[0]))
-    return [(labels[codes[piece[0]]], good[piece]) for piece in pieces]
+def _values(seen: Seen, skipped: Skipped) -> Columns:
+    """The numbers of all quantities, in the units of the columns' names."""
+    columns: Columns = {}
+    for quantity, column in seen.found.items():
+        if quantity not in _NO_VALUES:
+            values = numbers(seen.table.column(column.place), column.name, skipped)
+            columns[quantity] = values * column.factor
+    for quantity, letters, negative in (("lat", "north_south", "S"), ("lon", "east_west", "W")):
+        if quantity in columns and letters in seen.found:
+            cells = strings(seen.table.column(seen.found[letters].place))
+            south = np.array([(cell or "").strip().upper() == negative for cell in cells])
+            columns[quantity] = np.where(south, -np.abs(columns[quantity]), columns[quantity])
+    return columns
 
 
-def _locate(
-    table: "pa.Table", found: dict[str, Column], columns: Columns, crs: Any, where: str
-) -> None:
+def _times(
+    seen: Seen,
+    reading: Reading,
+    skipped: Skipped,
+    where: str,
+    notes: list[str],
+    paths: tuple[str, ...],
+) -> Times:
+    """The times of all rows, and what is to be said of their zone."""
+    column, zone = seen.found["time"], zone_of(reading.tz)
+    day = seen.found.get("date")
+    read = times(
+        seen.table.column(column.place), column, where, skipped, zone=zone,
+        date=None if day is None else seen.table.column(day.place),
+    )  # fmt: skip
+    if read.zoneless:
+        utc = any(word in normal(column.name).split("_") for word in ("utc", "gps", "gmt"))
+        if zone is None and not utc and (paths or "local" in normal(column.name)):
+            notes.append(
+                f"times in column {column.name!r} name no zone and were taken as UTC; where they "
+                "are local give --tz (tz=), such as Europe/Berlin"
+            )
+    elif zone is not None and not read.counted:
+        notes.append(f"tz {reading.tz} not used: times in column {column.name!r} name their zone")
+    return read
+
+
+def _invented(
+    seen: Seen, columns: Columns, trips: list[Trip], notes: list[str], where: str
+) -> Array:
+    """Times of a table of places that has none, and no column that may hold them either."""
+    used = {column.name for column in seen.found.values()}
+    others = [name for name in seen.names if name not in used and normal(name) not in _NO_TIMES]
+    if not {"lat", "lon"} <= columns.keys() or others or seen.table.num_rows < 2:
+        raise ReadError(no_column(where, "no time", seen.names, ("time",)))
+    return invented_times(columns["lat"], columns["lon"], [t.rows for t in trips], notes)
+
+
+def _no_time(seen: Seen, where: str) -> str:
+    column = seen.found["time"]
+    first = next((c for c in strings(seen.table.column(column.place)) if c), "")
+    return (
+        f"{where}: column {column.name!r} holds no time that can be understood, such as "
+        f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970 "
+        "were expected; write it so"
+    )
+
+
+def _locate(seen: Seen, columns: Columns, crs: Any, where: str) -> None:
     """Fill `lat` and `lon` from a geometry column or from x and y in `crs`."""
     if {"lat", "lon"} <= columns.keys():
         return
-    if "geometry" in found:
-        geometry = table.column(found["geometry"].place)
-        columns["lon"], columns["lat"] = _geometry(geometry, where)
+    if "geometry" in seen.found:
+        columns["lon"], columns["lat"] = places_of(seen.table, seen.found["geometry"], crs, where)
     elif crs is not None and {"x", "y"} <= columns.keys():
-        columns["lon"], columns["lat"] = _unproject(columns["x"], columns["y"], crs, where)
+        columns["lon"], columns["lat"] = unproject(columns["x"], columns["y"], crs, where)
 
 
-def _geometry(column: Any, where: str) -> tuple[Array, Array]:
-    import shapely
-
-    values = column.to_pylist()
-    try:
-        if any(isinstance(v, str) for v in values):
-            points = shapely.from_wkt(values)
-        else:
-            points = shapely.from_wkb(values)
-        return shapely.get_x(points), shapely.get_y(points)
-    except (shapely.errors.ShapelyError, TypeError, ValueError) as error:
-        raise ReadError(
-            f"{where}: the geometry cannot be read ({_first_line(error)}); points as WKB or WKT "
-            "in EPSG:4326 were expected"
-        ) from None
-
-
-def _unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
-    import pyproj
-
-    try:
-        transformer = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
-        lon, lat = transformer.transform(x, y)
-    except pyproj.exceptions.ProjError as error:
-        raise ReadError(f"{where}: crs {crs!r} cannot be used ({_first_line(error)})") from None
-    known = np.isfinite(x) & np.isfinite(y)
-    # pyproj returns infinity for what lies outside its grid, and for NaN
-    return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
-
-
-def _usable(columns: Columns, names: list[str], where: str, crs: Any) -> None:
+def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
     """Raise where a table neither locates nor moves a vehicle."""
     has = columns.keys()
     fixes = {"lat", "lon"} <= has
@@ -393,5 +248,7 @@ def _usable(columns: Columns, names: list[str], where: str, crs: Any) -> None:
             f"{where}: columns x and y without a reference system; latitude and longitude, or "
             "crs= (--crs) for x and y were expected"
         )
+    if "time" not in seen.found:
+        raise ReadError(no_column(where, "no time", seen.names, ("time",)))
     wanted = ("lat", "lon", "wheel_rl", "wheel_rl_ticks", "odometer", "speed", "yaw_rate")
-    raise ReadError(no_column(where, "neither position nor odometry", names, wanted))
+    raise ReadError(no_column(where, "neither position nor odometry", seen.names, wanted))

@@ -1,33 +1,31 @@
 """Reading drives: files of any known format, combined on one clock."""
 
+import glob
 import re
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from ..errors import ReadError, SettingError
-from ..observations import (
-    Drive,
-    Fixes,
-    Odometer,
-    OdometryLog,
-    SpeedYawRate,
-    WheelCounts,
-    WheelSpeeds,
-)
+from ..observations import Drive
 from ..settings import Settings, Vehicle
 from .can import read_can
-from .checks import Skipped, in_order
+from .checks import listed
+from .combining import Part, combined
+from .csv_text import layout_of
 from .drive_tables import read_table
+from .geo_files import read_geo
+from .gnss_logger import read_gnss_logger
 from .gpx import read_gpx
+from .json_files import read_json
+from .kml import read_kml
+from .names import NoSuchColumn
 from .nmea import read_nmea
+from .reading import Reading
 from .rtklib import read_pos
-from .wheel_counters import cumulative
+from .source import STDIN, Source, is_file, is_file_object
 
 AnyPath = str | PathLike[str]
 
@@ -36,84 +34,96 @@ _SUFFIXES = {
     **dict.fromkeys((".tsv", ".tab"), "table"),
     **dict.fromkeys((".nmea", ".nma"), "nmea"),
     **dict.fromkeys((".blf", ".asc", ".trc", ".mf4", ".candump"), "can"),
+    **dict.fromkeys((".gpkg", ".shp", ".fgb"), "geo"),
     ".gpx": "gpx",
     ".pos": "pos",
 }
 _CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
+    ("geo", re.compile(rb"\A(SQLite format 3\x00|fgb\x03fgb|\x00\x00\x27\x0a)")),
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
     ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
     ("gpx", re.compile(rb"<gpx[\s>]")),
+    ("kml", re.compile(rb"<kml[\s>]")),
     ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
+    ("gnss_logger", re.compile(rb"^#?\s*Fix,Provider,", re.MULTILINE)),
+    ("json", re.compile(rb"\A(\xef\xbb\xbf)?\s*[{\[]")),
+    ("json", re.compile(rb"\A[-\dT:.Z]+\t\*\s*\t\{")),  # OwnTracks' recorder
     ("table", re.compile(rb"\A\s*[^\n,;\t\x00]+[,;\t][^\n\x00]*(\n|\Z)")),
 )
 _STRANGERS = (  # what is not read: what it is, what to do, what it begins with
-    ("JSON", "write a CSV or Parquet with columns time, lat, lon", re.compile(rb"\A\s*[{\[]")),
     ("XML, but no GPX", "export GPX", re.compile(rb"\A(\xef\xbb\xbf)?\s*<")),
     ("compressed or a spreadsheet", "unpack it, or save it as CSV",
      re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
     ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
 )  # fmt: skip
+_IN_A_CRS = frozenset(("table", "geo", "json"))  # formats whose places may be in any system
+_ZIP, _SHAPES = b"PK\x03\x04", re.compile(rb"\.shp")  # a Shapefile in an archive
 _SNIFF = 1 << 16  # bytes read to recognise a format
-_APART = 600.0  # s between odometry and fixes that imply different clocks
-_PREFERRED = (WheelCounts, WheelSpeeds, SpeedYawRate, Odometer)
-
-
-class _Part(NamedTuple):
-    name: str  # of the file
-    kind: str
-    drives: list[Drive]
+_READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
+    "nmea": lambda source, reading: [read_nmea(source, reading.settings)],
+    "gpx": lambda source, reading: read_gpx(source, reading.settings),
+    "pos": lambda source, reading: [read_pos(source, reading.settings)],
+    "kml": read_kml,
+    "json": read_json,
+    "geo": read_geo,
+    "gnss_logger": read_gnss_logger,
+    "table": read_table,
+}
 
 
 def read_drive(
-    paths: AnyPath | Sequence[AnyPath],
+    paths: Any,
     *,
     vehicle: Vehicle | None = None,
     dbc: AnyPath | None = None,
     can: AnyPath | None = None,
     settings: Settings | None = None,
     crs: Any = None,
+    id: str | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    tz: str | None = None,
 ) -> list[Drive]:
     """Read the files of a drive, or of several drives, and put them on one clock.
 
-    The format follows from the suffix, else from the content: NMEA, drive tables, GPX,
-    RTKLIB, CAN logs.  Files of one drive are merged by time after the vehicle's clock
-    offsets, named by file or by role (`gnss`, `odometry`, `can`), are added.
+    The format follows from the suffix, else from the content; docs/formats.md lists all.
+    Files that follow each other, or that are at the same places at the same times, are one
+    drive; others are drives of their own.  The vehicle's clock offsets, named by file or by
+    role (`gnss`, `odometry`, `can`), are added first.
 
     Args:
-        paths: One file or several.
+        paths: One or several of: a file, a folder, a pattern such as `day1/*.gpx`, `-` for
+            standard input, an open file.
         vehicle: Wheels, clocks and the names of CAN signals.
         dbc: What the CAN frames mean.
         can: A CAN log, where its name does not show that it is one.
         settings: Gives the sigma of fixes that report none.
-        crs: Reference system of `x, y` columns in tables.
+        crs: Reference system of `x, y` columns, and of geometries that name none.
+        id: The column of tables whose values tell drives apart.
+        columns: Own names of columns in tables: {"time": "ts", "speed_kmh": "v"}; of tables
+            without a line of names the numbers of columns, from 1.
+        tz: Zone of times in tables that name none, such as Europe/Berlin; None: UTC.
 
     Returns:
-        One drive, or one for each `drive_id` of a table or track of a GPX file.
+        One drive, or one for each id of a table, track of a GPX file or file of its own.
 
     Raises:
         ReadError: A file could not be understood, holds nothing that locates a vehicle, or
             the files share no time.
     """
-    vehicle, settings = vehicle or Vehicle(), settings or Settings()
-    files = [paths] if isinstance(paths, str | PathLike) else list(paths)
-    if not files and can is None:
+    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
+    files, folders, notes = _files([paths] if is_file(paths) else list(paths))
+    if not files and not folders and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")
-    parts = []
-    recorded = [path for path in files if Path(path).is_dir()]
-    files = [path for path in files if path not in recorded]
-    for path in files:
-        kind = format_of(path)
-        drives = _read(path, kind, vehicle, settings, dbc, crs)
-        parts.append(_Part(Path(path).name, kind, drives))
+    parts = _parts(files, reading, dbc)
     if can is not None:
-        parts.append(_Part(Path(can).name, "can", _read(can, "can", vehicle, settings, dbc, crs)))
+        parts.append(_can_part(can, reading, dbc))
     _check_used(parts, dbc, crs)
-    parts = [_on_our_clock(part, vehicle) for part in parts]
-    for path in recorded:
-        parts += _recording(Path(path), vehicle, settings)
-    drives = _merge(parts, vehicle)
+    parts = [_on_our_clock(part, reading.vehicle) for part in parts]
+    for folder in folders:
+        parts += _recording(folder, reading.vehicle, reading.settings)
+    drives = combined(parts, reading.vehicle)
     if not any(_holds_anything(drive) for drive in drives):
         reasons = ", ".join(f"{n} {why}" for d in drives for why, n in d.skipped.items())
         names = ", ".join(part.name for part in parts)
@@ -121,10 +131,10 @@ def read_drive(
             f"{names}: neither a fix nor odometry ({reasons or 'nothing was skipped'}); "
             "at least one was expected"
         )
-    return drives
+    return [replace(d, notes=(*notes, *d.notes)) for d in drives] if notes else drives
 
 
-def _check_used(parts: list[_Part], dbc: AnyPath | None, crs: Any) -> None:
+def _check_used(parts: Sequence[Part], dbc: AnyPath | None, crs: Any) -> None:
     """Refuse options that none of the files is concerned by.
 
     Raises:
@@ -137,19 +147,103 @@ def _check_used(parts: list[_Part], dbc: AnyPath | None, crs: Any) -> None:
             f"dbc (--dbc) is {Path(dbc).name}, and {names} holds no CAN frames; a CAN log was "
             "expected with it; give it by can= (--can)"
         )
-    if crs is not None and "table" not in kinds:
+    if crs is not None and not kinds & _IN_A_CRS:
         raise SettingError(
             f"crs (--crs) is {crs}, and {names} is no table; a table with columns x, y was "
             "expected with it; leave it out"
         )
 
 
-def format_of(path: AnyPath) -> str:
-    """The format of a drive's file: `nmea`, `table`, `gpx`, `pos` or `can`.
+def _files(given: Sequence[Any]) -> tuple[list[Any], list[Path], list[str]]:
+    """Single files, folders that are recordings, and notes on files of folders passed over."""
+    files: list[Any] = []
+    recordings: list[Path] = []
+    notes: list[str] = []
+    for one in given:
+        if is_file_object(one) or str(one) == STDIN or Path(one).is_file():
+            files.append(one)
+        elif Path(one).is_dir():
+            inside, others = _inside(Path(one))
+            if inside:
+                files += inside
+                if others:
+                    notes.append(f"{Path(one).name}: not read: {listed(others, 5)}")
+            else:
+                recordings.append(Path(one))
+        elif glob.has_magic(str(one)):
+            found = sorted(glob.glob(str(one), recursive=True))
+            if not found:
+                raise ReadError(
+                    f"{one}: no file matches; a pattern such as day1/*.gpx was expected"
+                )
+            more = _files(found)
+            files, recordings, notes = files + more[0], recordings + more[1], notes + more[2]
+        else:
+            files.append(one)
+    return files, recordings, notes
 
-    Raises:
-        ReadError: The file cannot be opened, is empty or like none of them.
-    """
+
+def _inside(folder: Path) -> tuple[list[Path], list[str]]:
+    """The drives' files of a folder, and the names of others; none of a recording."""
+    if (folder / "fixes.arrow").is_file() or (folder / "odometry.arrow").is_file():
+        return [], []
+    inside, others = [], []
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        try:
+            if format_of(path) != "can":
+                inside.append(path)
+                continue
+        except ReadError:
+            pass
+        others.append(path.name)
+    return inside, others
+
+
+def _parts(files: Sequence[Any], reading: Reading, dbc: AnyPath | None) -> list[Part]:
+    """What the files hold; own names of columns are those of at least one of several tables."""
+    parts, found, missing = [], set[str](), dict[str, NoSuchColumn]()
+    for file in files:
+        here, file = reading, _kept(file)
+        while True:
+            try:
+                parts.append(_part(file, here, dbc))
+                break
+            except NoSuchColumn as error:
+                if len(files) == 1:
+                    raise
+                missing[error.alias] = error
+                own = {name: column for name, column in here.columns.items() if name != error.alias}
+                here = replace(here, columns=own, id=here.id if "drive_id" in own else None)
+        if parts[-1].kind == "table":
+            found |= here.columns.keys()
+    for alias in missing.keys() - found:
+        raise missing[alias]
+    return parts
+
+
+def _kept(file: Any) -> Any:
+    """What can be read more than once."""
+    return Source.of(file) if is_file_object(file) or str(file) == STDIN else file
+
+
+def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
+    """What a file of any format holds."""
+    if not isinstance(file, Source) and _kind_of_path(file) == "can":
+        return _can_part(file, reading, dbc)
+    source = Source.of(file)
+    kind = _kind(source, reading)
+    if kind == "can":
+        raise ReadError(f"{source.name}: a CAN log; give the path of an unpacked file (--can)")
+    drives = _READERS[kind](source, reading)
+    return Part(source.name, kind, drives, len(drives) > 1 or drives[0].drive_id != source.stem)
+
+
+def _can_part(path: AnyPath, reading: Reading, dbc: AnyPath | None) -> Part:
+    return Part(Path(path).name, "can", [read_can(path, dbc, reading.vehicle)], False)
+
+
+def _kind_of_path(path: AnyPath) -> str | None:
+    """The format by suffix alone, or by the first bytes of a CAN log."""
     try:
         with Path(path).open("rb") as file:
             head = file.read(_SNIFF)
@@ -158,24 +252,41 @@ def format_of(path: AnyPath) -> str:
         raise ReadError(
             f"{path}: cannot be read ({reason}); a readable file was expected"
         ) from None
-    where = Path(path).name
+    kind = _SUFFIXES.get(Path(path).suffix.lower())
+    return kind or ("can" if any(p.search(head) for k, p in _CONTENTS if k == "can") else None)
+
+
+def format_of(file: Any) -> str:
+    """The format of a drive's file: a key of `_READERS`, or `can`.
+
+    Raises:
+        ReadError: The file cannot be opened, is empty or like none of them.
+    """
+    return _kind(Source.of(file), Reading())
+
+
+def _kind(source: Source, reading: Reading) -> str:
+    where, head = source.name, source.data[:_SNIFF]
     if not head.strip():
         raise ReadError(f"{where}: the file is empty; a log or table was expected")
-    suffix = Path(path).suffix.lower()
-    if suffix in _SUFFIXES:
-        return _SUFFIXES[suffix]
+    if source.suffix in _SUFFIXES:
+        return _SUFFIXES[source.suffix]
     kind = next((kind for kind, pattern in _CONTENTS if pattern.search(head)), None)
     strange = next(((s, advice) for s, advice, p in _STRANGERS if p.search(head)), None)
+    if kind is None and not strange and b"\0" not in head and layout_of(head, reading):
+        kind = "table"
+    if source.data.startswith(_ZIP) and _SHAPES.search(source.data):
+        return "geo"
     if kind is not None and not (kind == "table" and strange):
         return kind
     seen, advice = strange or ("a file of unknown format", "convert it")
     raise ReadError(
-        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, RTKLIB .pos or a "
-        f"CAN log was expected; {advice}"
+        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, KML, GeoJSON, "
+        f"RTKLIB .pos or a CAN log was expected; {advice}"
     )
 
 
-def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part]:
+def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[Part]:
     """What the live service recorded; it is on our clock already, its counters are unwrapped."""
     files = [folder / name for name in ("fixes.arrow", "odometry.arrow")]
     if not all(file.is_file() for file in files):
@@ -186,9 +297,9 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[_Part
     straight = replace(vehicle, counter_bits=0)
     parts = []
     for file in [file for file in files if _has_rows(file)]:  # a drive may be without wheels
-        drives = read_table(file, vehicle=straight, settings=settings)
+        drives = read_table(file, Reading(straight, settings))
         drives = [replace(drive, drive_id=folder.name) for drive in drives]
-        parts.append(_Part(f"{folder.name}/{file.name}", "table", drives))
+        parts.append(Part(f"{folder.name}/{file.name}", "table", drives, True))
     if not parts:
         raise ReadError(f"{folder}: nothing was recorded; fixes or odometry were expected")
     return parts
@@ -205,30 +316,11 @@ def _has_rows(file: Path) -> bool:
         return True
 
 
-def _read(
-    path: AnyPath,
-    kind: str,
-    vehicle: Vehicle,
-    settings: Settings,
-    dbc: AnyPath | None,
-    crs: Any,
-) -> list[Drive]:
-    if kind == "nmea":
-        return [read_nmea(path, settings)]
-    if kind == "gpx":
-        return read_gpx(path, settings)
-    if kind == "pos":
-        return [read_pos(path, settings)]
-    if kind == "can":
-        return [read_can(path, dbc, vehicle)]
-    return read_table(path, vehicle=vehicle, settings=settings, crs=crs)
-
-
 def _holds_anything(drive: Drive) -> bool:
     return bool(drive.fixes is not None and len(drive.fixes)) or drive.odometry is not None
 
 
-def _on_our_clock(part: _Part, vehicle: Vehicle) -> _Part:
+def _on_our_clock(part: Part, vehicle: Vehicle) -> Part:
     """Add the vehicle's clock offsets: that of the file, else that of the role."""
     offsets = vehicle.clock_offset
     moving = "can" if part.kind == "can" and "can" in offsets else "odometry"
@@ -245,95 +337,3 @@ def _on_our_clock(part: _Part, vehicle: Vehicle) -> _Part:
             odometry = replace(odometry, time=odometry.time + for_odometry)
         drives.append(replace(drive, fixes=fixes, odometry=odometry))
     return part._replace(drives=drives)
-
-
-def _merge(parts: list[_Part], vehicle: Vehicle) -> list[Drive]:
-    """Drives of several files: all one, or matched by their ids."""
-    if all(len(part.drives) == 1 for part in parts):
-        return [_one([part.drives[0] for part in parts], vehicle)]
-    by_drive: dict[str, list[Drive]] = {}
-    for part in parts:
-        for drive in part.drives:
-            by_drive.setdefault(drive.drive_id, []).append(drive)
-    if len(parts) > 1 and all(len(drives) == 1 for drives in by_drive.values()):
-        counts = ", ".join(f"{part.name}: {len(part.drives)}" for part in parts)
-        raise ReadError(
-            f"files of several drives ({counts}) share no drive_id; one drive per file, or a "
-            "column drive_id in each, was expected"
-        )
-    return [_one(drives, vehicle) for drives in by_drive.values()]
-
-
-def _one(drives: list[Drive], vehicle: Vehicle) -> Drive:
-    """One drive out of its files."""
-    if len(drives) == 1:
-        return drives[0]
-    skipped: Skipped = Counter()
-    for drive in drives:
-        skipped.update(drive.skipped)
-    notes = [note for drive in drives for note in drive.notes]
-    fixes = _join_fixes([d.fixes for d in drives if d.fixes is not None], skipped)
-    odometry = _join_odometry(
-        [d.odometry for d in drives if d.odometry is not None], vehicle, skipped, notes
-    )
-    _same_clock(drives[0].drive_id, fixes, odometry)
-    return Drive(
-        drive_id=drives[0].drive_id,
-        fixes=fixes,
-        odometry=odometry,
-        sources=tuple(source for drive in drives for source in drive.sources),
-        skipped=dict(skipped),
-        notes=tuple(dict.fromkeys(notes)),
-    )
-
-
-def _same_clock(name: str, fixes: Fixes | None, odometry: OdometryLog | None) -> None:
-    if fixes is None or odometry is None or not len(fixes) or not len(odometry.time):
-        return
-    a, b = fixes.time, odometry.time
-    if max(b[0] - a[-1], a[0] - b[-1]) > _APART:
-        raise ReadError(
-            f"{name}: fixes from {a[0]:.1f} to {a[-1]:.1f} s and odometry from {b[0]:.1f} to "
-            f"{b[-1]:.1f} s share no time; one clock was expected; give the offset under [clock] "
-            "in vehicle.toml"
-        )
-
-
-def _join_fixes(logs: list[Fixes], skipped: Skipped) -> Fixes | None:
-    if len(logs) < 2:
-        return logs[0] if logs else None
-    logs = sorted(logs, key=lambda log: log.time[0] if len(log) else np.inf)
-    columns = {
-        f.name: np.concatenate([getattr(log, f.name) for log in logs]) for f in fields(Fixes)
-    }
-    rows = in_order(columns["time"], skipped)
-    return Fixes(**{name: values[rows] for name, values in columns.items()})
-
-
-def _join_odometry(
-    logs: list[OdometryLog], vehicle: Vehicle, skipped: Skipped, notes: list[str]
-) -> OdometryLog | None:
-    """Logs of the best kind, one behind the other; other kinds are left out and noted."""
-    if len(logs) < 2:
-        return logs[0] if logs else None
-    kind = next(k for k in _PREFERRED if any(isinstance(log, k) for log in logs))
-    others = sorted({type(log).__name__ for log in logs if not isinstance(log, kind)})
-    if others:
-        notes.append(f"{kind.__name__} used, {' and '.join(others)} left out")
-    mine = sorted((log for log in logs if isinstance(log, kind)), key=lambda log: log.time[0])
-    columns: dict[str, Any] = {
-        f.name: np.concatenate([getattr(log, f.name) for log in mine]) for f in fields(kind)
-    }
-    if len(mine) > 1:
-        rows = in_order(columns["time"], skipped)
-        columns = {name: values[rows] for name, values in columns.items()}
-        if kind is WheelCounts:
-            for side in ("left", "right"):
-                columns[side] = cumulative(
-                    columns["time"],
-                    columns[side],
-                    bits=vehicle.counter_bits,
-                    metres_per_tick=getattr(vehicle, f"metres_per_tick_{side}"),
-                    skipped=skipped,
-                )
-    return kind(**columns)

@@ -1,10 +1,9 @@
-"""GPX: each track is a drive."""
+"""GPX: each track is a drive, or each route where there are no tracks."""
 
 import io
 import xml.etree.ElementTree as ET
 from collections import Counter
-from os import PathLike
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,71 +11,100 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Drive
 from ..settings import Settings
-from .arrow_columns import iso_seconds
-from .checks import NO_TIME, Skipped, keep, read_bytes
+from .checks import NO_TIME, Skipped, keep
+from .dates import iso_seconds
 from .reported_fixes import Reported, make_fixes
+from .source import Source
+from .without_times import invented_times
 
 _LEAVES = ("time", "hdop", "speed", "course")
+_POINTS = {"trkpt": "trk", "rtept": "rte", "wpt": "wpt"}  # tag -> what it is a point of
 _BAD = "unparsable point"
 
 
-def read_gpx(path: str | PathLike[str], settings: Settings | None = None) -> list[Drive]:
+@dataclass(slots=True)
+class _Track:
+    """A track or a route: its points as attributes and leaves, all text."""
+
+    kind: str
+    name: str = ""
+    points: list[dict[str, str]] = field(default_factory=list)
+
+
+def read_gpx(file: Any, settings: Settings | None = None) -> list[Drive]:
     """Read the tracks of a GPX file, segments of a track joined.
 
+    Without a track its routes are read, else its way points as one track.  Of a file that was
+    cut short the points before the cut are read.  Points without any time are given times.
+
     Args:
-        path: The file, GPX 1.0 or 1.1; speed and course may stand in extensions.
+        file: A path or source of GPX 1.0 or 1.1; speed and course may stand in extensions.
         settings: Gives the range error and the sigma of fixes that report none.
 
     Returns:
         One drive per track that has points, in the order of the file.
 
     Raises:
-        ReadError: It is no XML, was cut short, or has no track with points.
+        ReadError: It is no XML, or has no points.
     """
-    where, data = Path(path).name, read_bytes(path)
-    tracks: list[tuple[str, list[dict[str, str]]]] = []
+    source = Source.of(file)
+    where, notes = source.name, list[str]()
+    tracks: list[_Track] = []
     try:
-        _collect(data, tracks)
+        _collect(source.data, tracks)
     except (ET.ParseError, ValueError, LookupError) as error:
-        raise ReadError(f"{where}: no readable GPX ({error}); was the file cut short?") from None
-    tracks = [(name, points) for name, points in tracks if points]
-    if not tracks:
+        if not any(track.points for track in tracks) or b"<gpx" not in source.data[:4096]:
+            raise ReadError(
+                f"{where}: no readable GPX ({error}); was the file cut short?"
+            ) from None
+        notes.append(f"cut short or damaged ({error}): the points before that were read")
+    for kind in ("trk", "rte", "wpt"):
+        chosen = [track for track in tracks if track.kind == kind and track.points]
+        if chosen:
+            break
+    else:
         raise ReadError(f"{where}: no track with points; <trk> with <trkpt> was expected")
+    if kind != "trk":
+        notes.append("no track: " + ("routes were read" if kind == "rte" else "way points were"))
     drives = []
-    for number, (name, points) in enumerate(tracks):
+    for number, track in enumerate(chosen):
         skipped: Skipped = Counter()
-        reported = _reported(points, skipped)
+        told = list(notes)
+        reported = _reported(track.points, skipped, told)
         fixes = make_fixes(reported, settings or Settings(), skipped)
-        stem = Path(path).stem
-        drive_id = stem if len(tracks) == 1 else f"{stem}/{name or number}"
-        drives.append(Drive(drive_id, fixes, sources=(str(path),), skipped=dict(skipped)))
+        name = source.stem if len(chosen) == 1 else f"{source.stem}/{track.name or number}"
+        drives.append(
+            Drive(name, fixes, None, (source.path,), skipped=dict(skipped), notes=tuple(told))
+        )
     return _distinct(drives)
 
 
-def _collect(data: bytes, tracks: list[tuple[str, list[dict[str, str]]]]) -> None:
-    """Tracks as name and points, each point its attributes and leaves as text."""
+def _collect(data: bytes, tracks: list[_Track]) -> None:
+    """All tracks, routes and way points, each track filled as it is read."""
     inside: list[Any] = []
-    name, points = "", list[dict[str, str]]()
+    ways = _Track("wpt")
+    tracks.append(ways)
     leaves: dict[str, str] = {}
     for event, element in ET.iterparse(io.BytesIO(data), events=("start", "end")):
         tag = element.tag.rpartition("}")[2]
         if event == "start":
             inside.append(element)
-            if tag == "trk":
-                name, points = "", []
-            elif tag == "trkpt":
+            if tag in ("trk", "rte"):
+                tracks.append(_Track(tag))
+            elif tag in _POINTS:
                 leaves = {}
             continue
         inside.pop()
+        above = inside[-1].tag.rpartition("}")[2] if inside else ""
         if tag in _LEAVES and element.text:
             leaves.setdefault(tag, element.text.strip())
-        elif tag == "name" and inside and inside[-1].tag.rpartition("}")[2] == "trk":
-            name = (element.text or "").strip()
-        elif tag == "trkpt":
-            points.append({**element.attrib, **leaves})
-        elif tag == "trk":
-            tracks.append((name, points))
-        if inside and tag in ("trkpt", "wpt", "rtept", "trkseg", "trk"):
+        elif tag == "name" and above in ("trk", "rte"):
+            tracks[-1].name = (element.text or "").strip()
+        elif tag in _POINTS:
+            home = ways if tag == "wpt" else tracks[-1]
+            if home.kind == _POINTS[tag]:
+                home.points.append({**element.attrib, **leaves})
+        if inside and tag in (*_POINTS, "trkseg", "trk", "rte"):
             inside[-1].remove(element)  # else the whole file stays in memory
 
 
@@ -87,22 +115,31 @@ def _number(text: str | None) -> float:
         return np.nan
 
 
-def _reported(points: list[dict[str, str]], skipped: Skipped) -> Reported:
+def _reported(points: list[dict[str, str]], skipped: Skipped, notes: list[str]) -> Reported:
     columns = {
         key: np.array([_number(point.get(key)) for point in points])
         for key in ("lat", "lon", "hdop", "speed", "course")
     }
-    time = iso_seconds([point.get("time") for point in points])
-    placed = keep(~(np.isnan(columns["lat"]) | np.isnan(columns["lon"])), _BAD, skipped)
+    lat, lon = columns["lat"], columns["lon"]
+    texts = [point.get("time") for point in points]
+    time = iso_seconds(texts)
+    if len(points) > 1 and len({text for text in texts if text}) < 2 and not _one_time(texts):
+        time = invented_times(lat, lon, [np.arange(len(points))], notes)
+    placed = keep(~(np.isnan(lat) | np.isnan(lon)), _BAD, skipped)
     timed = keep(~np.isnan(time) | ~placed, NO_TIME, skipped)
     return Reported(
         time=time,
-        lat_deg=columns["lat"],
-        lon_deg=columns["lon"],
+        lat_deg=lat,
+        lon_deg=lon,
         hdop=columns["hdop"],
         speed=columns["speed"],
         bearing_deg=columns["course"],
     ).rows(np.flatnonzero(placed & timed))
+
+
+def _one_time(texts: list[str | None]) -> bool:
+    """Whether a single point has a time: the others lack it then."""
+    return sum(bool(text) for text in texts) == 1
 
 
 def _distinct(drives: list[Drive]) -> list[Drive]:

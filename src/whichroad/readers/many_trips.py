@@ -1,12 +1,9 @@
 """Batches of whole trips from a table or a stream of any size.
 
 A trip of a stream is complete once enough rows of other trips have followed its last row.
-The fixes of regular trips (sorted, valid, without odometry) are read by one call per
-batch; the result is that of `drive_tables.drive_from_table` trip by trip.
 """
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from os import PathLike
@@ -16,14 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from ..observations import Array, Fixes
-from ..settings import Settings
-from .arrow_columns import LARGEST, numbers, texts, times
-from .checks import LAST, Bools, Ints, Skipped, listed
-from .drive_columns import Columns, reported
-from .drive_tables import in_memory, no_column
-from .names import NAMES, Column, find
-from .reported_fixes import completed, is_place
+from .arrow_columns import texts
+from .checks import listed
+from .csv_text import no_column
+from .names import NAMES, find
+from .table_drives import paired
+from .tables_in_memory import in_memory
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -33,9 +28,6 @@ BATCH_ROWS = 1 << 14  # rows of a batch of short trips
 _BATCH = 1 << 15  # rows read from a file at once
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
-_ODOMETRY = frozenset(
-    ["wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "odometer", "yaw_rate"]
-)
 
 
 class TripBatch(NamedTuple):
@@ -66,7 +58,7 @@ def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]
         if hasattr(source, "read_next_batch"):
             yield from _of_stream(source, drive_id)
         else:
-            yield from _parts(_named(*_table(source, drive_id), drive_id))
+            yield from _parts(_of_vehicles(_named(*_table(source, drive_id), drive_id)))
     elif isinstance(source, Iterable):
         yield from _of_stream(source, drive_id)
     else:
@@ -108,8 +100,9 @@ def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
     names = list(getattr(source, "columns", ()))
     if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
         source = source.rename(columns={drive_id: "drive_id"})
-        return in_memory(source)[0], [str(name) for name in names]
-    return in_memory(source)
+        return in_memory(source).table, [str(name) for name in names]
+    seen = in_memory(source)
+    return seen.table, seen.names
 
 
 def _check(names: list[str]) -> None:
@@ -123,18 +116,36 @@ def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
     found = find(table.column_names)
     if "time" not in found:
         _check(names)
+    usual = found.get("drive_id") or found.get("vehicle_id")
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
-    elif "drive_id" in found and (drive_id == "drive_id" or "drive_id" in table.column_names):
-        place = found["drive_id"].place
+    elif usual and (drive_id == "drive_id" or "drive_id" in table.column_names):
+        place = usual.place
     else:
         raise ReadError(
             f"table: no column {drive_id!r} among {listed(names)}; one that names "
             f"the trip of each row was expected, for example {', '.join(NAMES['drive_id'])}"
         )
-    keep = [c.place for c in found.values() if c.place != place]
+    apart = place != usual.place or table.column_names[place] == "drive_id" if usual else True
+    others = ("drive_id", "row_id", "vehicle_id") if apart else ("drive_id", "row_id")
+    keep = [c.place for q, c in found.items() if c.place != place and q not in others]
     used = [table.column_names[i] for i in keep if table.column_names[i] != "drive_id"]
     return table.select(used).append_column("drive_id", table.column(place))
+
+
+def _of_vehicles(table: "pa.Table") -> "pa.Table":
+    """The table whose trips that several vehicles have are one of each."""
+    import pyarrow as pa
+
+    vehicle = find(table.column_names).get("vehicle_id")
+    if vehicle is None or not table.num_rows:
+        return table
+    trips = texts(table["drive_id"])
+    names, codes = paired(*trips, *texts(table.column(vehicle.place)))
+    if len(names) == len(np.unique(trips[1])):
+        return table
+    at = table.column_names.index("drive_id")
+    return table.set_column(at, "drive_id", pa.DictionaryArray.from_arrays(codes, names))
 
 
 def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
@@ -196,9 +207,9 @@ def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Tab
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
-            yield name, _joined(waiting.pop(name))
-    for name, parts in waiting.items():
-        yield name, _joined(parts)
+            yield from _cut(_of_vehicles(_joined(waiting.pop(name))))
+    for parts in waiting.values():
+        yield from _cut(_of_vehicles(_joined(parts)))
 
 
 def _joined(parts: "list[pa.Table]") -> "pa.Table":
@@ -231,91 +242,28 @@ def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[TripBatch]:
         yield TripBatch(pa.concat_tables(parts), names, first)
 
 
-def are_many(path: str | PathLike[str]) -> bool:
-    """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips."""
+def are_many(path: str | PathLike[str], drive_id: str | None = None) -> bool:
+    """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips.
+
+    Args:
+        path: The file.
+        drive_id: The column that names trips; None: any of the usual ones.
+    """
     path = Path(path)
     if not path.is_dir() and path.suffix.lower() not in _FILES:
         return False
     seen: set[str] = set()
     try:
-        for batch in _of_path(path, "drive_id"):
-            if "drive_id" not in find(batch.schema.names):
+        for batch in _of_path(path, drive_id or "drive_id"):
+            found = find(batch.schema.names)
+            usual = found.get("drive_id") or found.get("vehicle_id")
+            name = drive_id or (usual and usual.name)
+            if name is None or name not in batch.schema.names:
                 return False
-            column = batch.column(find(batch.schema.names)["drive_id"].place)
+            column = batch.column(batch.schema.names.index(name))
             seen.update(map(str, column.unique().to_pylist()))
             if len(seen) > 1:
                 return True
     except (ReadError, OSError, ValueError):  # the reader of the file will report the error
         return False
     return False
-
-
-def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
-    """Read the fixes of the regular trips of a batch.
-
-    Args:
-        table: (n,) rows, trip after trip.
-        first: (d,) where each begins.
-        settings: Gives the sigma of fixes that report none.
-
-    Returns:
-        Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
-        same fixes, with nothing skipped or noted.  None: no trip can be read so.
-    """
-    found = find(table.column_names)
-    found.pop("drive_id", None)
-    if not _is_regular(table, found):
-        return None
-    time = _in_one_unit(table, found["time"])
-    if time is None:
-        return None
-    skipped: Skipped = Counter()
-    columns: Columns = {"time": time}
-    for quantity, column in found.items():
-        if quantity not in ("time", "geometry"):
-            values = numbers(table.column(column.place), column.name, skipped)
-            columns[quantity] = values * column.factor
-    good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
-    later = np.diff(time, prepend=-np.inf) > 0.0
-    later[first] = True
-    regular = np.logical_and.reduceat(good & later, first)
-    if not regular.all():
-        rows = np.repeat(regular, np.diff(first, append=len(time)))
-        columns = {quantity: values[rows] for quantity, values in columns.items()}
-    fixes = completed(reported(columns), settings, skipped)
-    return None if skipped else (fixes, regular)
-
-
-def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
-    """Whether the table has numeric positions and no odometry."""
-    import pyarrow as pa
-
-    has = found.keys()
-    if not {"time", "lat", "lon"} <= has or not table.num_rows or _ODOMETRY & has:
-        return False
-    if "bearing" in has and "speed" not in has:  # the reader of single trips adds a note
-        return False
-    return all(
-        pa.types.is_floating(kind)
-        or pa.types.is_integer(kind)
-        or (quantity == "time" and pa.types.is_timestamp(kind))
-        for quantity, column in found.items()
-        if quantity != "geometry"
-        for kind in (table.schema.field(column.place).type,)
-    )
-
-
-def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
-    """Seconds since 1970; None where the sizes of bare numbers imply several units."""
-    import pyarrow as pa
-
-    column = table.column(meaning.place)
-    if meaning.factor or pa.types.is_timestamp(column.type):
-        return times(column, meaning, "table", Counter())
-    values = numbers(column, meaning.name, Counter())
-    sizes = np.abs(values[np.isfinite(values)])
-    if not len(sizes):
-        return values
-    bounds = [largest for largest, _ in LARGEST]
-    least, most = np.searchsorted(bounds, [sizes.min(), sizes.max()], side="right").tolist()
-    return values * LARGEST[least][1] if least == most else None

@@ -7,17 +7,17 @@ before it.  The date comes from RMC or ZDA and is carried over midnight.
 
 from collections import Counter
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import ReadError
 from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
-from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep, read_bytes
-from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan
+from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
+from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
+from .source import Source
 
 _BLOCK = 1 << 19  # bytes of a log scanned at once
 _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back
@@ -28,20 +28,25 @@ _SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
 _FOREIGN = "bytes that are no sentence"
 _LATE = "time running backwards"
+_NO_CHECKSUMS = "no checksums in the log: sentences were used as they are"
 
 
-def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Drive:
+def read_nmea(file: Any, settings: Settings | None = None) -> Drive:
     """Read an NMEA 0183 log.
 
     Args:
-        path: The log; binary messages between sentences are passed over.
+        file: A path or source of the log; binary messages between sentences are passed over.
         settings: Gives the range error and the sigma of fixes that report none.
 
     Raises:
         ReadError: The file cannot be read or holds no good sentence of a known type.
     """
-    where, data = Path(path).name, read_bytes(path)
+    source = Source.of(file)
+    where, data = source.name, source.data
     parser = NmeaParser(settings)
+    bare = b"*" not in data
+    if bare:
+        data = sealed(data)
     batches: list[Sentences] = []
     begin = 0
     while begin < len(data) or not batches:
@@ -59,11 +64,11 @@ def read_nmea(path: str | PathLike[str], settings: Settings | None = None) -> Dr
         )
     fixes = parser.fixes(sentences)
     return Drive(
-        drive_id=Path(path).stem,
+        drive_id=source.stem,
         fixes=fixes,
-        sources=(str(path),),
+        sources=(source.path,),
         skipped=dict(parser.skipped),
-        notes=parser.notes(),
+        notes=(*parser.notes(), *((_NO_CHECKSUMS,) if bare else ())),
     )
 
 

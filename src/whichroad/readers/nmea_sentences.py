@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..geodesy.units import KNOT
 from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
+from .dates import day_of
 from .parsing import Bytes, decimal, hexadecimal
 
 LONGEST = 1024  # bytes from $ to checksum; the standard allows 82, some receivers exceed it
@@ -113,6 +114,23 @@ def joined(batches: Sequence[Sentences]) -> Sentences:
         np.concatenate([b.tod for b in batches]),
         {name: np.concatenate([b.values[name] for b in batches], axis=1) for name in TYPES},
     )
+
+
+def sealed(data: bytes) -> bytes:
+    """Sentences without checksums with them, so that a log that has none can be read.
+
+    A last line without its end may be cut short, and stays without.
+    """
+    lines = []
+    for line in data.splitlines(keepends=True):
+        begin, body = line.find(b"$"), line.rstrip()
+        if begin >= 0 and body != line:
+            check = 0
+            for byte in body[begin + 1 :]:
+                check ^= byte
+            line = b"%s*%02X\r\n" % (body, check)
+        lines.append(line)
+    return b"".join(lines)
 
 
 def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences, int]:
@@ -310,7 +328,7 @@ def _vtg(numbers: Array, letters: Bytes, bad: Bools) -> Array:
 
 
 def _zda(numbers: Array, letters: Bytes, bad: Bools) -> Array:
-    return _date(numbers[3], numbers[2], numbers[1])[None]
+    return day_of(numbers[3], numbers[2], numbers[1])[None]
 
 
 _MEANING = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "VTG": _vtg, "ZDA": _zda}
@@ -321,13 +339,4 @@ def _day(date: Array) -> Array:
     day = np.floor(date / 1e4)
     month = np.floor(date / 100) - 100 * day
     year = date - 1e4 * day - 100 * month
-    return _date(np.where(year >= 80, 1900 + year, 2000 + year), month, day)
-
-
-def _date(year: Array, month: Array, day: Array) -> Array:
-    """Days since 1970, NaN for a date that cannot be."""
-    known = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12)
-    known &= (day >= 1) & (day <= 31)
-    months = np.where(known, 12 * (year - 1970) + month - 1, 0).astype(np.int64)
-    first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
-    return np.where(known, first + day - 1, np.nan)
+    return day_of(np.where(year >= 80, 1900 + year, 2000 + year), month, day)

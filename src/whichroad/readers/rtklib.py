@@ -1,8 +1,7 @@
 """RTKLIB solutions (.pos): fixes with their full covariance."""
 
 from collections import Counter
-from os import PathLike
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +9,10 @@ from ..errors import ReadError
 from ..geodesy.angles import course_of
 from ..observations import Array, Drive
 from ..settings import Settings
-from .arrow_columns import iso_seconds
-from .checks import LAST, NO_TIME, Skipped, keep, read_bytes
+from .checks import LAST, NO_TIME, Skipped, keep
+from .dates import iso_seconds
 from .reported_fixes import Reported, make_fixes
+from .source import Source
 
 _LEAP = 18.0  # s, GPS time ahead of UTC since 2017
 _GPS_EPOCH = 315_964_800.0  # 1980-01-06
@@ -21,21 +21,22 @@ _SHORT = "line cut short"
 _NUMBER = "unparsable number"
 
 
-def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Drive:
+def read_pos(file: Any, settings: Settings | None = None) -> Drive:
     """Read an RTKLIB solution in degrees.
 
     Its covariance terms are signed square roots; GPS time becomes UTC.
 
     Args:
-        path: The .pos file, with its header.
+        file: A path or source of a .pos file, with its header.
         settings: Gives the sigma of fixes that report none.
 
     Raises:
         ReadError: The header does not name latitude and longitude in degrees, or no line
             follows.
     """
-    where = Path(path).name
-    lines = read_bytes(path).decode("utf-8", "replace").splitlines()
+    source = Source.of(file)
+    where = source.name
+    lines = source.data.decode("utf-8", "replace").splitlines()
     head = next((line for line in lines if line.startswith("%") and "latitude(deg)" in line), None)
     if head is None:
         raise ReadError(
@@ -75,7 +76,7 @@ def read_pos(path: str | PathLike[str], settings: Settings | None = None) -> Dri
             bearing_deg=course_of(v_east, v_north),
         ).rows(np.flatnonzero(placed & timed))
     fixes = make_fixes(reported, settings or Settings(), skipped)
-    return Drive(Path(path).stem, fixes, sources=(str(path),), skipped=dict(skipped))
+    return Drive(source.stem, fixes, sources=(source.path,), skipped=dict(skipped))
 
 
 def _number(text: str) -> float:

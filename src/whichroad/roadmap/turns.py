@@ -17,7 +17,7 @@ Ints32 = NDArray[np.int32]
 _STRAIGHT = radians(34.0)
 _SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
-_U_TURN_MID_ROAD = 1e-4  # prior of a U-turn where there is no junction
+_U_TURN_MID_ROAD = 1e-4  # of a U-turn where there is no junction; a stub hardly is one
 _SERVED = 500.0  # m, length from which on a dead end attracts full traffic
 _INTO_SERVICE = 0.3
 WRONG_WAY = 2e-4
@@ -104,9 +104,14 @@ def _priors(
     dead_end = np.diff(first) == 1  # all that one can do at its end is turn round
     dead_end &= graph.opposite >= 0
     weight *= np.where(dead_end[edge], np.minimum(graph.length[edge] / _SERVED, 1.0), 1.0)
-    weight[(broken & U_TURN) > 0] = _TURN_ROUND
-    weight[((broken & U_TURN) > 0) & (ways == 2)] = _U_TURN_MID_ROAD
     weight[(graph.service[edge] > 0) & (graph.service[origin] == 0)] *= _INTO_SERVICE
+    back = (broken & U_TURN) > 0
+    weight[back] = 0.0
+    rest = np.add.reduceat(weight, first[:-1]) - np.maximum.reduceat(weight, first[:-1])
+    share = np.minimum(rest / _BEND, 1.0)[origin[back]]
+    weight[back] = np.where(
+        ways[back] == 1, _TURN_ROUND, np.maximum(share * _TURN_ROUND, _U_TURN_MID_ROAD)
+    )
     # who is on a closed road already does not break the rule again at each junction
     closed = graph.rule & NO_ACCESS > 0
     wrong = (broken & (TURN_BANNED | AGAINST_ONE_WAY) > 0) | blocked

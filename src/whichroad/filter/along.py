@@ -1,0 +1,216 @@
+"""Motion along the roads, for vehicles without a heading sensor: the road gives the turn."""
+
+import math
+from typing import NamedTuple
+
+from .._compile import kernel
+from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
+from ..graph.network import is_at_node
+from .branching import BRANCH_THRESHOLD, LEAST_SHARE, OFFSET, pass_on, run_on, share_beyond
+from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
+from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
+from .road import track
+from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, Path, X, Y, redraw, rescale
+
+CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
+CORNER_RADIUS = 15.0  # m
+CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
+ACROSS = 0.015  # m²/m across the road; vehicles do not follow the map's line exactly
+_FULL_TURN = 1.6  # rad, cap of a corner
+_FORWARD_EVERY = 0.95  # s between truncations of the speed
+_REVERSE = -0.5  # m/s, lowest speed without odometry
+
+
+class Advance(NamedTuple):
+    """Where a hypothesis that follows its road comes to lie."""
+
+    odometer: float  # δ, odometer metres, or seconds where κ is a speed
+    s: float  # abscissa from the start of its edge, m
+    sigma: float  # m
+    lateral: float  # offset from the road before, m
+    tx: float  # tangent before
+    ty: float
+    begin: float  # abscissa from which on the road's turn on this edge is the vehicle's, m
+
+
+@kernel(inline=True)
+def _about_road(ctx: Context, edge: int, segment: int, s: float) -> float:
+    """Variance of the vehicle's heading about its road's, rad², more in bends and about nodes."""
+    par = ctx.par[0]
+    roads = ctx.roads
+    variance = par.edge_heading_sigma**2
+    if not is_straight(roads, edge):
+        _, _, _, ax, ay = locate(roads, edge, segment, s - 4.0)
+        _, _, _, bx, by = locate(roads, edge, segment, s + 4.0)
+        variance += (0.5 * (ax * by - ay * bx)) ** 2
+    if is_at_node(roads, edge, s, par.node_radius):
+        variance += par.node_heading_sigma**2
+    return float(variance)
+
+
+@kernel(inline=True)
+def _move_to(
+    belief: Belief, ctx: Context, i: int, to: Advance, noise: Noise, low: float, high: float
+) -> None:
+    """Put hypothesis i at an abscissa of its edge, truncated to [low, high], by its road's shape.
+
+    In bends and about junctions the vehicle's heading is on its way from one to the other.
+    """
+    hyp = belief.hyp[i]
+    roads = ctx.roads
+    edge = hyp.edge
+    length = roads.edges[edge].length
+    at, variance = truncated_moments(to.s, to.sigma, low, high)
+    shift = at - to.s
+    shrink = variance / (to.sigma * to.sigma)
+    segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, at)
+    heading = math.atan2(ny, nx)
+    turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
+    bent = min(abs(turn), _FULL_TURN)
+    if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
+        at += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        segment, cx, cy, nx, ny = locate(roads, edge, segment, at)
+    corner = (CORNER_SIGMA * bent) ** 2
+    variance += corner
+    mean = hyp.mu
+    cov = hyp.cov
+    q = Noise(noise.along + corner, 0.0, 0.0, noise.rate, 0.0, noise.cross)
+    if belief.state[0].knows_heading:
+        turn_by_road(mean, cov, turn_within(roads, edge, segment, to.begin, at), noise.heading)
+    else:
+        redraw(hyp, H, heading, _about_road(ctx, edge, segment, at))
+    predict_road(cov, to.odometer, turn, nx, ny, q)
+    add_across(cov, ACROSS * abs(to.odometer * mean[K]), nx, ny)
+    scale = belief.state[0].scale
+    if shrink < 0.9999:
+        reshape_on_map(mean, cov, nx, ny, shift, shrink, scale)
+    mean[X] = cx + scale * (to.lateral * ny - mean[MX])
+    mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
+    hyp.segment = segment
+    hyp.along = at
+    hyp.along_sigma = math.sqrt(variance)
+    z = (length - at) / hyp.along_sigma
+    hyp.p_not_passed = 1.0 if z > 6.0 else max(normal_cdf(z), 1e-6)
+
+
+@kernel(inline=True)
+def _pass_beyond(
+    belief: Belief, path: Path, ctx: Context, i: int, share: float, to: Advance, noise: Noise
+) -> None:
+    """Move the share of hypothesis i that is beyond its edge's end to the edges that follow."""
+    hyp = belief.hyp[i]
+    first = int(belief.state[0].count)
+    least = LEAST_SHARE * ctx.par[0].prune
+    given = pass_on(belief, path, ctx, i, to.s, to.sigma, share, least)
+    for row in range(first, belief.state[0].count):
+        child = belief.hyp[row]
+        if child.edge != OFF_ROAD:
+            beside = to.lateral + child.mu[D] - hyp.mu[D]
+            ahead = Advance(
+                to.odometer, to.s - child.scratch[OFFSET], to.sigma, beside, to.tx, to.ty, 0.0
+            )
+            _move_to(belief, ctx, row, ahead, noise, 0.0, ctx.roads.edges[child.edge].length)
+    rescale(hyp, 1.0 - given)
+
+
+@kernel(inline=True)
+def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
+    """Move the hypotheses on roads by κ δ along them, branching where roads branch.
+
+    For vehicles without a heading sensor: the turn is that of the road.  Where a course was
+    heard a moment ago, the heading turns with the road within an edge, and walks at random as off
+    the roads, so that it is not drawn anew for every fix; at nodes the courses tell it.  Off the
+    roads vehicles move straight on.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        odometer: δ, odometer metres, or seconds where κ is a speed.
+        noise: Process noise.
+
+    Returns:
+        Whether anything branched.
+    """
+    changed = False
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            continue
+        lateral, tx, ty = track(belief, ctx.roads, i)
+        begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
+        cov = hyp.cov
+        s = begin + odometer * hyp.mu[K]
+        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+        variance = hyp.along_sigma**2 + odometer * (2.0 * cross + odometer * cov[K, K])
+        sigma = math.sqrt(max(variance + noise.along, 1e-4))
+        hyp.along_sigma = sigma
+        after, s = run_on(belief, path, ctx, i, s)
+        if hyp.edge != edge:
+            changed = True
+            begin = 0.0
+            lateral += hyp.mu[D] - lane
+        length = ctx.roads.edges[hyp.edge].length
+        now = 1.0
+        if after < 0 and s + 6.0 * sigma > length:
+            now = normal_cdf((length - s) / sigma)
+        share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD)
+        to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
+        end = 1e9
+        owed = hyp.p_not_passed
+        if share > 0.0:
+            owed = 0.0
+            changed = True
+            _pass_beyond(belief, path, ctx, i, share, to, noise)
+            end = length
+        _move_to(belief, ctx, i, to, noise, -1e9, end)
+        hyp.p_not_passed = max(hyp.p_not_passed, owed)
+    straight = Increment(odometer, 0.0, odometer, 0.0)
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            predict_plane(hyp.mu, hyp.cov, straight, belief.state[0].scale, noise)
+    return changed
+
+
+@kernel(inline=True)
+def forward_only(belief: Belief, ctx: Context) -> bool:
+    """Without odometry a vehicle drives forwards.
+
+    The speed is truncated to what is above −0.5 m/s, and the hypothesis weighed by how much
+    that was, once a second: a speed that walks at random about zero would else creep on.  Off
+    the roads a negative speed first becomes the opposite heading.
+
+    Returns:
+        Whether any weight was changed; weights are yet to be normalised.
+    """
+    row = ctx.work.row
+    state = belief.state[0]
+    due = state.time - state.forward_time >= _FORWARD_EVERY
+    if due:
+        state.forward_time = state.time
+    weighed = False
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        mean = hyp.mu
+        cov = hyp.cov
+        if hyp.edge == OFF_ROAD and mean[K] < _REVERSE:
+            mean[K] = -mean[K]
+            mean[H] = wrap(mean[H] + math.pi)
+            for j in range(N):
+                cov[K, j] = -cov[K, j]
+            for j in range(N):
+                cov[j, K] = -cov[j, K]
+        sigma = math.sqrt(cov[K, K])
+        z = (mean[K] - _REVERSE) / sigma
+        if due and z < 2.5:
+            weighed = True
+            rescale(hyp, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
+            speed, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
+            for j in range(N):
+                row[j] = 0.0
+            row[K] = 1.0
+            reshape_along(
+                mean, cov, row, speed - mean[K], variance / (sigma * sigma), belief.state[0].scale
+            )
+    return weighed

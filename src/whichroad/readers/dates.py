@@ -1,0 +1,334 @@
+"""Dates and times as people, spreadsheets and tools write them, as seconds since 1970 UTC.
+
+ISO 8601 is read by pandas, a column at a time; other writings cell by cell.  The years 1970
+to 2100 are plausible, others are no times.
+"""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
+from typing import NamedTuple
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ReadError
+from ..observations import Array
+
+EARLIEST = 315_532_800.0  # s, 1980: below it a bare number counts from a start, not from 1970
+LATEST = 4_102_444_800.0  # s, 2100
+DAY = 86_400.0  # s
+_PER_SECOND = (1.0, 1e-3, 1e-6, 1e-9)  # s in a tick of a bare number, s to ns
+# UTC by name, or the name of a zone behind an offset: 12:00:00+02:00[Europe/Berlin]
+_NAMED = ("UTC", "GMT", "]")
+_ZONE = re.compile(r"(?<=\d)\s*(?:UTC|GMT)$|(?:(?<=[+-]\d\d:\d\d)|(?<=Z))\[[^\[\]]*\]$")
+_ISO = re.compile(r"\s*\d{4}[-/]\d\d?[-/]\d\d?(?:$|[T ]\s*\d\d?(?!.*[apAP]\.?[mM]))")
+_HAS_ZONE = re.compile(r"(?:Z|UTC|GMT|\]|:?\d\d[+-]\d\d(?::?\d\d)?|\d[+-]\d\d:?\d\d)\s*$")
+_CLOCK = (
+    r"(?P<H>\d{1,2}):(?P<M>\d\d)(?::(?P<S>\d\d)(?:[.,](?P<f>\d+))?)?\s*(?P<ap>[AaPp]\.?[Mm]\.?)?"
+)
+_OFFSET = r"\s*(?P<z>Z|(?:UTC|GMT)?[+-]\d\d:?\d\d|UTC|GMT)?(?:\s*\([A-Za-z ]+\))?"
+_LAYOUTS = tuple(
+    re.compile(layout + r"\s*$")
+    for layout in (
+        r"(?P<Y>\d{4})(?P<m>\d\d)(?P<d>\d\d)[T_ -]?(?P<H>\d\d):?(?P<M>\d\d):?(?P<S>\d\d)"
+        rf"(?:[.,](?P<f>\d+))?{_OFFSET}",
+        rf"(?P<Y>\d{{4}})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)[T ,]+{_CLOCK}{_OFFSET}",
+        rf"(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<Y>\d{{4}})[T ,]+{_CLOCK}{_OFFSET}",
+        rf"(?P<first>\d\d?)[/-](?P<second>\d\d?)[/-](?P<Y>\d{{4}})[T ,]+{_CLOCK}{_OFFSET}",
+        rf"(?:[A-Za-z]{{3,9}},?\s+)?(?P<d>\d\d?)[ -](?P<word>[A-Za-z]{{3,9}})\.?[ ,-]+"
+        rf"(?P<Y>\d{{4}})[ ,T]+{_CLOCK}{_OFFSET}",
+        rf"(?:[A-Za-z]{{3,9}},?\s+)?(?P<word>[A-Za-z]{{3,9}})\.?\s+(?P<d>\d\d?),?\s+(?P<Y>\d{{4}}),?"
+        rf"\s+(?:at\s+)?{_CLOCK}{_OFFSET}",
+        rf"[A-Za-z]{{3}}\s+(?P<word>[A-Za-z]{{3}})\s+(?P<d>\d\d?)\s+{_CLOCK}{_OFFSET}\s+(?P<Y>\d{{4}})",
+    )
+)
+_OF_DAY = re.compile(rf"{_CLOCK}{_OFFSET}\s*$")
+_DIGITS = re.compile(r"\d{5,6}(?:\.\d+)?$")
+_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
+_COMPACT = ((12, 1), (14, 1), (17, 1000))  # digits of YYYYMMDDhhmm, with ss, with thousandths
+
+
+class Moments(NamedTuple):
+    """A column of times."""
+
+    seconds: Array  # (n,) since 1970 UTC, NaN where a cell is no time
+    zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
+
+
+def zone_of(name: str | None) -> tzinfo | None:
+    """The zone of a name such as Europe/Berlin or +02:00; None of None.
+
+    Raises:
+        ReadError: There is no such zone.
+    """
+    if name is None:
+        return None
+    try:
+        return _offset(name) or ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        raise ReadError(
+            f"tz: {name!r} is no known time zone; a name such as Europe/Berlin, or an offset "
+            "such as +02:00, was expected"
+        ) from None
+
+
+def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Array:
+    """Seconds since 1970 UTC of ISO 8601 texts, NaN where one is not.
+
+    Args:
+        cells: The texts.
+        zone: Of those that name none; None: UTC.
+    """
+    import pandas as pd
+
+    if any(cell and cell.endswith(_NAMED) for cell in cells):
+        cells = [_ZONE.sub(_zone_as_letter, cell) if cell else None for cell in cells]
+    plain = [cell.replace("/", "-").replace(",", ".") if cell else None for cell in cells]
+    texts = pd.Series(plain, dtype=object)
+    stamps = pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601")
+    micros: NDArray[np.int64] = stamps.dt.as_unit("us").astype("int64").to_numpy()
+    seconds = np.where(stamps.notna().to_numpy(), micros / 1e6, np.nan)
+    if zone is not None:
+        local = np.array([bool(cell) and not _HAS_ZONE.search(cell or "") for cell in cells], bool)
+        seconds[local] = to_utc(seconds[local], zone)
+    return plausible(seconds)
+
+
+def plausible(seconds: Array) -> Array:
+    """Seconds since 1970, NaN where they are of no plausible year."""
+    return np.where((seconds >= 0.0) & (seconds < LATEST), seconds, np.nan)
+
+
+def _zone_as_letter(match: re.Match[str]) -> str:
+    return "" if match[0].startswith("[") else "Z"
+
+
+def of_texts(cells: Sequence[str | None], zone: tzinfo | None, where: str) -> Moments | None:
+    """Times of texts; None where no cell is a date with a time of day.
+
+    Args:
+        cells: The texts, None where a cell is empty.
+        zone: Of those that name none; None: UTC.
+        where: The source and its column, for errors.
+
+    Raises:
+        ReadError: Day and month cannot be told apart.
+    """
+    filled = [cell for cell in cells if cell and cell.strip()]
+    if not filled:
+        return None
+    if any(map(_ISO.match, filled)):
+        if all(len(cell.strip()) <= len("2026-03-28") for cell in filled):
+            return None  # dates without a time of day
+        zoneless = any(not _HAS_ZONE.search(cell) for cell in filled)
+        return Moments(iso_seconds(cells, zone), zoneless)
+    found = [_match(cell) for cell in cells]
+    if not any(found):
+        return None
+    month_first = _month_first(found, where)
+    seconds = np.array([_seconds(m, month_first) if m else np.nan for m in found])
+    local = np.array([m is not None and not m["z"] for m in found], bool)
+    seconds[local] = to_utc(seconds[local], zone)
+    return Moments(plausible(seconds), bool(local.any()))
+
+
+def of_days(
+    dates: Sequence[str | None], clocks: Sequence[str | None], zone: tzinfo | None, where: str
+) -> Moments | None:
+    """Times of dates and times of day in columns of their own; None where they are none."""
+    texts = [
+        None if not day or not clock else f"{_dashed(day)} {_coloned(clock)}"
+        for day, clock in zip(dates, clocks, strict=True)
+    ]
+    return of_texts(texts, zone, where)
+
+
+def of_clocks(clocks: Sequence[str | None]) -> Array | None:
+    """Seconds since the first midnight of mere times of day, carried over midnights."""
+    found = [_OF_DAY.match(_coloned(cell).strip()) if cell else None for cell in clocks]
+    if not any(found):
+        return None
+    seconds = np.array([_of_day(m) if m else np.nan for m in found])
+    known = np.flatnonzero(np.isfinite(seconds))
+    falls = np.diff(seconds[known], prepend=seconds[known][:1]) < -0.5 * DAY
+    seconds[known] += DAY * np.cumsum(falls)
+    return seconds
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a text is a mere time of day."""
+    return bool(_OF_DAY.match(cell.strip()))
+
+
+def tick_of(size: float) -> float | None:
+    """Seconds in a tick of a clock that counts from 1970 and shows `size`; None: there is none."""
+    return next((tick for tick in _PER_SECOND if EARLIEST <= size * tick < LATEST), None)
+
+
+def of_numbers(values: Array, zone: tzinfo | None) -> Moments | None:
+    """Times of bare numbers that count from 1970 or are written digits of a date.
+
+    Args:
+        values: (n,) numbers, NaN where there is none.
+        zone: Of written dates; None: UTC.
+
+    Returns:
+        None where the numbers count from something else.
+    """
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
+        return Moments(values)
+    middle = (len(sizes) - 1) // 2
+    size = float(np.partition(sizes, middle)[middle])
+    factor = tick_of(size)
+    if factor is not None:
+        return Moments(values * factor)
+    for digits, parts in _COMPACT:
+        if 1.98 * 10 ** (digits - 1) <= size < 2.1 * 10 ** (digits - 1):
+            return Moments(to_utc(_written(values, digits, parts), zone), True)
+    return None
+
+
+def from_serial(days: Array, zone: tzinfo | None) -> Array:
+    """Seconds since 1970 UTC of a spreadsheet's days since 1899-12-30."""
+    return to_utc((days - 25_569.0) * DAY, zone)
+
+
+def to_utc(local: Array, zone: tzinfo | None) -> Array:
+    """Seconds since 1970 UTC of seconds on the clocks of a zone; None: that of UTC.
+
+    An hour that comes twice is taken as its first; steps of a log within it are kept.
+    """
+    if zone is None:
+        return local
+    known = np.isfinite(local) & (np.abs(local) < LATEST)
+    hours, back = np.unique(np.floor(local[known] / 900.0), return_inverse=True)
+    naive = [datetime(1970, 1, 1) + timedelta(seconds=900.0 * hour) for hour in hours]
+    shifts = [(moment.replace(tzinfo=zone).utcoffset() or timedelta()) for moment in naive]
+    result = np.full(len(local), np.nan)
+    offsets = np.array([shift.total_seconds() for shift in shifts])
+    result[known] = local[known] - (offsets[back] if len(offsets) else 0.0)
+    return result
+
+
+def day_of(year: Array, month: Array, day: Array) -> Array:
+    """Days since 1970 of calendar dates (n,), NaN for a date that cannot be, as 31 February."""
+    known = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12) & (day >= 1)
+    months = np.where(known, 12 * (year - 1970) + month - 1, 0).astype(np.int64)
+    first = _first_of(months)
+    known &= day <= _first_of(months + 1) - first
+    return np.where(known, first + day - 1, np.nan)
+
+
+def _first_of(months: NDArray[np.int64]) -> NDArray[np.int64]:
+    return months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+
+
+def _written(values: Array, digits: int, parts: int) -> Array:
+    """Local seconds of numbers whose digits are year, month, day, hour, minute and second."""
+    with np.errstate(invalid="ignore"):
+        rest, fraction = np.divmod(values, parts)
+        rest = np.where(np.isfinite(rest), rest, 0.0)
+        fraction = np.where(rest > 0, fraction / parts, np.nan)
+    whole = np.floor(rest)
+    fraction = fraction + (rest - whole)
+    second = np.zeros(len(values))
+    if digits > 12:
+        whole, second = np.divmod(whole, 100)
+    whole, minute = np.divmod(whole, 100)
+    whole, hour = np.divmod(whole, 100)
+    whole, day = np.divmod(whole, 100)
+    year, month = np.divmod(whole, 100)
+    possible = (hour < 24) & (minute < 60) & (second < 61)
+    days = np.where(possible, day_of(year, month, day), np.nan)
+    return np.asarray(DAY * days + 3600.0 * hour + 60.0 * minute + second + fraction)
+
+
+def _match(cell: str | None) -> re.Match[str] | None:
+    if not cell:
+        return None
+    text = cell.strip()
+    return next((m for layout in _LAYOUTS if (m := layout.match(text))), None)
+
+
+def _month_first(found: Sequence[re.Match[str] | None], where: str) -> bool:
+    """Whether 03/28/2026 names the month first, as its numbers show."""
+    slashed = [m for m in found if m is not None and "first" in m.re.groupindex]
+    if not slashed:
+        return False
+    first = max(int(m["first"]) for m in slashed)
+    second = max(int(m["second"]) for m in slashed)
+    if max(first, second) > 12 or first == second:
+        return second > 12 or first == second
+    if len({m["first"] for m in slashed}) != len({m["second"] for m in slashed}):
+        return len({m["first"] for m in slashed}) < len({m["second"] for m in slashed})
+    raise ReadError(
+        f"{where}: dates such as {slashed[0][0].strip()[:30]!r} do not show which number is the "
+        "month; ISO 8601 (2026-03-28T22:30:00Z) was expected; write them so"
+    )
+
+
+def _seconds(match: re.Match[str], month_first: bool) -> float:
+    """Seconds since 1970 of one date, on the clocks of its zone where it names none; else UTC."""
+    parts = match.groupdict()
+    day, month = parts.get("d"), parts.get("m")
+    if "first" in parts:
+        first, second = parts["first"], parts["second"]
+        day, month = (second, first) if month_first else (first, second)
+    elif "word" in parts:
+        word = str(parts["word"])[:3].lower()
+        month = str(_MONTHS.index(word) + 1) if word in _MONTHS else "0"
+    try:
+        begin = date(int(parts["Y"] or 0), int(month or 0), int(day or 0))
+    except ValueError:
+        return np.nan
+    seconds = (begin - date(1970, 1, 1)).days * DAY + _of_day(match)
+    named = _offset(parts["z"])
+    if named is None:
+        return seconds
+    return seconds - (named.utcoffset(None) or timedelta()).total_seconds()
+
+
+def _of_day(match: re.Match[str]) -> float:
+    """Seconds since midnight, NaN where they cannot be."""
+    parts = match.groupdict()
+    hour, minute, second = int(parts["H"]), int(parts["M"]), int(parts["S"] or 0)
+    if parts.get("ap"):
+        if not 1 <= hour <= 12:
+            return np.nan
+        hour = hour % 12 + (12 if parts["ap"][0] in "pP" else 0)
+    if hour > 23 or minute > 59 or second > 60:
+        return np.nan
+    return 3600.0 * hour + 60.0 * minute + second + float(f"0.{parts['f'] or 0}")
+
+
+def _offset(text: str | None) -> timezone | None:
+    """The zone of `Z`, `+02:00`, `-0500` or `GMT+02:00`; None of anything else."""
+    if not text:
+        return None
+    if text in ("Z", "UTC", "GMT"):
+        return UTC
+    match = re.fullmatch(r"(?:UTC|GMT)?([+-])(\d\d):?(\d\d)", text)
+    if match is None or int(match[2]) > 23 or int(match[3]) > 59:
+        return None
+    size = timedelta(hours=int(match[2]), minutes=int(match[3]))
+    return timezone(size if match[1] == "+" else -size)
+
+
+def _dashed(day: str) -> str:
+    """A date of eight digits with dashes."""
+    day = day.strip().removesuffix(".0")
+    day = day.removesuffix(" 00:00:00").removesuffix("T00:00:00")
+    return f"{day[:4]}-{day[4:6]}-{day[6:]}" if re.fullmatch(r"(?:19|20)\d{6}", day) else day
+
+
+def _coloned(clock: str) -> str:
+    """A time of day of six digits with colons; those of hours before ten may lack one."""
+    clock = clock.strip()
+    if not _DIGITS.match(clock):
+        return clock
+    whole, _, fraction = clock.partition(".")
+    whole = whole.zfill(6)
+    return f"{whole[:2]}:{whole[2:4]}:{whole[4:]}" + (f".{fraction}" if fraction else "")

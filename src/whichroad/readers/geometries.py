@@ -1,0 +1,108 @@
+"""Places out of geometries and out of coordinates in a plane, as longitude and latitude."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import ReadError
+from ..observations import Array
+from .names import Column
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_UNSAID = object()  # a geometry whose metadata say nothing of its reference system
+
+
+def places_of(table: "pa.Table", column: Column, crs: Any, where: str) -> tuple[Array, Array]:
+    """Longitudes and latitudes of a column of points.
+
+    The reference system is that of the file's metadata (GeoParquet, GeoArrow), else `crs`,
+    else degrees on WGS 84.
+
+    Args:
+        table: Of the file.
+        column: The geometry.
+        crs: Of geometries that name none, as pyproj takes it.
+        where: The source, for errors.
+
+    Raises:
+        ReadError: The points cannot be read, or are no degrees although no system is known.
+    """
+    field = table.schema.field(column.place)
+    own = _system(table.schema.metadata or {}, field)
+    x, y = _points(table.column(column.place), where)
+    known = np.isfinite(x) & np.isfinite(y)
+    if own is _UNSAID or own is None:
+        own = crs
+    if own is not None:
+        return unproject(x, y, own, where)
+    if known.any() and (np.abs(x[known]).max() > 180.0 or np.abs(y[known]).max() > 90.0):
+        middle = np.flatnonzero(known)[0]
+        raise ReadError(
+            f"{where}: column {column.name!r} holds points such as {x[middle]:.1f}, "
+            f"{y[middle]:.1f} without a reference system; longitude and latitude were expected; "
+            "give crs= (--crs), for example EPSG:32632"
+        )
+    return x, y
+
+
+def _system(metadata: dict[bytes, bytes], field: "pa.Field") -> Any:
+    """The reference system that a GeoParquet or GeoArrow column names."""
+    try:
+        geo = json.loads(metadata.get(b"geo", b"{}"))
+        about = geo.get("columns", {}).get(field.name)
+        if isinstance(about, dict):  # where it names none, degrees on WGS 84 are the rule
+            return about.get("crs", "OGC:CRS84")
+        extension = json.loads((field.metadata or {}).get(b"ARROW:extension:metadata", b"{}"))
+        return extension.get("crs", _UNSAID)
+    except (ValueError, AttributeError):
+        return _UNSAID
+
+
+def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
+    import pyarrow as pa
+    import shapely
+
+    kind = getattr(column.type, "storage_type", column.type)
+    try:
+        if pa.types.is_struct(kind):  # GeoArrow's own encoding of points
+            cells = column.combine_chunks()
+            cells = getattr(cells, "storage", cells)
+            x, y = (np.array(pa.compute.struct_field(cells, n), np.float64) for n in ("x", "y"))
+            return x, y
+        values = column.to_pylist()
+        if any(isinstance(v, str) for v in values):
+            points = shapely.from_wkt(values)
+        else:
+            points = shapely.from_wkb(values)
+        return shapely.get_x(points), shapely.get_y(points)
+    except (shapely.errors.ShapelyError, pa.ArrowException, TypeError, ValueError) as error:
+        raise ReadError(
+            f"{where}: the geometry cannot be read ({_first_line(error)}); points as WKB or WKT "
+            "were expected"
+        ) from None
+
+
+def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
+    """Longitudes and latitudes on WGS 84 of coordinates in a reference system.
+
+    Raises:
+        ReadError: pyproj does not know the system.
+    """
+    import pyproj
+
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
+        lon, lat = transformer.transform(x, y)
+    except (pyproj.exceptions.ProjError, TypeError, ValueError) as error:
+        shown = crs if isinstance(crs, str | int) else "of the file"
+        raise ReadError(f"{where}: crs {shown!r} cannot be used ({_first_line(error)})") from None
+    known = np.isfinite(x) & np.isfinite(y)
+    # pyproj returns infinity for what lies outside its grid, and for NaN
+    return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -1,0 +1,212 @@
+"""JSON: records with places, GeoJSON, and Google's timeline, as tables.
+
+Records are the objects of a list, wherever it lies in the file, or one on each line, as
+OwnTracks writes them.  What is nested in a record is named by its path, `device.id`.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import ReadError
+from ..observations import Drive
+from .geometries import unproject
+from .names import find
+from .reading import Reading
+from .source import Source
+from .tracks import Track, drives_of_tracks
+
+_LINE = re.compile(rb"^[^{\n]*(\{.*\})\s*$", re.MULTILINE)  # a record behind a time, as OwnTracks
+_HOMES = re.compile(r"^(?:location|position|coords?|point|gps|latlng)\.")
+_DEGREES = re.compile(r"\s*(-?[\d.]+)\s*°?,\s*(-?[\d.]+)\s*°?\s*$")  # Google: 49.4°, 8.7°
+_WGS84 = ("CRS84", "4326")
+_ADVICE = "write a CSV or Parquet with columns time, lat, lon"
+
+
+class _Lines(NamedTuple):
+    """A line of GeoJSON with the times of its points, where it has them."""
+
+    coordinates: list[Any]
+    times: list[Any] | None
+    name: str
+
+
+def read_json(source: Source, reading: Reading) -> list[Drive]:
+    """Read the places of a JSON file.
+
+    Raises:
+        ReadError: It is no JSON, or holds no places.
+    """
+    content = _content(source)
+    if isinstance(content, dict) and content.get("type") in _GEOMETRIES:
+        tracks = _of_geojson(content, source)
+    elif isinstance(content, dict) and "semanticSegments" in content:
+        tracks = [Track("", _of_timeline(content))]
+    else:
+        tracks = [Track("", rows) for rows in _records(content)][:1]
+    if not any(track.rows for track in tracks):
+        raise ReadError(
+            f"{source.name}: JSON without records of places; NMEA 0183, a drive table (CSV, "
+            f"Parquet, Arrow), GPX, GeoJSON or a CAN log was expected; {_ADVICE}"
+        )
+    return drives_of_tracks(tracks, source, reading)
+
+
+def _content(source: Source) -> Any:
+    data = source.data.removeprefix(b"\xef\xbb\xbf")
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        records = []
+        for match in _LINE.finditer(data):
+            try:
+                records.append(json.loads(match[1]))
+            except (ValueError, RecursionError):
+                continue
+        if records:
+            return records
+        first = str(error).splitlines()[0]
+        raise ReadError(
+            f"{source.name}: no readable JSON ({first}); was the file cut short? {_ADVICE}"
+        ) from None
+
+
+_GEOMETRIES = ("FeatureCollection", "Feature", "Point", "MultiPoint", "LineString",
+               "MultiLineString")  # fmt: skip
+
+
+def _records(content: Any) -> Iterator[list[dict[str, Any]]]:
+    """Lists of flat records with places, the longest of each level first."""
+    if isinstance(content, dict):
+        columns = {k: v for k, v in content.items() if isinstance(v, list)}
+        if {"lat", "lon"} <= find(list(columns)).keys():  # a table, column by column
+            cells = zip(*columns.values(), strict=False)
+            yield [dict(zip(columns, row, strict=True)) for row in cells]
+        for value in sorted(columns.values(), key=len, reverse=True):
+            yield from _records(value)
+        for value in content.values():
+            if isinstance(value, dict):
+                yield from _records(value)
+    elif isinstance(content, list):
+        rows = [_flat(record) for record in content if isinstance(record, dict)]
+        named = list(dict.fromkeys(name for row in rows for name in row))
+        if {"lat", "lon"} <= find(named).keys():
+            yield rows
+        else:
+            for record in content[:100]:
+                if isinstance(record, dict | list):
+                    yield from _records(record)
+
+
+def _flat(record: dict[str, Any], path: str = "") -> dict[str, Any]:
+    """A record without nesting; what lies in `location`, `coords` and the like loses that name."""
+    flat: dict[str, Any] = {}
+    for key, value in record.items():
+        name = f"{path}{key}"
+        if isinstance(value, dict):
+            flat |= {k: v for k, v in _flat(value, f"{name}.").items() if k not in flat}
+        elif not isinstance(value, list):
+            flat.setdefault(_HOMES.sub("", name), value)
+    return flat
+
+
+def _of_timeline(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """The positions of Google's timeline on a phone; those of its paths, where it has no others."""
+    raw = []
+    for signal in _dicts(content.get("rawSignals")):
+        position = signal.get("position")
+        if isinstance(position, dict):
+            place = _degrees(position.get("LatLng"))
+            if place:
+                raw.append({
+                    "time": position.get("timestamp"), "lat": place[0], "lon": place[1],
+                    "accuracy": position.get("accuracyMeters"),
+                    "speed_mps": position.get("speedMetersPerSecond"),
+                })  # fmt: skip
+    if raw:
+        return raw
+    return [
+        {"time": point.get("time"), "lat": place[0], "lon": place[1]}
+        for segment in _dicts(content.get("semanticSegments"))
+        for point in _dicts(segment.get("timelinePath"))
+        if (place := _degrees(point.get("point")))
+    ]
+
+
+def _dicts(values: Any) -> Iterator[dict[str, Any]]:
+    return (v for v in (values if isinstance(values, list) else ()) if isinstance(v, dict))
+
+
+def _degrees(text: Any) -> tuple[float, float] | None:
+    match = _DEGREES.match(text) if isinstance(text, str) else None
+    try:
+        return (float(match[1]), float(match[2])) if match else None
+    except ValueError:
+        return None
+
+
+def _of_geojson(content: dict[str, Any], source: Source) -> list[Track]:
+    """Points as one table, each line as a track."""
+    features = content.get("features") if content["type"] == "FeatureCollection" else [content]
+    points: list[dict[str, Any]] = []
+    lines: list[_Lines] = []
+    for number, feature in enumerate(_dicts(features)):
+        geometry = feature.get("geometry") if feature.get("type") == "Feature" else feature
+        about = feature.get("properties")
+        about = about if isinstance(about, dict) else {}
+        if not isinstance(geometry, dict):
+            continue
+        places, kind = geometry.get("coordinates"), geometry.get("type")
+        if kind == "Point":
+            points += list(_places([places], _flat(about)))
+        elif kind == "MultiPoint":
+            points += list(_places(places, _flat(about)))
+        elif kind in ("LineString", "MultiLineString"):
+            lines += _lines(places, kind == "MultiLineString", about, str(number))
+    tracks = [Track("", points)] if points else []
+    for line in lines:
+        rows = list(_places(line.coordinates, {}))
+        if line.times is not None and len(line.times) == len(line.coordinates) == len(rows):
+            rows = [row | {"time": t} for row, t in zip(rows, line.times, strict=True)]
+        tracks.append(Track(line.name if len(lines) > 1 else "", rows))
+    return _on_wgs84(tracks, content, source)
+
+
+def _lines(places: Any, many: bool, about: dict[str, Any], number: str) -> list[_Lines]:
+    """The parts of a line joined, with times as togeojson and Mapbox write them."""
+    parts = places if many and isinstance(places, list) else [places]
+    coordinates = [p for part in parts if isinstance(part, list) for p in part]
+    inner = about.get("coordinateProperties")
+    times = about.get("coordTimes") or about.get("coordinate_times")
+    times = times or (inner.get("times") if isinstance(inner, dict) else None)
+    if isinstance(times, list) and times and isinstance(times[0], list):
+        times = [t for part in times for t in part]
+    name = about.get("name") or about.get("id") or number
+    return [_Lines(coordinates, times if isinstance(times, list) else None, str(name))]
+
+
+def _places(places: Any, about: dict[str, Any]) -> Iterable[dict[str, Any]]:
+    for place in places if isinstance(places, list) else ():
+        if isinstance(place, list) and len(place) > 1:
+            lon, lat = place[:2]
+            if isinstance(lon, int | float) and isinstance(lat, int | float):
+                named = {k: v for k, v in about.items() if k.lower() not in ("lat", "lon")}
+                yield {**named, "lat": float(lat), "lon": float(lon)}
+
+
+def _on_wgs84(tracks: list[Track], content: dict[str, Any], source: Source) -> list[Track]:
+    """Tracks in the reference system that old GeoJSON names, on WGS 84."""
+    crs = content.get("crs")
+    name = crs.get("properties", {}).get("name") if isinstance(crs, dict) else None
+    if not isinstance(name, str) or name.endswith(_WGS84):
+        return tracks
+    moved = []
+    for track in tracks:
+        x, y = (np.array([row[k] for row in track.rows], np.float64) for k in ("lon", "lat"))
+        lon, lat = unproject(x, y, name, source.name)
+        places = zip(track.rows, lat.tolist(), lon.tolist(), strict=True)
+        moved.append(Track(track.name, [r | {"lat": a, "lon": o} for r, a, o in places]))
+    return moved

@@ -1,0 +1,30 @@
+"""How a drive's files are to be understood, where they do not say it themselves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..settings import Settings, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the caller says of the files."""
+
+    vehicle: Vehicle = field(default_factory=Vehicle)  # wheels, clocks, CAN signals
+    settings: Settings = field(default_factory=Settings)  # sigma of fixes that report none
+    crs: Any = None  # reference system of x, y and of geometries without one, as pyproj takes it
+    id: str | None = None  # the column whose values tell drives apart
+    columns: Mapping[str, str | int] = field(default_factory=dict)  # documented name -> own column
+    tz: str | None = None  # zone of times that name none, such as Europe/Berlin
+
+    @classmethod
+    def of(
+        cls, vehicle: Vehicle | None = None, settings: Settings | None = None, **more: Any
+    ) -> "Reading":
+        """The same from arguments of which None stands for the default."""
+        own = dict(more.get("columns") or {})
+        if more.get("id") is not None:
+            own = {k: v for k, v in own.items() if k != "drive_id"} | {"drive_id": more["id"]}
+        more["columns"] = own
+        return cls(vehicle or Vehicle(), settings or Settings(), **more)

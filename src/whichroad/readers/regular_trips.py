@@ -1,0 +1,116 @@
+"""Fixes of many trips read at once, where that gives the same as reading each alone.
+
+Trips are regular that are sorted, valid and without odometry; the result is that of
+`drive_tables.drive_from_table` trip by trip.
+"""
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..observations import Array, Fixes
+from ..settings import Settings
+from .arrow_columns import numbers, times
+from .checks import LAST, Bools, Ints, Skipped
+from .dates import tick_of
+from .drive_columns import Columns, reported
+from .names import Column, find
+from .reported_fixes import completed, is_place
+from .table_units import in_metres_per_second
+from .units_by_places import TOO_FAST, distances, reachable
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_ALONE = frozenset(
+    [
+        "wheel_rl",
+        "wheel_rr",
+        "wheel_rl_ticks",
+        "wheel_rr_ticks",
+        "odometer",
+        "yaw_rate",
+        "date",
+        "north_south",
+        "east_west",
+    ]
+)  # what only the reader of single trips understands
+
+
+def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
+    """Read the fixes of the regular trips of a batch.
+
+    Args:
+        table: (n,) rows, trip after trip.
+        first: (d,) where each begins.
+        settings: Gives the sigma of fixes that report none.
+
+    Returns:
+        Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
+        same fixes, with nothing skipped or noted.  None: no trip can be read so.
+    """
+    found = find(table.column_names)
+    for name in ("drive_id", "vehicle_id", "row_id"):
+        found.pop(name, None)
+    if not _is_regular(table, found):
+        return None
+    time = _in_one_unit(table, found["time"])
+    if time is None:
+        return None
+    skipped: Skipped = Counter()
+    columns: Columns = {"time": time}
+    for quantity, column in found.items():
+        if quantity not in ("time", "geometry"):
+            values = numbers(table.column(column.place), column.name, skipped)
+            columns[quantity] = values * column.factor
+    good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
+    step = np.diff(time, prepend=-np.inf)
+    later = step > 0.0
+    later[first] = True
+    moved = np.concatenate([[0.0], distances(columns["lat"], columns["lon"])])
+    # else the times of the trip may be wrong, or its rows of several vehicles
+    possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
+    possible[first] = True
+    regular = np.logical_and.reduceat(good & later & possible, first)
+    if "speed" in found and found["speed"].bare:
+        regular &= in_metres_per_second(columns, first)
+    if not regular.all():
+        rows = np.repeat(regular, np.diff(first, append=len(time)))
+        columns = {quantity: values[rows] for quantity, values in columns.items()}
+    fixes = completed(reported(columns), settings, skipped)
+    return None if skipped else (fixes, regular)
+
+
+def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
+    """Whether the table has numeric positions and no odometry."""
+    import pyarrow as pa
+
+    has = found.keys()
+    if not {"time", "lat", "lon"} <= has or not table.num_rows or _ALONE & has:
+        return False
+    if "bearing" in has and "speed" not in has:  # the reader of single trips adds a note
+        return False
+    return all(
+        pa.types.is_floating(kind)
+        or pa.types.is_integer(kind)
+        or (quantity == "time" and pa.types.is_timestamp(kind))
+        for quantity, column in found.items()
+        if quantity != "geometry"
+        for kind in (table.schema.field(column.place).type,)
+    )
+
+
+def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
+    """Seconds since 1970; None where the sizes of bare numbers imply several units."""
+    import pyarrow as pa
+
+    column = table.column(meaning.place)
+    if meaning.factor or pa.types.is_timestamp(column.type):
+        return times(column, meaning, "table", Counter()).seconds
+    values = numbers(column, meaning.name, Counter())
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
+        return values
+    least, most = tick_of(float(sizes.min())), tick_of(float(sizes.max()))
+    return None if least is None or least != most else values * least

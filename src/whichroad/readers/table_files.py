@@ -1,0 +1,66 @@
+"""Files of tables to the columns that are used: text, Parquet, Arrow."""
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ReadError
+from .checks import Skipped, keep
+from .csv_text import read_csv
+from .names import Seen, find
+from .reading import Reading
+from .source import Source
+
+if TYPE_CHECKING:
+    pass
+
+PARQUET = (".parquet", ".geoparquet", ".pq")
+ARROW = (".arrow", ".feather", ".ipc")
+
+
+def table_of(source: Source, skipped: Skipped, reading: Reading) -> Seen:
+    """The used columns of a file, and the names of all.
+
+    Raises:
+        ReadError: It is no readable table.
+    """
+    if source.suffix in PARQUET or source.data.startswith(b"PAR1"):
+        return _parquet(source, reading)
+    if source.suffix in ARROW or source.data.startswith((b"ARROW1", b"FEA1")):
+        return _arrow(source, skipped, reading)
+    return read_csv(source.data, source.name, skipped, reading)
+
+
+def _parquet(source: Source, reading: Reading) -> Seen:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(io.BytesIO(source.data))
+        names = file.schema_arrow.names
+        found = find(names, reading.columns)
+        table = file.read(columns=[column.name for column in found.values()] or names[:1])
+        table.validate(full=True)
+        return Seen.of(table, names, found)
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        raise _unreadable(source, "Parquet", error) from None
+
+
+def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
+    import pyarrow as pa
+
+    from ..tables.schema import read_arrow
+
+    try:
+        table, whole = read_arrow(source.data)
+        keep(np.array([whole]), "end of a recording, torn", skipped)
+        table.validate(full=True)
+        return Seen(table, table.column_names, find(table.column_names, reading.columns))
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        raise _unreadable(source, "Arrow file", error) from None
+
+
+def _unreadable(source: Source, kind: str, error: Exception) -> ReadError:
+    first = (str(error).splitlines() or [type(error).__name__])[0][:200]
+    return ReadError(f"{source.name}: no readable {kind} ({first}); was the file cut short?")

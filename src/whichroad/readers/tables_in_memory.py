@@ -1,0 +1,132 @@
+"""Tables in memory, of any library, as columns of Arrow."""
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import ReadError
+from .names import Seen, find
+from .reading import Reading
+
+_ROW = ("time", "lat", "lon")  # what the numbers of a tuple are
+_NO_TABLE = (
+    "a DataFrame, GeoDataFrame, pyarrow Table, list of dicts or of (time, lat, lon), or anything "
+    "with __arrow_c_stream__ was expected"
+)
+
+
+def in_memory(table: Any, reading: Reading | None = None) -> Seen:
+    """The used columns of any table in memory as Arrow, and the names of all.
+
+    Args:
+        table: A frame of pandas, geopandas, polars or movingpandas, an Arrow table or batch, a
+            dict of columns, a list of dicts, or rows (time, lat, lon) or (lat, lon) as
+            tuples or as a NumPy array.
+        reading: Gives own names of columns.
+
+    Raises:
+        ReadError: It is no table.
+    """
+    import pyarrow as pa
+
+    own = reading.columns if reading is not None else {}
+    given = table
+    try:
+        if isinstance(table, pa.RecordBatch):
+            table = pa.Table.from_batches([table])
+        elif isinstance(table, np.ndarray | list | tuple):
+            table = _of_rows(table)
+        elif hasattr(table, "geometry") and hasattr(table, "to_crs"):
+            table = _points(table)
+        if hasattr(table, "reset_index"):
+            return _frame(table, own)
+        table = table if isinstance(table, pa.Table) else pa.table(table)
+        return Seen(table, table.column_names, find(table.column_names, own))
+    except (
+        pa.ArrowException, TypeError, ValueError, KeyError, AttributeError, OverflowError
+    ) as error:  # fmt: skip
+        raise ReadError(
+            f"table: {type(given).__name__} cannot be read as a table ({_first_line(error)}); "
+            f"{_NO_TABLE}"
+        ) from None
+
+
+def is_gpx(thing: Any) -> bool:
+    """Whether something is a GPX of gpxpy."""
+    return hasattr(thing, "tracks") and hasattr(thing, "routes") and hasattr(thing, "to_xml")
+
+
+def frames_of(thing: Any) -> list[tuple[str, Any]] | None:
+    """Names and frames of the trajectories of movingpandas; None of anything else."""
+    if hasattr(thing, "trajectories"):
+        return [(str(one.id), one.df) for one in thing.trajectories]
+    if hasattr(thing, "df") and hasattr(thing, "to_linestring"):
+        return [(str(getattr(thing, "id", "drive")), thing.df)]
+    return None
+
+
+def _of_rows(rows: Any) -> Any:
+    """A frame of dicts, of tuples or of an array, one for each row."""
+    import pandas as pd
+
+    if isinstance(rows, np.ndarray) and rows.dtype.names:
+        return pd.DataFrame(rows)
+    if not len(rows):
+        raise ValueError("no rows")
+    if isinstance(rows[0], dict):
+        return pd.DataFrame(list(rows))
+    if isinstance(rows[0], str | bytes):
+        raise TypeError("rows are text")
+    width = {len(row) for row in rows}
+    if width not in ({2}, {3}):
+        raise ValueError("rows of (time, lat, lon) or of (lat, lon) were expected")
+    columns = [[row[k] for row in rows] for k in range(width.pop())]
+    names = _ROW[-len(columns) :]
+    if len(columns) == 3 and _is_time(columns[2]) and not _is_time(columns[0]):
+        names = ("lat", "lon", "time")
+    frame = pd.DataFrame(dict(zip(names, columns, strict=True)))
+    if float(np.abs(frame["lat"].astype(float)).max()) > 90.0:
+        raise ValueError(f"latitudes beyond 90 degrees; the order ({', '.join(names)}) is expected")
+    return frame
+
+
+def _is_time(values: list[Any]) -> bool:
+    """Whether values can be no angles, so that they are times."""
+    return not isinstance(values[0], int | float | np.number) or abs(float(values[0])) > 360.0
+
+
+def _frame(frame: Any, own: Any) -> Seen:
+    """The used columns of a DataFrame; an index that is a time, or named like a column, is one."""
+    import pyarrow as pa
+
+    index = [str(name) for name in frame.index.names if name is not None]
+    if find(index) or set(index) & {str(column) for column in own.values()}:
+        frame = frame.reset_index()
+    elif str(frame.index.dtype).startswith("datetime64"):
+        frame = frame.rename_axis("time").reset_index()
+    names = [str(name) for name in frame.columns]
+    found = find(names, own)
+    # columns that are not used may be of types that Arrow does not know
+    arrays = {
+        column.name: pa.array(frame.iloc[:, column.place], from_pandas=True)
+        for column in found.values()
+    }
+    return Seen.of(pa.table(arrays), names, found)
+
+
+def _points(frame: Any) -> Any:
+    """A GeoDataFrame of points as a DataFrame with lon and lat."""
+    points = frame.geometry
+    if not points.geom_type.isin(["Point"]).all():
+        kinds = ", ".join(sorted({str(kind) for kind in points.geom_type.unique()}))
+        raise ValueError(f"geometries of kind {kinds}; points were expected")
+    if points.crs is not None:
+        points = points.to_crs(4326)
+    plain = frame.drop(columns=frame.geometry.name)
+    if not {"lat", "lon"} & find([str(c) for c in plain.columns]).keys():
+        plain = plain.assign(lon=points.x.to_numpy(), lat=points.y.to_numpy())
+    return plain
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

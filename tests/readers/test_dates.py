@@ -1,0 +1,227 @@
+"""Dates and times as people, spreadsheets and tools write them."""
+
+from datetime import UTC, datetime
+from email.utils import format_datetime
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from whichroad.errors import ReadError
+from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.dates import day_of, of_texts
+
+START = datetime(2026, 3, 28, 22, 30, 0, tzinfo=UTC)
+T0 = START.timestamp()
+N = 60
+METRES = 1.0 / 111_195.0  # degrees of latitude
+MOMENTS = pd.date_range(START, periods=N, freq="s")
+LAT = 49.4 + 10.0 * METRES * np.arange(N)
+
+
+def drive_of(folder, **columns):
+    """The only drive of a CSV with these columns beside its places."""
+    columns = {**columns, "lat": LAT, "lon": np.full(N, 8.7)}
+    path = folder / "x.csv"
+    pd.DataFrame(columns).to_csv(path, index=False, sep=";")
+    (drive,) = read_drive(path, tz=columns.pop("tz", None))
+    return drive
+
+
+WRITTEN = [
+    "%Y-%m-%dT%H:%M:%SZ",
+    "%Y%m%dT%H%M%SZ",
+    "%Y%m%d%H%M%S",
+    "%Y%m%d %H%M%S",
+    "%Y/%m/%d %H:%M:%S",
+    "%d.%m.%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p",
+    "%Y-%m-%d %I:%M:%S %p",
+    "%d-%b-%Y %H:%M:%S.000",
+    "%b %d, %Y %I:%M:%S %p",
+    "%B %d, %Y, %I:%M:%S %p",
+    "%a, %d %b %Y %H:%M:%S +0000",
+    "%a, %d %b %Y %H:%M:%S GMT",
+    "%a %b %d %H:%M:%S GMT+00:00 %Y",
+    "%Y-%m-%d %H:%M:%S.000+0000",
+    "%Y-%m-%d %H:%M:%S UTC",
+]
+
+
+@pytest.mark.parametrize("form", WRITTEN)
+def test_dates_are_read_in_all_usual_writings(tmp_path, form):
+    drive = drive_of(tmp_path, time=MOMENTS.strftime(form))
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+    assert drive.skipped == {}
+
+
+def test_dates_of_mails_are_read(tmp_path):
+    drive = drive_of(tmp_path, time=[format_datetime(m.to_pydatetime()) for m in MOMENTS])
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+@given(st.datetimes(datetime(1980, 1, 1), datetime(2099, 12, 31)), st.sampled_from(WRITTEN))
+def test_any_date_is_read_as_python_reads_it(moment, form):
+    moment = moment.replace(microsecond=0)
+    if form.startswith(("%d/", "%m/")) and moment.day <= 12 and moment.day != moment.month:
+        return  # of a single date it cannot be known which number is the month
+    read = of_texts([moment.strftime(form)], None, "x")
+    if read is None:  # digits alone are read as a number
+        assert form == "%Y%m%d%H%M%S"
+        return
+    assert read.seconds[0] == moment.replace(tzinfo=UTC).timestamp()
+
+
+@pytest.mark.parametrize(("name", "unit"), [("time", 1), ("ts", 1e3), ("epoch", 1e6), ("utc", 1e9)])
+def test_numbers_since_1970_are_in_the_unit_of_their_size(tmp_path, name, unit):
+    values = (unit * (T0 + np.arange(N))).astype(np.int64)
+    assert drive_of(tmp_path, **{name: values}).fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+@pytest.mark.parametrize("digits", ["%Y%m%d%H%M%S", "%Y%m%d%H%M%S000"])
+def test_digits_of_a_date_are_no_count_of_milliseconds(tmp_path, digits):
+    drive = drive_of(tmp_path, time=MOMENTS.strftime(digits).astype(np.int64))
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+def test_days_of_a_spreadsheet_are_dates(tmp_path):
+    days = (T0 + np.arange(N)) / 86_400 + 25_569  # as Excel counts them
+    drive = drive_of(tmp_path, time=days)
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N), abs=1e-4)
+    assert any("spreadsheet's days" in note for note in drive.notes)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("µs", 1e6), ("s", 1.0)])
+def test_times_from_a_start_are_in_the_unit_that_fits_the_places(tmp_path, unit, factor):
+    drive = drive_of(tmp_path, t=factor * np.arange(N))
+    assert drive.fixes.time == pytest.approx(np.arange(N))
+    assert any(f"taken as {unit} from a start" in n for n in drive.notes) == (unit != "s")
+
+
+@pytest.mark.parametrize(
+    ("day", "clock"),
+    [("%Y-%m-%d", "%H:%M:%S"), ("%d.%m.%Y", "%H:%M:%S"), ("%Y%m%d", "%H%M%S"),
+     ("%m/%d/%Y", "%I:%M:%S %p"), ("%Y/%m/%d", "%H:%M:%S.000")],
+)  # fmt: skip
+def test_date_and_time_may_stand_in_columns_of_their_own(tmp_path, day, clock):
+    drive = drive_of(tmp_path, date=MOMENTS.strftime(day), time=MOMENTS.strftime(clock))
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+def test_times_of_day_in_digits_may_lack_the_zero_of_their_hour(tmp_path):
+    clock = [81_500 + k for k in range(N)]
+    drive = drive_of(tmp_path, date=["20260328"] * N, time=clock)
+    assert drive.fixes.time[0] == datetime(2026, 3, 28, 8, 15, tzinfo=UTC).timestamp()
+
+
+def test_numbers_beside_a_date_that_are_no_clock_count_from_a_start(tmp_path):
+    counted = drive_of(tmp_path, date=["2026-03-28"] * N, time=100_000 + 1000 * np.arange(N))
+    assert np.diff(counted.fixes.time) == pytest.approx(1.0)
+    assert any("taken as ms from a start" in note for note in counted.notes)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S,250", "%d.%m.%Y %H:%M:%S,250"])
+def test_fractions_of_seconds_may_stand_behind_a_comma(tmp_path, form):
+    drive = drive_of(tmp_path, time=MOMENTS.strftime(form))
+    assert drive.fixes.time == pytest.approx(T0 + 0.25 + np.arange(N))
+
+
+def test_times_of_day_alone_are_counted_from_1970_over_midnight_and_it_is_said(tmp_path):
+    late = pd.date_range("2026-03-28 23:59:30", periods=N, freq="s").strftime("%H:%M:%S")
+    drive = drive_of(tmp_path, time=late)
+    assert drive.fixes.time == pytest.approx(86_370.0 + np.arange(N))
+    assert any(note.startswith("no date beside") for note in drive.notes)
+
+
+@pytest.mark.parametrize(
+    "form", ["%Y-%m-%d %H:%M:%S", "%d.%m.%Y %H:%M:%S", "%Y%m%d%H%M%S", "%b %d, %Y %I:%M:%S %p"]
+)
+def test_times_without_a_zone_are_utc_unless_the_caller_names_one(tmp_path, form):
+    path = tmp_path / "x.csv"
+    local = MOMENTS.tz_convert("Europe/Berlin").strftime(form)
+    pd.DataFrame({"time": local, "lat": LAT, "lon": 8.7}).to_csv(path, index=False, sep=";")
+    (drive,) = read_drive(path)
+    assert drive.fixes.time == pytest.approx(T0 + 3600 + np.arange(N))
+    assert any("name no zone and were taken as UTC" in note for note in drive.notes)
+    (drive,) = read_drive(path, tz="Europe/Berlin")
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+    assert not any("zone" in note for note in drive.notes)
+
+
+def test_a_drive_across_the_begin_of_summer_time_is_one_without_a_gap(tmp_path):
+    moments = pd.date_range("2026-03-29T00:59:30Z", periods=N, freq="s")
+    local = moments.tz_convert("Europe/Berlin").strftime("%Y-%m-%d %H:%M:%S")
+    frame = pd.DataFrame({"time": local, "lat": LAT, "lon": 8.7})
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert np.diff(drive.fixes.time) == pytest.approx(1.0)
+    assert drive.fixes.time[0] == moments[0].timestamp()
+
+
+def test_a_zone_that_has_no_effect_is_said_and_an_unknown_one_refused():
+    frame = pd.DataFrame({"time": T0 + np.arange(N), "lat": LAT, "lon": 8.7})
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert any("tz Europe/Berlin not used" in note for note in drive.notes)
+    with pytest.raises(ReadError, match=r"'Europe/Nowhere' is no known time zone"):
+        drive_from_table(frame, tz="Europe/Nowhere")
+
+
+def test_dates_whose_month_cannot_be_known_are_refused_with_what_to_do(tmp_path):
+    for time in (["03/04/2026 10:00:00"] * N, ["03-04-2026 10:00"] * N):
+        with pytest.raises(ReadError, match=r"which number is the month; ISO 8601 .* write them"):
+            drive_of(tmp_path, time=time)
+
+
+@pytest.mark.parametrize(
+    "cell", ["2612-01-01T00:00:00Z", "31.02.2026 10:00", "2026-02-31T10:00:00Z", "1843-01-01 00:00",
+             "2026-03-28 25:00:00", "28.03.2026 13:00 PM"]
+)  # fmt: skip
+def test_a_date_that_cannot_be_is_skipped_and_counted(tmp_path, cell):
+    time = [*MOMENTS.strftime("%Y-%m-%dT%H:%M:%SZ")[:-1], cell]
+    if "." in cell:
+        time = [*MOMENTS.strftime("%d.%m.%Y %H:%M")[:-1], cell]
+    drive = drive_of(tmp_path, time=time)
+    assert drive.skipped["no time"] == 1
+    assert drive.fixes.time.max() < T0 + N
+
+
+@pytest.mark.parametrize("values", [5e9, 9e12, 5e18])
+def test_numbers_of_implausible_years_are_refused_or_count_from_a_start(tmp_path, values):
+    """No drive is silently put into the year 2128 or 2255."""
+    try:
+        drive = drive_of(tmp_path, time=values + np.arange(N))
+    except ReadError:
+        return
+    said = " ".join(drive.notes)
+    assert "from a start" in said or "count" in said
+
+
+def test_dates_without_a_time_of_day_are_refused(tmp_path):
+    with pytest.raises(ReadError, match="no time that can be understood, such as '2026-03-28'"):
+        drive_of(tmp_path, time=MOMENTS.strftime("%Y-%m-%d"))
+
+
+@given(st.integers(1980, 2099), st.integers(-1, 14), st.integers(-1, 33))
+def test_days_are_those_of_the_calendar(year, month, day):
+    found = day_of(np.array([float(year)]), np.array([float(month)]), np.array([float(day)]))[0]
+    try:
+        expected = (datetime(year, month, day) - datetime(1970, 1, 1)).days
+    except ValueError:
+        assert np.isnan(found)
+    else:
+        assert found == expected
+
+
+def test_31_february_in_nmea_is_no_date(put, nmea):
+    good = b"".join(nmea.burst(clock=f"08000{k}.00", lat=49.4 + 1e-4 * k) for k in range(5))
+    (drive,) = read_drive(put("a.nmea", good.replace(b"", b"")))
+    dated = drive.fixes.time
+    bad = nmea.burst(clock="080005.00", date="310226", lat=49.4005)
+    (drive,) = read_drive(put("b.nmea", good + bad))
+    assert drive.fixes.time[:5] == pytest.approx(dated)
+    assert drive.fixes.time[5] == pytest.approx(dated[-1] + 1.0)
+    (drive,) = read_drive(put("c.nmea", bad))
+    assert any("no date in the log" in note for note in drive.notes)

@@ -1,0 +1,221 @@
+"""Rows and files of several vehicles are several drives, and never one."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import whichroad
+from whichroad.errors import ReadError
+from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.names import NAMES
+
+T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
+N = 30
+METRES = 1.0 / 111_195.0  # degrees of latitude
+
+
+def going(lat=49.4, t0=T0, n=N, speed=10.0):
+    """Fixes of a vehicle that drives north, a second apart."""
+    k = np.arange(n)
+    return pd.DataFrame({"time": t0 + k, "lat": lat + speed * METRES * k, "lon": 8.7})
+
+
+def two(**ids):
+    """Rows of two vehicles in turn, 11 km apart."""
+    a, b = going(49.4), going(49.5)
+    rows = pd.concat([a, b]).sort_index(kind="stable").reset_index(drop=True)
+    return rows.assign(**{name: np.tile(values, N) for name, values in ids.items()})
+
+
+USUAL = [
+    *("vehicle_id", "device_id", "deviceId", "imei", "vin", "uid", "user_id", "TrackID"),
+    *("journeyId", "id", "tripId", "individual-local-identifier", "taxi_id"),
+]
+
+
+@pytest.mark.parametrize("name", USUAL)
+def test_the_usual_names_of_ids_tell_vehicles_apart(name):
+    drives = drive_from_table(two(**{name: ["7", "8"]}))
+    assert [drive.drive_id for drive in drives] == ["7", "8"]
+    assert [len(drive.fixes) for drive in drives] == [N, N]
+    assert drives[1].fixes.lat_deg.min() >= 49.5 > drives[0].fixes.lat_deg.max()
+
+
+@pytest.mark.parametrize("quantity", ["drive_id", "vehicle_id"])
+def test_every_documented_id_tells_vehicles_apart(quantity):
+    for name in NAMES[quantity]:
+        assert len(drive_from_table(two(**{name: ["7", "8"]}))) == 2, name
+
+
+@pytest.mark.parametrize("later", [0.0, 0.5])
+def test_rows_of_two_vehicles_without_an_id_are_refused_with_what_to_do(later):
+    rows = two()
+    rows["time"] += np.tile([0.0, later], N)
+    with pytest.raises(ReadError, match=r"farther than any vehicle gets; .*--id COLUMN"):
+        drive_from_table(rows)
+    three = rows.assign(trip=np.repeat(["a", "b"], N))
+    assert any("drive a: " in note for note in drive_from_table(three)[0].notes)
+
+
+def test_rows_of_a_receiver_without_a_fix_are_no_other_vehicle():
+    rows = going()
+    rows.loc[::2, ["lat", "lon"]] = 0.0
+    (drive,) = drive_from_table(rows)
+    assert drive.skipped == {"impossible position": N // 2}
+
+
+def test_single_wild_fixes_are_no_other_vehicle():
+    rows = going()
+    rows.loc[[5, 11, 20], "lat"] += 1.0
+    (drive,) = drive_from_table(rows)
+    assert len(drive.fixes) == N
+
+
+def test_an_id_that_numbers_rows_does_not():
+    (drive,) = drive_from_table(going().assign(id=np.arange(N)))
+    assert len(drive.fixes) == N
+
+
+def test_a_trip_that_two_vehicles_have_is_two_drives():
+    drives = drive_from_table(two(trip_id=["1", "1"], vehicle_id=["x", "y"]))
+    assert [drive.drive_id for drive in drives] == ["x/1", "y/1"]
+    drives = drive_from_table(two(trip_id=["1", "2"], vehicle_id=["x", "x"]))
+    assert [drive.drive_id for drive in drives] == ["1", "2"]
+
+
+def test_the_caller_says_which_column_tells_drives_apart(tmp_path):
+    table = two(vehicle_id=["x", "x"], Fahrt=["a", "b"])
+    with pytest.raises(ReadError, match="--id"):  # two vehicles are said to be one
+        drive_from_table(table)
+    assert [d.drive_id for d in drive_from_table(table, id="Fahrt")] == ["a", "b"]
+    table.to_csv(tmp_path / "x.csv", index=False)
+    assert len(read_drive(tmp_path / "x.csv", id="Fahrt")) == 2
+    with pytest.raises(ReadError, match=r"no column 'Trip' .*Fahrt"):
+        drive_from_table(table, id="Trip")
+
+
+def files(folder, **tables):
+    """The tables as CSV, by name."""
+    paths = []
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+        paths.append(folder / f"{name}.csv")
+    return paths
+
+
+def test_files_of_two_vehicles_at_one_time_are_two_drives(tmp_path):
+    drives = read_drive(files(tmp_path, a=going(49.4), b=going(49.5)))
+    assert [drive.drive_id for drive in drives] == ["a", "b"]
+    assert "2 files are 2 drives" in drives[0].notes[0]
+
+
+def test_files_of_two_vehicles_in_turn_are_two_drives(tmp_path):
+    far = read_drive(files(tmp_path, a=going(49.4), b=going(49.6, T0 + N)))
+    late = read_drive(files(tmp_path, a=going(49.4), b=going(49.4, T0 + 86_400)))
+    assert len(far) == len(late) == 2
+
+
+def test_two_receivers_of_one_vehicle_are_one_drive_and_it_is_said(tmp_path):
+    (drive,) = read_drive(files(tmp_path, a=going(49.4), b=going(49.4 + 3 * METRES, T0 + 0.5)))
+    assert len(drive.fixes) == 2 * N
+    assert "a, b: joined to one drive" in drive.notes[0]
+
+
+def test_parts_of_one_log_are_one_drive_and_it_is_said(tmp_path):
+    second = going(49.4 + 10 * N * METRES, T0 + N)
+    (drive,) = read_drive(files(tmp_path, b=second, a=going()))
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(2 * N))
+    assert "a, b: joined to one drive" in drive.notes[0]
+
+
+def test_files_with_ids_are_kept_apart_whatever_their_times(tmp_path):
+    a, b = going().assign(vehicle_id="7"), going(49.4, T0 + N).assign(vehicle_id="8")
+    assert [drive.drive_id for drive in read_drive(files(tmp_path, a=a, b=b))] == ["7", "8"]
+    b = b.assign(vehicle_id="7", lat=going(49.4 + 10 * N * METRES).lat)
+    assert [drive.drive_id for drive in read_drive(files(tmp_path, a=a, b=b))] == ["7"]
+
+
+def wheels(t0=T0, n=N):
+    """Wheel speeds, a row a second."""
+    return pd.DataFrame({"time": t0 + np.arange(n), "wheel_rl_mps": 10.0, "wheel_rr_mps": 10.0})
+
+
+def test_tracks_without_times_are_drives_of_their_own_wherever_they_are(tmp_path):
+    places = going().drop(columns="time")
+    drives = read_drive(files(tmp_path, a=places, b=places, c=places))
+    assert [drive.drive_id for drive in drives] == ["a", "b", "c"]
+    assert [len(drive.fixes) for drive in drives] == [N, N, N]
+
+
+def test_many_files_are_put_together_in_any_order(tmp_path):
+    days = {f"{d}_{k}": going(49.4 + 10 * N * k * METRES, T0 + 86_400 * d + N * k)
+            for k in range(4) for d in range(10)}  # fmt: skip
+    drives = read_drive(files(tmp_path, **days)[::-1])
+    assert len(drives) == 10
+    assert [len(drive.fixes) for drive in drives] == [4 * N] * 10
+
+
+def test_odometry_goes_to_the_drive_at_its_time(tmp_path):
+    late = T0 + 86_400
+    paths = files(tmp_path, a=going(), b=going(49.4, late), w=wheels(late))
+    first, second = read_drive(paths)
+    assert first.odometry is None
+    assert second.odometry is not None
+
+
+def test_own_names_are_those_of_any_of_several_tables(tmp_path):
+    own = {"lat": "Breite", "wheel_rl_kmh": "links", "wheel_rr_kmh": "rechts"}
+    fixes = going().rename(columns={"lat": "Breite"}).assign(car="x")
+    spun = wheels().rename(columns={"wheel_rl_mps": "links", "wheel_rr_mps": "rechts"})
+    paths = files(tmp_path, gnss=fixes, wheels=spun)
+    (drive,) = read_drive(paths, columns=own, id="car")
+    assert drive.drive_id == "x"
+    assert len(drive.fixes) == N
+    assert drive.odometry.left == pytest.approx(10 / 3.6)
+    for options in ({"id": "trip"}, {"columns": own | {"hdop": "Guete"}}):
+        with pytest.raises(ReadError, match="no column"):
+            read_drive(paths, **({"columns": own} | options))
+
+
+def test_odometry_that_may_belong_to_two_drives_is_refused(tmp_path):
+    with pytest.raises(ReadError, match=r"share no drive_id; one drive per call, or .*--id"):
+        read_drive(files(tmp_path, a=going(49.4), b=going(49.5), w=wheels()))
+
+
+def test_two_logs_of_wheels_at_one_time_are_refused(tmp_path):
+    with pytest.raises(ReadError, match=r"two logs of odometry cover the same time.*--id"):
+        read_drive(files(tmp_path, a=going(), v=wheels(), w=wheels(T0 + 0.5)))
+
+
+@pytest.fixture
+def street(tmp_path):
+    """A map of one street that goes north."""
+    lat = 49.39 + 1e-3 * np.arange(150)
+    line = ", ".join(f"8.7 {y:.4f}" for y in lat)
+    (tmp_path / "street.csv").write_text(f'geometry\n"LINESTRING ({line})"\n')
+    return tmp_path / "street.csv"
+
+
+def test_match_splits_by_the_columns_by_which_match_many_splits(street):
+    for ids in ({"vehicle_id": ["x", "y"]}, {"trip_id": ["1", "1"], "vehicle_id": ["x", "y"]}):
+        table = two(**ids)
+        one = whichroad.match(table, street).to_arrow()
+        many = whichroad.match_many(table, street).points
+        assert one["drive_id"].unique().to_pylist() == many["drive_id"].unique().to_pylist()
+        assert len(one["drive_id"].unique()) == 2
+    table = two(Fahrt=["a", "b"])
+    one = whichroad.match(table, street, id="Fahrt").to_arrow()
+    many = whichroad.match_many(table, street, drive_id="Fahrt").points
+    assert (
+        one["drive_id"].unique().to_pylist() == many["drive_id"].unique().to_pylist() == ["a", "b"]
+    )
+
+
+def test_a_stream_splits_trips_of_several_vehicles_too(street):
+    import pyarrow as pa
+
+    table = pa.Table.from_pandas(two(trip_id=["1", "1"], vehicle_id=["x", "y"]))
+    whole = whichroad.match_many(table, street)
+    parts = whichroad.match_many(table.to_batches(max_chunksize=7), street)
+    assert whole.drives["drive_id"].to_pylist() == ["x/1", "y/1"]
+    assert whole.points.equals(parts.points)
