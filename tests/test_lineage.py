@@ -1,6 +1,7 @@
 """Lineage: what the filter did is told, every P as the points say it, every end with its reason."""
 
 import pickle
+from itertools import pairwise
 from typing import Any
 
 import matplotlib
@@ -17,6 +18,7 @@ from whichroad.lineage import epoch_by_epoch
 from whichroad.readers import drive_of_observations
 from whichroad.recorded import localize_recorded
 from whichroad.settings import Settings
+from whichroad.smoothing import Lag, Past
 
 FORK = road_map([[(0, 0), (300, 0)], [(300, 0), (900, 0)], [(300, 0), (893, -94)]])
 STREET = road_map([[(0, 0), (600, 0)]])
@@ -240,6 +242,62 @@ def test_after_an_hour_elsewhere_all_is_given_up_and_starts_anew():
     assert set(given_up.died) == {again.born.iloc[0]}
     assert again.born.iloc[0] == pd.Timestamp(START + late.time[0], unit="s", tz="UTC").round("us")
     assert again.parent_id.isna().all()
+
+
+def mergers(past: Past, time: np.ndarray) -> list[tuple[float, int]]:
+    """Time and edge of all mergers, as the filter's history for smoothing links hypotheses."""
+    history, tree = past.history, past.path.entry.parent
+    steps, nodes, links = history.steps, history.nodes, history.links
+    found = []
+    for before, now in pairwise(steps):
+        old = nodes[before.first_node : before.end_node]
+        new = nodes[now.first_node : now.end_node]
+        for entry in sorted(set(old.path_entry.tolist()) - set(new.path_entry.tolist())):
+            own = np.flatnonzero(old.path_entry == entry)
+            edge = int(old.edge[own[0]])
+            takers = [
+                node
+                for node in new[new.edge == edge]
+                if np.isin(links.origin[node.first_link : node.end_link], own).any()
+                and tree[node.path_entry] != entry
+            ]
+            if takers:
+                found.append((float(time[now.epoch]), edge))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, GNSS])
+def test_what_merged_and_what_fell_is_what_the_history_for_smoothing_links(mode):
+    rows = np.arange(0, len(ACROSS.time), 20)
+    noisy = geo_fixes(ACROSS, gnss(ACROSS, seed=5, sigma=12.0), rows)
+    drive = drive_of_observations([*readings(ACROSS, mode), *noisy], Settings())
+    settings = Settings(off_road_leave=0.0)  # else the history adds links of its own
+    timeline = build_timeline(drive, TOWN.plane, CAR)
+    past = localize_recorded(
+        TOWN, timeline, vehicle=CAR, settings=settings, lag=Lag.of("full")
+    ).past  # fmt: skip
+    table = whichroad.match(drive, TOWN, vehicle=CAR, settings=settings).lineage.to_pandas()
+    merged = table[table.reason.str.startswith("merged")]
+    fallen = table[table.reason.str.contains("pruning limit")]
+    assert len(fallen) > 5
+    died = merged.died.astype("int64").to_numpy() / 1e6
+    told = sorted(zip(died.tolist(), merged.edge_id.fillna(-1).astype(int), strict=True))
+    linked = mergers(past, timeline.epochs.time)
+    assert len(linked) > 5
+    assert [edge for _, edge in told] == [edge for _, edge in linked]
+    np.testing.assert_allclose([t for t, _ in told], [t for t, _ in linked], atol=1e-5)
+
+
+def test_without_a_pruning_limit_all_ends_on_a_street_are_mergers():
+    straight = drive_along([(60, 0), (500, 0)])  # no node is reached
+    pruned, kept = (
+        matched(STREET, straight, WHEELS, settings=Settings(prune=prune)).lineage.to_pandas()
+        for prune in (1e-4, 0.0)
+    )
+    fallen = kept.reason.str.contains("pruning limit")
+    assert pruned.reason.str.contains("pruning limit").sum() > len(pruned) / 2
+    assert fallen.sum() == 0
+    assert kept.reason.str.startswith("merged").sum() >= 5
 
 
 def test_the_paper_draws_candidates_about_the_most_probable_hypothesis():
