@@ -4,6 +4,7 @@ import sys
 from datetime import UTC, datetime
 
 import geopandas
+import pandas
 import pytest
 import typer
 
@@ -232,6 +233,14 @@ def test_a_drive_is_simulated_answered_and_evaluated(run, town, tmp_path):
     code, out, _ = run("match", *drive, *wheels, *roads, "-o", points, "--path-out", path)
     assert (code, "epochs" in out) == (0, True)
     assert geopandas.read_file(path).geometry.geom_type.eq("LineString").all()
+
+    lives = tmp_path / "lineage.csv"
+    code, out, _ = run("match", *drive, *wheels, *roads, "--lineage", lives)
+    assert (code, "nothing was written" in out) == (0, False)
+    rows = pandas.read_csv(lives)
+    assert rows.birth[0] == "start"
+    assert (rows.reason == "alive at the drive's end").any()
+    assert "exists already" in one_error(run("match", *drive, *roads, "--lineage", lives))
 
     code, out, _ = run("evaluate", points, "--truth", tmp_path / "truth.parquet")
     assert (code, "right edge" in out) == (0, True)

@@ -17,6 +17,7 @@ from .errors import DriveError, MapError, SettingError
 from .filter.estimate import Output
 from .filter.state import NO_EDGE, OFF_ROAD
 from .global_start import MAP
+from .lineage import lineage_of
 from .observations import Drive, Observation, StartPose
 from .readers import (
     drive_from_table,
@@ -226,6 +227,10 @@ def _match_one(
         diagnosis,
         None if recorded.past is None else recorded.past.alternatives,
         roads,
+        partial(
+            lineage_of, drive.drive_id, roads, timeline, vehicle=vehicle, settings=settings,
+            start=start, model=model,
+        ),
     )  # fmt: skip
 
 
@@ -309,6 +314,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
         parts[0]._find_alternatives if len(parts) == 1 else None,
         parts[0]._roads,
+        parts[0]._find_lineage if len(parts) == 1 else None,
     )
 
 

@@ -19,6 +19,7 @@ from .filter.state import (
     Context,
     H,
     K,
+    Path,
     X,
     Y,
     new_belief,
@@ -94,14 +95,10 @@ def localize_recorded(
     ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode)
     history, buffers = (new_history(0), None) if lag is None else workspace.smoothing()
     output = new_output(n, poses)
-    done = 0
-    if is_vague(start, timeline.mode):
-        done, path = search(
-            roads, timeline, belief, output, vehicle=vehicle, settings=settings,
-            start=start if isinstance(start, StartPose) else None, progress=progress,
-        )  # fmt: skip
-    elif isinstance(start, StartPose):
-        start_at(belief, roads, path, ctx, start, float(epochs.time[0]), settings)
+    done, path = begin(
+        roads, timeline, belief, path, ctx, output, vehicle=vehicle, settings=settings,
+        start=start, progress=progress,
+    )  # fmt: skip
     while done < n:
         target = min(done + _CHUNK, n)
         done = run(belief, path, history, epochs, output, ctx, done, target)
@@ -161,8 +158,7 @@ def localize_by_paper(
     ctx = Context(par, roads.arrays, new_work(paper=True))
     belief, path, history = new_belief(), new_path(0), new_history(0)
     output = new_output(n, poses)
-    if start is not None:
-        _paper_start(belief, roads, start, float(epochs.time[0]), timeline.mode)
+    begin_paper(belief, roads, timeline, start)
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
         run(belief, path, history, epochs, output, ctx, first, last)
@@ -173,6 +169,46 @@ def localize_by_paper(
     new = on[np.diff(rows.edge[on], prepend=-1) != 0]
     chain = Chain(rows.edge[new], np.asarray(epochs.time[new]), rows.s[new])
     return Recorded(output, chain)
+
+
+def begin(
+    roads: RoadMap, timeline: Timeline, belief: Belief, path: Path, ctx: Context, output: Output, *,
+    vehicle: Vehicle, settings: Settings, start: StartPose | str | None,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[int, Path]:  # fmt: skip
+    """Begin from a pose or by a search over the map, where no fix starts the filter.
+
+    Args:
+        roads: The map.
+        timeline: The drive in epochs.
+        belief: Empty; filled unless a fix will do it.
+        path: An empty tree of edges entered.
+        ctx: The drive's constants.
+        output: Estimates of the epochs that a search answers are filled.
+        vehicle: The car.
+        settings: The model's numbers.
+        start: As `localize_recorded` takes it.
+        progress: Called now and then with the number of epochs done.
+
+    Returns:
+        The first epoch that is to be filtered, and the tree of edges entered.
+    """
+    if is_vague(start, timeline.mode):
+        return search(
+            roads, timeline, belief, output, vehicle=vehicle, settings=settings,
+            start=start if isinstance(start, StartPose) else None, progress=progress,
+        )  # fmt: skip
+    if isinstance(start, StartPose):
+        start_at(belief, roads, path, ctx, start, float(timeline.epochs.time[0]), settings)
+    return 0, path
+
+
+def begin_paper(
+    belief: Belief, roads: RoadMap, timeline: Timeline, start: StartPose | str | None
+) -> None:
+    """Begin from a given pose, where no fix starts the paper's filter."""
+    if isinstance(start, StartPose):
+        _paper_start(belief, roads, start, float(timeline.epochs.time[0]), timeline.mode)
 
 
 def _check_start(timeline: Timeline, start: StartPose | str | None, more: str) -> None:

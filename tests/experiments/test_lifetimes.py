@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whichroad.experiments.lifetime_log import WHY, log_hypotheses
+from whichroad.experiments.lifetime_log import log_hypotheses
 from whichroad.experiments.runs import ALIVE, Run, lifetimes
 from whichroad.experiments.scene_maps import along, draw_map
 from whichroad.experiments.scenes import SCENES, STEADY, fixed_sigma
 from whichroad.experiments.wheels_alone import wheels_alone_error
+from whichroad.lineage import WHY
 from whichroad.simulate import simulate_drive
 
 

@@ -98,6 +98,13 @@ def match(
     report: Annotated[
         Path | None, typer.Option(help="One .html file that shows the answer, to open anywhere.")
     ] = None,
+    lineage: Annotated[
+        Path | None,
+        typer.Option(
+            help="The hypotheses of the drive, one row each: when and from which one it was born, "
+            "P, when and why it ended; .csv .parquet .arrow."
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Estimate where a vehicle was, on which road, and how sure that is."""
@@ -105,9 +112,9 @@ def match(
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 
-    outputs = {"-o": out, "--path-out": path_out, "--report": report}
+    outputs = {"-o": out, "--path-out": path_out, "--report": report, "--lineage": lineage}
     writers.check_apart(outputs, [*drive, roads, can, dbc, vehicle])
-    for output in (out, path_out):
+    for output in (out, path_out, lineage):
         if output is not None:
             writers.check(output, force=force)
     if report is not None:
@@ -119,7 +126,8 @@ def match(
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
 
-    defaults = not (can or dbc or start or mask or report or own or tz) and model is Model.default
+    defaults = not (can or dbc or start or mask or report or lineage or own or tz)
+    defaults = defaults and model is Model.default
     if len(drive) == 1 and defaults and are_many(drive[0], id_):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
@@ -132,11 +140,11 @@ def match(
         drives = read_drive(
             drive, vehicle=car, dbc=dbc, can=can, crs=crs, id=id_, columns=own, tz=tz
         )
-        if report is not None and len(drives) > 1:
+        if (report or lineage) is not None and len(drives) > 1:
             raise DriveError(
                 f"{len(drives)} drives ({', '.join(d.drive_id for d in drives[:10])}) are in the "
-                "input; one was expected by --report; write all by -o points.parquet and show one "
-                "by `whichroad report points.parquet --drive-id NAME`"
+                "input; one was expected by --report and --lineage; write all by -o points.parquet "
+                "and show one by `whichroad report points.parquet --drive-id NAME`"
             )
         progress("reading the map", 0, 0)
         network = open_map(roads)
@@ -152,6 +160,8 @@ def match(
             writers.write_table(
                 network.by_source(path) if by_source else path, path_out, force=force
             )
+        if lineage is not None:
+            result.lineage.write(lineage, force=force)
         if report is not None:
             from ..replay.drive_report import write_report
             from ..replay.open_replay import Remaking, one_of
@@ -165,7 +175,7 @@ def match(
             f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
             f"on the roads of {roads} was expected; is it the right map?"
         )
-    if out is None and path_out is None and report is None:
+    if out is path_out is report is lineage is None:
         typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
 
 

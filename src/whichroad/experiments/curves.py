@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ..lineage.lanes import FAINT
 from ..observations import Array
 from ..plots.panels import TRUTH
-from .lanes import FAINT
 from .runs import MODELS, STEP_S, Run, lifetimes
 from .scenes import Scene
 from .scores import SEVEN

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .lifetime_log import Hypothesis, LifetimeLog
+from ..lineage import Hypothesis
+from .lifetime_log import LifetimeLog
 
 HYPOTHESES = (
     "hypothesis", "street", "edge", "from", "born_s", "born_m", "born_p", "most_p", "died_s",

@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ..lineage import Hypothesis
+from ..lineage.lanes import Stretch, draw_lanes, lanes_of, legend_of_lanes
 from ..plots.pages import DPI, STYLE
-from ..plots.panels import FIX, HIDDEN, RECKONING, TRUTH, probability_bar
+from ..plots.panels import FIX, HIDDEN, PROBABLE, RECKONING, TRUTH, UNIT, probability_bar
 from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
 from .example_drive import ExampleDrive
 from .gst import FIXED, NOISES, PER_FIX, Kind
-from .lanes import draw_lanes, lanes_of, legend_of_lanes
 from .map_drawings import (
     Place,
     draw_hypotheses,
@@ -194,11 +195,12 @@ def _legend_of_route() -> list[Line2D | Patch]:
 
 def _lanes_page(example: ExampleDrive) -> Figure:
     window = example.scene.far_m
-    lanes = [len(lanes_of(example.logs[model], window)) for model in MODELS]
+    shown = {m: Stretch(log.past, log.hypotheses, window) for m, log in example.logs.items()}
+    lanes = [len(lanes_of(shown[model])) for model in MODELS]
     figure = Figure(figsize=(12, 1.7 + 0.29 * sum(lanes)))
     panels = figure.subplots(2, 1, sharex=True, height_ratios=lanes)
     for axes, model in zip(panels, MODELS, strict=True):
-        draw_lanes(axes, example.logs[model], window)
+        draw_lanes(axes, shown[model], PROBABLE, UNIT, _names)
         axes.set_title(MODELS[model])
         axes.legend(
             handles=legend_of_lanes(model), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
@@ -207,6 +209,16 @@ def _lanes_page(example: ExampleDrive) -> Figure:
     panels[-1].set_xlabel(f"m driven past {example.scene.zero}")
     probability_bar(figure, panels)
     return figure
+
+
+def _names(counting: Sequence[Hypothesis], lanes: Mapping[int, int]) -> list[str]:
+    """Streets; the direction that was entered second is marked."""
+    names, taken = [""] * len(lanes), set()
+    for edge, lane in lanes.items():
+        street = next(h.street for h in counting if h.edge == edge)
+        names[lane] = f"{street}, back" if street in taken else street
+        taken.add(street)
+    return names
 
 
 def _seeds_page(scene: Scene, runs: Mapping[str, Sequence[Run]]) -> Figure:

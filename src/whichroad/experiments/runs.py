@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..evaluate import Comparison, compare
+from ..lineage.lives import COUNTS
 from ..matching import match
 from ..observations import Array
 from ..simulate import SimulatedDrive, truth_table
@@ -16,7 +17,7 @@ from .scenes import Scene
 MODELS = {"paper": "the paper's method", "default": "whichroad"}
 """Names of `matching.match` to what they are called here."""
 
-ALIVE = 0.01
+ALIVE = COUNTS
 """Probability from which on a hypothesis counts."""
 
 SURE = 0.999

@@ -15,6 +15,7 @@ from ..writers import write_table
 from .schema import geo_frame
 
 if TYPE_CHECKING:
+    from ..lineage import Lineage
     from ..roadmap import RoadMap
 
 
@@ -32,6 +33,7 @@ class Result:
         diagnosis: Settings that do not fit the data.
         find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
         roads: The map, to be drawn below the answer; a pickled result is without it.
+        find_lineage: Gives births and deaths of the hypotheses; None: of several drives.
     """
 
     def __init__(
@@ -43,8 +45,10 @@ class Result:
         diagnosis: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = (),
         find_alternatives: Callable[[], list[Alternative]] | None = None,
         roads: "RoadMap | None" = None,
+        find_lineage: "Callable[[], Lineage] | None" = None,
     ) -> None:
         self._find_alternatives, self._roads = find_alternatives, roads
+        self._find_lineage = find_lineage
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -61,7 +65,7 @@ class Result:
             self._made(name)
         if self._find_alternatives is not None:
             _ = self._parts
-        return self.__dict__ | {"_find_alternatives": None, "_roads": None}
+        return self.__dict__ | {"_find_alternatives": None, "_roads": None, "_find_lineage": None}
 
     def __repr__(self) -> str:
         figures = self.summary
@@ -153,6 +157,23 @@ class Result:
     def alternatives(self) -> list[Alternative]:
         """Parts of the drive whose route is not sure, with competing routes; see `routes`."""
         return [part for part in self._parts if len(part.routes) > 1 and part.routes[1].p >= 0.001]
+
+    @cached_property
+    def lineage(self) -> "Lineage":
+        """Births, deaths and reasons of all hypotheses, one row each; see docs/lineage.md.
+
+        The drive goes through the filter again when it is first asked for.  A pickled result
+        has it if it was asked for before.  With a lag, too, it tells the filter's hypotheses.
+
+        Raises:
+            SettingError: There are several drives, or the result was pickled without it.
+        """
+        if self._find_lineage is None:
+            raise SettingError(
+                "lineage: there are several drives, or the result was pickled before its lineage "
+                "was asked for; a result of one drive was expected; match each drive by itself"
+            )
+        return self._find_lineage()
 
     def routes(self, k: int = 3) -> list[Route]:
         """The k most probable routes from the drive's start to its end, connected edges with P.
