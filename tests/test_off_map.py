@@ -44,9 +44,10 @@ def city() -> whichroad.RoadMap:
 
 
 def drive(x: float = 5.0, y: float = 0.0, step: float = 12.0) -> pd.DataFrame:
-    """A drive to the east."""
+    """A drive to the east, at 25 m/s at most."""
     lat, lon = PLANE.to_geodetic(x + step * np.arange(N), np.full(N, y))
-    return pd.DataFrame({"time": 1.6e9 + np.arange(N), "lat": lat, "lon": lon})
+    time = 1.6e9 + max(1.0, step / 25.0) * np.arange(N)
+    return pd.DataFrame({"time": time, "lat": lat, "lon": lon})
 
 
 def test_the_distance_from_a_map_is_that_from_its_nearest_road(city):

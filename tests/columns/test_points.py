@@ -480,17 +480,16 @@ def test_the_reason_names_the_status_and_outliers_and_the_gnss_scale(mode: str):
         assert said == expected or status == "ambiguous"
 
 
-def without_the_unknown(m: Mixture) -> tuple[Any, Any]:
+def without_the_unknown(m: Mixture, status: str) -> tuple[Any, Any]:
     """Which entries are hypotheses, and their weights.
 
     The entry for unknown causes, at the mean of the mixture, is none.
     """
+    unknown = 0.9 if status == "lost" else SETTINGS.unknown
     known = np.ones(len(m.p), bool)
-    extra = [
-        i for i, e in enumerate(m.edge) if e is None and abs(m.p[i] - SETTINGS.unknown) < 1e-15
-    ]
-    known[extra[:1]] = False
-    return known, m.p[known] / (1.0 - SETTINGS.unknown)
+    extra = [i for i, e in enumerate(m.edge) if e is None and abs(m.p[i] - unknown) < 1e-15]
+    known[extra[-1:]] = False
+    return known, m.p[known] / (1.0 - unknown)
 
 
 def assert_beyond_at_the_risk(
@@ -508,7 +507,7 @@ def assert_beyond_at_the_risk(
         if m is None:
             assert np.isnan(levels[k])
             continue
-        known, w = without_the_unknown(m)
+        known, w = without_the_unknown(m, column(mode, "status")[k])
         away, sigma = about(m, seen(mode).estimates[k])
         low, high = (
             (w * np.exp(-0.5 * (np.maximum(r - away[known], 0.0) / sigma[known]) ** 2)).sum()

@@ -179,3 +179,13 @@ def test_a_long_segment_is_found_all_along():
     for t in np.linspace(0, 1, 200):
         x, y = -1e5 + 2e5 * t, -3.3e4 + 6.6e4 * t
         assert len(near(roads, x, y, 1e-3)) == 1
+
+
+def test_keys_of_cells_grow_with_the_column_and_fit_into_64_bits():
+    """Plain Python has no limit: its keys are those of the compiled kernels only within it."""
+    far = 2**31 - 1
+    cells = [(c, r) for c in (-far, -309, -1, 0, 1, 309, far) for r in (-far, -57, 0, 57, far)]
+    keys = [index.cell_key(c, r) for c, r in cells]
+    assert keys == sorted(set(keys))
+    assert keys[0] >= -(2**63)
+    assert keys[-1] < 2**63

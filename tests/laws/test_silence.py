@@ -76,3 +76,21 @@ def test_an_odometer_that_is_read_again_has_measured_the_distance_in_between():
         sigmas(IN_A_FIELD, DISTANCE, 10, silent=quiet)["east"] for quiet in (True, False)
     )
     np.testing.assert_allclose(silent, heard, rtol=FIVE_PERCENT)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+def test_dead_reckoning_off_the_roads_is_an_outage_and_with_fixes_off_road(mode: str):
+    fix = np.column_stack(
+        [TRUTH.x, TRUTH.y, np.full((len(TRUTH.time), 2), 3.0), np.zeros(len(TRUTH.time))]
+    )
+    observed = geo_fixes(TRUTH, fix, np.arange(0, len(TRUTH.time), 10))
+    observed += readings(TRUTH, mode)
+    result = whichroad.match(observed, road_map(IN_A_FIELD), vehicle=CAR, mask=[SILENT])
+    points = result.to_arrow()
+    seconds = points["time"].cast("int64").to_numpy() * 1e-6 - START
+    status = np.array(points["status"].to_pylist())
+    assert (points["p_off_road"].to_numpy() > 0.99).all()
+    silent = (seconds > SILENT[0] + 5.0) & (seconds < SILENT[1])
+    heard = (seconds > 5.0) & (seconds < SILENT[0])
+    assert set(status[silent]) == {"outage"}
+    assert set(status[heard]) == {"off_road"}

@@ -90,7 +90,7 @@ def test_a_cell_lists_the_segments_that_touch_it_and_no_others(line):
     assert (segments.edge == 0).all()
     listed = set()
     for k, (a, b) in zip(key.tolist(), pairwise(cell_first.tolist()), strict=True):
-        column, row = (k >> 32) % 2**32 - 2**31, k % 2**32 - 2**31
+        column, row = k >> 32, k % 2**32 - 2**31
         for v in vertex[a:b].tolist():
             assert (column, row, v) not in listed
             listed.add((column, row, v))

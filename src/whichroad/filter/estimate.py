@@ -29,6 +29,8 @@ ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
 ALTERNATIVES = 6
 
+LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
+_MISFITS = 3.0  # in a row, from which on that is so
 _ALONE = 0.999  # P of an edge beside which the others do not matter
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
@@ -89,7 +91,7 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     """Write epoch k: moments of the mixture, the most probable edge, the alternatives.
 
     P of what no hypothesis knows (`unknown`) counts as off the roads: no road is surer than
-    that.
+    that.  It is 0.9 while fixes fit no hypothesis.
 
     Args:
         belief: Normalised.
@@ -100,6 +102,8 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     """
     state = belief.state[0]
     unknown = ctx.par[0].unknown
+    if state.misfits >= _MISFITS:
+        unknown = max(unknown, LOST_UNKNOWN)
     out = output.rows[k]
     off = _moments(belief, ctx, out)
     off += unknown * (1.0 - off)
@@ -139,13 +143,14 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
 @kernel
 def _status(state: Record, par: Record, off: float, p_edge: float) -> int:
     """Status of an epoch, the gravest first."""
-    if state.misfits >= 3.0:
+    if state.misfits >= _MISFITS:
         return LOST
+    silent = state.time - state.last_fix > par.outage_after
     if off > 0.5:
-        return OFF
+        return OUTAGE if silent else OFF
     if p_edge < par.ambiguous_below:
         return AMBIGUOUS
-    if state.time - state.last_fix > par.outage_after:
+    if silent:
         return OUTAGE
     return STOPPED if state.standing > 1.0 else ON_ROAD
 

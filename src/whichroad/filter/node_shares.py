@@ -28,15 +28,17 @@ def share_out(belief: Belief, ctx: Context) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD or hyp.weight < _LIGHTEST:
             continue
+        after = onwards(ctx.roads, hyp.edge)
+        before = backwards(ctx.roads, hyp.edge)
+        if after < 0 and before < 0:
+            continue
         track(belief, ctx.roads, i)
         s, sigma = hyp.along, hyp.along_sigma
         left = ctx.roads.edges[hyp.edge].length - s
         weight = hyp.weight
         if left < _REACH * sigma:
-            after = onwards(ctx.roads, hyp.edge)
             _append_part(belief, ctx, i, after, weight * normal_cdf(-left / sigma))
         if s < _REACH * sigma:
-            before = backwards(ctx.roads, hyp.edge)
             _append_part(belief, ctx, i, before, weight * normal_cdf(-s / sigma))
 
 

@@ -7,11 +7,12 @@ from .._compile import Record, kernel
 from .state import Belief, X, Y
 
 # scratch of a hypothesis: distances from the mean and sigmas, of the position, along, across; and
-# twice the logarithm of its weight over the risk
-_AWAY, _SIGMA, _ODDS = 0, 3, 6
-_NEGLIGIBLE = -16.0  # twice the logarithm of a part over the risk that does not count
+# twice the logarithm of its weight over the risk, and the root of that
+_AWAY, _SIGMA, _ODDS, _OWN = 0, 3, 6, 7
+_NEGLIGIBLE = -20.0  # twice the logarithm of a part over the risk that does not count
 _SMALL = 0.12  # sigmas; a step of Newton's method that need not be followed by another one
-_STEPS = 24  # of it at most
+_LARGE = 1.0  # sigmas; one that goes too far
+_STEPS, _MOST_STEPS = 3, 24  # of it at most, free, and between limits
 _NEARLY = 2e-4  # of the risk: near enough
 
 
@@ -59,50 +60,58 @@ def set_levels(belief: Belief, out: Record, mid: Centre, risk: float) -> None:
         to[_SIGMA + 1] = math.sqrt(along)
         to[_AWAY + 2] = abs(c * dy - s * dx)
         to[_SIGMA + 2] = math.sqrt(xx + yy - along)
-        to[_ODDS] = 2.0 * math.log(max(hyp.weight, 1e-300) / risk)
+        odds = 2.0 * math.log(max(hyp.weight, 1e-300) / risk)
+        to[_ODDS] = odds
+        to[_OWN] = math.sqrt(odds) if odds > 0.0 else -1.0
     out.protection_level = _level(belief, 0)
     out.level_along = _level(belief, 1)
     out.level_across = _level(belief, 2)
 
 
-@kernel(inline=True)
+@kernel
 def _level(belief: Belief, kind: int) -> float:
     """Distance beyond which the mixture has a probability of at most the risk.
 
-    The largest of the hypotheses' own levels, and mostly one step of Newton's method, of the
+    The largest of the hypotheses' own levels, and a step or two of Newton's method, of the
     logarithm, for what the others add.
     """
     n = belief.state[0].count
     r = -1.0
     top = 0
-    own = 0.0
     for i in range(n):
         to = belief.hyp[i].scratch
-        if to[_ODDS] >= 0.0:
-            sigmas = math.sqrt(to[_ODDS])
-            level = to[_AWAY + kind] + sigmas * to[_SIGMA + kind]
-            if level > r:
-                r, top, own = level, i, sigmas
+        level = to[_AWAY + kind] + to[_OWN] * to[_SIGMA + kind]
+        if level > r and to[_OWN] > 0.0:
+            r, top = level, i
     if n == 1:
-        return r
+        return float(r)
     if r < 0.0:
         return _level_between(belief, kind, 0.0)
+    least = r
     sigma = belief.hyp[top].scratch[_SIGMA + kind]
     total = 1.0  # in units of the risk
-    slope = own / sigma
-    for i in range(n):
-        to = belief.hyp[i].scratch
-        per = 1.0 / to[_SIGMA + kind]
-        z = max((r - to[_AWAY + kind]) * per, 0.0)
-        rest = to[_ODDS] - z * z
-        if i != top and rest > _NEGLIGIBLE:
-            part = math.exp(0.5 * rest)
-            total += part
-            slope += part * z * per
-    if total < 1.0 + _NEARLY:
-        return r
-    step = total * math.log(total) / slope if slope > 0.0 else math.inf
-    return r + step if step < _SMALL * sigma else _level_between(belief, kind, r)
+    slope = belief.hyp[top].scratch[_OWN] / sigma
+    for _ in range(_STEPS):
+        for i in range(n):
+            if i == top:
+                continue
+            to = belief.hyp[i].scratch
+            z = max(r - to[_AWAY + kind], 0.0) / to[_SIGMA + kind]
+            rest = to[_ODDS] - z * z
+            if rest > _NEGLIGIBLE:
+                part = math.exp(0.5 * rest)
+                total += part
+                slope += part * z / to[_SIGMA + kind]
+        if total < 1.0 + _NEARLY and top >= 0:
+            return float(r)
+        step = total * math.log(total) / slope if slope > 0.0 else math.inf
+        if abs(step) > _LARGE * sigma:
+            break
+        r += step
+        if abs(step) < _SMALL * sigma:
+            return float(r)
+        top, total, slope = -1, 0.0, 0.0  # its part has to be found as well
+    return _level_between(belief, kind, least)
 
 
 @kernel
@@ -116,7 +125,7 @@ def _level_between(belief: Belief, kind: int, low: float) -> float:
         if odds > 0.0:
             high = max(high, to[_AWAY + kind] + to[_SIGMA + kind] * math.sqrt(odds))
     r = low
-    for _ in range(_STEPS):
+    for _ in range(_MOST_STEPS):
         total = 0.0
         slope = 0.0
         for i in range(n):

@@ -58,7 +58,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
-        ("scratch", "f8", (7,)),  # of one observation; each module names its slots
+        ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts

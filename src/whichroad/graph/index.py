@@ -25,14 +25,14 @@ CANDIDATE = np.dtype(
 
 Candidates = Annotated[Records, Array(CANDIDATE, 1)]
 
-_HALF = 2**31  # columns and rows count from -2³¹
+_HALF = 2**31  # rows count from -2³¹; columns of either sign fit into what is left of 64 bits
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
 
 
 @kernel
 def cell_key(column: int, row: int) -> int:
     """Key of a cell; grows with the column, then with the row."""
-    return (column + _HALF) * (2 * _HALF) + (row + _HALF)
+    return column * (2 * _HALF) + (row + _HALF)
 
 
 @kernel

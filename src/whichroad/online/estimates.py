@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..filter.estimate import LOST_UNKNOWN
 from ..filter.state import OFF_ROAD
 from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
@@ -59,6 +60,11 @@ class Estimate:
         self._roads, self._far_fix, self._unknown = roads, far_fix, unknown
         self._fields: Row | None = None
         self._pose: Pose | None = None
+
+    @property
+    def _known_to_none(self) -> float:
+        """P(what no hypothesis knows), more where fixes fit none of them."""
+        return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
 
     def __repr__(self) -> str:
         names = ("time", "pose", "cov", "edge", "p_road", "p_off_road", "status", "abscissa",
@@ -159,7 +165,7 @@ class Estimate:
         """Why the status is what it is, for people; the competing roads where it is ambiguous."""
         known = self._living()
         shares: dict[int, float] = {}
-        weights = ((1.0 - self._unknown) * known.weight).tolist()
+        weights = ((1.0 - self._known_to_none) * known.weight).tolist()
         for edge, p in zip(known.edge.tolist(), weights, strict=True):
             shares[edge] = shares.get(edge, 0.0) + p
         return reason(
@@ -179,8 +185,8 @@ class Estimate:
         """
         known = self._living()
         found, pose, cov = list(self._each(known)), self.pose, self.cov
-        if found and self._unknown and pose is not None and cov is not None:
-            found.append(Hypothesis(self._unknown, None, pose, cov, 0.0, 0.0))
+        if found and self._known_to_none and pose is not None and cov is not None:
+            found.append(Hypothesis(self._known_to_none, None, pose, cov, 0.0, 0.0))
         return tuple(sorted(found, key=lambda one: -one.p))
 
     @property
@@ -232,7 +238,7 @@ class Estimate:
             edge = int(known.edge[i])
             on = edge != OFF_ROAD
             yield Hypothesis(
-                (1.0 - self._unknown) * weight,
+                (1.0 - self._known_to_none) * weight,
                 edge if on else None,
                 pose_at(plane, x, y, heading),
                 np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),

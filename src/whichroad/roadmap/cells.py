@@ -13,7 +13,7 @@ from .streets import Ints
 
 Ints32 = NDArray[np.int32]
 
-_HALF = 2**31  # columns and rows count from -2³¹, as in `graph.index.cell_key`
+_HALF = 2**31  # rows count from -2³¹, as in `graph.index.cell_key`
 _AT_ONCE = 1 << 14  # segments; what they need while they are cut is a small part of the map
 _SLACK = 1e-6  # m, bound of rounding errors at the border of a cell
 
@@ -68,7 +68,7 @@ def _entries(ax: Array, ay: Array, bx: Array, by: Array, size: float) -> tuple[I
     low = _cell(np.minimum(enter, leave) - _SLACK, size)
     part, step = _counted(_cell(np.maximum(enter, leave) + _SLACK, size) - low + 1)
     row = low[part] + step
-    key = (column[part].astype(np.int64) + _HALF) * (2 * _HALF) + (row.astype(np.int64) + _HALF)
+    key = column[part].astype(np.int64) * (2 * _HALF) + (row.astype(np.int64) + _HALF)
     return segment[part], key
 
 

@@ -21,7 +21,7 @@ _PLANE = 100_000.0  # m from the map beyond which distances are measured on the 
 _CIRCLE = 1.01  # of the circle's radius, more than the sphere differs from the Earth
 _SIGMAS = 3.0  # of a start pose, by which it may be off the map
 _TRIED = 20  # fixes of which the nearest is named
-_HALF = 2**31  # columns and rows of cells count from -2³¹, as in `graph.index.cell_key`
+_HALF = 2**31  # rows of cells count from -2³¹, as in `graph.index.cell_key`
 
 
 def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
@@ -138,9 +138,9 @@ def _beside_full_cells(roads: RoadMap, x: Array, y: Array) -> NDArray[np.bool_]:
     held = np.zeros(len(x), np.bool_)
     if 2.0 * math.sqrt(2.0) * size > NEAR or not len(keys):  # a plane metre is a true one or less
         return held
-    column, row = (np.floor(v / size).astype(np.int64) + _HALF for v in (x, y))
+    column, row = (np.floor(v / size).astype(np.int64) for v in (x, y))
     for side in (-1, 0, 1):
-        first = (column + side) * (2 * _HALF) + row
+        first = (column + side) * (2 * _HALF) + row + _HALF
         at = np.searchsorted(keys, first - 1)
         held |= (at < len(keys)) & (keys[np.minimum(at, len(keys) - 1)] <= first + 1)
     return held
