@@ -1,4 +1,4 @@
-"""GNSS alone, as often as receivers give it: one drive's fixes at 1 to 20 Hz.
+"""GNSS alone or with an odometer, as often as receivers give it: one drive at 1 to 20 Hz.
 
 Every drive in Heidelberg is simulated once with fixes at 20 Hz.  Lower rates leave fixes out, so
 that the rates see the same receiver.  An answer is scored at
@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from whichroad.observations import Drive, Fixes
+from whichroad.observations import Drive, Fixes, Odometer, WheelCounts
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, SimulatedDrive, simulate_drive
 from whichroad.smoothing import Lag
@@ -24,13 +24,13 @@ from .drives import Mask, Row, Table, answer, each, world
 SEEDS = range(10_000, 10_100)
 LENGTH_M = 3000.0
 RATES = (1, 2, 5, 10, 20)  # Hz
-COLUMNS = ("course and speed", "positions")
+COLUMNS = ("course and speed", "positions", "odometer, course and speed")
 LAGS = {"filtered": None, "smoothed": Lag.of("full")}
 _FASTEST = 20  # Hz
 
 
 def thinned(drive: SimulatedDrive, rate: int, columns: str) -> SimulatedDrive:
-    """The drive of a receiver that reports so often, without wheels."""
+    """The drive of a receiver that reports so often, without wheels, or with their distance."""
     fixes = drive.drive.fixes
     assert fixes is not None
     every = slice(None, None, _FASTEST // rate)
@@ -41,7 +41,13 @@ def thinned(drive: SimulatedDrive, rate: int, columns: str) -> SimulatedDrive:
         kept = replace(
             kept, speed=none, sigma_speed=never, bearing_deg=none, sigma_bearing_deg=never
         )
-    return replace(drive, drive=Drive(drive.drive.drive_id, kept))
+    odometer = None
+    if columns.startswith("odometer"):
+        wheels, car = drive.drive.odometry, drive.vehicle
+        assert isinstance(wheels, WheelCounts)
+        left, right = car.metres_per_tick_left, car.metres_per_tick_right
+        odometer = Odometer(wheels.time, 0.5 * (wheels.left * left + wheels.right * right))
+    return replace(drive, drive=Drive(drive.drive.drive_id, kept, odometer))
 
 
 def _with_fix(drive: SimulatedDrive) -> Mask:

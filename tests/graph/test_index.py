@@ -33,7 +33,7 @@ def network(lines, size=10.0, curvature=0.0):
 def near(roads, x, y, radius, room=500):
     found = records(room, CANDIDATE)
     n = index.near(roads, x, y, radius, found)
-    return found[:n].tolist()
+    return found[:n][["edge", "s", "lateral", "distance"]].tolist()
 
 
 def line_of(roads, edge):

@@ -58,6 +58,10 @@ MapOption = Annotated[
     ),
 ]
 
+CrsOption = Annotated[
+    str | None,
+    typer.Option("--crs", help="Reference system of columns x and y, such as EPSG:3067."),
+]
 IdOption = Annotated[
     str | None,
     typer.Option("--id", metavar="COLUMN", help="The column of tables that tells drives apart."),

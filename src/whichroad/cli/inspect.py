@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ReadError
-from .arguments import ColumnsOption, IdOption, ZoneOption, read_columns
+from .arguments import ColumnsOption, CrsOption, IdOption, ZoneOption, read_columns
 from .console import print_table, progress_line
 
 
@@ -18,10 +18,7 @@ def inspect(
             help="Logs and tables of a drive, maps, points of `match`, vehicle.toml, .dbc.",
         ),
     ],
-    crs: Annotated[
-        str | None,
-        typer.Option(help="Reference system of columns x and y, such as EPSG:3067."),
-    ] = None,
+    crs: CrsOption = None,
     id_: IdOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,

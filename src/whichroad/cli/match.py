@@ -9,6 +9,7 @@ import typer
 from ..errors import DriveError
 from .arguments import (
     ColumnsOption,
+    CrsOption,
     Force,
     IdOption,
     MapOption,
@@ -42,10 +43,7 @@ def match(
     can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
     dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
     vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
-    crs: Annotated[
-        str | None,
-        typer.Option(help="Reference system of columns x and y, such as EPSG:3067."),
-    ] = None,
+    crs: CrsOption = None,
     id_: IdOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,

@@ -248,13 +248,13 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
     count = _roads_about(hyp, ctx, belief.state[0].scale)
     total = 0.0
     for c in range(count):
-        total += ctx.work.near[c].distance
+        total += ctx.work.near[c].mass
     given = 0.0
     for c in range(count):
         if belief.state[0].count >= CAPACITY:
             break
         edge = ctx.work.near[c].edge
-        part = share * ctx.work.near[c].distance / total
+        part = share * ctx.work.near[c].mass / total
         if ctx.roads.edges[edge].rule & AGAINST_ONE_WAY:
             part *= max(ctx.par[0].wrong_way, 1e-6)
         if part * p < 1e-6:
@@ -272,8 +272,7 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
 def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
     """List the roads that fit an off-road hypothesis' place and heading, nearest first.
 
-    In place of their distance stands the Gaussian mass of the abscissa on them, so that nodes
-    on a road change nothing.
+    Their mass is the Gaussian's of the abscissa on them, so that nodes on a road change nothing.
     """
     par = ctx.par[0]
     roads = ctx.roads
@@ -302,7 +301,7 @@ def _roads_about(hyp: Record, ctx: Context, scale: float) -> int:
         if fits and place.distance < 3.0 * sigma + 5.0:
             ctx.work.near[count].edge = edge
             ctx.work.near[count].s = place.s
-            ctx.work.near[count].distance = mass
+            ctx.work.near[count].mass = mass
             count += 1
     return min(count, _MOST_RETURNS)
 

@@ -39,7 +39,7 @@ from .state import (
 )
 
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
-_REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
+REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
 LEAST_SHARE = 0.3  # of the pruning floor: weight of what branches
 OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
@@ -89,9 +89,7 @@ def _list_successors(
             new.turn = turn + roads.turns[t].angle
             count += 1
         k += 1
-        while (
-            k < count and found[k].offset + roads.edges[found[k].edge].length > s + _REACH * sigma
-        ):
+        while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
             k += 1
         if k >= count:
             return count
@@ -192,7 +190,7 @@ def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[
     """
     hyp = belief.hyp[i]
     after = -1
-    if s + _REACH * hyp.along_sigma > ctx.roads.edges[hyp.edge].length:
+    if s + REACH * hyp.along_sigma > ctx.roads.edges[hyp.edge].length:
         after = onwards(ctx.roads, hyp.edge)
     while after >= 0 and s > ctx.roads.edges[hyp.edge].length:
         if hyp.new_edge == 1:
@@ -248,10 +246,10 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
-        if arc < 0.0 and hyp.along < _REACH * hyp.along_sigma:
+        if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
             changed = _back_up(belief, ctx, i, -arc) or changed
         length = ctx.roads.edges[hyp.edge].length
-        if hyp.along + _REACH * hyp.along_sigma < length:
+        if hyp.along + REACH * hyp.along_sigma < length:
             hyp.p_not_passed = 1.0
             continue
         now = normal_cdf((length - hyp.along) / hyp.along_sigma)
@@ -265,7 +263,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
                 changed = True
                 track(belief, ctx.roads, i)
             length = ctx.roads.edges[hyp.edge].length
-            if after >= 0 or hyp.along + _REACH * hyp.along_sigma < length:
+            if after >= 0 or hyp.along + REACH * hyp.along_sigma < length:
                 continue
             now = normal_cdf((length - hyp.along) / hyp.along_sigma)
         share = share_beyond(belief, ctx, hyp, now, threshold)

@@ -8,13 +8,13 @@ import math
 from .._compile import kernel
 from ..graph.network import backwards, onwards
 from ._simd import copy_record
+from .branching import REACH
 from .gaussian import normal_cdf
 from .road import track
 from .state import CAPACITY, OFF_ROAD, Belief, Context
 
 _ORIGIN = 4  # scratch of a part beyond a node: the row of its hypothesis
 _LIGHTEST = 1e-4  # weight of a hypothesis that is shared out beyond a node
-_REACH = 3.5  # sigmas of the abscissa
 
 
 @kernel(inline=True)
@@ -36,9 +36,9 @@ def share_out(belief: Belief, ctx: Context) -> None:
         s, sigma = hyp.along, hyp.along_sigma
         left = ctx.roads.edges[hyp.edge].length - s
         weight = hyp.weight
-        if left < _REACH * sigma:
+        if left < REACH * sigma:
             _append_part(belief, ctx, i, after, weight * normal_cdf(-left / sigma))
-        if s < _REACH * sigma:
+        if s < REACH * sigma:
             _append_part(belief, ctx, i, before, weight * normal_cdf(-s / sigma))
 
 

@@ -19,6 +19,7 @@ CANDIDATE = np.dtype(
         ("s", "f8"),  # abscissa of its closest point, true m
         ("lateral", "f8"),  # distance, positive where the point is right of the edge, true m
         ("distance", "f8"),  # true m
+        ("mass", "f8"),  # of a place along it, for who weighs them
     ],
     align=True,
 )
