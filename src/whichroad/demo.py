@@ -126,7 +126,7 @@ def _check(out: Path, force: bool) -> None:
     except (OSError, ValueError, KeyError, TypeError):
         pass
     raise WriteError(
-        f"{out}: exists and holds something else; an empty folder or an earlier demo's was "
+        f"{out}: exists and holds other files; an empty folder or an earlier demo's was "
         "expected; choose another with --out or give --force"
     )
 

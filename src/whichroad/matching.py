@@ -187,7 +187,9 @@ def match(
                 raise
             failed.append(str(error))
     if not parts:
-        raise DriveError(failed[0] if failed else "there is no drive in the input")
+        raise DriveError(
+            failed[0] if failed else "drive: the input holds no drive; at least one was expected"
+        )
     return _pooled_result(parts, failed)
 
 

@@ -277,7 +277,7 @@ class Job(NamedTuple):
         name, (low, high) = chunk.names[trip], chunk.first[trip : trip + 2]
         if not name:
             rows = f"{high - low:,} rows name no trip"
-            return _Failure(name, f"{rows}; a drive_id in each was expected")
+            return _Failure(name, f"{rows}; a drive_id in every row was expected")
         try:
             drive = None
             if regular.usable[trip]:
@@ -329,7 +329,7 @@ class Job(NamedTuple):
 
 
 def _unexpected(error: Exception) -> str:
-    return f"this should not happen ({type(error).__name__}: {error}); please report it"
+    return f"a bug in whichroad ({type(error).__name__}: {error}); please report it"
 
 
 def _failed_row(failure: _Failure) -> pa.Table:
@@ -349,7 +349,7 @@ def _drive_rows(answer: _Answer) -> pa.Table:
     columns |= {
         "drive_id": answer.names,
         "answered": answered,
-        "reason": pa.array(["no epoch could be answered"] * d, mask=answered),
+        "reason": pa.array(["no epoch could be matched"] * d, mask=answered),
         "skipped": [list(drive.skipped.items()) if drive else []] * d,
         "notes": [list(drive.notes) if drive else []] * d,
     }

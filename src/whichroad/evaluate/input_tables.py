@@ -34,7 +34,7 @@ def read_table(path: Path) -> Any:
 
                 return geopandas.read_file(path)
     except (OSError, ValueError, RuntimeError) as error:
-        seen = error if path.is_file() else "there is no such file"
+        seen = error if path.is_file() else "the file does not exist"
         raise ReadError(
             f"{path}: {seen}; a table of points was expected; check that it is one"
         ) from error
@@ -71,7 +71,7 @@ class Table:
         if name not in self.names:
             raise ReadError(
                 f"{self.where}: no column {name!r} among {', '.join(sorted(self.names))}; "
-                "it was expected; is this the right table?"
+                "this column is needed; is it the right table?"
             )
         column = self.table[name]
         if hasattr(column, "to_numpy") and hasattr(column, "combine_chunks"):

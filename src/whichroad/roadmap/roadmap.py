@@ -127,7 +127,7 @@ class RoadMap:
             return cls(*from_arrays(about, arrays))
         except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
-                f"{path}: what it holds does not make a map ({type(error).__name__}: {error}); "
+                f"{path}: its contents do not form a map ({type(error).__name__}: {error}); "
                 "a compiled map was expected; make it anew by `whichroad map build`"
             ) from error
 
