@@ -161,7 +161,7 @@ def check_token(host: str, token: str | None) -> None:
 
     if token is None and not is_local(host):
         raise typer.BadParameter(
-            f"--host {host} lets other machines connect; --token was expected with it"
+            f"--host {host} lets other machines connect; a --token was expected"
         )
 
 
