@@ -1,5 +1,6 @@
 """A folder with the files that the pages speak of."""
 
+import itertools
 import os
 import shlex
 import shutil
@@ -50,9 +51,25 @@ def _write_drives(folder: Path) -> None:
     own = {"time": "ts", "lat": "Latitude", "lon": "Longitude"}
     local = table.assign(time=table.time.dt.tz_convert("Europe/Berlin").dt.tz_localize(None))
     local.rename(columns=own).to_csv(folder / "own.csv", index=False)
+    _write_gpx(folder / "drive.gpx", table)
+    (folder / "tracks").mkdir()
+    _write_gpx(folder / "tracks" / "morning.gpx", table[:100])
+    _write_gpx(folder / "tracks" / "noon.gpx", table[150:250])
     trips = table.assign(trip_id=[f"trip {row // 60}" for row in range(len(table))])
     trips.to_parquet(folder / "trips.parquet")
     trips.to_csv(folder / "trips.csv", index=False)
+
+
+def _write_gpx(path: Path, table: pd.DataFrame) -> None:
+    points = "".join(
+        f'<trkpt lat="{row.lat:.7f}" lon="{row.lon:.7f}">'
+        f"<time>{row.time.isoformat()}</time></trkpt>"
+        for row in table.itertuples()
+    )
+    path.write_text(
+        '<?xml version="1.0"?><gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
+        f"<trk><trkseg>{points}</trkseg></trk></gpx>"
+    )
 
 
 @pytest.fixture
@@ -67,7 +84,7 @@ def place(stock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(folder)
-    yield folder
+    return folder
 
 
 @pytest.fixture
@@ -76,7 +93,7 @@ def shell(place: Path) -> Callable[[str], str]:
 
     def run(command: str) -> str:
         words = shlex.split(command, comments=True)
-        for option, value in zip(words, words[1:], strict=False):
+        for option, value in itertools.pairwise(words):
             if option in OUTPUTS and (place / value).is_file():
                 (place / value).unlink()
         done = subprocess.run(

@@ -10,7 +10,7 @@ import pytest
 
 import whichroad
 
-from .pages import PAGES, Block, blocks, title
+from .pages import PAGES, ROOT, Block, blocks, title
 
 RUN = {"python", "sh"}
 SHOWN = {"text", "", "csv", "toml", "json"}  # read with care below, or what a command prints
@@ -71,6 +71,16 @@ def test_a_vehicle_of_a_page_can_be_read(path: Path, tmp_path: Path):
             file = tmp_path / "vehicle.toml"
             file.write_text(block.code, encoding="utf-8")
             assert whichroad.read_vehicle(file).track_width > 0.0
+
+
+def test_twenty_tasks_take_three_commands_or_five_lines():
+    page = ROOT / "docs" / "how-to" / "common-tasks.md"
+    parts = re.split(r"^## \d+\. ", page.read_text("utf-8"), flags=re.M)[1:]
+    assert len(parts) == 20
+    for part in parts:
+        (found,) = re.findall(r"^```(sh|python)\n(.*?)^```$", part, re.M | re.S)
+        lines = [line for line in found[1].splitlines() if line.strip()]
+        assert len(lines) <= (3 if found[0] == "sh" else 5), part
 
 
 def test_blocks_are_found_with_what_is_said_above_them(tmp_path: Path):

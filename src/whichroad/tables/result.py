@@ -184,7 +184,11 @@ class Result:
         return best_routes(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.
+        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV, GPX or Arrow.
+
+        Args:
+            path: The file.
+            force: Replace a file that exists.
 
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.
@@ -193,6 +197,10 @@ class Result:
 
     def write_path(self, path: str | Path, *, force: bool = False) -> None:
         """Write the path likewise.
+
+        Args:
+            path: The file.
+            force: Replace a file that exists.
 
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.
