@@ -33,6 +33,7 @@ from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from ..traversals import traversals
+from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 Progress = Callable[[str, int, int], None]
@@ -46,7 +47,7 @@ class Tables(NamedTuple):
     drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
 
     def __repr__(self) -> str:
-        return ", ".join(f"{name}: {len(t):,} rows" for name, t in self._asdict().items())
+        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in self._asdict().items())
 
 
 def joined(parts: Sequence[Tables]) -> Tables:

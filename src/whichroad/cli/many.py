@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
+from ..wording import counted
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -94,6 +95,6 @@ def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     )
     if not answered:
         raise DriveError(
-            f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
-            f"map were expected; the reason of the first: {rows[0]['reason']}"
+            f"{table}: none of {counted(len(rows), 'trip')} could be matched; trips on the roads "
+            f"of the map were expected; the reason of the first: {rows[0]['reason']}"
         )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
+from ..wording import counted
 from .arguments import (
     ColumnsOption,
     CrsOption,
@@ -176,9 +177,10 @@ def match(
             write_report(recorded, report, network, force=force)
     print_summary(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
+        epochs = counted(result.summary["epochs"], "epoch")
         raise DriveError(
-            f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be matched; a drive "
-            f"on the roads of {roads} was expected; is it the right map?"
+            f"{drive[0]}: none of {epochs} could be matched; a drive on the roads of "
+            f"{roads} was expected; is it the right map?"
         )
     if out is path_out is report is lineage is None:
         typer.echo("no output was asked for; add -o points.parquet --path-out path.parquet")

@@ -88,7 +88,7 @@ class Table:
         try:
             values: Array = np.array(self._raw(name), dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ReadError(f"{self.where}: {name} ({error}); numbers were expected") from error
+            raise ReadError(f"{self.where}: {name} holds text; numbers were expected") from error
         if absent is not None:
             values[np.isnan(values)] = absent
         return values
@@ -122,7 +122,10 @@ class Table:
             try:
                 values = np.array(text, dtype="datetime64[us]")
             except ValueError as error:
-                raise ReadError(f"{self.where}: time ({error}); ISO 8601 was expected") from error
+                raise ReadError(
+                    f"{self.where}: a time is not a date; ISO 8601, such as 2026-06-01T08:00:00Z, "
+                    "was expected"
+                ) from error
         if values.dtype.kind == "M":
             return values.astype("datetime64[us]").astype(np.int64) / 1e6
         return values.astype(np.float64)

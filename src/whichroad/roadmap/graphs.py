@@ -71,8 +71,8 @@ def read_graphml(path: Path) -> Sheet:
                 element.clear()
     except (OSError, ElementTree.ParseError, ValueError) as error:
         raise MapError(
-            f"{path}: {error}; a GraphML file with a road network was expected; check that it is "
-            "one and complete"
+            f"{path}: not readable as GraphML; a graph of a road network was expected; check that "
+            "the file is complete"
         ) from error
     return _sheet(str(path), places, edges, about.get("crs"), directed=directed)
 

@@ -106,7 +106,7 @@ def _degrees(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
         lon, lat = to_wgs84.transform(x, y)
     except pyproj.exceptions.ProjError as error:
         raise MapError(
-            f"{sheet.where}: the coordinate system {crs!r} is not known ({error}); one such as "
+            f"{sheet.where}: the coordinate system {crs!r} is not known; one such as "
             '"EPSG:3067" was expected; pass another'
         ) from error
     return lon, lat
