@@ -184,7 +184,7 @@ def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
     said = dict(zip(many.drives["drive_id"].to_pylist(), many.drives.to_pylist(), strict=True))
     assert [row["answered"] for row in said.values()] == [True, False, False, False, False, True]
     assert "km from the map" in said["on the moon"]["reason"]
-    assert "neither a fix nor odometry" in said["blank"]["reason"]
+    assert "neither fixes nor odometry" in said["blank"]["reason"]
     assert "time" in said["timeless"]["reason"]
     assert "name no trip" in said[""]["reason"]
     assert set(many.points["drive_id"].to_pylist()) == {"car 0", "car 1"}
@@ -335,7 +335,7 @@ def test_progress_is_told(roads, fleet):
 
 @pytest.mark.parametrize("thing", [7, None])
 def test_what_is_no_table_is_refused(roads, thing):
-    with pytest.raises(whichroad.ReadError, match="no table of trips"):
+    with pytest.raises(whichroad.ReadError, match="not a table of trips"):
         match_many(thing, roads)
 
 

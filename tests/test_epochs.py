@@ -150,7 +150,7 @@ def test_what_moves_the_vehicle_is_the_best_that_was_logged():
 
 
 def test_a_drive_without_fixes_and_odometry_is_refused():
-    with pytest.raises(DriveError, match="d: there is neither a fix nor odometry"):
+    with pytest.raises(DriveError, match="d: it holds neither fixes nor odometry"):
         timeline()
     with pytest.raises(DriveError, match="neither"):
         timeline(odometer([1.0], [0.0]))

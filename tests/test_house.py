@@ -1,10 +1,8 @@
 """House rules: the public names, the contracts, and that the documents speak the truth."""
 
 import ast
-import contextlib
 import importlib
 import importlib.util
-import io
 import re
 import subprocess
 import sys
@@ -330,31 +328,3 @@ def test_files_and_links_of_a_document_exist(path: Path):
     missing = [f for f in FILE.findall(text) if not (ROOT / f).exists()]
     missing += [f for f in LINK.findall(text) if not (path.parent / f).exists()]
     assert missing == []
-
-
-BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```python\n(.*?)^```", re.M | re.S)
-
-
-def story(path: Path) -> str:
-    """The Python blocks of a document, in order, as one script."""
-    return "\n".join(code for skip, code in BLOCK.findall(path.read_text("utf-8")) if not skip)
-
-
-@pytest.fixture(scope="module")
-def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `whichroad demo` leaves: the documents' examples use its files."""
-    folder = tmp_path_factory.mktemp("demo")
-    code = "from whichroad.cli import main; main()"
-    subprocess.run(
-        [sys.executable, "-c", code, "demo", "--out", str(folder), "--force"], check=True
-    )
-    return folder
-
-
-@pytest.mark.parametrize("path", [p for p in DOCUMENTS if story(p)], ids=title)
-def test_the_python_of_a_document_runs_in_the_demo_folder(
-    path: Path, demo_folder: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.chdir(demo_folder)
-    with contextlib.redirect_stdout(io.StringIO()):
-        exec(compile(story(path), title(path), "exec"), {"__name__": "__main__"})

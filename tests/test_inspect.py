@@ -99,7 +99,7 @@ def test_what_is_skipped_and_noted_is_said(track, tmp_path):
     table.loc[3, "lat"] = 200.0
     table.to_csv(tmp_path / "in.csv", index=False)
     said = said_of(inspect_files([tmp_path / "in.csv"]))
-    assert "skipped: 1 impossible position" in said
+    assert "skipped: impossible position: 1" in said
     assert "note: yaw rate not used" in said
 
 
@@ -148,7 +148,7 @@ def run(monkeypatch, capsys, folder, tmp_path):
 
 def command_of(out: str) -> list[str]:
     """The words of the command that `inspect` proposes."""
-    line = out.splitlines()[-1].removeprefix("to match it: whichroad ")
+    line = out.splitlines()[-1].removeprefix("to match: whichroad ")
     assert line != out.splitlines()[-1]
     return shlex.split(line)
 
@@ -205,4 +205,4 @@ def test_what_cannot_be_understood_is_said_for_each_file(run, folder):
     assert "none.nmea" in out
     code, out, error = run("inspect", "notes.txt")
     assert (code, error.count("\n")) == (1, 1)
-    assert "nothing was understood" in error
+    assert "none of the files could be read" in error

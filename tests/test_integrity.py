@@ -1,4 +1,4 @@
-"""What users are told beside the pose: competing roads, protection, fixes not believed."""
+"""What users are told beside the pose: competing roads, protection, rejected fixes."""
 
 import json
 import math
@@ -124,13 +124,11 @@ def test_on_line_the_same_roads_are_named(roads: RoadMap):
 def test_a_receiver_that_jumps_is_said_not_to_be_believed(roads: RoadMap):
     points = told(roads, drive(0.0, jump=200.0))
     during = points["reason"][420]
-    assert "fixes 200 m away are not believed" in during or "fixes 199 m away" in during
+    assert "fixes 200 m away are rejected" in during or "fixes 199 m away" in during
     assert not any("believed" in r for r in points["reason"][:400])
     assert "believed" not in points["reason"][-1]
     estimates = {e.time: e for e in on_line(roads, drive(0.0, jump=200.0))}
-    assert (
-        "m away are not believed" in estimates[min(estimates, key=lambda t: abs(t - 42.0))].reason
-    )
+    assert "m away are rejected" in estimates[min(estimates, key=lambda t: abs(t - 42.0))].reason
 
 
 def test_the_protection_level_is_null_before_the_first_answer_and_no_less_than_the_ellipse(
@@ -186,7 +184,7 @@ def test_on_line_the_pose_in_the_map_s_frame_is_near_the_road(roads: RoadMap):
 def test_every_status_has_words_and_adapted_noise_is_added_to_them(status: str):
     assert status == "on_road" or reason(status)
     larger = reason(status, scale=2.3)
-    assert larger.endswith("GNSS errors 2.3 times what is reported") == (status != "outage")
+    assert larger.endswith("GNSS errors 2.3 times the reported sigmas") == (status != "outage")
 
 
 def test_a_third_road_is_named_only_when_it_counts():

@@ -85,8 +85,8 @@ def test_why_a_trip_has_no_answer_is_told_with_what_was_skipped(tmp_path, town):
     table = table.set_column(2, "lat", pa.array(nowhere)).set_column(3, "lon", pa.array(zero))
     pq.write_table(table, source)
     done = run("match", source, "--map", town)
-    assert "no answer: a: there is neither" in done.output
-    assert "skipped: 20 impossible position" in done.output
+    assert "no answer: a: it holds neither" in done.output
+    assert "skipped: impossible position: 20" in done.output
 
 
 def test_an_output_that_exists_is_not_replaced(tmp_path, town):

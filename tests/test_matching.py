@@ -203,6 +203,6 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
         "  epochs without answer  0",
         "  path m                 2,8" + out.partition("2,8")[2].strip(),
     ]
-    assert err.count("covariance that is not one (settings' default used)") == 1
-    assert "skipped: 240 covariance" in err
+    assert err.count("covariance not positive definite (settings' default used)") == 1
+    assert "skipped: covariance not positive definite (settings' default used): 240\n" in err
     assert "skipped: far: none of its 40 fixes is within 1 km of a road" in err

@@ -229,8 +229,8 @@ def test_a_fix_more_than_a_second_late_is_refused_and_counted():
         ({"time": math.inf}, "no time"),
         ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),
         ({"cov_ee": 1.0, "cov_nn": 1.0, "cov_en": 2.0}, NOT_A_COVARIANCE),
-        ({"speed": math.nan, "sigma_speed": 0.3}, "speed that cannot be (not used)"),
-        ({"bearing_deg": math.nan, "sigma_bearing_deg": 3.0}, "course that cannot be (not used)"),
+        ({"speed": math.nan, "sigma_speed": 0.3}, "impossible speed (not used)"),
+        ({"bearing_deg": math.nan, "sigma_bearing_deg": 3.0}, "impossible course (not used)"),
     ],
 )
 def test_a_fix_that_cannot_be_is_counted_and_spoils_nothing(wrong, reason: str):
@@ -251,7 +251,7 @@ def test_a_fix_that_cannot_be_is_counted_and_spoils_nothing(wrong, reason: str):
         (WheelSpeed(10.2, 1e9, 1e9), "wheel speed beyond 90 m/s"),
         (SpeedYaw(10.2, math.inf, 0.0), "speed beyond 90 m/s"),
         (SpeedYaw(10.2, 10.0, 1e9), "yaw rate beyond 10 rad/s"),
-        (WheelTicks(10.2, math.nan, 0.0), "no wheel count"),
+        (WheelTicks(10.2, math.nan, 0.0), "missing wheel count"),
         (Distance(10.2, math.inf), "no distance"),
     ],
 )
@@ -368,7 +368,7 @@ def test_damaged_bytes_are_refused():
 
 def test_bytes_of_another_map_are_refused():
     other = Town(network(avenue()[:-1], curvature=PLANE.curvature), PLANE)
-    with pytest.raises(MapError, match="it is of the map"):
+    with pytest.raises(MapError, match="it belongs to the map"):
         Localizer.from_bytes(driven_to(20).to_bytes(), other)
 
 
@@ -384,7 +384,7 @@ def test_bytes_of_another_version_are_refused(monkeypatch):
 def test_a_state_kept_with_another_lag_is_refused():
     state = driven_to(20).state()
     assert isinstance(state, State)
-    with pytest.raises(SettingError, match="kept with lag=None"):
+    with pytest.raises(SettingError, match="stored with lag=None"):
         Localizer(TOWN, vehicle=CAR, lag=5.0).restore(state)
 
 

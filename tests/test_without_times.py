@@ -43,7 +43,7 @@ def test_the_command_says_that_times_were_invented(town, tmp_path):
     (tmp_path / "a.gpx").write_text(gpx.to_xml())
     done = CliRunner().invoke(app, ["match", str(tmp_path / "a.gpx"), "--map", str(path)])
     assert done.exit_code == 0
-    assert "note: no times: they were invented" in done.output
+    assert "note: no times in the file: they were invented" in done.output
 
 
 def test_the_command_takes_own_names_ids_and_zones(town, tmp_path):

@@ -1,4 +1,4 @@
-"""Where exactly a vehicle is, on which road, and how sure that is.
+"""Match recorded or live drives to a road network, with probabilities.
 
     result = whichroad.match("drive.nmea", "city.osm.pbf")
     result.points, result.path

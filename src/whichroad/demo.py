@@ -69,7 +69,7 @@ def run_demo(
         out / "drive.nmea", vehicle=car, can=out / "can.log", dbc=out / "vehicle.dbc"
     )
 
-    stopwatch("answering it")
+    stopwatch("matching it")
     result = match(drive, roads, vehicle=car, hypotheses=True, progress=progress)
     result.write(out / "points.parquet", force=True)
     result.write_path(out / "path.parquet", force=True)
@@ -126,7 +126,7 @@ def _check(out: Path, force: bool) -> None:
     except (OSError, ValueError, KeyError, TypeError):
         pass
     raise WriteError(
-        f"{out}: exists and holds something else; an empty folder or an earlier demo's was "
+        f"{out}: exists and holds other files; an empty folder or an earlier demo's was "
         "expected; choose another with --out or give --force"
     )
 
@@ -222,7 +222,7 @@ def _headlines(truth: "pa.Table", figures: dict[str, Any], drift: float) -> dict
         "position error (RMS)": both("rmse_m", 1, " m", 1),
         "wheels alone": f"{drift:.0f} m off at the end of the long outage",
         "95 % ellipse holds truth": both("inside_95", 100, " %", 1),
-        "ANEES (1 is honest)": both("anees", 1, "", 2),
+        "ANEES (1 is consistent)": both("anees", 1, "", 2),
     }
 
 

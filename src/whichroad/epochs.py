@@ -19,6 +19,7 @@ from .observations import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
+from .wording import by_reason
 
 _SAME = 1e-4  # s, distance below which readings are one epoch
 _SLACK = 1.0  # s by which a mask may miss a drive
@@ -106,9 +107,9 @@ def build_timeline(
         motion = None
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
     if motion is None and fixes is None:
-        why = ", ".join(f"{count} {reason}" for reason, count in drive.skipped.items())
+        why = by_reason(drive.skipped)
         raise DriveError(
-            f"{drive.drive_id}: there is neither a fix nor odometry in it"
+            f"{drive.drive_id}: it holds neither fixes nor odometry"
             f"{f' (skipped: {why})' if why else ''}; a table or log with time, lat, lon or wheel "
             "data was expected"
         )

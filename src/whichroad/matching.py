@@ -120,7 +120,7 @@ def match(
     tz: str | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
-    """Estimate where a vehicle was at every epoch, on which road, and how sure that is.
+    """Match a drive to the road network: pose, road and probabilities at every epoch.
 
     Args:
         drive: Paths of logs and tables (also folders, patterns and open files), a DataFrame,
@@ -132,12 +132,12 @@ def match(
         vehicle: The car's wheels, antenna and clocks, or the path of its vehicle.toml.
         settings: The model's numbers.
         model: "default"; "paper" is the paper's method, for comparison.
-        start: A known pose (lat, lon, bearing in degrees), or a vague one (a `StartPose` with
-            a sigma of hundreds of metres), or "map": anywhere on it, found by the turns that
-            both wheels measure; else the first fix starts.
+        start: A known pose (lat, lon, bearing in degrees), a vague one (a `StartPose` with a
+            sigma of hundreds of metres), or "map" to find the start from wheel data alone.
+            None: the first fix starts.
         mask: Windows in which GNSS is withheld: seconds from the drive's start, or times.
-        lag: By how much later knowledge an epoch is answered: seconds, "200m" driven, or "full"
-            for the drive's end.  None: by what was known then, as on line.
+        lag: Smooth with a fixed lag: seconds, "200m" driven, or "full" for the whole drive.
+            None: filter, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
@@ -187,7 +187,9 @@ def match(
                 raise
             failed.append(str(error))
     if not parts:
-        raise DriveError(failed[0] if failed else "there is no drive in the input")
+        raise DriveError(
+            failed[0] if failed else "drive: the input holds no drive; at least one was expected"
+        )
     return _pooled_result(parts, failed)
 
 

@@ -36,8 +36,12 @@ class Settings:
     acceleration_noise: float = _number(
         1.5, 0.01, 20, "m/s/√s", "speed random walk where there is no odometry"
     )
-    scale_sigma: float = _number(0.012, 1e-5, 0.5, "", "odometer scale, before it is learnt")
-    drift_sigma: float = _number(3e-4, 0, 0.1, "rad/m", "heading drift per metre, before learnt")
+    scale_sigma: float = _number(
+        0.012, 1e-5, 0.5, "", "sigma of the odometer scale, before it is learnt"
+    )
+    drift_sigma: float = _number(
+        3e-4, 0, 0.1, "rad/m", "sigma of the heading drift, before it is learnt"
+    )
     lane_sigma: float = _number(
         0.6, 0.01, 50, "m", "offset from the usual lane; more where there are several"
     )
@@ -50,26 +54,28 @@ class Settings:
     edge_heading_sigma: float = _number(
         0.095, 0.001, 1, "rad", "chord heading against the vehicle's"
     )
-    node_radius: float = _number(12, 0, 100, "m", "about a junction the line is not driven")
+    node_radius: float = _number(
+        12, 0, 100, "m", "radius about a junction where the line is not driven"
+    )
     node_sigma: float = _number(1.5, 0, 20, "m", "extra lateral error there")
     node_heading_sigma: float = _number(0.5, 0, 3, "rad", "extra heading error there")
     map_spacing: float = _number(5, 0.5, 50, "m", "distance between map observations")
     gnss_white_ratio: float = _number(
-        0.5, 0.01, 10, "", "white GNSS error over it, at one fix a second"
+        0.5, 0.01, 10, "", "ratio of white to correlated GNSS error, at one fix a second"
     )
     gnss_time: float = _number(80, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
     gnss_adapt_time: float = _number(
-        40, 1, 1e12, "s", "in which the scale of reported sigmas is learnt; 1e10: never"
+        40, 1, 1e12, "s", "time in which the scale of reported sigmas is learnt; 1e10: never"
     )
     gnss_start: float = _number(
-        1.5, 1, 100, "", "GNSS sigmas over the reported ones, until fixes have shown"
+        1.5, 1, 100, "", "initial ratio of GNSS sigmas to the reported ones"
     )
     gnss_fault_time: float = _number(
         60, 1, 1e9, "s", "mean duration of gross errors of the receiver"
     )
     gnss_lost: float = _number(
-        0.02, 0, 0.5, "", "P(the belief was wrong) when a fix is far from it"
+        0.02, 0, 0.5, "", "P(the estimate was wrong) when a fix is far from it"
     )
     off_road_leave: float = _number(2e-5, 0, 0.1, "1/m", "rate of leaving the mapped roads")
     off_road_return: float = _number(0.01, 0, 1, "1/m", "rate of coming back to one")
@@ -78,31 +84,37 @@ class Settings:
     )
     off_road_start: float = _number(0.05, 0, 1, "", "probability of starting off the roads")
     wrong_way: float = _number(2e-4, 0, 1, "", "weight of driving against a one-way or a ban")
-    u_turn_rate: float = _number(1e-3, 0, 0.1, "1/s", "of turning round, for a slow vehicle")
+    u_turn_rate: float = _number(1e-3, 0, 0.1, "1/s", "rate of U-turns of a slow vehicle")
     search_radius: float = _number(30, 1, 5000, "m", "smallest candidate radius (paper: 30 m)")
     prune: float = _number(1e-4, 0, 0.1, "", "hypotheses below this probability are dropped")
     merge: float = _number(1e-4, 0, 100, "nats", "Runnalls cost below which two are merged")
     components: float = _number(4, 1, 8, "", "Gaussians kept per directed edge")
-    lost_after: float = _number(8, 1, 1e4, "", "fixes in a row that fit nothing: start again")
+    lost_after: float = _number(
+        8, 1, 1e4, "", "consecutive fixes that fit nothing, until a new start"
+    )
 
     protection_risk: float = _number(
-        1e-3, 1e-12, 0.5, "", "of a position error beyond the protection level"
+        1e-3, 1e-12, 0.5, "", "risk of a position error beyond the protection level"
     )
     unknown: float = _number(
-        7e-4, 0, 0.1, "", "P(none of what the model knows): on 8 m it was wrong so much more often"
+        7e-4, 0, 0.1, "", "P(none of what the model knows), measured on roads 8 m apart"
     )
 
     default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
-    user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
-    outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
-    ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")
+    user_range_error_m: float = _number(4.0, 0.1, 100, "m", "sigma per HDOP where there is no GST")
+    outage_after_s: float = _number(
+        3.0, 0.1, 1e4, "s", "time without a fix until the status is outage"
+    )
+    ambiguous_below: float = _number(
+        0.95, 0.5, 1, "", "P(edge) below which the status is ambiguous"
+    )
 
     # model="paper" only; the paper gives the radius and leaves the rest open
     paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) at the next step")
     paper_radius: float = _number(30, 1, 1000, "m", "candidate radius (paper: 30 m)")
     paper_width: float = _number(3.5, 0.1, 100, "m", "the road's width, sigma across it")
-    paper_heading_sigma: float = _number(0.1, 0.001, 3, "rad", "segment's heading")
-    paper_step: float = _number(1, 0, 1e4, "s", "between map observations; 0: every epoch")
+    paper_heading_sigma: float = _number(0.1, 0.001, 3, "rad", "sigma of the segment's heading")
+    paper_step: float = _number(1, 0, 1e4, "s", "time between map observations; 0: every epoch")
 
     def __post_init__(self) -> None:
         for f in fields(self):

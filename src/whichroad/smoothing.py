@@ -52,8 +52,7 @@ class Lag(NamedTuple):
             length = -1.0
         if isinstance(lag, bool) or not length >= 0.0:  # not a number: neither
             raise SettingError(
-                f'lag is {lag!r}; None, seconds from 0 on, "200m" (metres driven) or "{FULL}" was '
-                "expected"
+                f'lag is {lag!r}; seconds (10), metres driven ("200m") or "{FULL}" was expected'
             )
         return cls(length, metres)
 

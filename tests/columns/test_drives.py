@@ -77,7 +77,7 @@ def test_each_trip_has_a_row_and_unanswered_trips_have_a_reason():
     assert rows.answered.tolist() == [True, True, True, False, True, True, False]
     assert rows.reason[ANSWERED].isna().all()
     assert "km from the map" in rows.reason["far"]
-    assert "neither a fix nor odometry" in rows.reason["blank"]
+    assert "neither fixes nor odometry" in rows.reason["blank"]
     for name in ("far", "blank"):
         assert len(of("points", name)) == 0
         assert len(of("path", name)) == 0

@@ -214,7 +214,7 @@ def test_what_is_remembered_does_not_grow():
 def test_a_finding_says_what_was_seen_what_was_expected_and_what_to_do():
     text = str(found(drive(1, time=400.0))["gnss_time"])
     assert text.startswith("gnss_time: ")
-    assert "was expected; GNSS errors last " in text
+    assert "was expected; GNSS errors persist for " in text
     assert "set gnss_time" in text
 
 

@@ -125,7 +125,7 @@ def test_a_folder_with_something_else_is_left_alone(monkeypatch, capsys, tmp_pat
     (tmp_path / "thesis.txt").write_text("mine")
     code, out, err = run(monkeypatch, capsys, "--out", tmp_path, "--seeds", "0:1")
     assert (code, out) == (1, "")
-    assert "holds something else" in err
+    assert "holds other files" in err
 
 
 def test_the_command_offers_every_scene():

@@ -135,7 +135,7 @@ def test_an_answer_that_is_missing_is_named_before_the_work(done, tmp_path):
     for name in ("default", "paper", "", "a,b"):
         with pytest.raises(SettingError, match="answers: the name is"):
             run_experiments(tmp_path / "x", answers={name: tmp_path})
-    with pytest.raises(SettingError, match="is no folder"):
+    with pytest.raises(SettingError, match="is not a folder"):
         run_experiments(tmp_path / "x", answers={"mine": tmp_path / "none"})
 
 

@@ -192,7 +192,7 @@ def test_a_drive_that_tells_no_turns_is_refused(town: whichroad.RoadMap):
 
 def test_roads_without_end_are_refused(town: whichroad.RoadMap, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(importlib.import_module("whichroad.global_start.prior"), "_MOST", 100)
-    with pytest.raises(DriveError, match="at most 100 can be searched"):
+    with pytest.raises(DriveError, match="places to search; at most 100 were expected"):
         prior_components(town, Settings(), None)
 
 

@@ -79,8 +79,8 @@ def test_without_the_extra_a_command_says_what_to_install(
     )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.strip().splitlines()[-1] == (
-        f"error: {command}: the package {package} is not installed; it was expected for this "
-        'command; pip install "whichroad[live]", or ".[live]" in the source folder'
+        f"error: {command}: the package {package} is missing; this command needs it; install "
+        'it by pip install "whichroad[live]", or ".[live]" in the source folder'
     )
 
 
@@ -91,19 +91,19 @@ def test_a_path_is_drawn_where_it_can_be(run: Any, logs: list[str], folder: Path
     assert run("report", points, *map_, "--path", path, "-o", page)[0] == 0
     code, _, said = run("report", points, "--path", path, "-o", tmp_path / "other.html")
     assert code == 2
-    assert "--map was expected with it" in said
+    assert "--path was given without --map" in said
     code, _, said = run("replay", *logs, "--path", path)
     assert code == 2
-    assert "not to a drive" in said
+    assert "--path was given with a drive" in said
 
 
 def test_a_file_that_is_not_there_is_called_that(run: Any, tmp_path: Path):
     code, _, said = run("report", tmp_path / "points.parquet", "-o", tmp_path / "report.html")
     assert code == 1
-    assert "points.parquet: there is no such file" in said
+    assert "points.parquet: the file does not exist" in said
     code, _, said = run("map", "build", tmp_path / "city.osm.pbf", "-o", tmp_path / "city.map")
     assert code == 1
-    assert "city.osm.pbf: there is no such file" in said
+    assert "city.osm.pbf: the file does not exist" in said
 
 
 def test_a_report_of_several_drives_is_refused_before_the_work(

@@ -165,7 +165,7 @@ def test_a_zone_that_has_no_effect_is_said_and_an_unknown_one_refused():
     frame = pd.DataFrame({"time": T0 + np.arange(N), "lat": LAT, "lon": 8.7})
     (drive,) = drive_from_table(frame, tz="Europe/Berlin")
     assert any("tz Europe/Berlin not used" in note for note in drive.notes)
-    with pytest.raises(ReadError, match=r"'Europe/Nowhere' is no known time zone"):
+    with pytest.raises(ReadError, match=r"'Europe/Nowhere' is not a known time zone"):
         drive_from_table(frame, tz="Europe/Nowhere")
 
 

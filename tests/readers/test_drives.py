@@ -115,7 +115,7 @@ def test_clock_offsets_are_added_by_role_or_by_file(put, name):
 
 def test_files_that_share_no_time_are_refused(put):
     files = [put("gnss.csv", fixes()), put("wheels.csv", wheels(t0=T0 + 7200))]
-    with pytest.raises(ReadError, match=r"share no time.*\[clock\]"):
+    with pytest.raises(ReadError, match=r"do not overlap in time.*\[clock\]"):
         read_drive(files)
 
 

@@ -122,7 +122,7 @@ def test_what_is_skipped_is_counted_by_reason(sound):
     assert drive.skipped == {
         "impossible position": 1,
         "repeated time": 1,
-        "time running backwards (put in order)": 2,
+        "time running backwards (sorted)": 2,
     }
 
 
@@ -191,7 +191,7 @@ def test_a_covariance_that_is_not_one_is_replaced_flagged_and_counted(sound):
     assert drive.fixes.cov_ee.tolist() == [4, usual, usual, usual, usual]
     assert drive.fixes.cov_en.tolist() == [1, 0, 0, 0, 0]
     assert drive.fixes.flags.tolist() == [0] + [ASSUMED] * 4
-    assert drive.skipped == {"covariance that is not one (settings' default used)": 4}
+    assert drive.skipped == {"covariance not positive definite (settings' default used)": 4}
 
 
 def test_ellipses_sigmas_and_accuracies_are_covariances():
@@ -211,7 +211,7 @@ def test_an_accuracy_that_is_none_is_replaced_flagged_and_counted(name: str, unk
     drive = one(table(**{name: [3.0, unknown, 3.0, np.nan, 3.0]}))
     sound(drive)
     assert drive.fixes.flags.tolist() == [0, ASSUMED, 0, ASSUMED, 0]
-    assert drive.skipped == {"covariance that is not one (settings' default used)": 1}
+    assert drive.skipped == {"covariance not positive definite (settings' default used)": 1}
 
 
 def test_an_accuracy_that_is_none_leaves_the_word_to_the_hdop():
@@ -227,8 +227,8 @@ def test_minus_one_is_what_phones_write_for_no_speed_and_no_course(sound):
     assert known.tolist() == [False, True, False, True, True]
     assert drive.fixes.bearing_deg[known] == pytest.approx([90.0, 358.5, 359.0])
     assert drive.skipped == {
-        "negative speed of a receiver (taken as none)": 1,
-        "course of -1 (taken as none)": 2,
+        "negative receiver speed (ignored)": 1,
+        "course of -1 (ignored)": 2,
     }
 
 

@@ -71,7 +71,7 @@ def test_what_a_tool_writes_is_read_as_its_owner_means_it(drive, tmp_path, name,
         assert got.fixes.time == pytest.approx(drive.time[:n] - start, abs=tolerance)
         assert "invented" not in said
     else:
-        assert "no times: they were invented" in said
+        assert "no times in the file: they were invented" in said
     known = np.isfinite(got.fixes.sigma_speed)
     if about.get("speed"):
         assert known.all()

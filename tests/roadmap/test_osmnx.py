@@ -92,13 +92,13 @@ def test_a_drive_is_matched_to_whatever_osmnx_gives(graph, roads, tmp_path):
 
 def test_a_graph_without_places_or_edges_is_refused(tmp_path):
     graph = networkx.MultiDiGraph()
-    with pytest.raises(MapError, match="graph: there is no edge"):
+    with pytest.raises(MapError, match="graph: it has no edges"):
         RoadMap.from_edges(graph)
     graph.add_edge("a", "b")
-    with pytest.raises(MapError, match="graph: node 'a' has no place"):
+    with pytest.raises(MapError, match="graph: node 'a' has no position"):
         RoadMap.from_edges(graph)
     networkx.write_graphml(graph, tmp_path / "bare.graphml")
-    with pytest.raises(MapError, match=r"bare\.graphml: node 'a' has no place"):
+    with pytest.raises(MapError, match=r"bare\.graphml: node 'a' has no position"):
         RoadMap.from_edges(tmp_path / "bare.graphml")
     graph.nodes["a"].update(x=8.7, y=49.4)
     graph.nodes["b"].update(x=8.701, y=49.4)

@@ -274,7 +274,7 @@ def test_a_table_without_roads_is_refused_by_name(tmp_path, name, content):
 def test_what_is_no_table_is_refused(tmp_path):
     with pytest.raises(MapError, match="int"):
         RoadMap.from_edges(5)
-    with pytest.raises(MapError, match="no such file"):
+    with pytest.raises(MapError, match="the file does not exist"):
         RoadMap.from_edges(tmp_path / "nowhere.csv")
 
 

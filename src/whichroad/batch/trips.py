@@ -33,6 +33,7 @@ from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from ..traversals import traversals
+from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 Progress = Callable[[str, int, int], None]
@@ -46,7 +47,7 @@ class Tables(NamedTuple):
     drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
 
     def __repr__(self) -> str:
-        return ", ".join(f"{name}: {len(t):,} rows" for name, t in self._asdict().items())
+        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in self._asdict().items())
 
 
 def joined(parts: Sequence[Tables]) -> Tables:
@@ -277,7 +278,7 @@ class Job(NamedTuple):
         name, (low, high) = chunk.names[trip], chunk.first[trip : trip + 2]
         if not name:
             rows = f"{high - low:,} rows name no trip"
-            return _Failure(name, f"{rows}; a drive_id in each was expected")
+            return _Failure(name, f"{rows}; a drive_id in every row was expected")
         try:
             drive = None
             if regular.usable[trip]:
@@ -329,7 +330,7 @@ class Job(NamedTuple):
 
 
 def _unexpected(error: Exception) -> str:
-    return f"this should not happen ({type(error).__name__}: {error}); please report it"
+    return f"a bug in whichroad ({type(error).__name__}: {error}); please report it"
 
 
 def _failed_row(failure: _Failure) -> pa.Table:
@@ -349,7 +350,7 @@ def _drive_rows(answer: _Answer) -> pa.Table:
     columns |= {
         "drive_id": answer.names,
         "answered": answered,
-        "reason": pa.array(["no epoch could be answered"] * d, mask=answered),
+        "reason": pa.array(["no epoch could be matched"] * d, mask=answered),
         "skipped": [list(drive.skipped.items()) if drive else []] * d,
         "notes": [list(drive.notes) if drive else []] * d,
     }

@@ -26,7 +26,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.add_typer(map_app, name="map", help="Compile a road map, or describe one.")
+app.add_typer(map_app, name="map", help="Compile a road map, or print what one holds.")
 # as help lists them
 for command in (
     demo, match, inspect, replay, report, live, simulate, evaluate, experiments, warmup,
@@ -47,8 +47,8 @@ def main() -> NoReturn:
             raise
         kind = type(error).__name__
         _fail(
-            f"error: this should not happen ({kind}: {error}); please report it, with what "
-            "WHICHROAD_TRACEBACK=1 adds"
+            f"error: this is a bug in whichroad ({kind}: {error}); please report it, with the "
+            "traceback that WHICHROAD_TRACEBACK=1 prints"
         )
     sys.exit(0)
 
@@ -71,4 +71,4 @@ def whichroad(
         typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
-    """Where exactly a vehicle is, on which road, and how sure that is."""
+    """Match recorded or live drives to a road network, with probabilities."""

@@ -45,9 +45,9 @@ class Preset(StrEnum):
 
 Token = Annotated[
     str | None,
-    typer.Option(envvar="WHICHROAD_TOKEN", help="Asked of everybody who connects."),
+    typer.Option(envvar="WHICHROAD_TOKEN", help="Token that every client must send."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace outputs that exist.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace existing output files.")]
 MapOption = Annotated[
     Path,
     typer.Option(
@@ -60,25 +60,24 @@ MapOption = Annotated[
 
 CrsOption = Annotated[
     str | None,
-    typer.Option("--crs", help="Reference system of columns x and y, such as EPSG:3067."),
+    typer.Option("--crs", help="Coordinate system of columns x and y, such as EPSG:3067."),
 ]
 IdOption = Annotated[
     str | None,
-    typer.Option("--id", metavar="COLUMN", help="The column of tables that tells drives apart."),
+    typer.Option("--id", metavar="COLUMN", help="Column that names the drive of each row."),
 ]
 ColumnsOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=COLUMN",
-        help="Own names of columns in tables, such as time=ts,lat=Latitude,speed_kmh=v; "
-        "repeatable.",
+        help="Your own column names, such as time=ts,lat=Latitude,speed_kmh=v. May be repeated.",
     ),
 ]
 ZoneOption = Annotated[
     str | None,
     typer.Option(
         metavar="ZONE",
-        help="Zone of times in tables that name none, such as Europe/Berlin; else they are UTC.",
+        help="Time zone of times that name none, such as Europe/Berlin. Default: UTC.",
     ),
 ]
 
@@ -111,8 +110,8 @@ def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | st
         ) from None
     if not (abs(lat) <= 90 and abs(lon) <= 180 and abs(last) <= most and (last > 0 or not vague)):
         raise typer.BadParameter(
-            f"--start is {text!r}; a latitude within 90, a longitude within 180 degrees and "
-            + ("some metres" if vague else "a bearing within 360 degrees")
+            f"--start is {text!r}; a latitude within ±90°, a longitude within ±180° and "
+            + ("a radius in metres" if vague else "a bearing within ±360°")
             + " were expected"
         )
     if not vague:
@@ -161,7 +160,9 @@ def check_token(host: str, token: str | None) -> None:
     from ..live.access import is_local
 
     if token is None and not is_local(host):
-        raise typer.BadParameter(f"--host {host} is seen by others; a --token was expected")
+        raise typer.BadParameter(
+            f"--host {host} lets other machines connect; a --token was expected"
+        )
 
 
 @contextmanager
@@ -179,6 +180,6 @@ def extra_live(command: str) -> Iterator[None]:
     except ImportError as error:
         package = str(error.name).partition(".")[0]
         raise SettingError(
-            f"{command}: the package {package} is not installed; it was expected for this "
-            'command; pip install "whichroad[live]", or ".[live]" in the source folder'
+            f"{command}: the package {package} is missing; this command needs it; install it by "
+            'pip install "whichroad[live]", or ".[live]" in the source folder'
         ) from None

@@ -15,7 +15,7 @@ def inspect(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Logs and tables of a drive, maps, points of `match`, vehicle.toml, .dbc.",
+            help="Drive logs and tables, maps, points from `match`, vehicle.toml, .dbc.",
         ),
     ],
     crs: CrsOption = None,
@@ -23,7 +23,7 @@ def inspect(
     columns: ColumnsOption = None,
     tz: ZoneOption = None,
 ) -> None:
-    """Print what files hold, what was read as what, and the command that matches them."""
+    """Print what files hold, how they were read, and the command to match them."""
     from ..inspection import inspect_files
 
     with progress_line() as progress:
@@ -34,5 +34,5 @@ def inspect(
         for line in section.said:
             typer.echo(f"  {line}")
     if not found.understood:
-        raise ReadError(f"{files[0]}: nothing was understood; the reason is above")
-    typer.echo(f"to match it: {found.command}")
+        raise ReadError(f"{files[0]}: none of the files could be read; see the reasons above")
+    typer.echo(f"to match: {found.command}")

@@ -35,7 +35,7 @@ def live(
         typer.Option(
             metavar="SOURCE",
             help="Fixes: /dev/ttyUSB0@9600, tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, "
-            "or a recorded file; repeatable.",
+            "or a recorded file. May be repeated.",
         ),
     ] = None,
     can: Annotated[
@@ -45,26 +45,32 @@ def live(
             help="Wheels: can0 (socketcan), INTERFACE:CHANNEL (python-can), or a recorded file.",
         ),
     ] = None,
-    dbc: Annotated[Path | None, typer.Option(help="What the CAN signals mean.")] = None,
-    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
+    ] = None,
     play: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DRIVE", help="Recorded files, instead of sensors; repeatable."),
+        typer.Option(metavar="DRIVE", help="Recorded files to play. May be repeated."),
     ] = None,
     speed: Annotated[
-        str, typer.Option(metavar="X", help="Of what is played: times real time, or max.")
+        str, typer.Option(metavar="X", help="Playback speed, a multiple of real time, or `max`.")
     ] = "1",
-    laps: Annotated[int, typer.Option(min=1, help="Play so often.", hidden=True)] = 1,
-    once: Annotated[bool, typer.Option("--once", help="End with the recording.")] = False,
+    laps: Annotated[
+        int, typer.Option(min=1, help="Play the files this many times.", hidden=True)
+    ] = 1,
+    once: Annotated[bool, typer.Option("--once", help="Stop at the end of the recording.")] = False,
     start: Annotated[
-        str | None, typer.Option(metavar="LAT,LON,BEARING", help="A known pose, in degrees.")
+        str | None, typer.Option(metavar="LAT,LON,BEARING", help="Start pose, in degrees.")
     ] = None,
     window: Annotated[
         float,
-        typer.Option(min=0.0, max=10.0, metavar="S", help="Observations may be so late."),
+        typer.Option(min=0.0, max=10.0, metavar="S", help="Wait this long for late observations."),
     ] = 1.0,
     clock: Annotated[
-        Clock, typer.Option(help="Times of observations: the sensors', or when they arrive.")
+        Clock, typer.Option(help="Use the sensor's times, or the times of arrival.")
     ] = Clock.sensor,
     lag: Annotated[
         float | None,
@@ -72,30 +78,34 @@ def live(
     ] = None,
     rate: Annotated[
         float,
-        typer.Option(min=0.1, max=50.0, metavar="HZ", help="Messages between fixes."),
+        typer.Option(min=0.1, max=50.0, metavar="HZ", help="Rate of messages between fixes."),
     ] = 10.0,
     record: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Record all observations and estimates.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for a recording of the service.")
     ] = None,
     state: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep the state here, to outlive crashes.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Store the state here, to resume after a crash."),
     ] = None,
     nmea_out: Annotated[
         list[str] | None,
         typer.Option(
             metavar="SINK",
-            help="The fused pose as NMEA: tcp://HOST:PORT (listens), udp://HOST:PORT; repeatable.",
+            help="Send the pose as NMEA: tcp://HOST:PORT (listens), udp://HOST:PORT. May be "
+            "repeated.",
         ),
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to serve on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on. 0: any free port.")
+    ] = 8080,
     token: Token = None,
     tiles: Annotated[
-        str | None, typer.Option(metavar="URL", help="Raster tiles below the roads.")
+        str | None, typer.Option(metavar="URL", help="Raster tiles to draw under the roads.")
     ] = None,
-    page: Annotated[bool, typer.Option(help="Serve the page at /.")] = True,
+    page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
 ) -> None:
-    """Estimate where a vehicle is while it drives: page, WebSocket, HTTP, NMEA, recording."""
+    """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
     from ..writers import check_apart
 
     pose, factor = read_start(start), _speed(speed)
@@ -149,7 +159,7 @@ def _speed(text: str) -> float | None:
     except ValueError:
         speed = 0.0
     if not 0.01 <= speed <= 1000.0:
-        raise typer.BadParameter(f"--speed is {text!r}; a number (5 is five times) or max")
+        raise typer.BadParameter(f"--speed is {text!r}; a number, such as 5, or max was expected")
     return speed
 
 
@@ -178,7 +188,9 @@ def _recorded(
     if not files and can_file is None:
         return None
     if len(files) < len(play or ()) + len(nmea or ()) or (can is not None and can_file is None):
-        raise typer.BadParameter("recorded files and sensors cannot be mixed")
+        raise typer.BadParameter(
+            "recorded files and sensors cannot be combined; give one kind only"
+        )
     from ..readers import read_drive
 
     drives = read_drive(files, vehicle=car, can=can_file, dbc=dbc)
@@ -197,10 +209,10 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
             import serial  # noqa: F401
     if can is not None:
         if dbc is None:
-            raise typer.BadParameter("--can needs the --dbc that describes its frames")
+            raise typer.BadParameter("--can was given without --dbc; both are needed")
         plan.can = [(can_address(can), dbc)]
     if not plan.nmea and not plan.can:
-        raise typer.BadParameter("neither --nmea nor --can nor --play: nothing to listen to")
+        raise typer.BadParameter("no input was given; --nmea, --can or --play was expected")
 
 
 def _pages(roads: "RoadMap", tiles: str | None) -> Any:

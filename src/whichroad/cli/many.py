@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..errors import DriveError
+from ..wording import counted
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -61,10 +62,10 @@ def match_trips(
                 path(network.by_source(part.path) if by_source else part.path)
             trips.append(part.drives)
         if not trips:
-            raise DriveError(f"{table}: there is no trip in it; rows with a drive_id were expected")
+            raise DriveError(f"{table}: it holds no trips; rows with a drive_id were expected")
     _print_summary(table, trips)
     if out is None and path_out is None:
-        typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
+        typer.echo("no output was asked for; add -o points.parquet --path-out path.parquet")
 
 
 def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
@@ -74,7 +75,7 @@ def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     for row in rows:
         skipped.update(dict(row["skipped"] or ()))
     for reason, count in skipped.items():
-        typer.echo(f"skipped: {count} {reason}", err=True)
+        typer.echo(f"skipped: {reason}: {count:,}", err=True)
     unanswered = [row for row in rows if not row["answered"]]
     for row in unanswered[:_MOST_PRINTED]:
         name = row["drive_id"] or "(no name)"
@@ -94,6 +95,6 @@ def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     )
     if not answered:
         raise DriveError(
-            f"{table}: none of {len(rows):,} trips could be answered; trips on the roads of the "
-            f"map were expected; the reason of the first: {rows[0]['reason']}"
+            f"{table}: none of {counted(len(rows), 'trip')} could be matched; trips on the roads "
+            f"of the map were expected; the reason of the first: {rows[0]['reason']}"
         )

@@ -21,24 +21,27 @@ def map_build(
             "edges (.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The compiled map.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="File for the compiled map.")],
     crs: Annotated[
-        str | None, typer.Option(help="Reference system of an edge table, such as EPSG:3067.")
+        str | None, typer.Option(help="Coordinate system of an edge table, such as EPSG:3067.")
     ] = None,
     bbox: Annotated[
         str | None,
         typer.Option(
-            metavar="WEST,SOUTH,EAST,NORTH", help="Only this part of an OSM extract, in degrees."
+            metavar="WEST,SOUTH,EAST,NORTH",
+            help="Keep only this part of an OSM extract, in degrees.",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Compile a map once, to open it in an instant."""
+    """Compile a road map, so that other commands open it at once."""
     from ..roadmap import RoadMap, open_map
     from ..writers import check_apart, replacing
 
     if crs is not None and bbox is not None:
-        raise typer.BadParameter("--crs is of edge tables, and --bbox of OSM extracts: one of them")
+        raise typer.BadParameter(
+            "--crs is for edge tables, --bbox for OSM extracts; give one of them"
+        )
     check_apart({"-o": out}, [source])
     with progress_line() as progress, replacing(out, force=force) as part:
         progress(f"reading {source}", 0, 0)
@@ -49,13 +52,15 @@ def map_build(
         roads.save(part)
         info = roads.info()
     for reason, count in info["skipped"].items():
-        typer.echo(f"skipped: {count:,} {reason}", err=True)
+        typer.echo(f"skipped: {reason}: {count:,}", err=True)
     size = f"{out.stat().st_size / 1e6:.1f} MB"
     typer.echo(f"{out}: {info['km']:,.1f} km of roads, {info['edges']:,} directed edges, {size}")
 
 
 @map_app.command("info")
-def map_info(roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")]) -> None:
+def map_info(
+    roads: Annotated[Path, typer.Argument(metavar="MAP", help="A road map, compiled or not.")],
+) -> None:
     """Print what a map holds."""
     from ..roadmap import open_map
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import DriveError
+from ..wording import counted
 from .arguments import (
     ColumnsOption,
     CrsOption,
@@ -36,13 +37,19 @@ def match(
         list[Path],
         typer.Argument(
             metavar="DRIVE",
-            help="Logs and tables of drives: files, folders, patterns, or `-` for standard input.",
+            help="Drives: CSV, Parquet, Arrow, GPX, KML, GeoJSON, GeoPackage, Shapefile, NMEA, "
+            "RTKLIB .pos, GnssLogger, JSON, CAN logs. Files, folders, wildcards, or `-` (standard "
+            "input).",
         ),
     ],
     roads: MapOption,
-    can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
-    dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
-    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    can: Annotated[Path | None, typer.Option(help="CAN log with wheel data.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
+    ] = None,
     crs: CrsOption = None,
     id_: IdOption = None,
     columns: ColumnsOption = None,
@@ -51,61 +58,62 @@ def match(
         str | None,
         typer.Option(
             metavar="LAT,LON,BEARING",
-            help="A known pose, in degrees; or `map`: anywhere on it, found by the turns that both "
-            "wheels measure; or `map:LAT,LON,METRES`: about so far from there.",
+            help="Start pose, in degrees. `map` finds the start from wheel data alone; "
+            "`map:LAT,LON,METRES` searches about a place.",
         ),
     ] = None,
     mask: Annotated[
         list[str] | None,
         typer.Option(
             metavar="START:END",
-            help="Withhold GNSS, in seconds from the drive's start or in ISO times; repeatable.",
+            help="Withhold GNSS: seconds since the start, or ISO times. May be repeated.",
         ),
     ] = None,
     model: Annotated[
-        Model, typer.Option(help="`paper` is the method as printed, to compare.")
+        Model, typer.Option(help="`paper` is the published method, for comparison.")
     ] = Model.default,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", help="Points: .parquet .geojson .csv .gpx .arrow."),
+        typer.Option(
+            "-o", "--out", help="File for the points: .parquet, .geojson, .csv, .gpx or .arrow."
+        ),
     ] = None,
     path_out: Annotated[
-        Path | None, typer.Option(help="The path driven, edge by edge, in the same formats.")
+        Path | None, typer.Option(help="File for the path, one row per edge; same formats.")
     ] = None,
     by_source: Annotated[
         bool,
         typer.Option(
             "--by-source",
-            help="The path by the roads of the source (OpenStreetMap ways), of which an edge "
-            "may have several.",
+            help="Write the path by OpenStreetMap ways, or rows of your table, in place of edges.",
         ),
     ] = False,
     every: Annotated[
-        float | None, typer.Option(min=0.0, metavar="S", help="One point every S seconds.")
+        float | None, typer.Option(min=0.0, metavar="S", help="Write one point every S seconds.")
     ] = None,
     attributes: Annotated[
-        bool, typer.Option("--attributes", help="Add name, class and limit of the road.")
+        bool, typer.Option("--attributes", help="Add the road's name, class and speed limit.")
     ] = False,
     lag: Annotated[
         str | None,
         typer.Option(
             metavar="S|full",
-            help="Answer by what was known S seconds (or `200m`) later, or at the drive's end.",
+            help="Smooth with a fixed lag of S seconds (or of `200m`), or over the full drive.",
         ),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="One .html file that shows the answer, to open anywhere.")
+        Path | None, typer.Option(help="Also write one .html file that shows the result.")
     ] = None,
     lineage: Annotated[
         Path | None,
         typer.Option(
-            help="The hypotheses of the drive, one row each: when and from which one it was born, "
-            "P, when and why it ended; .csv .parquet .arrow."
+            help="Write the hypotheses, one row each: birth, parent, probability and end (.csv, "
+            ".parquet, .arrow)."
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Estimate where a vehicle was, on which road, and how sure that is."""
+    """Match a recorded drive to the road network, with probabilities."""
     own = read_columns(columns)
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
@@ -169,12 +177,13 @@ def match(
             write_report(recorded, report, network, force=force)
     print_summary(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
+        epochs = counted(result.summary["epochs"], "epoch")
         raise DriveError(
-            f"{drive[0]}: none of {result.summary['epochs']:,} epochs could be answered; a drive "
-            f"on the roads of {roads} was expected; is it the right map?"
+            f"{drive[0]}: none of {epochs} could be matched; a drive on the roads of "
+            f"{roads} was expected; is it the right map?"
         )
     if out is path_out is report is lineage is None:
-        typer.echo("nothing was written; -o points.parquet --path-out path.parquet would")
+        typer.echo("no output was asked for; add -o points.parquet --path-out path.parquet")
 
 
 def _write(result: "Result", out: Path | None, every: float | None, force: bool) -> None:
@@ -195,7 +204,7 @@ def print_summary(result: "Result") -> None:
     for one in each:
         skipped.update(one.get("skipped", {}))
     for reason, count in skipped.items():
-        typer.echo(f"skipped: {count} {reason}", err=True)
+        typer.echo(f"skipped: {reason}: {count:,}", err=True)
     for note in dict.fromkeys(note for one in each for note in one.get("notes", ())):
         typer.echo(f"note: {note}", err=True)
     for one in each:

@@ -20,47 +20,56 @@ from .console import progress_line
 if TYPE_CHECKING:
     from ..replay.player import Player
 
-DriveId = Annotated[
-    str | None, typer.Option(help="Which drive, where there are several in the input.")
-]
+DriveId = Annotated[str | None, typer.Option(help="Which drive to show, if the input has several.")]
 
 PathFile = Annotated[
     Path | None,
-    typer.Option("--path", help="The path of `match --path-out`: the route between distant fixes."),
+    typer.Option("--path", help="Path from `match --path-out`, to draw between distant fixes."),
 ]
 
 
 def replay(
     drive: Annotated[
         list[Path],
-        typer.Argument(metavar="DRIVE|RESULT", help="Logs of a drive, or points of `match -o`."),
+        typer.Argument(metavar="DRIVE|RESULT", help="Drive logs, or points from `match -o`."),
     ],
     roads: MapOption,
-    can: Annotated[Path | None, typer.Option(help="CAN log with the wheels.")] = None,
-    dbc: Annotated[Path | None, typer.Option(help="What the CAN log's signals mean.")] = None,
-    vehicle: Annotated[Path | None, typer.Option(help="The car, a vehicle.toml.")] = None,
+    can: Annotated[Path | None, typer.Option(help="CAN log with wheel data.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
+    ] = None,
     start: Annotated[
         str | None,
-        typer.Option(metavar="LAT,LON,BEARING", help="A known pose, as `match` takes it."),
+        typer.Option(metavar="LAT,LON,BEARING", help="Start pose, as for `match`."),
     ] = None,
     mask: Annotated[
         list[str] | None,
-        typer.Option(metavar="START:END", help="Withhold GNSS from the start, as `match` does."),
+        typer.Option(metavar="START:END", help="Withhold GNSS from the start, as for `match`."),
     ] = None,
     path: PathFile = None,
     drive_id: DriveId = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 8080,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on. 0: any free port.")
+    ] = 8080,
     host: Annotated[
-        str, typer.Option(help="Where to listen; 0.0.0.0 lets other machines in, with a --token.")
+        str,
+        typer.Option(
+            help="Address to listen on. 0.0.0.0 lets other machines connect; give a --token."
+        ),
     ] = "127.0.0.1",
     token: Token = None,
     tiles: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Map tiles below the roads: https://.../{z}/{x}/{y}.png"),
+        typer.Option(
+            metavar="URL", help="Tiles to draw under the roads: https://.../{z}/{x}/{y}.png"
+        ),
     ] = None,
-    browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
-    """Show a recorded drive, or an answer, on the page: play it, turn its clock, mask GNSS."""
+    """Replay a drive or a result in the browser, and mask GNSS while it plays."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     with extra_live("replay"):
         check_token(host, token)
@@ -82,32 +91,34 @@ def replay(
             player = play_result(drive[0], network, drive_id, path)
         else:
             if path is not None:
-                raise typer.BadParameter("--path belongs to points of `match -o`, not to a drive")
+                raise typer.BadParameter(
+                    "--path was given with a drive; points from `match -o` were expected"
+                )
             car = None if vehicle is None else read_vehicle(vehicle)
             progress("reading the drive", 0, 0)
             one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
-            progress("answering it", 0, 0)
+            progress("localizing", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows)
         app = replay_app(player, network, tiles_url=tiles, host=host, token=token)
         listener = listen(host, port)
     name = f"[{host}]" if ":" in host else host
     url = f"http://{name}:{listener.getsockname()[1]}/"
-    typer.echo(f"{url} shows it; Ctrl-C ends")
+    typer.echo(f"{url} shows the drive; Ctrl-C stops the server")
     page = url if token is None else f"{url}?token={quote(token)}"
     serve(app, listener, page if browser else None)
 
 
 def report(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points of `match -o`.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The page, one .html file.")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Points from `match -o`.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="File for the page (.html).")],
     roads: Annotated[
-        Path | None, typer.Option("--map", help="The map, to draw the roads near the track.")
+        Path | None, typer.Option("--map", help="Road map, to draw the roads near the track.")
     ] = None,
     path: PathFile = None,
     drive_id: DriveId = None,
     force: Force = False,
 ) -> None:
-    """Write one HTML file that shows an answer, to open anywhere and to mail."""
+    """Write one HTML file that shows a result, to open anywhere or to mail."""
     from ..replay.drive_report import check_report, write_report
     from ..replay.points import check_map, read_points
     from ..replay.recorded_messages import RecordedMessages
@@ -117,9 +128,11 @@ def report(
     check_apart({"-o": out}, [result, roads, path])
     check_report(out, force=force)
     if path is not None and roads is None:
-        raise typer.BadParameter("--path is drawn along the roads; --map was expected with it")
+        raise typer.BadParameter(
+            "--path was given without --map; the roads are needed to draw a path"
+        )
     with progress_line() as progress:
-        progress("reading the answer", 0, 0)
+        progress("reading the result", 0, 0)
         points = read_points(result, drive_id, path)
         progress("reading the map", 0, 0)
         network = None if roads is None else open_map(roads)

@@ -10,24 +10,24 @@ from .console import print_table, progress_line
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path("whichroad-demo"),
+    out: Annotated[Path, typer.Option(help="Folder for all files.")] = Path("whichroad-demo"),
     force: Force = False,
 ) -> None:
-    """Localize the paper's drive from simulated files, and draw it."""
+    """Simulate the drive of the paper into files, match it and draw it."""
     from ..demo import run_demo
 
     with progress_line() as progress:
         summary = run_demo(out, force=force, progress=progress)
     seconds = {"seconds": summary["seconds"]}
     print_table(
-        "The paper's drive, answered from its files alone", (summary["said"] | seconds).items()
+        "The paper's drive, matched from its files alone", (summary["said"] | seconds).items()
     )
-    typer.echo(f"see {summary['picture']}, or replay the drive and mask GNSS meanwhile:")
+    typer.echo(f"see {summary['picture']}; to replay the drive in a browser:")
     typer.echo(
         f"  whichroad replay {out / 'drive.nmea'} --can {out / 'can.log'} --dbc "
         f"{out / 'vehicle.dbc'} --vehicle {out / 'vehicle.toml'} --map {out / 'map.osm'}"
     )
-    typer.echo("to mail it as one page:")
+    typer.echo("to write it as one HTML file:")
     typer.echo(
         f"  whichroad report {out / 'points.parquet'} --map {out / 'map.osm'} "
         f"-o {out / 'report.html'}"
@@ -36,13 +36,17 @@ def demo(
 
 def simulate(
     roads: MapOption,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the drive's files.")],
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same drive.")] = 1,
-    length: Annotated[float, typer.Option(min=0.1, metavar="KM", help="How far to drive.")] = 12.0,
-    preset: Annotated[Preset, typer.Option(help="The world to drive in.")] = Preset.good,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the files of the drive.")],
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed; the same seed gives the same drive.")
+    ] = 1,
+    length: Annotated[
+        float, typer.Option(min=0.1, metavar="KM", help="Length of the drive.")
+    ] = 12.0,
+    preset: Annotated[Preset, typer.Option(help="Conditions to simulate.")] = Preset.good,
     force: Force = False,
 ) -> None:
-    """Make a drive whose truth is known, in the formats of a real one."""
+    """Simulate a drive with known truth, in the formats of a real one."""
     from ..roadmap import open_map
     from ..simulate import FILES, simulate_drive, write_drive
     from ..writers import check_apart
@@ -63,14 +67,14 @@ def evaluate(
         Path,
         typer.Argument(
             metavar="RESULT",
-            help="Points that `match` or any other program wrote: time, lat, lon, or more.",
+            help="Points from `match` or another program: time, lat, lon, and more if known.",
         ),
     ],
     truth: Annotated[
-        Path, typer.Option(help="The truth: time, lat, lon, or more, as simulate has it.")
+        Path, typer.Option(help="True points: time, lat, lon, and more, as `simulate` writes them.")
     ],
 ) -> None:
-    """Score an answer against a known truth."""
+    """Score a result against the known truth."""
     from ..evaluate import evaluate_files, further_columns
 
     with progress_line() as progress:
@@ -80,30 +84,34 @@ def evaluate(
     further = further_columns(figures)
     if further:
         more = "; ".join(f"{column} ({adds})" for column, adds in further.items())
-        typer.echo(f"columns of the answer that would add figures: {more}", err=True)
-        typer.echo("of these edge_id and abscissa_m are needed in the truth, too", err=True)
+        typer.echo(f"more columns of the result would add figures: {more}", err=True)
+        typer.echo("edge_id and abscissa_m are needed in the truth as well", err=True)
 
 
 def experiments(
-    out: Annotated[Path, typer.Option(help="Folder for everything.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for all files.")] = Path(
         "whichroad-experiments"
     ),
-    scene: Annotated[list[Scene] | None, typer.Option(help="Only this one; repeatable.")] = None,
-    seeds: Annotated[str, typer.Option(metavar="A:B", help="Drives A to B - 1 of each.")] = "0:200",
+    scene: Annotated[
+        list[Scene] | None, typer.Option(help="Run only this scene. May be repeated.")
+    ] = None,
+    seeds: Annotated[
+        str, typer.Option(metavar="A:B", help="Seeds A to B - 1, one drive each.")
+    ] = "0:200",
     keep: Annotated[
         bool,
-        typer.Option("--keep", help="Also write every drive, its map and its truth, as tables."),
+        typer.Option("--keep", help="Also write each drive, its map and its truth as tables."),
     ] = False,
     answers: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=DIR",
-            help="Answers of another program, DIR/SCENE/SEED.parquet, to be compared; repeatable.",
+            help="Compare results of another program, DIR/SCENE/SEED.parquet. May be repeated.",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Drive the paper's experiments many times, by its method and by ours, and report."""
+    """Repeat the experiments of the paper over many drives, and compare methods."""
     first, _, last = seeds.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise typer.BadParameter(f"--seeds is {seeds!r}; A:B with A < B was expected")
@@ -125,10 +133,10 @@ def experiments(
 
 
 def warmup() -> None:
-    """Compile the kernels now rather than at the first drive, where that is still to be done."""
+    """Compile the kernels now, if this installation has not done so yet."""
     from ..native import library
 
     if (ready := library.ready()) is not None:
-        typer.echo(f"nothing is to be done: the kernels are compiled, {ready}")
+        typer.echo(f"nothing to do; the kernels are compiled: {ready}")
     else:
         typer.echo(f"compiled: {library.found()}")

@@ -86,7 +86,7 @@ def _wheels(statistics: ConsistencyStatistics) -> list[Finding]:
         found.append(
             Finding(
                 "wheels: scale", "warning", scale, 1.0 - band, 1.0 + band,
-                f"a metre of the odometer is {scale:.3f} m; correct metres_per_tick (tyres?) "
+                f"one metre by the odometer is {scale:.3f} m; correct metres_per_tick (tyres?) "
                 "or the speed's unit",
             )
         )  # fmt: skip
@@ -97,7 +97,7 @@ def _wheels(statistics: ConsistencyStatistics) -> list[Finding]:
         found.append(
             Finding(
                 "wheels: track width", "warning", gain, 1.0 - band, 1.0 + band,
-                f"a turn by the wheels is {gain:.3f} of what it seems, at least; set "
+                f"true turns are at least {gain:.3f} times those of the wheels; set "
                 f"track_width to {width:.2f} m or beyond, or correct the yaw rate",
             )
         )  # fmt: skip
@@ -106,7 +106,7 @@ def _wheels(statistics: ConsistencyStatistics) -> list[Finding]:
         found.append(
             Finding(
                 "wheels: left against right", "warning", drift, -band, band,
-                f"straight on, the heading drifts by {1000.0 * drift:.2f} rad a km; correct "
+                f"on straight roads the heading drifts by {1000.0 * drift:.2f} rad/km; correct "
                 "metres_per_tick of one side (tyres?) or the yaw rate's offset",
             )
         )  # fmt: skip
@@ -153,8 +153,8 @@ def _map(statistics: ConsistencyStatistics) -> list[Finding]:
     return [
         Finding(
             "map_sigma", "warning", math.sqrt(square), 0.0, math.sqrt(high),
-            f"the map is {statistics.settings.map_sigma * math.sqrt(square):.1f} m off as far as "
-            f"can be seen; set map_sigma to about {larger:.0f} m",
+            f"the map error is {statistics.settings.map_sigma * math.sqrt(square):.1f} m, as far "
+            f"as it shows; set map_sigma to about {larger:.0f} m",
         )
     ]  # fmt: skip
 
@@ -174,7 +174,7 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
             Finding(
                 "gnss_time", "warning", right, statistics.settings.gnss_time / band,
                 statistics.settings.gnss_time * band,
-                f"GNSS errors last {right:.0f} s of driving; set gnss_time to that",
+                f"GNSS errors persist for {right:.0f} s of driving; set gnss_time to that",
             )
         )  # fmt: skip
     sigma = math.sqrt(size if time_off else size_if_right)
@@ -183,15 +183,15 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
         found.append(
             Finding(
                 "gnss sigma", "warning", sigma, low, high,
-                f"GNSS errors are {sigma:.1f} times what is reported; the filter allows for "
-                "what it sees of that, but make the reported sigmas larger",
+                f"GNSS errors are {sigma:.1f} times the reported sigmas; the filter "
+                "adapts to that only partly; report larger sigmas",
             )
         )  # fmt: skip
     elif sigma < low and not time_off:
         found.append(
             Finding(
                 "gnss sigma", "information", sigma, low, high,
-                f"GNSS errors are {sigma:.1f} times what is reported; smaller sigmas would "
+                f"GNSS errors are {sigma:.1f} times the reported sigmas; smaller ones would "
                 "let the filter decide sooner",
             )
         )  # fmt: skip

@@ -151,8 +151,9 @@ def _comparable(p: Table, true_time: Array) -> Bools:
     keep &= (time > true_time[0] - _LATE_S) & (time < true_time[-1] + _LATE_S)
     if not keep.any():
         raise DriveError(
-            f"points: none of {len(time)} epochs has a position within the truth's "
-            f"{true_time[-1] - true_time[0]:.0f} s; some were expected; are they of one drive?"
+            f"points: none of the result's epochs ({len(time):,}) lies within the truth's "
+            f"{true_time[-1] - true_time[0]:.0f} s; one drive was expected; "
+            "are they of one drive?"
         )
     return keep
 

@@ -34,7 +34,7 @@ def read_table(path: Path) -> Any:
 
                 return geopandas.read_file(path)
     except (OSError, ValueError, RuntimeError) as error:
-        seen = error if path.is_file() else "there is no such file"
+        seen = error if path.is_file() else "the file does not exist"
         raise ReadError(
             f"{path}: {seen}; a table of points was expected; check that it is one"
         ) from error
@@ -71,7 +71,7 @@ class Table:
         if name not in self.names:
             raise ReadError(
                 f"{self.where}: no column {name!r} among {', '.join(sorted(self.names))}; "
-                "it was expected; is this the right table?"
+                "this column is needed; is it the right table?"
             )
         column = self.table[name]
         if hasattr(column, "to_numpy") and hasattr(column, "combine_chunks"):
@@ -88,7 +88,7 @@ class Table:
         try:
             values: Array = np.array(self._raw(name), dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ReadError(f"{self.where}: {name} ({error}); numbers were expected") from error
+            raise ReadError(f"{self.where}: {name} holds text; numbers were expected") from error
         if absent is not None:
             values[np.isnan(values)] = absent
         return values
@@ -122,7 +122,10 @@ class Table:
             try:
                 values = np.array(text, dtype="datetime64[us]")
             except ValueError as error:
-                raise ReadError(f"{self.where}: time ({error}); ISO 8601 was expected") from error
+                raise ReadError(
+                    f"{self.where}: a time is not a date; ISO 8601, such as 2026-06-01T08:00:00Z, "
+                    "was expected"
+                ) from error
         if values.dtype.kind == "M":
             return values.astype("datetime64[us]").astype(np.int64) / 1e6
         return values.astype(np.float64)

@@ -37,7 +37,7 @@ class Evaluation:
     along_rmse_m: float
     cross_rmse_m: float
     heading_rmse_deg: float
-    anees: float  # position; 1 is honest, more is over-confident
+    anees: float  # position; 1 is consistent, more is over-confident
     anees_pose: float
     coverage: tuple[float, ...]  # share inside the `COVERAGE` ellipses
     map_rmse_m: float  # in the map's frame; infinite where the tables do not have it

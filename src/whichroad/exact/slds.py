@@ -107,7 +107,10 @@ def infer_window(
     """P(X_t, S_t | Y_1:T) of every slice of a window, exactly.
 
     The cost is that of K^T Gaussians; `Posterior.mixture` of the last slice holds them.
-    The arguments are those of `unroll`.
+
+    Args:
+        models: One for all slices, or one for each.
+        window: What each slice saw, by the sensor's name, as `unroll` takes it.
 
     Raises:
         NetworkError: As `unroll` and `infer`.

@@ -121,7 +121,7 @@ def _prepare(out: Path, force: bool) -> None:
             ours = False
         if not ours:
             raise WriteError(
-                f"{out}: exists and holds something else; an empty folder or earlier experiments' "
+                f"{out}: exists and holds other files; an empty folder or earlier experiments' "
                 "was expected; choose another with --out or give --force"
             )
     try:

@@ -39,7 +39,7 @@ class OtherAnswers(NamedTuple):
             )
         if not folder.is_dir():
             raise SettingError(
-                f"answers: {folder} is no folder; one that holds SCENE/SEED.parquet was expected"
+                f"answers: {folder} is not a folder; one that holds SCENE/SEED.parquet was expected"
             )
         return cls(name, folder)
 

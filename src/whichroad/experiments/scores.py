@@ -78,7 +78,7 @@ def honesty(
         return
     rows.ratio(f"as stated{note}", sums([r.sigma**2 for r in runs]), size, "m RMS", True)
     nees = [r.answer.nees for r in runs]
-    rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "1 is honest")
+    rows.ratio(f"ANEES{note}", sums(nees), [2 * s for s in size], "1 is consistent")
     inside = [100.0 * (v < _CHI2_95) for v in nees]
     rows.ratio(f"truth in the 95 % ellipse{note}", sums(inside), size, "% of epochs")
 

@@ -65,8 +65,9 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
         count[~_near_start(roads, start)] = 0
     if count.sum() > _MOST:
         raise DriveError(
-            f"the roads give {count.sum():,} places to start from; at most {_MOST:,} can be "
-            "searched; give start=StartPose(..., sigma_m=...), or a smaller extract"
+            f"start: the roads give {count.sum():,} places to search; at most {_MOST:,} were "
+            "expected; give start=StartPose(..., sigma_m=...) (--start map:LAT,LON,METRES), or a "
+            "smaller map"
         )
     edge = np.repeat(np.arange(len(count), dtype=np.int32), count)
     nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)

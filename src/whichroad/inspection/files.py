@@ -103,7 +103,7 @@ class _Files:
         elif path.is_file():
             self.dbc, title = path, "what CAN signals mean"
         else:
-            raise ReadError(f"{path}: there is no such file; a .dbc was expected; check the name")
+            raise ReadError(f"{path}: the file does not exist; a .dbc was expected; check the name")
         self.sections.append(Section(f"{path}: {title}", []))
 
     def _take_map(self, path: Path) -> None:

@@ -20,7 +20,8 @@ from ..observations import (
 )
 from ..readers.names import Column, normal
 from ..settings import Settings
-from .section import Section, duration, moment, rate, spread
+from ..wording import moment
+from .section import Section, duration, rate, spread
 
 _ODOMETRY = {
     WheelCounts: "counters of both rear wheels",
@@ -59,7 +60,7 @@ def drive_section(drive: Drive, settings: Settings) -> Section:
     else:
         rows.append(("fixes", "none"))
     rows += _of_odometry(drive.odometry, drive.fixes)
-    skipped = tuple(f"skipped: {count:,} {reason}" for reason, count in drive.skipped.items())
+    skipped = tuple(f"skipped: {reason}: {count:,}" for reason, count in drive.skipped.items())
     return Section(
         f"drive {drive.drive_id}", rows, skipped + tuple(f"note: {n}" for n in drive.notes)
     )

@@ -16,7 +16,7 @@ def map_section(title: str, roads: RoadMap) -> Section:
     info = roads.info()
     skipped = info.pop("skipped", {})
     rows = [(name.replace("_", " "), _text(value)) for name, value in info.items()]
-    said = tuple(f"skipped: {count:,} {reason}" for reason, count in skipped.items())
+    said = tuple(f"skipped: {reason}: {count:,}" for reason, count in skipped.items())
     return Section(f"{title}: a road map", rows, said)
 
 

@@ -1,13 +1,10 @@
 """What is said of one file or drive, and how numbers are written there."""
 
-from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
 
 from ..observations import Array
-
-_UNDATED = 1e8  # s since 1970 below which a clock names no date
 
 
 class Section(NamedTuple):
@@ -16,16 +13,6 @@ class Section(NamedTuple):
     title: str
     rows: list[tuple[str, str]]  # what, and its value
     said: tuple[str, ...] = ()  # what was skipped, notes and errors, one sentence each
-
-
-def moment(seconds: float) -> str:
-    """A time as ISO 8601 in UTC, to the second; of a clock that began with it the seconds."""
-    if abs(seconds) < _UNDATED:
-        return f"{seconds:,.0f} s"
-    try:
-        return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")[:-6] + "Z"
-    except (OverflowError, OSError, ValueError):
-        return f"{seconds:g} s"
 
 
 def duration(seconds: float) -> str:

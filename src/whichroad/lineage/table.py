@@ -11,6 +11,7 @@ from ..observations import Array, StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from ..tables.schema import TIME, times
+from ..wording import counted
 from ..writers import write_table
 from .lives import COUNTS, WHY, Hypothesis, lives_of
 
@@ -61,7 +62,7 @@ class Lineage:
         return len(self._hypotheses)
 
     def __repr__(self) -> str:
-        return f"Lineage({self.drive_id!r}, {len(self):,} hypotheses)"
+        return f"Lineage({self.drive_id!r}, {counted(len(self), 'hypothesis', 'hypotheses')})"
 
     def _repr_html_(self) -> str:
         return str(self.to_pandas()._repr_html_())

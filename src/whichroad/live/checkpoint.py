@@ -101,7 +101,7 @@ class Checkpoint:
         if state.made.lag != self._localizer.lag:
             return None, "the earlier state was kept with another --lag; starting anew"
         if not state.count:
-            return None, "the earlier state knows nothing; starting anew"
+            return None, "the earlier state has no pose yet; starting anew"
         if not 0.0 <= age <= OLDEST:
             return None, f"the earlier state is {age:.0f} s old; starting anew"
         try:

@@ -37,7 +37,7 @@ async def _refusal(request: Request, error: Exception) -> Response:
 
 
 async def _broken(request: Request, error: Exception) -> Response:
-    return JSONResponse({"error": "this should not happen"}, 500)
+    return JSONResponse({"error": "internal error of the service; please report it"}, 500)
 
 
 HANDLERS: dict[Any, Any] = {HTTPException: _refusal, Exception: _broken}

@@ -179,7 +179,7 @@ class Traces:
         if worker.returncode:
             if worker.returncode < 0:  # the system has ended it
                 raise HTTPException(413, "the trace needs more memory than one trace may take")
-            raise HTTPException(500, "this should not happen")
+            raise HTTPException(500, "internal error of the service; please report it")
 
     async def _map(self) -> Path:
         """A compiled file of the map that the service has."""

@@ -24,7 +24,7 @@ def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
 
 
 class Estimate:
-    """Where the vehicle is, on which road, and how sure that is.
+    """Pose, road and probabilities at one moment.
 
     Before the first fix (or a start pose) nothing is known: `answered` is False, `status` is
     "lost", and `pose`, `cov`, `map_pose`, `map_cov`, `matched` and `speed` are None.

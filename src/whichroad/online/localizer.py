@@ -287,7 +287,7 @@ class Localizer:
     def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
         if self._past is None:
             raise SettingError(
-                "lag is None; seconds were expected, to look back: Localizer(lag=10)"
+                "lag is None; seconds were expected for smoothing, as in Localizer(roads, lag=10)"
             )
         return self._past.smoothed_at(self._filter.ctx, self._filter.path, self._filter.time, back)
 

@@ -40,12 +40,12 @@ class Made(NamedTuple):
         """
         if self.map != map:
             raise MapError(
-                f"localizer's state: it is of the map {self.map}; one of {map} was expected, "
+                f"localizer's state: it belongs to the map {self.map}; one of {map} was expected, "
                 "because edges are known by their numbers; begin with a new Localizer"
             )
         if self.lag != lag:
             raise SettingError(
-                f"localizer's state: it was kept with lag={self.lag}; {lag} was expected"
+                f"localizer's state: it was stored with lag={self.lag}; {lag} was expected"
             )
 
 

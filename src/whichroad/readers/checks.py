@@ -22,7 +22,7 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 LAST = LATEST  # s: no log has later times
-BACKWARDS = "time running backwards (put in order)"
+BACKWARDS = "time running backwards (sorted)"
 REPEATED = "repeated time"
 NO_TIME = "no time"
 

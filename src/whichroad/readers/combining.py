@@ -19,6 +19,7 @@ from ..observations import (
     WheelSpeeds,
 )
 from ..settings import Vehicle
+from ..wording import moment
 from .checks import Skipped, in_order, listed
 from .odometry_fit import with_fit_notes, with_speed_notes
 from .units_by_places import distances
@@ -253,9 +254,9 @@ def _same_clock(name: str, fixes: Fixes | None, odometry: OdometryLog | None) ->
     a, b = fixes.time, odometry.time
     if max(b[0] - a[-1], a[0] - b[-1]) > _APART:
         raise ReadError(
-            f"{name}: fixes from {a[0]:.1f} to {a[-1]:.1f} s and odometry from {b[0]:.1f} to "
-            f"{b[-1]:.1f} s share no time; one clock was expected; give the offset under [clock] "
-            "in vehicle.toml"
+            f"{name}: fixes from {moment(a[0])} to {moment(a[-1])} and odometry from "
+            f"{moment(b[0])} to {moment(b[-1])} do not overlap in time; one clock was expected; "
+            "give the offset under [clock] in vehicle.toml"
         )
 
 
@@ -284,9 +285,9 @@ def _join_odometry(
     for first, second in pairwise(mine):
         if first.time[-1] - second.time[0] > _OVERLAP:
             raise ReadError(
-                f"{name}: two logs of odometry cover the same time; logs of one vehicle, one "
-                "behind the other, were expected; leave one out, or give a column drive_id in "
-                "each file (--id COLUMN)"
+                f"{name}: two logs of odometry cover the same time; consecutive logs of one "
+                "vehicle were expected; leave one out, or give a column drive_id in each file "
+                "(--id COLUMN)"
             )
     columns: dict[str, Any] = {
         f.name: np.concatenate([getattr(log, f.name) for log in mine]) for f in fields(kind)

@@ -69,7 +69,7 @@ def zone_of(name: str | None) -> tzinfo | None:
         return _offset(name) or ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
         raise ReadError(
-            f"tz: {name!r} is no known time zone; a name such as Europe/Berlin, or an offset "
+            f"tz: {name!r} is not a known time zone; a name such as Europe/Berlin, or an offset "
             "such as +02:00, was expected"
         ) from None
 

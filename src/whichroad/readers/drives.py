@@ -11,6 +11,7 @@ from typing import Any
 from ..errors import ReadError, SettingError
 from ..observations import Drive
 from ..settings import Settings, Vehicle
+from ..wording import by_reason
 from .can import read_can
 from .checks import listed
 from .combining import Part, combined
@@ -125,10 +126,10 @@ def read_drive(
         parts += _recording(folder, reading.vehicle, reading.settings)
     drives = combined(parts, reading.vehicle)
     if not any(_holds_anything(drive) for drive in drives):
-        reasons = ", ".join(f"{n} {why}" for d in drives for why, n in d.skipped.items())
+        reasons = ", ".join(by_reason(d.skipped) for d in drives if d.skipped)
         names = ", ".join(part.name for part in parts)
         raise ReadError(
-            f"{names}: neither a fix nor odometry ({reasons or 'nothing was skipped'}); "
+            f"{names}: neither fixes nor odometry ({reasons or 'nothing was skipped'}); "
             "at least one was expected"
         )
     return [replace(d, notes=(*notes, *d.notes)) for d in drives] if notes else drives
@@ -149,7 +150,7 @@ def _check_used(parts: Sequence[Part], dbc: AnyPath | None, crs: Any) -> None:
         )
     if crs is not None and not kinds & _IN_A_CRS:
         raise SettingError(
-            f"crs (--crs) is {crs}, and {names} is no table; a table with columns x, y was "
+            f"crs (--crs) is {crs}, and {names} is not a table; a table with columns x, y was "
             "expected with it; leave it out"
         )
 

@@ -96,9 +96,12 @@ def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     try:
         transformer = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
         lon, lat = transformer.transform(x, y)
-    except (pyproj.exceptions.ProjError, TypeError, ValueError) as error:
+    except (pyproj.exceptions.ProjError, TypeError, ValueError):
         shown = crs if isinstance(crs, str | int) else "of the file"
-        raise ReadError(f"{where}: crs {shown!r} cannot be used ({_first_line(error)})") from None
+        raise ReadError(
+            f"{where}: crs {shown!r} is not a known coordinate system; one such as EPSG:32632 was "
+            "expected"
+        ) from None
     known = np.isfinite(x) & np.isfinite(y)
     # pyproj returns infinity for what lies outside its grid, and for NaN
     return np.where(known, lon, np.nan), np.where(known, lat, np.nan)

@@ -63,7 +63,7 @@ def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]
         yield from _of_stream(source, drive_id)
     else:
         raise ReadError(
-            f"table: {type(source).__name__} is no table of trips; an Arrow table, a path, a "
+            f"table: {type(source).__name__} is not a table of trips; an Arrow table, a path, a "
             "dataset or an iterator of record batches was expected"
         )
 

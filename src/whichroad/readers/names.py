@@ -239,7 +239,8 @@ def _quantity(alias: str) -> str:
     close = difflib.get_close_matches(normal(alias), known, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}?" if close else "for example time, lat, lon, speed"
     raise ReadError(
-        f"columns: {alias!r} is no name of a quantity; one of docs/formats.md was expected; {hint}"
+        f"columns: {alias!r} is not the name of a quantity; one of docs/formats.md was expected; "
+        f"{hint}"
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
+from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
@@ -26,7 +27,7 @@ _DAY = 86_400_000  # ms
 _CLOCK_SET = 3600.0  # s, step back of time that means a newly set clock
 _SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
-_FOREIGN = "bytes that are no sentence"
+_FOREIGN = "bytes outside NMEA sentences"
 _LATE = "time running backwards"
 _NO_CHECKSUMS = "no checksums in the log: sentences were used as they are"
 
@@ -57,7 +58,7 @@ def read_nmea(file: Any, settings: Settings | None = None) -> Drive:
         begin = end
     sentences = joined(batches)
     if "GGA" not in sentences and "RMC" not in sentences:
-        seen = ", ".join(f"{n} {k}" for k, n in (parser.skipped + parser.others).items())
+        seen = by_reason(parser.skipped + parser.others)
         raise ReadError(
             f"{where}: no GGA or RMC sentence ({seen or 'nothing like NMEA'}); "
             "an NMEA 0183 log was expected; is this the right file?"

@@ -22,9 +22,9 @@ MOVING = 1.0  # m/s, below it a course over ground means nothing
 CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
 RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
 IMPOSSIBLE = "impossible position"
-NO_SPEED = "negative speed of a receiver (taken as none)"
-NO_COURSE = "course of -1 (taken as none)"
-NOT_A_COVARIANCE = "covariance that is not one (settings' default used)"
+NO_SPEED = "negative receiver speed (ignored)"
+NO_COURSE = "course of -1 (ignored)"
+NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
 
 
 @dataclass(slots=True)

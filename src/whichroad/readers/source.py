@@ -90,7 +90,7 @@ def unpacked(source: Source) -> Source:
                 inner = unpack(data)
             except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as error:
                 raise ReadError(
-                    f"{name}: compressed, but it cannot be unpacked ({_reason(error)}); unpack it "
+                    f"{name}: compressed, and cannot be unpacked ({_reason(error)}); unpack it "
                     "yourself, or write it again"
                 ) from None
             shorter = name[: -len(suffix)] if name.lower().endswith(suffix) else name

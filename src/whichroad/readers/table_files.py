@@ -54,7 +54,7 @@ def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
 
     try:
         table, whole = read_arrow(source.data)
-        keep(np.array([whole]), "end of a recording, torn", skipped)
+        keep(np.array([whole]), "incomplete end of a recording", skipped)
         table.validate(full=True)
         return Seen(table, table.column_names, find(table.column_names, reading.columns))
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:

@@ -140,7 +140,7 @@ def possible_yaw_rate(
     if not fit.is_in_degrees(yaw_rate, speed):
         return yaw_rate, []
     if bare:
-        return yaw_rate * DEGREE, [f"{name} taken in degrees/s: in rad/s no car could turn so"]
+        return yaw_rate * DEGREE, [f"{name} taken in degrees/s: no car turns that fast in rad/s"]
     return yaw_rate, [f"{name} is faster than any car turns; is it in degrees/s?"]
 
 

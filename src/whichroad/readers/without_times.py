@@ -11,7 +11,7 @@ from .units_by_places import distances
 SPEED = 10.0  # m/s, at which the invented times go along the points
 _SHORTEST = 0.1  # s between points of one place
 NOTE = (
-    "no times: they were invented, along the points at 10 m/s from 1970-01-01T00:00:00Z; points "
+    "no times in the file: they were invented, at 10 m/s from 1970-01-01T00:00:00Z; points "
     "were matched by order and distance, and times, speeds and durations mean nothing"
 )
 

@@ -133,7 +133,7 @@ def check_folium() -> None:
     for package in ("folium", "matplotlib", "mapclassify"):
         if importlib.util.find_spec(package) is None:
             raise SettingError(
-                f"explore: the package {package} is not installed; it was expected for a page "
+                f"explore: the package {package} is missing; it is needed for a page "
                 "with tiles; pip install folium mapclassify"
             )
 

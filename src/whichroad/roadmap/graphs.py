@@ -71,8 +71,8 @@ def read_graphml(path: Path) -> Sheet:
                 element.clear()
     except (OSError, ElementTree.ParseError, ValueError) as error:
         raise MapError(
-            f"{path}: {error}; a GraphML file with a road network was expected; check that it is "
-            "one and complete"
+            f"{path}: not readable as GraphML; a graph of a road network was expected; check that "
+            "the file is complete"
         ) from error
     return _sheet(str(path), places, edges, about.get("crs"), directed=directed)
 
@@ -101,7 +101,7 @@ def _sheet(
     rows = list(edges)
     if not rows:
         raise MapError(
-            f"{where}: there is no edge; a graph of a road network was expected; check that it is "
+            f"{where}: it has no edges; a graph of a road network was expected; check that it is "
             "one, such as OSMnx makes"
         )
     shapes = _objects([edge.tags.get("geometry") for edge in rows])
@@ -132,8 +132,8 @@ def _place(places: Mapping[Hashable, tuple[Any, Any]], node: Any, where: str) ->
         x, y = (float(value) for value in places[node])
     except (KeyError, TypeError, ValueError):
         raise MapError(
-            f"{where}: node {node!r} has no place; coordinates x and y of each node, or a geometry "
-            "of each edge, were expected; add them"
+            f"{where}: node {node!r} has no position; coordinates x and y of each node, or a "
+            "geometry of each edge, were expected; add them"
         ) from None
     return x, y
 

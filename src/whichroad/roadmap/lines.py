@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import MapError
 from ..observations import Array
+from ..wording import by_reason
 from .sheet import Sheet
 from .streets import Ints
 
@@ -71,7 +72,7 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
     _count(skipped, "lines with points that are not on Earth", int(bad_line.sum()))
     lines = Lines(rows, np.concatenate([[0], np.cumsum(count)]), lat, lon).take(~bad_line)
     if len(lines.row) == 0:
-        reasons = ", ".join(f"{n} {why}" for why, n in skipped.items()) or "no row"
+        reasons = by_reason(skipped) or "no row"
         raise MapError(
             f"{sheet.where}: no line was found ({reasons}); LineString geometries were expected; "
             "check the table"
@@ -105,7 +106,7 @@ def _degrees(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
         lon, lat = to_wgs84.transform(x, y)
     except pyproj.exceptions.ProjError as error:
         raise MapError(
-            f"{sheet.where}: the coordinate system {crs!r} is not known ({error}); one such as "
+            f"{sheet.where}: the coordinate system {crs!r} is not known; one such as "
             '"EPSG:3067" was expected; pass another'
         ) from error
     return lon, lat

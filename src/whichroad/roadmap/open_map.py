@@ -48,6 +48,6 @@ def _refusal(path: Path) -> str:
     drive = path.suffix.lower() in _DRIVES
     hint = "this seems to belong to a drive" if drive else "the suffix of the name says which it is"
     return (
-        f"{path}: it is no compiled map, and named like no other; an OpenStreetMap extract "
+        f"{path}: not a compiled map, and its suffix names no other kind; an OpenStreetMap extract "
         f"({', '.join(SUFFIXES)}) or a table of edges ({', '.join(_TABLES)}) was expected; {hint}"
     )

@@ -40,7 +40,7 @@ def _open_file(path: Path) -> Sheet:
     from shapely.errors import ShapelyError
 
     if not path.is_file():
-        raise MapError(f"{path}: there is no such file; a table of roads was expected; check it")
+        raise MapError(f"{path}: the file does not exist; a table of roads was expected; check it")
     name = path.name.lower()
     try:
         if name.endswith((".csv", ".csv.gz", ".tsv")):

@@ -42,7 +42,8 @@ def read_osm(path: Path, bbox: Any = None) -> Streets:
 
     if not path.is_file():
         raise MapError(
-            f"{path}: there is no such file; an OpenStreetMap extract was expected; check the name"
+            f"{path}: the file does not exist; an OpenStreetMap extract was expected; "
+            "check the name"
         )
     ways = _Ways(None if bbox is None else _box(bbox))
     try:

@@ -127,7 +127,7 @@ class RoadMap:
             return cls(*from_arrays(about, arrays))
         except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
-                f"{path}: what it holds does not make a map ({type(error).__name__}: {error}); "
+                f"{path}: its contents do not form a map ({type(error).__name__}: {error}); "
                 "a compiled map was expected; make it anew by `whichroad map build`"
             ) from error
 
@@ -157,7 +157,13 @@ class RoadMap:
         return str(self._about["source"])
 
     def near(self, x: float, y: float, radius: float) -> Near:
-        """Every directed edge within `radius` true metres of a plane point, closest first."""
+        """Every directed edge near a point, closest first.
+
+        Args:
+            x: Plane m, east of the map's origin.
+            y: Plane m, north of it.
+            radius: True m.
+        """
         capacity = 64
         while True:
             found = records(capacity, index.CANDIDATE)
@@ -167,9 +173,11 @@ class RoadMap:
             capacity *= 4
 
     def at(self, edge: int, s: float) -> tuple[float, float, float]:
-        """Plane point and heading (rad) at along-track position s (true m) of an edge.
+        """Plane point (m) and heading (rad) at a place of an edge.
 
-        Beyond the ends the edge is prolonged.
+        Args:
+            edge: The edge.
+            s: True m from its start; beyond the ends the edge is prolonged.
         """
         v = int(index.vertex_at(self.arrays, edge, s))
         (x, y, begin), (next_x, next_y, end) = self.arrays.vertices[v : v + 2].tolist()
@@ -217,7 +225,12 @@ class RoadMap:
         return self._reach
 
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
-        """Place in `pieces` of the street at positions s along edges, (n,) each or scalars."""
+        """Row in `pieces` of the street at places along edges.
+
+        Args:
+            edge: (n,) edges, or one.
+            s: (n,) true m from their starts, or one for all.
+        """
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
         along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
         found = np.empty(len(edges), np.int64)
@@ -227,12 +240,22 @@ class RoadMap:
         return found
 
     def source(self, edge: int, s: float) -> tuple[int | str, bool]:
-        """The source's id of the road at position s along, and whether it is driven as drawn."""
+        """The source's id of the road at a place, and whether it is driven as drawn.
+
+        Args:
+            edge: The edge.
+            s: True m from its start.
+        """
         ids, forward = self.sources([edge], [s])
         return ids[0], bool(forward[0])
 
     def sources(self, edge: ArrayLike, s: ArrayLike) -> tuple[list[int | str], NDArray[np.bool_]]:
-        """`source` of (n,) edges and along-track positions."""
+        """`source` of many places.
+
+        Args:
+            edge: (n,) edges.
+            s: (n,) true m from their starts.
+        """
         return self.drawn_as(self.piece(edge, s))
 
     def drawn_as(self, piece: Ints) -> tuple[list[int | str], NDArray[np.bool_]]:
@@ -259,9 +282,11 @@ class RoadMap:
         return int(edge)
 
     def attributes(self, edge: int, s: float | None = None) -> dict[str, Any]:
-        """What is known of the road at along-track position s (None: of the edge's longest piece).
+        """What is known of the road at a place; absent values are None.
 
-        Absent values are None.
+        Args:
+            edge: The edge.
+            s: True m from its start; None: the edge's longest piece.
         """
         way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
         names = [n for n in self.ways if n not in ("back_id", "paired")]

@@ -147,7 +147,7 @@ def _refusal(path: Path, seen: str) -> str:
 def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:
     """The header, and where the arrays begin."""
     if memory[: len(MAGIC)] != MAGIC:
-        raise MapError(_refusal(path, "it does not begin as a whichroad map does"))
+        raise MapError(_refusal(path, "it does not begin like a compiled map"))
     if len(memory) < _FIXED.size:
         raise MapError(_refusal(path, f"it ends after {len(memory)} bytes"))
     _, version, length, checksum, size = _FIXED.unpack_from(memory)

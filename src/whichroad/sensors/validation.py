@@ -72,15 +72,15 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
     ee, en, nn = fix.cov_ee, fix.cov_en, fix.cov_nn
     unsaid = ee == math.inf and nn == math.inf
     if not unsaid and not (0.0 < ee < math.inf and 0.0 < nn < math.inf and en * en < ee * nn):
-        _count("covariance that is not one (settings' default used)", skipped)
+        _count("covariance not positive definite (settings' default used)", skipped)
         fix = replace(fix, cov_ee=math.inf, cov_en=0.0, cov_nn=math.inf)
     if fix.sigma_speed != math.inf and not (fix.sigma_speed > 0.0 and abs(fix.speed) < 1e3):
-        _count("speed that cannot be (not used)", skipped)
+        _count("impossible speed (not used)", skipped)
         fix = replace(fix, speed=0.0, sigma_speed=math.inf)
     if fix.sigma_bearing_deg != math.inf and not (
         fix.sigma_bearing_deg > 0.0 and abs(fix.bearing_deg) <= 720.0
     ):
-        _count("course that cannot be (not used)", skipped)
+        _count("impossible course (not used)", skipped)
         fix = replace(fix, bearing_deg=0.0, sigma_bearing_deg=math.inf)
     return fix
 
@@ -97,7 +97,7 @@ def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | 
             return f"yaw rate beyond {SPINNING:g} rad/s"
     elif isinstance(observation, WheelTicks):
         if not (math.isfinite(observation.left) and math.isfinite(observation.right)):
-            return "no wheel count"
+            return "missing wheel count"
     elif not math.isfinite(observation.distance):
         return "no distance"
     return None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..diagnosis.findings import Finding
 from ..errors import SettingError
 from ..path import Alternative, Route, best_routes
+from ..wording import counted
 from ..writers import write_table
 from .schema import geo_frame
 
@@ -72,10 +73,10 @@ class Result:
         name = (
             repr(figures["drive_id"])
             if "drive_id" in figures
-            else f"{figures.get('drives', 0)} drives"
+            else counted(figures.get("drives", 0), "drive")
         )
         epochs, metres = figures.get("epochs", 0), figures.get("path_m", 0.0)
-        return f"Result({name}, {epochs:,} epochs, {metres / 1e3:.1f} km)"
+        return f"Result({name}, {counted(epochs, 'epoch')}, {metres / 1e3:.1f} km)"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the track on its roads, as a picture that needs no connection."""
@@ -184,7 +185,11 @@ class Result:
         return best_routes(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV or GPX.
+        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV, GPX or Arrow.
+
+        Args:
+            path: The file.
+            force: Replace a file that exists.
 
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.
@@ -193,6 +198,10 @@ class Result:
 
     def write_path(self, path: str | Path, *, force: bool = False) -> None:
         """Write the path likewise.
+
+        Args:
+            path: The file.
+            force: Replace a file that exists.
 
         Raises:
             WriteError: The file exists and `force` is not set, or the suffix is unknown.

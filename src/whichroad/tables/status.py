@@ -37,7 +37,7 @@ def reason(
         roads: The competing edges (negative: off the roads) and their P, most probable first.
         name: Of an edge's street, where it has one.
         disbelieved: How far away a fix of this moment lies that is not believed, m; 0: none.
-        scale: How many times what is reported the GNSS errors are; 0: not learnt.
+        scale: How many times the reported sigmas the GNSS errors are; 0: not learnt.
         answered: Whether there is an answer at all.
 
     Returns:
@@ -48,11 +48,11 @@ def reason(
     words = competing(roads, name) if status == "ambiguous" and roads else _REASONS[status]
     gnss = ""
     if disbelieved > 0.0:
-        gnss = f"fixes {disbelieved:.0f} m away are not believed"
+        gnss = f"fixes {disbelieved:.0f} m away are rejected"
         if status == "lost":
             return gnss
     elif scale >= _LARGE and status != "outage":
-        gnss = f"GNSS errors {scale:.1f} times what is reported"
+        gnss = f"GNSS errors {scale:.1f} times the reported sigmas"
     return "; ".join(part for part in (words, gnss) if part)
 
 

@@ -58,8 +58,8 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
         )
     if not path.parent.is_dir():
         raise WriteError(
-            f"{path}: there is no folder {str(path.parent)!r}; an existing folder was expected; "
-            "create it first"
+            f"{path}: the folder {str(path.parent)!r} does not exist; an existing one was "
+            "expected; create it first"
         )
 
 

@@ -1,0 +1,1 @@
+"""The documents: their code runs, their words are short, the reference is complete."""

@@ -1,0 +1,106 @@
+"""A folder with the files that the pages speak of."""
+
+import itertools
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import osmium
+import pandas as pd
+import pytest
+
+import whichroad
+
+MAIN = "from whichroad.cli import main; main()"
+OUTPUTS = {"-o", "--out", "--path-out", "--report", "--lineage"}
+
+
+@pytest.fixture(scope="session")
+def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `whichroad demo` leaves, and the same under the names that the pages use."""
+    folder = tmp_path_factory.mktemp("stock")
+    subprocess.run(
+        [sys.executable, "-c", MAIN, "demo", "--out", str(folder), "--force"], check=True
+    )
+    shutil.copy(folder / "can.log", folder / "car.log")
+    shutil.copy(folder / "vehicle.dbc", folder / "car.dbc")
+    with osmium.SimpleWriter(str(folder / "city.osm.pbf")) as writer:
+        for thing in osmium.FileProcessor(str(folder / "map.osm")):
+            writer.add(thing)
+    roads = whichroad.RoadMap.from_osm(folder / "city.osm.pbf")
+    roads.save(folder / "city.map")
+    roads.edges_table().to_file(folder / "roads.geojson")
+    _write_drives(folder)
+    return folder
+
+
+def _write_drives(folder: Path) -> None:
+    """The demo's fixes as tables: a drive, one with columns of its own, trips of a fleet."""
+    fixes = whichroad.read_drive(folder / "drive.nmea")[0].fixes
+    assert fixes is not None
+    table = pd.DataFrame(
+        {"time": pd.to_datetime(fixes.time, unit="s", utc=True), "lat": fixes.lat_deg,
+         "lon": fixes.lon_deg}
+    )  # fmt: skip
+    table.to_csv(folder / "drive.csv", index=False)
+    table.to_csv(folder / "mine.csv", index=False)
+    own = {"time": "ts", "lat": "Latitude", "lon": "Longitude"}
+    local = table.assign(time=table.time.dt.tz_convert("Europe/Berlin").dt.tz_localize(None))
+    local.rename(columns=own).to_csv(folder / "own.csv", index=False)
+    _write_gpx(folder / "drive.gpx", table)
+    (folder / "tracks").mkdir()
+    _write_gpx(folder / "tracks" / "morning.gpx", table[:100])
+    _write_gpx(folder / "tracks" / "noon.gpx", table[150:250])
+    trips = table.assign(trip_id=[f"trip {row // 60}" for row in range(len(table))])
+    trips.to_parquet(folder / "trips.parquet")
+    trips.to_csv(folder / "trips.csv", index=False)
+
+
+def _write_gpx(path: Path, table: pd.DataFrame) -> None:
+    points = "".join(
+        f'<trkpt lat="{row.lat:.7f}" lon="{row.lon:.7f}">'
+        f"<time>{row.time.isoformat()}</time></trkpt>"
+        for row in table.itertuples()
+    )
+    path.write_text(
+        '<?xml version="1.0"?><gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
+        f"<trk><trkseg>{points}</trkseg></trk></gpx>"
+    )
+
+
+@pytest.fixture
+def place(stock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A fresh copy of these files, as the working folder; `whichroad` is on the path."""
+    folder = tmp_path / "place"
+    shutil.copytree(stock, folder)
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    program = programs / "whichroad"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{MAIN}" "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture
+def shell(place: Path) -> Callable[[str], str]:
+    """Runs a command and gives what it printed; what it writes may be there from before."""
+
+    def run(command: str) -> str:
+        words = shlex.split(command, comments=True)
+        for option, value in itertools.pairwise(words):
+            if option in OUTPUTS and (place / value).is_file():
+                (place / value).unlink()
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", command], capture_output=True, text=True,
+            timeout=120, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        return done.stdout + done.stderr
+
+    return run
