@@ -23,7 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import formats
+from .fuzz_formats import formats, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -133,6 +133,20 @@ def _sealed(data: bytes, random: Random) -> bytes:
         check = np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)) if body else 0
         lines.append(b"$" + body + b"*%02X" % int(check))
     return b"\r\n".join(lines)
+
+
+def _sealed_ubx(data: bytes, random: Random) -> bytes:
+    """UBX messages with strange payloads and checksums that are right."""
+    frames = []
+    for piece in data.split(b"\xb5\x62")[1:]:
+        kind, payload = int.from_bytes(piece[:2], "big"), bytearray(piece[4:-2])
+        if payload and random.random() < 0.2:
+            for _ in range(int(random.integers(1, 6))):
+                payload[int(random.integers(0, len(payload)))] = int(random.integers(0, 256))
+        if random.random() < 0.02:
+            payload = payload[: int(random.integers(0, len(payload) + 1))]
+        frames.append(ubx_frame(kind, bytes(payload)))
+    return b"".join(frames)
 
 
 _BINARY: tuple[Mutation, ...] = (_random, _flip, _flip, _cut, _garbage, _zeros)
@@ -260,6 +274,7 @@ def readers(folder: Path) -> list[Reader]:
     return [
         Reader("nmea", nmea, drives, ".nmea"),
         Reader("nmea stream", nmea, _stream, ".nmea"),
+        Reader("ubx", tables["ubx"], drives, ".ubx"),
         Reader("csv", tables["csv"], drives, ".csv"),
         Reader("csv, sigma and yaw", tables["sigma"], drives, ".csv"),
         Reader("parquet", tables["parquet"], drives, ".parquet"),
@@ -297,6 +312,8 @@ def readers(folder: Path) -> list[Reader]:
 def _mutations(reader: Reader) -> tuple[Mutation, ...]:
     if reader.name.startswith("nmea"):
         return (*_TEXT, _sealed, _sealed)
+    if reader.suffix == ".ubx":
+        return (*_BINARY, _sealed_ubx, _sealed_ubx)
     return _BINARY if reader.suffix in (".parquet", ".blf", ".map", ".gpkg") else _TEXT
 
 

@@ -1,6 +1,7 @@
 """Good files of further formats, for `fuzz` to damage."""
 
 import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ def formats(stamps: Any, lat_deg: Any, lon_deg: Any, folder: Path) -> dict[str, 
         "gpkg": _geopackage(geojson, folder),
         "gnss logger": _gnss_logger(places),
         "own names": _german(places),
+        "ubx": ubx(np.asarray(stamps), lat_deg, lon_deg),
         "places": "\n".join(["lat lon", *(f"{a} {o}" for _, _, a, o in places)]).encode(),
     }
 
@@ -67,3 +69,36 @@ def _german(places: Any) -> bytes:
         number = f"{a:.7f};{o:.7f};{a % 1 * 40:.1f}".replace(".", ",")
         lines.append(f"{'.'.join(day)} {clock};{number}")
     return "\n".join(lines).encode()
+
+
+def ubx_frame(kind: int, payload: bytes) -> bytes:
+    """A UBX message with its checksum."""
+    body = struct.pack(">H", kind) + struct.pack("<H", len(payload)) + payload
+    values = np.frombuffer(body, np.uint8).astype(np.int64)
+    sums = int(values.sum()), int(np.cumsum(values).sum())
+    return b"\xb5\x62" + body + bytes(one & 255 for one in sums)
+
+
+def ubx(stamps: Any, lat_deg: Any, lon_deg: Any) -> bytes:
+    """NAV-PVT, NAV-COV and ESF-MEAS of each epoch: two wheel ticks and the gyro.
+
+    Args:
+        stamps: (n,) datetime64[us].
+        lat_deg: (n,) latitudes.
+        lon_deg: (n,) longitudes.
+    """
+    log = bytearray()
+    for k, (s, a, o) in enumerate(zip(stamps, lat_deg, lon_deg, strict=True)):
+        at, ms = s.item(), 1000 * k
+        flags = struct.pack("<BIiBBBB", 3, 0, 1000 * at.microsecond, 3, 1, 0, 12)
+        clock = struct.pack(
+            "<IHBBBBB", ms, at.year, at.month, at.day, at.hour, at.minute, at.second
+        )
+        place = struct.pack("<iiiiII", round(1e7 * o), round(1e7 * a), 0, 0, 2000, 3000)
+        speed = struct.pack("<iiiiiII", 0, 0, 0, 9000, 100_000 * (k % 360), 200, 100_000)
+        log += ubx_frame(0x0107, clock + flags + place + speed + bytes(16))
+        cov = struct.pack("<12f", 4.0, 0.5, 0.0, 3.0, *[0.0] * 8)
+        log += ubx_frame(0x0136, struct.pack("<IBBB9x", ms, 0, 1, 1) + cov)
+        words = (8 << 24 | 450 * k & 0x7FFFFF, 9 << 24 | 451 * k & 0x7FFFFF, 5 << 24 | 99)
+        log += ubx_frame(0x1002, struct.pack("<IHH3I", ms, 3 << 11, 0, *words))
+    return bytes(log)

@@ -26,6 +26,7 @@ from .nmea import read_nmea
 from .reading import Reading
 from .rtklib import read_pos
 from .source import STDIN, Source, is_file, is_file_object
+from .ubx import read_ubx
 
 AnyPath = str | PathLike[str]
 
@@ -37,6 +38,7 @@ _SUFFIXES = {
     **dict.fromkeys((".gpkg", ".shp", ".fgb"), "geo"),
     ".gpx": "gpx",
     ".pos": "pos",
+    ".ubx": "ubx",
 }
 _CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
@@ -44,6 +46,7 @@ _CONTENTS = (  # first bytes of each format
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
     ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
+    ("ubx", re.compile(rb"\xb5\x62\x01\x07[\x54\x5c]\x00")),
     ("gpx", re.compile(rb"<gpx[\s>]")),
     ("kml", re.compile(rb"<kml[\s>]")),
     ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
@@ -70,6 +73,7 @@ _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
     "geo": read_geo,
     "gnss_logger": read_gnss_logger,
     "table": read_table,
+    "ubx": read_ubx,
 }
 
 
@@ -282,7 +286,7 @@ def _kind(source: Source, reading: Reading) -> str:
     seen, advice = strange or ("a file of unknown format", "convert it")
     raise ReadError(
         f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, KML, GeoJSON, "
-        f"RTKLIB .pos or a CAN log was expected; {advice}"
+        f"UBX, RTKLIB .pos or a CAN log was expected; {advice}"
     )
 
 
