@@ -23,7 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import formats, ubx_frame
+from .fuzz_formats import formats, overture, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -268,6 +268,9 @@ def readers(folder: Path) -> list[Reader]:
     def by_dbc(path: Path) -> int:
         return _records(read_drive([], can=can_short, dbc=path, vehicle=vehicle))
 
+    def of_edges(path: Path) -> int:
+        return len(RoadMap.from_edges(path))
+
     can_short = folder / "short.log"
     can_short.write_bytes(_first_lines(can))
     nmea = _first_lines(files["drive.nmea"])
@@ -305,6 +308,7 @@ def readers(folder: Path) -> list[Reader]:
             ".map",
             MapError,
         ),
+        Reader("overture", overture(roads), of_edges, ".parquet", MapError),
         Reader(".osm", town.read_bytes(), lambda p: len(RoadMap.from_osm(p)), ".osm", MapError),
     ]
 

@@ -102,3 +102,29 @@ def ubx(stamps: Any, lat_deg: Any, lon_deg: Any) -> bytes:
         words = (8 << 24 | 450 * k & 0x7FFFFF, 9 << 24 | 451 * k & 0x7FFFFF, 5 << 24 | 99)
         log += ubx_frame(0x1002, struct.pack("<IHH3I", ms, 3 << 11, 0, *words))
     return bytes(log)
+
+
+def overture(roads: Any) -> bytes:
+    """A map's streets as Overture's segments with rules on parts of them, in GeoParquet."""
+    import io
+
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    table, rows = roads.edges_table(), []
+    for row in table[table.forward].itertuples():
+        ends = [(f"c{row.from_node}", 0.0), (f"c{row.to_node}", 1.0)]
+        once = {"access_type": "denied", "when": {"heading": "backward"}, "between": [0.2, 0.7]}
+        step = {"connector_id": ends[1][0], "segment_id": f"s{(row.edge_id + 2) % len(table)}"}
+        rows.append({
+            "id": f"s{row.edge_id}", "geometry": row.geometry.wkb, "subtype": "road",
+            "class": row.highway, "names": {"primary": str(row.name)},
+            "connectors": [{"connector_id": name, "at": at} for name, at in ends],
+            "road_flags": [{"values": ["is_bridge"], "between": [0.3, 0.6]}],
+            "speed_limits": [{"max_speed": {"value": 50, "unit": "km/h"}, "between": [0.0, 0.5]}],
+            "access_restrictions": [once], "level_rules": [{"value": 1, "between": [0.3, 0.6]}],
+            "prohibited_transitions": [{"sequence": [step], "final_heading": "forward"}],
+        })  # fmt: skip
+    file = io.BytesIO()
+    pyarrow.parquet.write_table(pa.Table.from_pylist(rows), file, compression="none")
+    return file.getvalue()

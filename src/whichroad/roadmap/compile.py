@@ -13,6 +13,7 @@ from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, VERTEX, Roa
 from ..graph.search import edge_costs, turn_costs
 from ..observations import Array
 from . import cells
+from .bans import keys
 from .chains import chains, end_headings
 from .link import middle_plane
 from .streets import Bytes, Column, Ints, Streets, Texts, take
@@ -196,9 +197,14 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
         | (half.rule[two ^ 1] != half.rule[one])
     )
     cut[through[differs]] = 1
-    if isinstance(streets.node_id, np.ndarray):
-        via = [r.via for r in streets.restrictions]
-        cut[np.isin(streets.node_id, np.concatenate([streets.blocked, via]))] = 1
+    named = streets.node_id.code if isinstance(streets.node_id, Texts) else streets.node_id
+    via = [r.via for r in streets.restrictions if r.via >= 0]
+    cut[np.isin(named, np.concatenate([streets.blocked, via]))] = 1
+    over = [way for r in streets.restrictions if r.over for way in (*r.origin, *r.over, *r.target)]
+    if over:  # an edge is of one of them
+        inside = np.flatnonzero(np.isin(keys(streets.columns["source_id"]), over))
+        ends = np.concatenate([streets.first[inside], streets.first[inside + 1] - 1])
+        cut[streets.node[ends]] = 1
     return chains(half.head, cut, out_first, out)
 
 
@@ -230,7 +236,7 @@ def _network(
     node_id = take(streets.node_id, places)
     graph = Graph(
         from_node, to_node, opposite, heading_out, heading_in, service, rule, length,
-        half.way[begin], half.way[end],
+        half.way[begin], half.way[end], half.forward[begin], half.forward[end],
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])

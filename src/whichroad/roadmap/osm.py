@@ -203,9 +203,9 @@ class _Ways:
         members: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
         for member in relation.members:
             members.setdefault(member.role, []).append((member.type, member.ref))
-        via = members["via"]
-        if len(via) != 1 or via[0][0] != "n":
-            self.skipped["restrictions via ways"] += 1
+        via, kinds = members["via"], {kind_ for kind_, _ in members["via"]}
+        if not via or (kinds != {"w"} and (kinds != {"n"} or len(via) > 1)):
+            self.skipped["restrictions via neither one node nor ways"] += 1
             return
         origin = tuple(ref for kind_, ref in members["from"] if kind_ == "w")
         target = tuple(ref for kind_, ref in members["to"] if kind_ == "w")
@@ -213,7 +213,14 @@ class _Ways:
             self.skipped["restrictions without from or to"] += 1
             return
         self.restrictions.append(
-            Restriction(kind.startswith("only_"), "u_turn" in kind, origin, via[0][1], target)
+            Restriction(
+                kind.startswith("only_"),
+                "u_turn" in kind,
+                origin,
+                via[0][1] if kinds == {"n"} else -1,
+                target,
+                tuple(ref for _, ref in via) if kinds == {"w"} else (),
+            )
         )
 
     def streets(self) -> Streets:

@@ -93,6 +93,7 @@ class RoadMap:
         Args:
             table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
                 GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
+                Overture's segments, with their `connectors`, are read by their own schema.
             crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
@@ -101,8 +102,11 @@ class RoadMap:
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
+        from .overture import is_overture, read_overture
         from .road_tables import read_edges
 
+        if is_overture(table):
+            return cls._compiled(*read_overture(table))
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)
 
