@@ -23,7 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import formats, overture, ubx_frame
+from .fuzz_formats import formats, overture, sumo_net, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -308,6 +308,7 @@ def readers(folder: Path) -> list[Reader]:
             ".map",
             MapError,
         ),
+        Reader(".net.xml", sumo_net(roads), of_edges, ".net.xml", MapError),
         Reader("overture", overture(roads), of_edges, ".parquet", MapError),
         Reader(".osm", town.read_bytes(), lambda p: len(RoadMap.from_osm(p)), ".osm", MapError),
     ]

@@ -128,3 +128,23 @@ def overture(roads: Any) -> bytes:
     file = io.BytesIO()
     pyarrow.parquet.write_table(pa.Table.from_pylist(rows), file, compression="none")
     return file.getvalue()
+
+
+def sumo_net(roads: Any) -> bytes:
+    """A map's legal edges as a network of SUMO, every other turn a connection."""
+    table = roads.edges_table().to_crs("EPSG:32632")
+    utm = "+proj=utm +zone=32 +datum=WGS84 +units=m"
+    lines = [f'<net><location netOffset="0,0" projParameter="{utm}"/>']
+    places = {}
+    for row in table[~table.against_one_way].itertuples():
+        shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in row.geometry.coords)
+        places[row.from_node] = row.geometry.coords[0]
+        places[row.to_node] = row.geometry.coords[-1]
+        lines.append(
+            f'<edge id="e{row.edge_id}" from="{row.from_node}" to="{row.to_node}" shape="{shape}" '
+            f'type="highway.{row.highway}"><lane id="e{row.edge_id}_0" speed="13.9"/></edge>'
+        )
+    lines += [f'<junction id="{n}" x="{x:.2f}" y="{y:.2f}"/>' for n, (x, y) in places.items()]
+    turns = roads.arrays.turns.edge[::2].tolist()
+    lines += [f'<connection from="e{a}" to="e{b}"/>' for a, b in enumerate(turns)]
+    return "\n".join([*lines, "</net>"]).encode()

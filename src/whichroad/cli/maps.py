@@ -17,13 +17,15 @@ def map_build(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), or a table or graph of "
-            "edges (.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
+            help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), Overture's segments "
+            "(.parquet), a network of SUMO (.net.xml), or a table or graph of edges (.geojson, "
+            ".csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The compiled map.")],
     crs: Annotated[
-        str | None, typer.Option(help="Reference system of an edge table, such as EPSG:3067.")
+        str | None,
+        typer.Option(help="Reference system of an edge table or network, such as EPSG:3067."),
     ] = None,
     bbox: Annotated[
         str | None,

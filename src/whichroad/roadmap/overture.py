@@ -46,7 +46,7 @@ def _names(table: Any) -> set[str]:
 
         try:
             return set(pyarrow.parquet.read_schema(table).names)
-        except (pa.ArrowException, OSError):
+        except (pa.ArrowException, OSError, ValueError):
             return set()  # the reader of tables says what is wrong
     return set(map(str, getattr(table, "column_names", getattr(table, "columns", ()))))
 
@@ -90,7 +90,7 @@ def read_overture(table: Any) -> tuple[Streets, str]:
     try:
         for row in _rows(table):
             found.add(row)
-    except (pa.ArrowException, ShapelyError, OSError) as error:
+    except (pa.ArrowException, ShapelyError, OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise MapError(
             f"{where}: {reason}; GeoParquet of Overture's theme transportation, type segment, was "

@@ -80,7 +80,14 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     Raises:
         MapError: No geometry was found, or its coordinate system is unknown.
     """
-    sheet = _known(open_sheet(table))
+    sheet = open_sheet(table)
+    streets, skipped = streets_of(sheet, crs, directed)
+    return replace(streets, skipped=dict(skipped)), sheet.where
+
+
+def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, Counter[str]]:
+    """`read_edges` of an open table; gives the streets, and what was left out."""
+    sheet = _known(sheet)
     directed = sheet.directed if directed is None else directed
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
@@ -97,7 +104,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
         along = np.full(len(rows), int(directed), dtype=np.int8)
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
-    return _streets(sheet, links, along, skipped), sheet.where
+    return _streets(sheet, links, along, skipped), skipped
 
 
 def _known(sheet: Sheet) -> Sheet:

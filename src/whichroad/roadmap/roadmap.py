@@ -93,7 +93,8 @@ class RoadMap:
         Args:
             table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
                 GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
-                Overture's segments, with their `connectors`, are read by their own schema.
+                Overture's segments, with their `connectors`, and SUMO's `.net.xml` are read by
+                their own schema.
             crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
@@ -104,9 +105,12 @@ class RoadMap:
         """
         from .overture import is_overture, read_overture
         from .road_tables import read_edges
+        from .sumo import is_net, read_net
 
         if is_overture(table):
             return cls._compiled(*read_overture(table))
+        if is_net(table):
+            return cls._compiled(*read_net(Path(table), crs))
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)
 
