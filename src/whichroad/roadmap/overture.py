@@ -248,7 +248,7 @@ class _Segments:
             highway=Texts.of([k.highway for k in kinds]),
             columns={"source_id": source_id, "name": Texts.of(self.names), **self._columns()},
             restrictions=list(self._restrictions(source_id, node_id)),
-            skipped=dict(self.skipped),
+            skipped=dict(self.skipped), start=np.array(self.start), whole=np.array(self.length),
         )  # fmt: skip
 
     def _columns(self) -> dict[str, Column]:

@@ -17,6 +17,7 @@ from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .compile import Network, Pieces, compile_streets
 from .edge_lines import edge_lines
+from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -254,6 +255,11 @@ class RoadMap:
             ids = [b if w else a for a, b, w in zip(ids, back, swap, strict=True)]
             forward = forward | swap
         return ids, forward
+
+    def on_source(self, edge: ArrayLike, s: ArrayLike) -> SourcePlace:
+        """Where (n,) places s along edges, m, are on the roads of the source: `m` and `share`."""
+        piece = self.piece(edge, s)
+        return on_source(self, piece, np.broadcast_to(np.asarray(s, np.float64), piece.shape))
 
     def node_ids(self, node: ArrayLike) -> list[int | str]:
         """The source's ids of (n,) junctions, numbers of `from_node` and `to_node`."""

@@ -104,3 +104,5 @@ class Streets:
     restrictions: list[Restriction] = field(default_factory=list)
     blocked: Ints = field(default_factory=lambda: np.empty(0, np.int64))  # nodes no car passes
     skipped: dict[str, int] = field(default_factory=dict)
+    start: Array | None = None  # (W,) m along the source at which each begins; None: 0
+    whole: Array | None = None  # (W,) m, length of the source; NaN, None: that of the street
