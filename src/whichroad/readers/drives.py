@@ -24,6 +24,7 @@ from .kml import read_kml
 from .names import NoSuchColumn
 from .nmea import read_nmea
 from .reading import Reading
+from .ros import is_bag, read_bag
 from .rtklib import read_pos
 from .source import STDIN, Source, is_file, is_file_object
 from .ubx import read_ubx
@@ -164,7 +165,8 @@ def _files(given: Sequence[Any]) -> tuple[list[Any], list[Path], list[str]]:
     recordings: list[Path] = []
     notes: list[str] = []
     for one in given:
-        if is_file_object(one) or str(one) == STDIN or Path(one).is_file():
+        single = is_file_object(one) or str(one) == STDIN
+        if single or Path(one).is_file() or is_bag(Path(one)):
             files.append(one)
         elif Path(one).is_dir():
             inside, others = _inside(Path(one))
@@ -232,6 +234,8 @@ def _kept(file: Any) -> Any:
 
 def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
     """What a file of any format holds."""
+    if not isinstance(file, Source) and is_bag(Path(file)):
+        return Part(Path(file).name, "ros", read_bag(Path(file), reading), False)
     if not isinstance(file, Source) and _kind_of_path(file) == "can":
         return _can_part(file, reading, dbc)
     source = Source.of(file)
