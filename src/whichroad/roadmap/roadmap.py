@@ -349,6 +349,23 @@ class RoadMap:
 
         return explore_map(self, style)
 
+    def openlr(self, path: Any, by: str = "row") -> list[str | None]:
+        """OpenLR line locations of a path, in Base64.
+
+        Args:
+            path: Of `match`, `match_many` or `by_source` on this map.
+            by: "row": one for each row; "stretch": one for all rows that hang together.
+
+        Returns:
+            One for each row; None where it is driven against a rule, or over 14.9 km of one edge.
+
+        Raises:
+            MapError: It is no path, or the package openlr is missing.
+        """
+        from .openlr_lines import references
+
+        return references(self, path, by)
+
     def by_source(self, path: Any) -> Any:
         """A path with one row for each road of the source (OpenStreetMap way, row of a table).
 
