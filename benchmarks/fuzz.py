@@ -23,7 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import formats, overture, sumo_net, ubx_frame
+from .fuzz_formats import for_robots, formats, overture, sumo_net, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -278,6 +278,8 @@ def readers(folder: Path) -> list[Reader]:
         Reader("nmea", nmea, drives, ".nmea"),
         Reader("nmea stream", nmea, _stream, ".nmea"),
         Reader("ubx", tables["ubx"], drives, ".ubx"),
+        Reader("ros bag", for_robots(tables["parquet"], folder / "d.bag"), drives, ".bag"),
+        Reader("mcap", for_robots(tables["parquet"], folder / "d.mcap"), drives, ".mcap"),
         Reader("csv", tables["csv"], drives, ".csv"),
         Reader("csv, sigma and yaw", tables["sigma"], drives, ".csv"),
         Reader("parquet", tables["parquet"], drives, ".parquet"),
@@ -319,7 +321,8 @@ def _mutations(reader: Reader) -> tuple[Mutation, ...]:
         return (*_TEXT, _sealed, _sealed)
     if reader.suffix == ".ubx":
         return (*_BINARY, _sealed_ubx, _sealed_ubx)
-    return _BINARY if reader.suffix in (".parquet", ".blf", ".map", ".gpkg") else _TEXT
+    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap")
+    return _BINARY if reader.suffix in binary else _TEXT
 
 
 def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[str, Any]:

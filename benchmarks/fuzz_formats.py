@@ -148,3 +148,21 @@ def sumo_net(roads: Any) -> bytes:
     turns = roads.arrays.turns.edge[::2].tolist()
     lines += [f'<connection from="e{a}" to="e{b}"/>' for a, b in enumerate(turns)]
     return "\n".join([*lines, "</net>"]).encode()
+
+
+def for_robots(table: bytes, path: Path) -> bytes:
+    """Points in Parquet as a bag or an MCAP, by our own writer.
+
+    Args:
+        table: With `time` as text.
+        path: Where to; the suffix chooses.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    from whichroad.writers import write_table
+
+    points = pyarrow.parquet.read_table(pa.BufferReader(table))
+    times = points["time"].cast(pa.timestamp("us", tz="UTC"))
+    write_table(points.set_column(0, "time", times).drop(["drive_id"]), path)
+    return path.read_bytes()

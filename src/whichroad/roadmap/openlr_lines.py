@@ -24,7 +24,7 @@ _LOWEST = 7
 _MOTORWAY, _SINGLE, _ROUNDABOUT, _SLIP = 1, 3, 4, 6  # forms of way
 _FARTHEST = 14_900.0  # m between two reference points
 _BEARING = 20.0  # m along a line over which its bearing is taken
-_SECTOR = 11.25  # degrees, step of bearings
+_SECTOR, _SECTORS = 11.25, 32  # step of bearings (degrees), and how many there are
 _TIE = 0.5  # m, by which another way must be longer than the route
 _WHOLE = 1.0  # m, offsets below which are none
 _LEG = 150.0  # m, least length of the first and the last leg; an offset is told to 1/256 of it
@@ -197,7 +197,7 @@ class LineEncoder:
         bearing = float(bearing_of(heading - turn, 0.0)[0])
         return o.LocationReferencePoint(
             lon, lat, o.FRC(self._frc[e]), o.FOW(self._fow[e]),
-            (int(bearing / _SECTOR) % round(360.0 / _SECTOR) + 0.5) * _SECTOR, o.FRC(point.lowest),
+            (int(bearing / _SECTOR) % _SECTORS + 0.5) * _SECTOR, o.FRC(point.lowest),
             round(point.distance),
         )  # fmt: skip
 
