@@ -23,7 +23,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import formats
+from .fuzz_formats import for_robots, formats, overture, sumo_net, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -133,6 +133,20 @@ def _sealed(data: bytes, random: Random) -> bytes:
         check = np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)) if body else 0
         lines.append(b"$" + body + b"*%02X" % int(check))
     return b"\r\n".join(lines)
+
+
+def _sealed_ubx(data: bytes, random: Random) -> bytes:
+    """UBX messages with strange payloads and checksums that are right."""
+    frames = []
+    for piece in data.split(b"\xb5\x62")[1:]:
+        kind, payload = int.from_bytes(piece[:2], "big"), bytearray(piece[4:-2])
+        if payload and random.random() < 0.2:
+            for _ in range(int(random.integers(1, 6))):
+                payload[int(random.integers(0, len(payload)))] = int(random.integers(0, 256))
+        if random.random() < 0.02:
+            payload = payload[: int(random.integers(0, len(payload) + 1))]
+        frames.append(ubx_frame(kind, bytes(payload)))
+    return b"".join(frames)
 
 
 _BINARY: tuple[Mutation, ...] = (_random, _flip, _flip, _cut, _garbage, _zeros)
@@ -254,12 +268,18 @@ def readers(folder: Path) -> list[Reader]:
     def by_dbc(path: Path) -> int:
         return _records(read_drive([], can=can_short, dbc=path, vehicle=vehicle))
 
+    def of_edges(path: Path) -> int:
+        return len(RoadMap.from_edges(path))
+
     can_short = folder / "short.log"
     can_short.write_bytes(_first_lines(can))
     nmea = _first_lines(files["drive.nmea"])
     return [
         Reader("nmea", nmea, drives, ".nmea"),
         Reader("nmea stream", nmea, _stream, ".nmea"),
+        Reader("ubx", tables["ubx"], drives, ".ubx"),
+        Reader("ros bag", for_robots(tables["parquet"], folder / "d.bag"), drives, ".bag"),
+        Reader("mcap", for_robots(tables["parquet"], folder / "d.mcap"), drives, ".mcap"),
         Reader("csv", tables["csv"], drives, ".csv"),
         Reader("csv, sigma and yaw", tables["sigma"], drives, ".csv"),
         Reader("parquet", tables["parquet"], drives, ".parquet"),
@@ -290,6 +310,8 @@ def readers(folder: Path) -> list[Reader]:
             ".map",
             MapError,
         ),
+        Reader(".net.xml", sumo_net(roads), of_edges, ".net.xml", MapError),
+        Reader("overture", overture(roads), of_edges, ".parquet", MapError),
         Reader(".osm", town.read_bytes(), lambda p: len(RoadMap.from_osm(p)), ".osm", MapError),
     ]
 
@@ -297,7 +319,10 @@ def readers(folder: Path) -> list[Reader]:
 def _mutations(reader: Reader) -> tuple[Mutation, ...]:
     if reader.name.startswith("nmea"):
         return (*_TEXT, _sealed, _sealed)
-    return _BINARY if reader.suffix in (".parquet", ".blf", ".map", ".gpkg") else _TEXT
+    if reader.suffix == ".ubx":
+        return (*_BINARY, _sealed_ubx, _sealed_ubx)
+    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap")
+    return _BINARY if reader.suffix in binary else _TEXT
 
 
 def _attack(reader: Reader, seconds: float, random: Random, path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How fast logs are read: a million NMEA sentences, half a million CAN frames, a million rows.
+"""How fast logs are read: NMEA sentences, CAN frames, rows, UBX messages, points of tracks.
 
 Each figure is the least disturbed of three runs over one file, read from the disk's cache.
 """
@@ -6,6 +6,7 @@ Each figure is the least disturbed of three runs over one file, read from the di
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from whichroad.readers import NmeaParser, read_drive
 from whichroad.settings import Vehicle
 
 from . import Figure, Options
+from .fuzz_formats import ubx
 
 START = 1_780_300_800.0  # s since 1970 UTC
 SENTENCES = 1_000_000
 FRAMES = 500_000
 ROWS = 1_000_000
+POINTS = 100_000
 REPEATS = 3
 _TAIL = b"GPGSA,A,3,04,09,16,26,07,03,27,02,,,,,1.21,0.94,0.76"
 _DBC = """VERSION ""
@@ -92,13 +95,13 @@ def table(rows: int) -> bytes:
     return file.getvalue()
 
 
-def _fastest(work: Callable[[], Any]) -> float:
+def _fastest(work: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> float:
     """Seconds of the fastest of a few calls."""
     times = []
     for _ in range(REPEATS):
-        start = time.perf_counter()
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return min(times)
 
 
@@ -112,7 +115,7 @@ def run(options: Options) -> list[Figure]:
     """Sentences, frames and rows a second."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        return [*_nmea(folder, options), *_can(folder), *_csv(folder)]
+        return [*_nmea(folder, options), *_can(folder), *_csv(folder), *_tracks(folder)]
 
 
 def _nmea(folder: Path, options: Options) -> list[Figure]:
@@ -153,3 +156,34 @@ def _csv(folder: Path) -> list[Figure]:
     _whole(read_drive(path)[0], ROWS)
     seconds = _fastest(lambda: read_drive(path))
     return [Figure("CSV table", ROWS / seconds, "", "rows/s", ROWS)]
+
+
+def _tracks(folder: Path) -> list[Figure]:
+    """UBX, RTKLIB and GPX, by the seconds that the process computes."""
+    stamps = np.datetime64("2026-06-01T12:00:00", "us") + np.arange(POINTS) * np.timedelta64(1, "s")
+    lat, lon = 49.0 + 1e-6 * (np.arange(POINTS) % 1000), np.full(POINTS, 8.7)
+    rows = list(zip(stamps.astype("datetime64[s]").astype(str), lat, lon, strict=True))
+    head = "%  UTC  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m)\n"
+    points = "\n".join(
+        f'<trkpt lat="{a:.7f}" lon="{o:.7f}"><ele>1</ele><time>{s}Z</time><hdop>0.9</hdop></trkpt>'
+        for s, a, o in rows
+    )
+    files = {
+        "log.ubx": ubx(stamps, lat, lon),
+        "log.pos": head.encode() + "".join(
+            f"{s[:10].replace('-', '/')} {s[11:]}.000 {a:.9f} {o:.9f} 50.0 5 8 1.5 1.2 3.0 -0.4\n"
+            for s, a, o in rows
+        ).encode(),
+        "log.gpx": f'<gpx version="1.1"><trk><trkseg>\n{points}</trkseg></trk></gpx>'.encode(),
+    }  # fmt: skip
+    figures = []
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+        records = POINTS * (3 if name == "log.ubx" else 1)
+        fixes = read_drive(folder / name)[0].fixes
+        if fixes is None or len(fixes) != POINTS:
+            raise AssertionError(f"{name}: not all was read")
+        seconds = _fastest(partial(read_drive, folder / name), time.process_time)
+        what = "UBX log" if name == "log.ubx" else f"{name[4:].upper()} log"
+        figures.append(Figure(what, records / seconds, ">= 100000", "records/s", records))
+    return figures

@@ -21,7 +21,8 @@ from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings, Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive
-from whichroad.tables.export import _competing, points_table
+from whichroad.tables.estimates import _competing
+from whichroad.tables.export import points_table
 from whichroad.tables.status import STATUS, competing, reason
 
 PLANE = Plane(49.4, 8.7)

@@ -110,6 +110,16 @@ def test_edges_are_entered_where_they_begin_and_left_where_they_end():
     assert leave[-1] == pytest.approx(last.along, abs=4.0)
 
 
+def test_the_place_on_the_source_counts_from_the_start_of_its_street_as_drawn():
+    enter, leave = np.array(column("enter_m")), np.array(column("exit_m"))
+    length = np.array([GEOD.inv(*driven(s)[:-1].T, *driven(s)[1:].T)[2].sum() for s in WAY])
+    drawn = np.array(column("forward"))
+    for end, along in (("enter", enter), ("exit", leave)):
+        place = np.where(drawn, along, length - along)
+        np.testing.assert_allclose(column(f"source_{end}_m"), place, atol=0.02)
+        np.testing.assert_allclose(column(f"source_{end}_share"), place / length, atol=1e-4)
+
+
 def test_edges_are_entered_and_left_when_the_junction_is_passed():
     enter, leave = seconds("enter_time"), seconds("exit_time")
     t = truth().time

@@ -273,6 +273,25 @@ def test_the_abscissa_is_that_of_the_matched_position(mode: str):
 
 
 @MODES
+def test_the_place_on_the_source_is_that_of_the_matched_position_on_the_street_as_drawn(mode: str):
+    c = {name: column(mode, name) for name in ("source_id", "source_m", "source_share",
+                                               "matched_lat", "matched_lon")}  # fmt: skip
+    compared = 0
+    for k, source in enumerate(c["source_id"]):
+        if source is None:
+            assert c["source_m"][k] is None
+            assert c["source_share"][k] is None
+            continue
+        line = LINES[STREET_OF[int(source)]]
+        along = foot(c["matched_lon"][k], c["matched_lat"][k], line).along
+        length = GEOD.line_length(*line.T)
+        assert c["source_m"][k] == pytest.approx(along, abs=0.02)
+        assert c["source_share"][k] == pytest.approx(along / length, abs=1e-4)
+        compared += 1
+    assert compared > 20
+
+
+@MODES
 def test_the_matched_position_is_the_projection_of_the_position_in_the_map(mode: str):
     """And the lateral offset is its distance right of the edge."""
     lateral, p = column(mode, "lateral_m"), numbers(mode, "p_road")

@@ -72,6 +72,14 @@ def test_an_edge_of_several_source_roads_is_one_row_for_each_with_its_share_of_t
     assert not {"from_node", "to_node"} & set(got.column_names)
 
 
+def test_each_source_road_has_its_own_range_from_its_own_start(roads):
+    got = roads.by_source(path_of([(eastward(roads), 0.0, 20.0, 20.0, 190.0)]))
+    np.testing.assert_allclose(got["source_enter_m"], [20.0, 80.0, 0.0], atol=0.5)
+    np.testing.assert_allclose(got["source_exit_m"], [100.0, 0.0, 10.0], atol=0.5)
+    np.testing.assert_allclose(got["source_enter_share"], [0.2, 1.0, 0.0], atol=0.01)
+    np.testing.assert_allclose(got["source_exit_share"], [1.0, 0.0, 0.5], atol=0.03)
+
+
 def test_a_stretch_of_an_edge_has_the_source_roads_of_that_stretch_alone(roads):
     edge = eastward(roads)
     rows = [

@@ -101,7 +101,7 @@ def test_another_version_is_refused_with_what_to_do(saved):
     content = bytearray(path.read_bytes())
     content[12:16] = struct.pack("<I", 99)
     path.write_bytes(content)
-    with pytest.raises(MapError, match="version 99; version 5 was expected; make it anew"):
+    with pytest.raises(MapError, match="version 99; version 6 was expected; make it anew"):
         RoadMap.open(path)
 
 

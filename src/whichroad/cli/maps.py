@@ -17,13 +17,15 @@ def map_build(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), or a table or graph of "
-            "edges (.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
+            help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), Overture's segments "
+            "(.parquet), a network of SUMO (.net.xml), or a table or graph of edges (.geojson, "
+            ".csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="File for the compiled map.")],
     crs: Annotated[
-        str | None, typer.Option(help="Coordinate system of an edge table, such as EPSG:3067.")
+        str | None,
+        typer.Option(help="Reference system of an edge table or network, such as EPSG:3067."),
     ] = None,
     bbox: Annotated[
         str | None,
@@ -68,3 +70,41 @@ def map_info(
         progress(f"reading {roads}", 0, 0)
         info = open_map(roads).info()
     print_table(str(roads), info.items())
+
+
+@map_app.command("check")
+def map_check(
+    roads: Annotated[Path, typer.Argument(metavar="MAP", help="Any map.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="The defects as a table with places.")
+    ] = None,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="A path of drives on this map (.parquet, .arrow): which defects they met."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Find ends that do not meet, islands, traps of one-ways, short and doubled roads."""
+    from ..evaluate.input_tables import read_table
+    from ..roadmap import open_map
+    from ..roadmap.defects import KINDS, defects
+    from ..writers import check, check_apart, write_table
+
+    check_apart({"-o": out}, [roads, path])
+    if out is not None:
+        check(out, force=force)
+    with progress_line() as progress:
+        progress(f"reading {roads}", 0, 0)
+        network = open_map(roads)
+        progress("looking for defects", 0, 0)
+        found = defects(network, None if path is None else read_table(path))
+    kinds = found["kind"].to_pylist()
+    rows = [(kind, f"{kinds.count(kind):,} {what}") for kind, what in KINDS.items()]
+    print_table(f"{roads}: {len(kinds):,} defects", rows)
+    if path is not None:
+        met = sum(count > 0 for count in found["stumbled"].to_pylist())
+        typer.echo(f"{path}: drives broke a rule or a gap began at {met:,} of them")
+    if out is not None:
+        write_table(found, out, force=force)

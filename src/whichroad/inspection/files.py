@@ -18,6 +18,7 @@ from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import fixes_outside, outside_note
 from ..roadmap.osm import SUFFIXES as EXTRACTS
 from ..roadmap.store import is_compiled
+from ..roadmap.sumo import SUFFIXES as NETS
 from ..settings import Settings, Vehicle
 from .of_drives import columns_section, drive_section
 from .of_maps import map_section
@@ -87,7 +88,7 @@ class _Files:
         try:
             if name.endswith((".toml", ".dbc")):
                 self._take_car(path)
-            elif name.endswith((*EXTRACTS, ".graphml")) or is_compiled(path):
+            elif name.endswith((*EXTRACTS, *NETS, ".graphml")) or is_compiled(path):
                 self._take_map(path)
             elif name.endswith(_EITHER):
                 self._take_either(path)

@@ -1,6 +1,6 @@
 """Bytes and frames as they arrive to observations, with the least delay.
 
-NMEA has the parser of recorded logs.  A CAN log is read as a whole, a bus frame by frame.
+NMEA and UBX have the parsers of recorded logs.  A CAN log is read as a whole, a bus frame by frame.
 """
 
 import math
@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
 from ..readers.can import Signal, find_signals, si_factor
 from ..readers.nmea import NmeaParser
+from ..readers.reading import Reading
+from ..readers.ubx import UbxParser
 from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
@@ -23,7 +25,9 @@ _REASONABLE = 1e9  # s since 1970, below which frame times have another origin
 
 
 class NmeaStream:
-    """NMEA bytes in, fixes on our clock out.
+    """NMEA or UBX bytes in, fixes on our clock out.
+
+    Once a NAV-PVT has come, the sentences beside it, which say less, are passed over.
 
     Args:
         settings: Gives the sigma of fixes that report none.
@@ -32,19 +36,23 @@ class NmeaStream:
 
     def __init__(self, settings: Settings | None = None, offset: float = 0.0) -> None:
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
+        self._ubx = UbxParser(Reading.of(settings=settings))
 
     @property
     def skipped(self) -> int:
         """What could not be used."""
-        return sum(self._parser.skipped.values())
+        return sum(self._parser.skipped.values()) + sum(self._ubx.skipped.values())
 
     def feed(self, data: bytes) -> list[GeoFix]:
         """Take bytes; returns the fixes that they complete."""
-        return self._shifted(self._parser.feed(data))
+        fixes, sentences = self._ubx.feed(data)
+        if self._ubx.seen:
+            return self._shifted(fixes)
+        return self._shifted(self._parser.feed(sentences))
 
     def flush(self) -> list[GeoFix]:
         """The line is silent: the fix of the burst that has ended."""
-        return self._shifted(self._parser.pause())
+        return self._shifted(self._ubx.pause() if self._ubx.seen else self._parser.pause())
 
     def _shifted(self, fixes: list[GeoFix]) -> list[GeoFix]:
         if not self._offset:

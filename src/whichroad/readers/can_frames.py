@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -132,6 +133,11 @@ def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, byt
     import can
 
     suffix = Path(path).suffix.lower()
+    if suffix == ".mf4" and find_spec("asammdf") is None:
+        raise ReadError(
+            f"{Path(path).name}: MF4; the package asammdf is needed to read it; "
+            'pip install "whichroad[mf4]"'
+        )
     reader, mode = _BY_LIBRARY[suffix]
     if suffix == ".blf":
         check_blf(read_bytes(path), Path(path).name)

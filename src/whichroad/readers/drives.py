@@ -25,8 +25,10 @@ from .kml import read_kml
 from .names import NoSuchColumn
 from .nmea import read_nmea
 from .reading import Reading
+from .ros import is_bag, read_bag
 from .rtklib import read_pos
 from .source import STDIN, Source, is_file, is_file_object
+from .ubx import read_ubx
 
 AnyPath = str | PathLike[str]
 
@@ -38,6 +40,7 @@ _SUFFIXES = {
     **dict.fromkeys((".gpkg", ".shp", ".fgb"), "geo"),
     ".gpx": "gpx",
     ".pos": "pos",
+    ".ubx": "ubx",
 }
 _CONTENTS = (  # first bytes of each format
     ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
@@ -45,6 +48,7 @@ _CONTENTS = (  # first bytes of each format
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
     ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
+    ("ubx", re.compile(rb"\xb5\x62\x01\x07[\x54\x5c]\x00")),
     ("gpx", re.compile(rb"<gpx[\s>]")),
     ("kml", re.compile(rb"<kml[\s>]")),
     ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
@@ -71,6 +75,7 @@ _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
     "geo": read_geo,
     "gnss_logger": read_gnss_logger,
     "table": read_table,
+    "ubx": read_ubx,
 }
 
 
@@ -161,7 +166,8 @@ def _files(given: Sequence[Any]) -> tuple[list[Any], list[Path], list[str]]:
     recordings: list[Path] = []
     notes: list[str] = []
     for one in given:
-        if is_file_object(one) or str(one) == STDIN or Path(one).is_file():
+        single = is_file_object(one) or str(one) == STDIN
+        if single or Path(one).is_file() or is_bag(Path(one)):
             files.append(one)
         elif Path(one).is_dir():
             inside, others = _inside(Path(one))
@@ -229,6 +235,8 @@ def _kept(file: Any) -> Any:
 
 def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
     """What a file of any format holds."""
+    if not isinstance(file, Source) and is_bag(Path(file)):
+        return Part(Path(file).name, "ros", read_bag(Path(file), reading), False)
     if not isinstance(file, Source) and _kind_of_path(file) == "can":
         return _can_part(file, reading, dbc)
     source = Source.of(file)
@@ -283,7 +291,7 @@ def _kind(source: Source, reading: Reading) -> str:
     seen, advice = strange or ("a file of unknown format", "convert it")
     raise ReadError(
         f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, KML, GeoJSON, "
-        f"RTKLIB .pos or a CAN log was expected; {advice}"
+        f"UBX, RTKLIB .pos or a CAN log was expected; {advice}"
     )
 
 

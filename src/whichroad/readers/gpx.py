@@ -1,15 +1,14 @@
 """GPX: each track is a drive, or each route where there are no tracks."""
 
-import io
-import xml.etree.ElementTree as ET
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
+from xml.parsers.expat import ExpatError, ParserCreate
 
 import numpy as np
 
 from ..errors import ReadError
-from ..observations import Drive
+from ..observations import Array, Drive
 from ..settings import Settings
 from .checks import NO_TIME, Skipped, keep
 from .dates import iso_seconds
@@ -17,7 +16,8 @@ from .reported_fixes import Reported, make_fixes
 from .source import Source
 from .without_times import invented_times
 
-_LEAVES = ("time", "hdop", "speed", "course")
+_TEXTS = frozenset(("time", "hdop", "speed", "course", "name"))  # tags whose text is read
+_LINES = frozenset(("trk", "rte"))
 _POINTS = {"trkpt": "trk", "rtept": "rte", "wpt": "wpt"}  # tag -> what it is a point of
 _BAD = "unparsable point"
 
@@ -52,7 +52,7 @@ def read_gpx(file: Any, settings: Settings | None = None) -> list[Drive]:
     tracks: list[_Track] = []
     try:
         _collect(source.data, tracks)
-    except (ET.ParseError, ValueError, LookupError) as error:
+    except (ExpatError, ValueError, LookupError) as error:
         if not any(track.points for track in tracks) or b"<gpx" not in source.data[:4096]:
             raise ReadError(
                 f"{where}: no readable GPX ({error}); was the file cut short?"
@@ -80,32 +80,51 @@ def read_gpx(file: Any, settings: Settings | None = None) -> list[Drive]:
 
 
 def _collect(data: bytes, tracks: list[_Track]) -> None:
-    """All tracks, routes and way points, each track filled as it is read."""
-    inside: list[Any] = []
+    """All tracks, routes and way points, each track filled as it is read.
+
+    Raises:
+        ExpatError: It is no XML from some byte on; what stands before is in `tracks`.
+    """
+    inside: list[str] = []
     ways = _Track("wpt")
     tracks.append(ways)
-    leaves: dict[str, str] = {}
-    for event, element in ET.iterparse(io.BytesIO(data), events=("start", "end")):
-        tag = element.tag.rpartition("}")[2]
-        if event == "start":
-            inside.append(element)
-            if tag in ("trk", "rte"):
-                tracks.append(_Track(tag))
-            elif tag in _POINTS:
-                leaves = {}
-            continue
-        inside.pop()
-        above = inside[-1].tag.rpartition("}")[2] if inside else ""
-        if tag in _LEAVES and element.text:
-            leaves.setdefault(tag, element.text.strip())
-        elif tag == "name" and above in ("trk", "rte"):
-            tracks[-1].name = (element.text or "").strip()
+    local: dict[str, str] = {}  # names of tags without their prefix
+    point: dict[str, str] = {}
+    text: list[str] = []
+    parser = ParserCreate()
+    parser.buffer_text = True
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal point
+        tag = local.get(name) or local.setdefault(name, name.rpartition(":")[2])
+        inside.append(tag)
+        if tag in _TEXTS:
+            text.clear()
+            parser.CharacterDataHandler = text.append
+        elif tag in _POINTS:
+            point = attributes
+        elif tag in _LINES:
+            tracks.append(_Track(tag))
+
+    def end(name: str) -> None:
+        nonlocal point
+        tag = inside.pop()
+        if tag in _TEXTS:
+            parser.CharacterDataHandler = None
+            said = text[0].strip() if len(text) == 1 else "".join(text).strip()
+            if tag != "name":
+                if said:
+                    point.setdefault(tag, said)
+            elif inside and inside[-1] in _LINES:
+                tracks[-1].name = said
         elif tag in _POINTS:
             home = ways if tag == "wpt" else tracks[-1]
             if home.kind == _POINTS[tag]:
-                home.points.append({**element.attrib, **leaves})
-        if inside and tag in (*_POINTS, "trkseg", "trk", "rte"):
-            inside[-1].remove(element)  # else the whole file stays in memory
+                home.points.append(point)
+            point = {}
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(data, True)
 
 
 def _number(text: str | None) -> float:
@@ -115,9 +134,18 @@ def _number(text: str | None) -> float:
         return np.nan
 
 
+def _numbers(texts: list[str | None]) -> Array:
+    if not any(texts):
+        return np.full(len(texts), np.nan)
+    try:
+        return np.array(list(map(float, texts)))  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return np.array([_number(text) for text in texts])
+
+
 def _reported(points: list[dict[str, str]], skipped: Skipped, notes: list[str]) -> Reported:
     columns = {
-        key: np.array([_number(point.get(key)) for point in points])
+        key: _numbers([point.get(key) for point in points])
         for key in ("lat", "lon", "hdop", "speed", "course")
     }
     lat, lon = columns["lat"], columns["lon"]

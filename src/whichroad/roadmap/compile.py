@@ -13,6 +13,7 @@ from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, VERTEX, Roa
 from ..graph.search import edge_costs, turn_costs
 from ..observations import Array
 from . import cells
+from .bans import keys
 from .chains import chains, end_headings
 from .link import middle_plane
 from .streets import Bytes, Column, Ints, Streets, Texts, take
@@ -34,6 +35,8 @@ class Pieces(NamedTuple):
     way: Ints32  # (P,) street
     forward: Bytes  # (P,) 1 where it is driven as it was drawn
     start: Array  # (P,) along-track position at which it begins, true m
+    offset: Array  # (P,) position there along the source as it was drawn, m
+    whole: Array  # (P,) length of the source, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,8 @@ class _Halves(NamedTuple):
     forward: Bytes  # 1 where it runs as its street was drawn
     rule: Bytes
     length: Array  # true m
+    place: Array  # m along the source at which it begins
+    whole: Array  # (W,) m, lengths of the sources of streets
 
 
 def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves, dict[str, int]]:
@@ -105,6 +110,7 @@ def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves
     length = _true_length(plane, x[tail], y[tail], x[head], y[head])
     twice = np.stack([tail, head], axis=1)
     rule = np.stack([streets.rule_forward[way], streets.rule_backward[way]], axis=1)
+    begin, whole = _along_source(streets, way, length)
     return _Halves(
         twice.ravel().astype(np.int32),
         twice[:, ::-1].ravel().astype(np.int32),
@@ -112,7 +118,27 @@ def _halves(streets: Streets, plane: Plane, x: Array, y: Array) -> tuple[_Halves
         np.tile(np.array([1, 0], np.uint8), len(way)),
         rule.ravel(),
         np.repeat(length, 2),
+        np.stack([begin, begin + length], axis=1).ravel(),
+        whole,
     ), {} if long.all() else {"segments without length": int((~long).sum())}
+
+
+def _along_source(streets: Streets, way: Ints, length: Array) -> tuple[Array, Array]:
+    """Where segments begin along their sources, m, and the lengths of the sources of streets.
+
+    Args:
+        streets: Parts of sources, or whole ones.
+        way: (M,) ascending street of each segment.
+        length: (M,) m.
+    """
+    count = len(streets.first) - 1
+    total = np.concatenate([[0.0], np.cumsum(length)])
+    begin = total[:-1] - total[np.searchsorted(way, np.arange(count))][way]
+    own: Array = np.bincount(way, length, count).astype(np.float64)
+    if streets.start is None or streets.whole is None:
+        return begin, own
+    whole = np.where(np.isfinite(streets.whole), streets.whole, own)
+    return begin + streets.start[way], np.maximum(whole, streets.start + own)
 
 
 def _joined(tail: Ints, head: Ints, x: Array, y: Array) -> Ints:
@@ -163,10 +189,10 @@ def _drawn_once(half: _Halves, order: Ints, nodes: int) -> tuple[_Halves, int]:
     repeats = ((best != np.arange(len(key))) & ~against).reshape(-1, 2).any(axis=1)
     _, first = np.unique(np.minimum(key[0::2], key[1::2]), return_index=True)
     kept = (2 * np.sort(first)[:, None] + [0, 1]).ravel()
-    way, forward, rule = (column[best[kept]] for column in (half.way, half.forward, half.rule))
-    return _Halves(half.tail[kept], half.head[kept], way, forward, rule, half.length[kept]), int(
-        repeats.sum()
-    )
+    kept_of = (half.way, half.forward, half.rule, half.place)
+    way, forward, rule, place = (column[best[kept]] for column in kept_of)
+    tail, head, length = half.tail[kept], half.head[kept], half.length[kept]
+    return _Halves(tail, head, way, forward, rule, length, place, half.whole), int(repeats.sum())
 
 
 def _true_length(plane: Plane, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
@@ -196,9 +222,14 @@ def _chains(streets: Streets, half: _Halves, nodes: int) -> tuple[Ints32, Ints32
         | (half.rule[two ^ 1] != half.rule[one])
     )
     cut[through[differs]] = 1
-    if isinstance(streets.node_id, np.ndarray):
-        via = [r.via for r in streets.restrictions]
-        cut[np.isin(streets.node_id, np.concatenate([streets.blocked, via]))] = 1
+    named = streets.node_id.code if isinstance(streets.node_id, Texts) else streets.node_id
+    via = [r.via for r in streets.restrictions if r.via >= 0]
+    cut[np.isin(named, np.concatenate([streets.blocked, via]))] = 1
+    over = [way for r in streets.restrictions if r.over for way in (*r.origin, *r.over, *r.target)]
+    if over:  # an edge is of one of them
+        inside = np.flatnonzero(np.isin(keys(streets.columns["source_id"]), over))
+        ends = np.concatenate([streets.first[inside], streets.first[inside + 1] - 1])
+        cut[streets.node[ends]] = 1
     return chains(half.head, cut, out_first, out)
 
 
@@ -221,7 +252,7 @@ def _network(
     vertices = records(len(node), VERTEX)
     vertices.x, vertices.y, vertices.s = x[node], y[node], s
     found = cells.build(vertices.x, vertices.y, first, CELL_SIZE)  # while there is little else
-    pieces = _pieces(half.way[chain], half.forward[chain], chain_first, s[~_last(first)])
+    pieces = _pieces(half, chain, chain_first, s[~_last(first)])
     length = s[first[1:] - 1]
     way = _longest(pieces, length)
     heading_out, heading_in = end_headings(vertices.x, vertices.y, s, first, _CHORD)
@@ -230,7 +261,7 @@ def _network(
     node_id = take(streets.node_id, places)
     graph = Graph(
         from_node, to_node, opposite, heading_out, heading_in, service, rule, length,
-        half.way[begin], half.way[end],
+        half.way[begin], half.way[end], half.forward[begin], half.forward[end],
     )  # fmt: skip
     turns = successors(graph, streets, node_id)
     time = np.add.reduceat(half.length[chain] / streets.speed[half.way[chain]], chain_first[:-1])
@@ -284,13 +315,15 @@ def _last(first: Ints32) -> NDArray[np.bool_]:
     return last
 
 
-def _pieces(way: Ints32, forward: Bytes, chain_first: Ints32, start: Array) -> Pieces:
+def _pieces(half: _Halves, chain: Ints32, chain_first: Ints32, start: Array) -> Pieces:
     """Runs of halves of one street in one direction."""
+    way, forward = half.way[chain], half.forward[chain]
     new = np.ones(len(way), bool)
     new[1:] = (way[1:] != way[:-1]) | (forward[1:] != forward[:-1])
     new[chain_first[:-1]] = True
-    before = np.concatenate([[0], np.cumsum(new)])
-    return Pieces(before[chain_first].astype(np.int32), way[new], forward[new], start[new])
+    before = np.concatenate([[0], np.cumsum(new)])[chain_first].astype(np.int32)
+    way, place = way[new], half.place[chain][new]
+    return Pieces(before, way, forward[new], start[new], place, half.whole[way])
 
 
 def _longest(pieces: Pieces, length: Array) -> Ints32:

@@ -10,6 +10,7 @@ from ..observations import Array
 from ..svg import Frame, Strokes, figure
 from .osm import SUFFIXES
 from .streets import Ints, Texts
+from .sumo import is_net
 from .tags import CLASS_SPEED_KMH, DEFAULT_SPEED_KMH
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def streets(
 
 def attribution(roads: "RoadMap") -> str:
     """The map's attribution, where its source is known."""
-    osm = str(roads.origin).lower().endswith(SUFFIXES)
+    osm = str(roads.origin).lower().endswith(SUFFIXES) and not is_net(roads.origin)
     return "© OpenStreetMap contributors" if osm else ""
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..errors import MapError
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
+from .source_places import SourcePlace, on_source
 from .streets import Ints
 
 if TYPE_CHECKING:
@@ -102,14 +103,40 @@ def by_source(roads: "RoadMap", path: Any) -> Any:
         "exit_m": pa.array(end),
         "duration_s": pa.array(seconds),
         "mean_speed_mps": pa.array(speed, mask=~moving),
+        **on_sources(roads, edge[row].astype(np.int64), start, end),
         "geometry": _lines(roads, edge[row].astype(np.int64), start, end),
     }
     kept = path.select([n for n in path.column_names if n not in _OF_EDGES]).take(pa.array(row))
-    table = pa.table({n: new.get(n, kept[n]) for n in kept.column_names})
+    more = [n for n in new if n.startswith("source_") and n not in kept.column_names]
+    names = [*(n for n in kept.column_names if n != "geometry"), *more]
+    names += ["geometry"] * ("geometry" in kept.column_names)
+    table = pa.table({n: new[n] if n in new else kept[n] for n in names})
     # marks of fields, such as what geopandas knows a geometry by, stay
-    marks = [path.schema.field(n).metadata for n in table.column_names]
+    marks = [None if n in more else path.schema.field(n).metadata for n in names]
     fields = [f.with_metadata(m) for f, m in zip(table.schema, marks, strict=True)]
     return table.cast(pa.schema(fields))
+
+
+def on_sources(roads: "RoadMap", edge: Ints, enter: Array, leave: Array) -> dict[str, Any]:
+    """Columns of a path that say where on the road of the source its rows begin and end.
+
+    That road is the one in the middle; beyond it the place is its end.
+
+    Args:
+        roads: The map.
+        edge: (n,) edges.
+        enter: (n,) along-track positions, m.
+        leave: (n,) m.
+    """
+    import pyarrow as pa
+
+    piece = roads.piece(edge, 0.5 * (enter + leave))
+    places = {"enter": on_source(roads, piece, enter), "exit": on_source(roads, piece, leave)}
+    return {
+        f"source_{end}_{name}": pa.array(values)
+        for name in SourcePlace._fields
+        for end, values in ((end, getattr(place, name)) for end, place in places.items())
+    }
 
 
 def _check(path: Any, roads: "RoadMap") -> None:

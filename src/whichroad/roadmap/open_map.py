@@ -8,10 +8,11 @@ from .graphs import is_graph
 from .osm import SUFFIXES
 from .roadmap import RoadMap
 from .store import is_compiled
+from .sumo import is_net
 
 # what is not among these, and no extract, is a compiled map, whatever it is called
 _TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
-           ".graphml", ".shp", ".fgb", ".gml", ".zip")  # fmt: skip
+           ".graphml", ".shp", ".fgb", ".gml", ".zip", ".net.xml")  # fmt: skip
 _DRIVES = (".gpx", ".nmea", ".nma", ".pos", ".log", ".asc", ".blf", ".trc", ".mf4", ".dbc")
 
 
@@ -25,6 +26,8 @@ def open_map(roads: Any) -> RoadMap:
         path, name = Path(roads), str(roads).lower()
         if is_compiled(path):
             return RoadMap.open(path)
+        if is_net(path):
+            return RoadMap.from_edges(path)
         if name.endswith(SUFFIXES):
             return RoadMap.from_osm(roads)
         if name.endswith(_TABLES):

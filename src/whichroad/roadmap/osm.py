@@ -13,6 +13,7 @@ from ..errors import MapError
 from ..geodesy.units import mps_of_kmh
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
+from .link import middle_plane
 from .streets import Column, Restriction, Streets, Texts
 
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osm.xml", ".xml")
@@ -130,6 +131,25 @@ def _within(run: list[_Node], box: _Box) -> list[list[_Node]]:
     return parts
 
 
+def _along(way: Any, runs: list[list[_Node]]) -> tuple[list[float], float]:
+    """Where runs of a way's nodes begin along it, and its length, m; NaN: that of its only run.
+
+    Nodes that the extract lacks are passed over in a straight line.
+    """
+    if len(runs) == 1 and len(runs[0]) == len(way.nodes):
+        return [0.0], math.nan
+    nodes = [(n.ref, n.x, n.y) for n in way.nodes if n.x != _UNDEFINED]
+    lon, lat = (np.array([node[k] for node in nodes]) / 1e7 for k in (1, 2))
+    plane = middle_plane(lat, lon)
+    x, y = plane.from_geodetic(lat, lon)
+    place = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    starts, after = [], 0
+    for run in runs:  # in the order of the way, which may visit a node twice
+        after = nodes.index(run[0], after)
+        starts.append(float(place[after]))
+    return starts, float(place[-1])
+
+
 class _Ways:
     """Collects what the file holds, as flat arrays; equal tags are understood once."""
 
@@ -142,6 +162,7 @@ class _Ways:
         self.names: list[str] = []
         self.words: dict[str, str] = {}  # each name once
         self.ref, self.x, self.y = array("q"), array("i"), array("i")
+        self.start, self.whole = array("d"), array("d")  # m along the way, m
         self.restrictions: list[Restriction] = []
         self.blocked: list[int] = []
         self.skipped: Counter[str] = Counter()
@@ -169,11 +190,14 @@ class _Ways:
                 self._leave_out(long)
                 return
             long = inside
+        starts, whole = _along(way, long)
         values = tuple(map(tags.get, _KEYS))
         kind = self.kinds.get(values) or self.kinds.setdefault(values, _Kind(tags))
         name = tags.get("name") or tags.get("ref") or ""
         name = self.words.setdefault(name, name)
-        for run in long:
+        for run, start in zip(long, starts, strict=True):
+            self.start.append(start)
+            self.whole.append(whole)
             ref, x, y = zip(*run, strict=True)
             self.ref.extend(ref)
             self.x.extend(x)
@@ -204,9 +228,9 @@ class _Ways:
         members: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
         for member in relation.members:
             members.setdefault(member.role, []).append((member.type, member.ref))
-        via = members["via"]
-        if len(via) != 1 or via[0][0] != "n":
-            self.skipped["restrictions via ways"] += 1
+        via, kinds = members["via"], {kind_ for kind_, _ in members["via"]}
+        if not via or (kinds != {"w"} and (kinds != {"n"} or len(via) > 1)):
+            self.skipped["restrictions via neither one node nor ways"] += 1
             return
         origin = tuple(ref for kind_, ref in members["from"] if kind_ == "w")
         target = tuple(ref for kind_, ref in members["to"] if kind_ == "w")
@@ -214,7 +238,14 @@ class _Ways:
             self.skipped["restrictions without from or to"] += 1
             return
         self.restrictions.append(
-            Restriction(kind.startswith("only_"), "u_turn" in kind, origin, via[0][1], target)
+            Restriction(
+                kind.startswith("only_"),
+                "u_turn" in kind,
+                origin,
+                via[0][1] if kinds == {"n"} else -1,
+                target,
+                tuple(ref for _, ref in via) if kinds == {"w"} else (),
+            )
         )
 
     def streets(self) -> Streets:
@@ -242,6 +273,8 @@ class _Ways:
             restrictions=self.restrictions,
             blocked=np.array(self.blocked, dtype=np.int64),
             skipped=dict(self.skipped),
+            start=np.array(self.start),
+            whole=np.array(self.whole),
         )  # fmt: skip
 
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from ..geodesy.units import mps_of_kmh
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..observations import Array
 from . import tags as meaning
 from .lines import Lines, read_lines
-from .link import Links, link
+from .link import Links, link, middle_plane
 from .open_table import open_sheet
 from .sheet import Sheet, plain
 from .streets import Column, Streets, Texts, take
@@ -80,7 +81,14 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     Raises:
         MapError: No geometry was found, or its coordinate system is unknown.
     """
-    sheet = _known(open_sheet(table))
+    sheet = open_sheet(table)
+    streets, skipped = streets_of(sheet, crs, directed)
+    return replace(streets, skipped=dict(skipped)), sheet.where
+
+
+def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, Counter[str]]:
+    """`read_edges` of an open table; gives the streets, and what was left out."""
+    sheet = _known(sheet)
     directed = sheet.directed if directed is None else directed
     skipped: Counter[str] = Counter()
     lines = read_lines(sheet, crs, skipped)
@@ -97,7 +105,7 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
         along = np.full(len(rows), int(directed), dtype=np.int8)
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
-    return _streets(sheet, links, along, skipped), sheet.where
+    return _streets(sheet, links, along, skipped), skipped
 
 
 def _known(sheet: Sheet) -> Sheet:
@@ -202,6 +210,7 @@ def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Count
         other = np.where(opposite[kept] >= 0, opposite[kept], 0)
         columns["back_id"] = take(ids, links.row[other])
         columns["paired"] = (opposite[kept] >= 0).astype(np.uint8)
+    start, whole = _along_rows(links, kept)
     oneway = legal[kept, 0].astype(np.int8) - legal[kept, 1].astype(np.int8)
     columns |= tags.columns(oneway)
     return Streets(
@@ -210,7 +219,29 @@ def _streets(sheet: Sheet, links: Links, along: NDArray[np.int8], skipped: Count
         speed=tags.speed, lane=tags.lane(oneway),
         lane_sigma=tags.lane_sigma(oneway), service=(tags.service).astype(np.uint8),
         highway=Texts.of(tags.highway), columns=columns, skipped=dict(skipped),
+        start=start, whole=whole,
     )  # fmt: skip
+
+
+def _along_rows(links: Links, kept: NDArray[np.int64]) -> tuple[Array | None, Array | None]:
+    """Where streets begin along their rows, of several lines one behind the other; lengths, m."""
+    several = np.bincount(links.row) > 1
+    if not several[links.row].any():
+        return None, None
+    plane = middle_plane(links.lat_deg, links.lon_deg)
+    x, y = plane.from_geodetic(links.lat_deg, links.lon_deg)
+    node = links.node
+    step = np.hypot(np.diff(x[node]), np.diff(y[node]))
+    total = np.concatenate([[0.0], np.cumsum(step)])
+    length = total[links.first[1:] - 1] - total[links.first[:-1]]
+    order = np.argsort(links.row, kind="stable")
+    before = np.concatenate([[0.0], np.cumsum(length[order])])[:-1]
+    _, begin, at = np.unique(links.row[order], return_index=True, return_inverse=True)
+    start = np.empty(len(order))
+    start[order] = before - before[begin][at]
+    whole = np.bincount(links.row, length)[links.row]
+    alone = ~several[links.row]
+    return start[kept], np.where(alone, np.nan, whole)[kept]
 
 
 def _ids(sheet: Sheet) -> Column:

@@ -17,6 +17,7 @@ from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .compile import Network, Pieces, compile_streets
 from .edge_lines import edge_lines
+from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
 
@@ -93,6 +94,8 @@ class RoadMap:
         Args:
             table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
                 GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
+                Overture's segments, with their `connectors`, and SUMO's `.net.xml` are read by
+                their own schema.
             crs: Coordinate system of the geometry where the table does not name it, as pyproj
                 takes it, e.g. "EPSG:3067".
             directed: Whether a row is one direction of a road.  None: it is where the table
@@ -101,8 +104,14 @@ class RoadMap:
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
+        from .overture import is_overture, read_overture
         from .road_tables import read_edges
+        from .sumo import is_net, read_net
 
+        if is_overture(table):
+            return cls._compiled(*read_overture(table))
+        if is_net(table):
+            return cls._compiled(*read_net(Path(table), crs))
         streets, where = read_edges(table, crs, directed)
         return cls._compiled(streets, where)
 
@@ -270,6 +279,11 @@ class RoadMap:
             forward = forward | swap
         return ids, forward
 
+    def on_source(self, edge: ArrayLike, s: ArrayLike) -> SourcePlace:
+        """Where (n,) places s along edges, m, are on the roads of the source: `m` and `share`."""
+        piece = self.piece(edge, s)
+        return on_source(self, piece, np.broadcast_to(np.asarray(s, np.float64), piece.shape))
+
     def node_ids(self, node: ArrayLike) -> list[int | str]:
         """The source's ids of (n,) junctions, numbers of `from_node` and `to_node`."""
         rows = np.asarray(node)
@@ -359,6 +373,23 @@ class RoadMap:
         from .drawing import explore_map
 
         return explore_map(self, style)
+
+    def openlr(self, path: Any, by: str = "row") -> list[str | None]:
+        """OpenLR line locations of a path, in Base64.
+
+        Args:
+            path: Of `match`, `match_many` or `by_source` on this map.
+            by: "row": one for each row; "stretch": one for all rows that hang together.
+
+        Returns:
+            One for each row; None where it is driven against a rule, or over 14.9 km of one edge.
+
+        Raises:
+            MapError: It is no path, or the package openlr is missing.
+        """
+        from .openlr_lines import references
+
+        return references(self, path, by)
 
     def by_source(self, path: Any) -> Any:
         """A path with one row for each road of the source (OpenStreetMap way, row of a table).

@@ -26,7 +26,7 @@ from ..errors import MapError, WriteError
 from ..graph.network import EDGE, SEGMENT, TURN, VERTEX
 
 MAGIC = b"WHICHROAD"
-VERSION = 5
+VERSION = 6
 _FIXED = struct.Struct("<9s3xIIIQ")  # magic, version, header's length and checksum, file's length
 _ALIGN = 64
 _NUMBERS = ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1")

@@ -72,13 +72,16 @@ def take(column: Column, rows: NDArray[Any]) -> Column:
 
 @dataclass(frozen=True, slots=True)
 class Restriction:
-    """A turn restriction at a node, by source ids."""
+    """A turn restriction, by source ids; where ids are words, by their codes."""
 
     only: bool  # all other turns are banned, instead of these
     u_turn: bool  # about turning round
     origin: tuple[int, ...]  # ways
-    via: int  # node
+    via: int  # node; of one over ways the first, -1: not told
     target: tuple[int, ...]  # ways
+    over: tuple[int, ...] = ()  # ways between origin and target, in driving order
+    origin_forward: int = -1  # 1: driving the origin as it was drawn, 0: against it, -1: any
+    target_forward: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,3 +104,5 @@ class Streets:
     restrictions: list[Restriction] = field(default_factory=list)
     blocked: Ints = field(default_factory=lambda: np.empty(0, np.int64))  # nodes no car passes
     skipped: dict[str, int] = field(default_factory=dict)
+    start: Array | None = None  # (W,) m along the source at which each begins; None: 0
+    whole: Array | None = None  # (W,) m, length of the source; NaN, None: that of the street

@@ -9,7 +9,8 @@ from .._compile import Records
 from ..geodesy.angles import radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN, records
 from ..observations import Array
-from .streets import Bytes, Column, Ints, Restriction, Streets, Texts
+from .bans import Bans
+from .streets import Bytes, Column, Ints, Streets
 
 Ints32 = NDArray[np.int32]
 
@@ -46,6 +47,8 @@ class Graph(NamedTuple):
     length: Array  # m
     first_way: Ints32  # street on which the edge begins
     last_way: Ints32  # street on which it ends
+    first_forward: Bytes  # 1 where it begins as that street was drawn
+    last_forward: Bytes
 
 
 def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
@@ -71,8 +74,11 @@ def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
     angle = _wrapped(graph.heading_out[edge] - graph.heading_in[origin])
     angle[u_turn] = np.pi
     broken = graph.rule[edge] | np.where(u_turn, U_TURN, 0).astype(np.uint8)
-    banned, dropped = _banned(streets, graph, node_id, first, edge)
-    broken[banned] |= TURN_BANNED
+    source_id, dropped = streets.columns["source_id"], dict[str, int]()
+    if streets.restrictions:
+        bans = Bans(graph, source_id, node_id, first, edge, broken)
+        banned, dropped = bans.places(streets.restrictions)
+        broken[banned] |= TURN_BANNED
     blocked = np.zeros(len(edge), bool)
     if isinstance(node_id, np.ndarray):
         blocked = np.isin(node_id, streets.blocked)[graph.from_node[edge]] & ~u_turn
@@ -118,37 +124,3 @@ def _priors(
     weight[wrong | (closed[edge] & ~closed[origin])] *= WRONG_WAY
     shares: Array = weight / np.add.reduceat(weight, first[:-1])[origin]
     return shares
-
-
-def _banned(
-    streets: Streets, graph: Graph, node_id: Column, first: Ints, edge: Ints32
-) -> tuple[Ints, dict[str, int]]:
-    """Places in the list of turns that a restriction bans."""
-    source_id = streets.columns["source_id"]
-    if not streets.restrictions or isinstance(source_id, Texts) or isinstance(node_id, Texts):
-        return np.empty(0, np.int64), {}
-    arriving = np.argsort(graph.to_node, kind="stable")
-    in_first = np.searchsorted(graph.to_node[arriving], np.arange(len(node_id) + 1))
-    found: list[int] = []
-    unused = 0
-    for r in streets.restrictions:
-        node = int(np.searchsorted(node_id, r.via))
-        before = len(found)
-        if node < len(node_id) and node_id[node] == r.via:
-            for e in arriving[in_first[node] : in_first[node + 1]]:
-                if source_id[graph.last_way[e]] in r.origin:
-                    turns = np.arange(first[e], first[e + 1])
-                    named = np.isin(source_id[graph.first_way[edge[turns]]], r.target)
-                    found.extend(turns[_bans(r, named, edge[turns] == graph.opposite[e])].tolist())
-        unused += len(found) == before
-    dropped = {"restrictions that touch no turn of this map": unused} if unused else {}
-    return np.array(found, dtype=np.int64), dropped
-
-
-def _bans(r: Restriction, named: NDArray[np.bool_], u_turn: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which turns from one edge a restriction bans, `named` being those into its target."""
-    if set(r.origin) == set(r.target):  # the street may run on beyond the node
-        named = named & (u_turn == r.u_turn)
-    if r.only:
-        return ~named if named.any() else named
-    return named

@@ -1,24 +1,25 @@
 """What was found of drives, as columns: points, path, summary."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.estimate import AMBIGUOUS, Output
-from ..filter.state import NO_EDGE, OFF_ROAD
+from ..filter.estimate import Output
+from ..filter.state import OFF_ROAD
 from ..geodesy.angles import axis_bearing_of, bearing_of, degrees
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from ..observations import Array
 from ..roadmap import RoadMap
+from ..roadmap.export import on_sources
 from ..sensors.gnss import ellipse
 from ..traversals import Traversals
+from .estimates import HH, XX, XY, YY, Estimates, columns_of, distinct, reasons
 from .schema import ATTRIBUTES, PATH, POINTS, line_wkb, times
-from .status import COUNTS, RECENT, STATUS, far_off, reason, title
+from .status import STATUS
 
 _RULES = (
     (AGAINST_ONE_WAY, "against_one_way"),
@@ -26,59 +27,12 @@ _RULES = (
     (NO_ACCESS, "no_access"),
     (U_TURN, "u_turn"),
 )
-XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
 _GAP = 1 << 20  # flag of a gap, above all rules
 _STATUS = pa.array(STATUS)
-_SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
-
-
-class _Estimates(NamedTuple):
-    """Columns of `filter.estimate.ESTIMATE` without gaps: all that follows takes them whole."""
-
-    x: Array  # (n,)
-    y: Array
-    heading: Array
-    cov: Array  # (6, n)
-    p_edge: Array
-    p_off_road: Array
-    s: Array
-    lateral: Array
-    map_x: Array
-    map_y: Array
-    match_x: Array
-    match_y: Array
-    speed: Array
-    protection_level: Array
-    level_along: NDArray[np.float32]
-    level_across: NDArray[np.float32]
-    gnss_scale: Array
-    edge: NDArray[np.int32]
-    live: NDArray[np.int32]
-    alt_edge: NDArray[np.int32]  # (n, ALTERNATIVES)
-    alt_p: NDArray[np.float32]
-    status: NDArray[np.uint8]
-
-
-def _columns(output: Output) -> _Estimates:
-    columns = {name: output.rows[name] for name in _Estimates._fields}
-    columns["cov"] = columns["cov"].T
-    return _Estimates(**{name: np.ascontiguousarray(c) for name, c in columns.items()})
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
     return pa.array(values, mask=absent if absent.any() else None)
-
-
-def _distinct(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """A row of each value of (n,) that differs, and which of those each row has.
-
-    By a hash, which takes a fifth of the time that sorting does.
-    """
-    which = pa.array(values).dictionary_encode()
-    at = which.indices.to_numpy().copy()
-    one = np.empty(len(which.dictionary), np.int64)
-    one[at] = np.arange(len(at))
-    return one, at
 
 
 def points_table(
@@ -99,7 +53,7 @@ def points_table(
         A table with the columns of `tables.schema.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
-    plane, v = roads.plane, _columns(output)
+    plane, v = roads.plane, columns_of(output)
     none = v.live == 0
     lat, lon = plane.to_geodetic(v.x, v.y)
     map_lat, map_lon = plane.to_geodetic(v.map_x, v.map_y)
@@ -115,6 +69,7 @@ def points_table(
     off = none | (v.edge < 0)
     edge, s = np.where(off, 0, v.edge), np.where(off, 0.0, v.s)
     source, forward = _sources(roads, edge, s, off)
+    place = roads.on_source(edge, s)
     columns = {
         "drive_id": _repeated(names, np.diff(first, append=len(epochs))),
         "time": times(epochs.time),
@@ -141,12 +96,14 @@ def points_table(
         "p_road": _nullable(v.p_edge, none),
         "p_off_road": _nullable(v.p_off_road, none),
         "status": _STATUS.take(pa.array(v.status)),
-        "reason": _reasons(epochs, v, roads, first),
+        "reason": reasons(epochs, v, roads, first),
         "alternatives": _alternatives(v),
         "protection_level_m": _nullable(v.protection_level, none),
         "level_along_m": _nullable(v.level_along.astype(float), none),
         "level_across_m": _nullable(v.level_across.astype(float), none),
         "gnss_scale": _nullable(v.gnss_scale, none | (v.gnss_scale == 0.0)),
+        "source_m": _nullable(place.m, off),
+        "source_share": _nullable(place.share, off),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
@@ -178,7 +135,7 @@ def _attributes(
     }
 
 
-def _alternatives(v: _Estimates) -> pa.Array:
+def _alternatives(v: Estimates) -> pa.Array:
     on = np.flatnonzero(v.alt_edge >= 0)  # in the order of rows
     n, width = v.alt_edge.shape
     ends = np.zeros(n + 1, np.int32)
@@ -191,78 +148,6 @@ def _alternatives(v: _Estimates) -> pa.Array:
         names=["edge_id", "p"],
     )
     return pa.ListArray.from_arrays(pa.array(ends), rows)
-
-
-def _reasons(epochs: Records, v: _Estimates, roads: RoadMap, begins: Sequence[int]) -> pa.Array:
-    """Why each epoch's status is what it is; epochs of the same reason are put into words once."""
-    n, status = len(epochs), v.status
-    if not n:
-        return pa.array([], pa.string())
-    away = np.rint(_disbelieved(epochs, v, begins))
-    scale = np.rint(10.0 * v.gnss_scale)
-    scale[away > 0.0] = 0.0
-    vie = (status == AMBIGUOUS) & (v.alt_edge[:, 0] != NO_EDGE)  # each names its roads
-    key = (1e3 * away + scale) * 40.0 + 4.0 * status + 2.0 * vie + (v.live > 0)
-    one, at = _distinct(key)
-    texts = [
-        reason(
-            "on_road" if vie[k] else STATUS[status[k]],
-            disbelieved=away[k],
-            scale=0.1 * scale[k],
-            answered=v.live[k] > 0,
-        )
-        for k in one
-    ]
-    rows = np.flatnonzero(vie)
-    usual = pa.array(texts, pa.string())
-    also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
-    words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
-    words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
-    at[rows] = len(texts) + np.arange(len(rows))
-    return pa.concat_arrays([usual, words]).take(pa.array(at))
-
-
-def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
-    """`status.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
-    row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
-    road = pa.array(edges[row, rank]).dictionary_encode()
-    cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    competitors = pc.binary_join_element_wise(
-        _titles(road.dictionary, roads).take(road.indices), _SHARES.take(pa.array(cents)), " "
-    )
-    ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
-    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), competitors), " or ")
-
-
-def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
-    """`status.title` of (n,) edges."""
-    on = pc.greater_equal(edge, 0)
-    number = pc.binary_join_element_wise("edge", edge.cast(pa.string()), " ")
-    street = roads.names(np.maximum(edge.to_numpy(), 0))
-    named = pc.binary_join_element_wise(street, number, ", ", null_handling="skip")
-    return pc.if_else(on, named, title(OFF_ROAD, lambda _: None))
-
-
-def _disbelieved(epochs: Records, v: _Estimates, first: Sequence[int]) -> Array:
-    """How far away (m) the last fix lies that is not believed, 0 where it is, or none is recent."""
-    n, k = len(epochs), np.flatnonzero(epochs.has_fix)
-    if not len(k):
-        return np.zeros(n)
-    every = len(k) == n
-    at = slice(None) if every else k
-    fix = epochs.fix
-    dx, dy = fix[at, 0] - v.x[at], fix[at, 1] - v.y[at]
-    away = np.sqrt(dx * dx + dy * dy)
-    own = fix[at, 2] * np.maximum(v.gnss_scale[at], 1.0)
-    far = far_off(away, np.sqrt(own**2 + v.cov[XX, at] + v.cov[YY, at])) & (v.live[at] > 0)
-    away = np.where(far, away, 0.0)
-    if every:
-        return away
-    time = epochs.time
-    last = np.searchsorted(k, np.arange(n), side="right") - 1
-    begin = np.repeat(first, np.diff(first, append=n))  # of the row's own drive
-    recent = (last >= 0) & (k[last] >= begin) & (time - time[k[last]] <= RECENT)
-    return np.where(recent, away[last], 0.0)
 
 
 def path_table(
@@ -302,6 +187,7 @@ def path_table(
         "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array(driven.p),
         "broken_rule": _broken(driven),
+        **on_sources(roads, edges.astype(np.int64), enter, leave),
         "geometry": _lines(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
@@ -314,7 +200,7 @@ def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> p
         return pa.array([], pa.binary())
     whole = (enter <= 0.0) & (leave >= roads.arrays.edges.length[edges])
     key = np.where(whole, edges, len(roads) + np.arange(rows))
-    one, at = _distinct(key)
+    one, at = distinct(key)
     x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
     lat, lon = roads.plane.to_geodetic(x, y)
     return line_wkb(lon, lat, vertex).take(pa.array(at))
@@ -328,7 +214,7 @@ def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
 def _broken(driven: Traversals) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
     rules = np.where(driven.gap, _GAP, driven.rules)
-    one, at = _distinct(rules)
+    one, at = distinct(rules)
     words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))
 

@@ -60,6 +60,8 @@ POINTS = pa.schema(
         ("level_along_m", pa.float64()),
         ("level_across_m", pa.float64()),
         ("gnss_scale", pa.float64()),
+        ("source_m", pa.float64()),  # from the start of the source's road, as it was drawn
+        ("source_share", pa.float64()),  # of its length
     ]
 )
 """One row per epoch."""
@@ -81,6 +83,10 @@ PATH = pa.schema(
         ("mean_speed_mps", pa.float64()),  # null where no time passed
         ("p", pa.float64()),
         ("broken_rule", pa.string()),
+        ("source_enter_m", pa.float64()),
+        ("source_exit_m", pa.float64()),
+        ("source_enter_share", pa.float64()),
+        ("source_exit_share", pa.float64()),
         GEOMETRY,
     ]
 )

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     Writer = Callable[["pa.Table", Path], None]
 
 SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpx", ".arrow", ".feather")
+OF_POINTS = (".nmea", ".mcap", ".bag")  # for receivers and robots
+OF_PATHS = (".rou.xml",)  # a path by source for SUMO
 
 
 def write_table(table: "pa.Table", path: str | os.PathLike[str], *, force: bool = False) -> None:
@@ -27,7 +29,7 @@ def write_table(table: "pa.Table", path: str | os.PathLike[str], *, force: bool 
 
     Args:
         table: columns as in `tables.schema`; `geometry` (WKB) or `lat`, `lon` make it spatial.
-        path: where to; one of `SUFFIXES`.
+        path: where to; one of `SUFFIXES`, `OF_POINTS` or `OF_PATHS`.
         force: replace a file that exists.
 
     Raises:
@@ -47,10 +49,11 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
         WriteError: as `write_table`.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    known = (*SUFFIXES, *OF_POINTS, *OF_PATHS)
+    if _suffix(path) not in known:
         raise WriteError(
             f"{path}: the suffix {path.suffix or '(none)'!r} names no format; one of "
-            f"{', '.join(SUFFIXES)} was expected; rename the output"
+            f"{', '.join(known)} was expected; rename the output"
         )
     if path.exists() and not force:
         raise WriteError(
@@ -163,9 +166,14 @@ def _umask() -> int:
     return mask
 
 
+def _suffix(path: Path) -> str:
+    name = path.name.lower()
+    return next((suffix for suffix in OF_PATHS if name.endswith(suffix)), path.suffix.lower())
+
+
 def _writer(path: Path) -> "Writer":
     """The writer for this suffix, imported only now."""
-    match path.suffix.lower():
+    match _suffix(path):
         case ".parquet":
             from .parquet import write
         case ".geojson" | ".json":
@@ -176,6 +184,14 @@ def _writer(path: Path) -> "Writer":
             from .gpx import write
         case ".arrow" | ".feather":
             from .arrow import write
+        case ".nmea":
+            from .nmea_text import write
+        case ".mcap":
+            from .robots import write_mcap as write
+        case ".bag":
+            from .robots import write_bag as write
+        case ".rou.xml":
+            from .routes import write
         case _:
             check(path, force=True)
             raise AssertionError(f"{path.suffix} stands in SUFFIXES without a writer")
