@@ -23,6 +23,7 @@ DOCUMENTS += sorted((ROOT / "benchmarks").rglob("*.md"))
 PUBLIC = [
     "match",
     "match_many",
+    "map_of",
     "RoadMap",
     "Localizer",
     "Estimate",

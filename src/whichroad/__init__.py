@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .roadmap import RoadMap
     from .settings import Settings, Vehicle
     from .simulate import simulate_drive
+    from .tables.provenance import map_of
     from .tables.result import Result
 
 _MODULES = {
@@ -51,6 +52,7 @@ _MODULES = {
         "WheelSpeed", "WheelTicks",
     ),
     "tables.result": ("Result",),
+    "tables.provenance": ("map_of",),
     "roadmap": ("RoadMap",),
     "matching": ("match",),
     "settings": ("Settings", "Vehicle"),
@@ -60,8 +62,8 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by module, in the order of use
-    "match", "match_many", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
-    "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
+    "match", "match_many", "map_of", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis",
+    "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
