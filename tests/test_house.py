@@ -24,6 +24,7 @@ PUBLIC = [
     "match",
     "match_many",
     "map_of",
+    "speeds",
     "RoadMap",
     "Localizer",
     "Estimate",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .batch import match_many
     from .diagnosis.findings import diagnose
+    from .edge_speeds import speeds
     from .errors import (
         DriveError,
         MapError,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "batch": ("match_many",),
     "diagnosis.findings": ("diagnose",),
+    "edge_speeds": ("speeds",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
@@ -62,14 +64,16 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by module, in the order of use
-    "match", "match_many", "map_of", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis",
-    "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
+    "match", "match_many", "map_of", "speeds", "RoadMap", "Localizer", "Result", "Estimate",
+    "Hypothesis", "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
+    if name in ("fleet", "spark"):
+        return importlib.import_module(f".{name}", __name__)
     if name in _MODULE_OF:
         return getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

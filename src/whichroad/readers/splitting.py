@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingError
+from ..geodesy.angles import wrap_degrees
 from ..observations import Array
 from .arrow_columns import numbers, times
 from .checks import Ints
@@ -196,7 +197,7 @@ def _stays_until(lat: Array, lon: Array, k: int, end: int) -> int:
 
 def _core(lat: Array, lon: Array, first: int, last: int) -> tuple[int, int]:
     """First and last fix that lie as near to the middle of a stop as its fixes do."""
-    a, b = lat[first : last + 1], lon[first : last + 1]
+    a, b = lat[first : last + 1], wrap_degrees(lon[first : last + 1] - lon[first])
     away = _from(a, b, float(np.median(a)), float(np.median(b)))
     near = np.flatnonzero(away <= max(_LEAST, _NEAR * float(np.median(away))))
     return first + int(near[0]), first + int(near[-1])
