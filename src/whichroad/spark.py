@@ -91,4 +91,4 @@ def _partition(
         from pyspark import SparkFiles
 
         map = SparkFiles.get(map)
-    yield from match_batches(batches, map, **options)
+    yield from match_batches(batches, map, ordered=True, **options)

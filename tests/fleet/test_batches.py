@@ -25,6 +25,8 @@ def test_a_partition_gives_the_rows_of_the_whole_table(town, table, give):
     for size in (50, 5000):
         batches = table.to_batches(max_chunksize=size)
         found = pa.Table.from_batches(match_batches(iter(batches), town, give=give))
+        sorted_ = match_batches(iter(batches), town, give=give, ordered=True)
+        assert pa.Table.from_batches(sorted_).equals(found)
         assert found.schema.equals(SCHEMAS[give])
         assert found.equals(wanted)
 
@@ -66,6 +68,8 @@ def test_a_trip_that_comes_again_is_refused_by_engines_and_told_in_a_stream(
     batches = late.to_batches(max_chunksize=60)
     with pytest.raises(ReadError, match="'car 00' comes again"):
         list(match_batches(iter(batches), town))
+    with pytest.raises(ReadError, match="'car 00' comes again after others"):
+        list(match_batches(iter(table.to_batches(max_chunksize=7) * 2), town, ordered=True))
     drives = pa.concat_tables([t.drives for t in match_stream(iter(batches), town, threads=1)])
     names = drives["drive_id"].to_pylist()
     assert names.count("car 00") == 2

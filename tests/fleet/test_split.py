@@ -129,4 +129,9 @@ def test_trips_are_named_by_their_vehicle_and_number_and_what_is_left_out_is_cou
         iter(rows.to_batches(max_chunksize=7)), town, give="drives", trip_id="vehicle", split=300
     )
     assert pa.Table.from_batches(list(batches)).to_pylist() == drives.to_pylist()
+    ordered = match_batches(
+        iter(rows.to_batches(max_chunksize=7)), town, give="drives", trip_id="vehicle",
+        split=300, ordered=True,
+    )  # fmt: skip
+    assert pa.Table.from_batches(list(ordered)).to_pylist() == drives.to_pylist()
     assert whichroad.map_of(drives)["fingerprint"]

@@ -12,6 +12,7 @@ import pyarrow as pa
 from ..errors import SettingError
 from ..readers import read_vehicle
 from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, shared_map
 from ..settings import Settings, Vehicle
@@ -128,6 +129,7 @@ def match_batches(
     attributes: bool = False,
     crs: Any = None,
     split: str | float | None = None,
+    ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
     """Match whole trips that come in batches, in this thread: what engines call on a partition.
 
@@ -145,6 +147,8 @@ def match_batches(
         attributes: Whether the road's name, class and speed limit are added to points.
         crs: Reference system of `x, y` columns.
         split: As in `match_many`.
+        ordered: The batches are an iterator in which the rows of each trip follow each other,
+            as behind a sort: reading them takes less time.
 
     Yields:
         Record batches of `SCHEMAS[give]`, of some whole trips each.
@@ -158,7 +162,7 @@ def match_batches(
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     wanted = frozenset(("points" if give == "slim" else give,))
     job = job_of(map, vehicle, settings, lag, attributes and give == "points", crs, wanted)
-    for tables in match_tables(batches, job, trip_id, seconds_of(split)):
+    for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
             if batch.num_rows:
@@ -166,10 +170,14 @@ def match_batches(
 
 
 def match_tables(
-    batches: Any, job: Job, trip_id: str = "drive_id", split: float | None = None
+    batches: Any, job: Job, trip_id: str, split: float | None, *, ordered: bool
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
-    for chunk in trip_batches(batches, trip_id, split=split, strict=True):
+    if ordered:
+        chunks = ordered_batches(batches, trip_id, split=split)
+    else:
+        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+    for chunk in chunks:
         yield job.tables(chunk)
 
 

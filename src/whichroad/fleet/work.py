@@ -87,12 +87,13 @@ def run_unit(task: Task, unit: Unit) -> Done:
     give = frozenset(task.tables) | {"drives"}
     job = job_of(task.map, task.vehicle, task.settings, task.lag, False, task.crs, give)
     identity = job.roads.identity
+    rows = batches_of(unit, task.trip_id)
     parts: dict[str, list[pa.Table]] = {"path": [], "drives": []}
     with ExitStack() as files:
         points = None
         if "points" in task.tables:
             points = files.enter_context(_growing(task, "points", unit.name, identity))
-        for tables in match_tables(batches_of(unit, task.trip_id), job, task.trip_id, task.split):
+        for tables in match_tables(rows, job, task.trip_id, task.split, ordered=True):
             if points is not None:
                 points(slim(tables.points) if task.points == "slim" else tables.points)
             parts["path"].append(tables.path)

@@ -41,7 +41,7 @@ class TripBatch(NamedTuple):
     standing: dict[int, int] = {}  # noqa: RUF012 - rows behind trips that belong to none
 
 
-class _Trip(NamedTuple):
+class Trip(NamedTuple):
     """Rows of one trip."""
 
     name: str
@@ -68,8 +68,8 @@ def trip_batches(
     """
 
     def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
-        trips = (_Trip(*trip) for trip in _whole(batches, drive_id))
-        yield from _packed(_split(trips, split) if split else trips, strict)
+        trips = (Trip(*trip) for trip in _whole(batches, drive_id))
+        yield from packed(split_each(trips, split) if split else trips, strict)
 
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id))
@@ -79,10 +79,10 @@ def trip_batches(
         if hasattr(source, "read_next_batch"):
             yield from of_stream(source)
         elif split:
-            table = _of_vehicles(_named(*_table(source, drive_id), drive_id))
-            yield from _packed(_split((_Trip(*trip) for trip in _cut(table)), split), strict)
+            table = of_vehicles(usual_rows(source, drive_id))
+            yield from packed(split_each((Trip(*trip) for trip in cut(table)), split), strict)
         else:
-            yield from _parts(_of_vehicles(_named(*_table(source, drive_id), drive_id)))
+            yield from parts_of(of_vehicles(usual_rows(source, drive_id)))
     elif isinstance(source, Iterable):
         yield from of_stream(source)
     else:
@@ -129,6 +129,11 @@ def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
     return seen.table, seen.names
 
 
+def usual_rows(batch: Any, drive_id: str) -> "pa.Table":
+    """The columns of a batch whose meaning is known, and trips' names in a column `drive_id`."""
+    return _named(*_table(batch, drive_id), drive_id)
+
+
 def _check(names: list[str]) -> None:
     """Refuse a table none of whose trips could be matched."""
     if "time" not in find(names):
@@ -157,7 +162,7 @@ def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
     return table.select(used).append_column("drive_id", table.column(place))
 
 
-def _of_vehicles(table: "pa.Table") -> "pa.Table":
+def of_vehicles(table: "pa.Table") -> "pa.Table":
     """The table whose trips that several vehicles have are one of each."""
     import pyarrow as pa
 
@@ -194,14 +199,14 @@ def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
     return table, names, [*runs.tolist(), len(codes)]
 
 
-def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
+def cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
     """Each trip and its rows."""
     table, names, first = _sorted(table)
     for name, (low, high) in zip(names, pairwise(first), strict=True):
         yield name, table.slice(low, high - low)
 
 
-def _parts(table: "pa.Table") -> Iterator[TripBatch]:
+def parts_of(table: "pa.Table") -> Iterator[TripBatch]:
     """Batches of a table in memory."""
     table, names, first = _sorted(table)
     trip = 0
@@ -214,15 +219,15 @@ def _parts(table: "pa.Table") -> Iterator[TripBatch]:
         trip = end
 
 
-def _split(trips: Iterable[_Trip], pause: float) -> Iterator[_Trip]:
+def split_each(trips: Iterable[Trip], pause: float) -> Iterator[Trip]:
     """The trips of each name, numbered from 1; rows without a name stay together."""
     for name, rows, _ in trips:
         if not name:
-            yield _Trip(name, rows)
+            yield Trip(name, rows)
             continue
         ordered, parts = split_trips(rows, pause)
         for number, (low, high, standing) in enumerate(parts, 1):
-            yield _Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
+            yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 
 
 def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
@@ -231,19 +236,19 @@ def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Tab
     last: dict[str, int] = {}
     rows = 0
     for batch in batches:
-        table, names = _table(batch, drive_id)
-        for name, part in _cut(_named(table, names, drive_id)):
+        table = usual_rows(batch, drive_id)
+        for name, part in cut(table):
             waiting.setdefault(name, []).append(part)
             last[name] = rows
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
-            yield from _cut(_of_vehicles(_joined(waiting.pop(name))))
+            yield from cut(of_vehicles(joined_rows(waiting.pop(name))))
     for parts in waiting.values():
-        yield from _cut(_of_vehicles(_joined(parts)))
+        yield from cut(of_vehicles(joined_rows(parts)))
 
 
-def _joined(parts: "list[pa.Table]") -> "pa.Table":
+def joined_rows(parts: "list[pa.Table]") -> "pa.Table":
     """Parts of a trip as one table; columns whose types do not go together as text."""
     import pyarrow as pa
 
@@ -254,12 +259,12 @@ def _joined(parts: "list[pa.Table]") -> "pa.Table":
         return pa.concat_tables(texts, promote_options="permissive")
 
 
-def _packed(trips: Iterable[_Trip], strict: bool) -> Iterator[TripBatch]:
+def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
     """Batches of consecutive trips with `BATCH_ROWS` rows or more."""
     import pyarrow as pa
 
     seen: set[int] = set()
-    held: list[_Trip] = []
+    held: list[Trip] = []
     again: list[int] = []
     rows = 0
 
