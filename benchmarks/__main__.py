@@ -41,7 +41,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
-    "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison, Spark"),
+    "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (
         "live.run",
         "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",

@@ -1,10 +1,10 @@
-"""Fleets: what the command costs beside the filter, in any order, killed, poisoned, on Spark.
+"""Fleets: what the command costs beside the filter, in any order, killed, poisoned.
 
 Rates are by processor seconds of all processes, each part beside `match_many` on the same rows
 in the same minute.  Trips are drives simulated in Heidelberg, with a fix every five seconds;
 each comes several times, with errors of its own and at another time.
 
-    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split,spark,speeds]
+    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split]
                                [--drives TRIPS]
 """
 
@@ -36,13 +36,13 @@ FIXES = 250  # of a trip
 STEP = 5  # s between fixes
 DRIVES = 40  # that are simulated
 NOISE = 2.0  # m, the copies' own
-PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split", "speeds", "spark")
+PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split")
 
 
 def run(options: Options) -> list[Figure]:
     """All parts, or those that are asked for."""
     parts = options.more.get("parts")
-    chosen = parts.split(",") if parts else PARTS[:-1]
+    chosen = parts.split(",") if parts else PARTS
     figures: list[Figure] = []
     adopt()
     with tempfile.TemporaryDirectory() as folder:
