@@ -176,7 +176,7 @@ def test_what_comes_out_has_one_schema_and_names_its_map(tmp_path, town, table):
 def command(source: Path, town: Path, out: Path, *more: str) -> list[str]:
     code = (
         "import sys, whichroad.fleet.units as u, whichroad.fleet.run as r\n"
-        "r.run_fleet.__kwdefaults__['unit_rows'] = 150\n"
+        "r.run_fleet.__kwdefaults__['unit_rows'] = 79\n"
         "from whichroad.cli import main\nif __name__ == '__main__': main()"
     )
     return [sys.executable, "-c", code, "fleet", str(source), "--map", str(town), "-o", str(out),
@@ -188,18 +188,25 @@ def test_a_run_that_is_killed_goes_on_and_gives_the_same_bytes(tmp_path, town, t
     pq.write_table(table, tmp_path / "t.parquet")
     chance = random.Random(5)
     subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "whole"), check=True)
-    killed = 0
+    killed, before = 0, []
     for _ in range(6):
         process = subprocess.Popen(
             command(tmp_path / "t.parquet", town, tmp_path / "cut"), start_new_session=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
-        time.sleep(chance.uniform(0.5, 4.0))
-        killed += process.poll() is None
-        os.kill(process.pid, signal.SIGKILL)
+        drives = tmp_path / "cut" / "drives"
+        enough = len(list(drives.glob("part-*"))) + chance.randint(0, 2)
+        while process.poll() is None and len(list(drives.glob("part-*"))) < enough:
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0.0, 0.2 if enough else 1.0))
+        if process.poll() is None:
+            killed += 1
+            os.kill(process.pid, signal.SIGKILL)
         process.wait()
+        before.append(len(list(drives.glob("part-*"))))
     subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "cut"), check=True)
     assert killed
+    assert len(set(before)) > 2  # several ends came between units
     files = sorted(p.relative_to(tmp_path / "whole") for p in (tmp_path / "whole").rglob("*.p*"))
     assert len(files) > 30
     for file in files:
