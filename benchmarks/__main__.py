@@ -41,6 +41,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
+    "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (
         "live.run",
         "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",
@@ -102,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse: real, city, drives, cost")
+    command.add_argument("--parts", metavar="A,B", help="sparse, fleet: only these")
     command.add_argument("--intervals", metavar="1,10", help="sparse: seconds between fixes")
     command.add_argument("--conditions", metavar="A,B", help="sparse: such as 10s/5m/gm")
     command.add_argument("--peers", metavar="DIR", help="sparse: the peers' environments")

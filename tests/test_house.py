@@ -21,6 +21,8 @@ DOCUMENTS += sorted((ROOT / "benchmarks").rglob("*.md"))
 PUBLIC = [
     "match",
     "match_many",
+    "map_of",
+    "speeds",
     "RoadMap",
     "Localizer",
     "Estimate",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .batch import match_many
     from .diagnosis.findings import diagnose
+    from .edge_speeds import speeds
     from .errors import (
         DriveError,
         MapError,
@@ -36,11 +37,13 @@ if TYPE_CHECKING:
     from .roadmap import RoadMap
     from .settings import Settings, Vehicle
     from .simulate import simulate_drive
+    from .tables.provenance import map_of
     from .tables.result import Result
 
 _MODULES = {
     "batch": ("match_many",),
     "diagnosis.findings": ("diagnose",),
+    "edge_speeds": ("speeds",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
@@ -51,6 +54,7 @@ _MODULES = {
         "WheelSpeed", "WheelTicks",
     ),
     "tables.result": ("Result",),
+    "tables.provenance": ("map_of",),
     "roadmap": ("RoadMap",),
     "matching": ("match",),
     "settings": ("Settings", "Vehicle"),
@@ -60,14 +64,16 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by module, in the order of use
-    "match", "match_many", "RoadMap", "Localizer", "Result", "Estimate", "Hypothesis", "Pose",
-    "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
+    "match", "match_many", "map_of", "speeds", "RoadMap", "Localizer", "Result", "Estimate",
+    "Hypothesis", "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
     "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
+    if name in ("fleet", "spark"):
+        return importlib.import_module(f".{name}", __name__)
     if name in _MODULE_OF:
         return getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -33,6 +33,7 @@ from .roadmap.extent import check_start, fixes_outside, start_note
 from .settings import Settings, Vehicle
 from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
+from .tables.provenance import with_map
 from .tables.result import Result
 from .traversals import Traversals, traversals
 
@@ -219,11 +220,13 @@ def _match_one(
     )
     diagnosis = cache(lambda: recorded.diagnosis)
     return Result(
-        partial(
-            points_table, drive.drive_id, timeline.epochs, recorded.output, roads,
-            attributes=attributes,
+        lambda: with_map(
+            points_table(
+                drive.drive_id, timeline.epochs, recorded.output, roads, attributes=attributes
+            ),
+            roads.identity,
         ),
-        lambda: path_table([drive.drive_id], driven(), roads),
+        lambda: with_map(path_table([drive.drive_id], driven(), roads), roads.identity),
         lambda: _summary(drive, timeline, recorded, driven(), diagnosis(), outside),
         _poses(recorded.output, timeline) if hypotheses else None,
         diagnosis,

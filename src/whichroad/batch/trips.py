@@ -1,4 +1,4 @@
-"""Many trips in one process: Arrow in, Arrow out, threads over trips.
+"""The trips of a chunk as tables.
 
 Trips are filtered in chunks of some thousand rows, and only a few chunks are held at a time.
 The fixed cost of a call is paid once for all trips of a chunk that are fixes alone, without
@@ -6,11 +6,7 @@ anything to report of their reading.  Others are read one by one, with the same 
 A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
-import os
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,20 +19,26 @@ from ..errors import SettingError, WhichroadError
 from ..filter.state import CLOCK, new_epochs
 from ..matching import are_near, timeline_of, tuned_by
 from ..observations import Drive
-from ..readers import drive_from_table, read_vehicle
-from ..readers.many_trips import TripBatch, trip_batches
+from ..readers import drive_from_table
+from ..readers.many_trips import APART, TripBatch
 from ..readers.regular_trips import batched_fixes
+from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
-from ..roadmap import RoadMap, open_map
+from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
+from ..tables.provenance import with_map
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from ..traversals import traversals
 from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
-Progress = Callable[[str, int, int], None]
+ALL = frozenset(("points", "path", "drives"))
+_AGAIN = (
+    f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
+    "of a trip were expected together; sort the rows by trip and time"
+)
 
 
 class Tables(NamedTuple):
@@ -55,119 +57,6 @@ def joined(parts: Sequence[Tables]) -> Tables:
     if not parts:
         return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
     return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
-
-
-def match_many(
-    table: Any,
-    roads: RoadMap | str | Path,
-    *,
-    drive_id: str = "drive_id",
-    vehicle: Vehicle | str | Path | None = None,
-    settings: Settings | None = None,
-    lag: Any = None,
-    attributes: bool = False,
-    crs: Any = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Tables:
-    """Match every trip of a table; the results of all trips are held in memory.
-
-    `match_stream` gives the same a few trips at a time.
-
-    Args:
-        table: A table with `time, lat, lon` and a column that names the trip: an Arrow table,
-            a DataFrame, the path of a Parquet or Arrow file or a folder of them, a dataset,
-            or an iterator of record batches.  Rows of a trip lie together, in a table in
-            memory in any order.
-        roads: A `RoadMap`, or the path of one.
-        drive_id: The column that names the trip; the default also finds its usual aliases, and
-            those of vehicles where no column names trips.
-        vehicle: Of all trips.
-        settings: The model's numbers.
-        lag: As in `match`.
-        attributes: Whether the road's name, class and speed limit are added to the points.
-        crs: Reference system of `x, y` columns, as in `match`.
-        threads: How many trips side by side; None: one for each core this process may use.
-        progress: Called with ("trips", trips done, 0).
-
-    Returns:
-        Points, path, and one row for every trip in the order in which trips begin.
-
-    Raises:
-        ReadError: It is no table of trips.
-        MapError: The map is not one.
-        SettingError: A setting is out of bounds.
-    """
-    parts = list(
-        match_stream(
-            table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, threads=threads, progress=progress,
-        )
-    )  # fmt: skip
-    return joined(parts)
-
-
-def match_stream(
-    table: Any,
-    roads: RoadMap | str | Path,
-    *,
-    drive_id: str = "drive_id",
-    vehicle: Vehicle | str | Path | None = None,
-    settings: Settings | None = None,
-    lag: Any = None,
-    attributes: bool = False,
-    crs: Any = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Iterator[Tables]:
-    """Match every trip of a table or stream, some trips at a time, in order.
-
-    Takes and raises what `match_many` does.  However long the stream is, the rows of about
-    two chunks per thread are in memory, and of trips that are not whole yet.
-
-    Yields:
-        Tables of some whole trips.
-    """
-    if threads is not None and threads < 1:
-        raise SettingError(f"threads is {threads}; at least 1 was expected")
-    if isinstance(vehicle, str | Path):
-        vehicle = read_vehicle(vehicle)
-    workers = threads or _cores()
-    job = Job(open_map(roads), vehicle, settings, Lag.of(lag), attributes, crs)
-    done = 0
-    with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        for tables in _in_order(pool, job.tables, trip_batches(table, drive_id), 2 * workers):
-            done += tables.drives.num_rows
-            if progress:
-                progress("trips", done, 0)
-            yield tables
-
-
-def _in_order(
-    pool: ThreadPoolExecutor,
-    work: Callable[[TripBatch], Tables],
-    chunks: Iterator[TripBatch],
-    ahead: int,
-) -> Iterator[Tables]:
-    """Results in the order of the chunks, of which only so many are begun ahead."""
-    running: deque[Future[Tables]] = deque()
-    try:
-        for chunk in chunks:
-            running.append(pool.submit(work, chunk))
-            if len(running) > ahead:
-                yield running.popleft().result()
-        while running:
-            yield running.popleft().result()
-    finally:  # the caller may have stopped asking
-        for future in running:
-            future.cancel()
-
-
-def _cores() -> int:
-    """How many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class _Answer(NamedTuple):
@@ -211,9 +100,16 @@ class Job(NamedTuple):
     lag: Lag | None
     attributes: bool
     crs: Any = None
+    give: frozenset[str] = ALL  # tables that are made; the others come out empty
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
+        made = self._tables(chunk)
+        if chunk.again or chunk.standing:
+            made = made._replace(drives=_remarked(made.drives, chunk))
+        return Tables(*(with_map(table, self.roads.identity) for table in made))
+
+    def _tables(self, chunk: TripBatch) -> Tables:
         vehicle = self.vehicle or Vehicle()
         settings = tuned_by(self.settings, vehicle)
         answers = list(self._answers(chunk, vehicle, settings))
@@ -317,20 +213,36 @@ class Job(NamedTuple):
             [_failed_row(a) if isinstance(a, _Failure) else _drive_rows(a) for a in answers]
         )
         found = [a for a in answers if isinstance(a, _Answer)]
-        if not found:
-            columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
-            return Tables(columns.empty_table(), PATH.empty_table(), drives)
+        columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
+        made = Tables(columns.empty_table(), PATH.empty_table(), drives)
+        if not found or self.give == {"drives"}:
+            return made
         names = [name for a in found for name in a.names]
         batch = one_batch([a.batch for a in found])
-        points = points_table(
-            names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
-            first=batch.first[:-1],
-        )  # fmt: skip
-        return Tables(points, path_table(names, batch.driven, self.roads, batch.first_edge), drives)
+        if "points" in self.give:
+            points = points_table(
+                names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
+                first=batch.first[:-1],
+            )  # fmt: skip
+            made = made._replace(points=points)
+        if "path" in self.give:
+            path = path_table(names, batch.driven, self.roads, batch.first_edge)
+            made = made._replace(path=path)
+        return made
 
 
 def _unexpected(error: Exception) -> str:
     return f"a bug in whichroad ({type(error).__name__}: {error}); please report it"
+
+
+def _remarked(drives: pa.Table, chunk: TripBatch) -> pa.Table:
+    """The rows of a chunk's trips, with what its reading has to say of some."""
+    rows = drives.to_pylist()
+    for k in chunk.again:
+        rows[k]["notes"] = [*rows[k]["notes"], _AGAIN]
+    for k, standing in chunk.standing.items():
+        rows[k]["skipped"] = [*rows[k]["skipped"], (STANDING, standing)]
+    return pa.Table.from_pylist(rows, DRIVES)
 
 
 def _failed_row(failure: _Failure) -> pa.Table:

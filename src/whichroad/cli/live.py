@@ -146,7 +146,7 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
 
     car = Vehicle() if vehicle is None else read_vehicle(vehicle)
     settings = Settings(**car.noise)
-    network = open_map(roads)
+    network = open_map(roads, check=True)
     localizer = Localizer(network, vehicle=car, settings=settings, start=start, lag=lag)
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
 

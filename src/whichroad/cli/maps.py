@@ -108,3 +108,34 @@ def map_check(
         typer.echo(f"{path}: drives broke a rule or a gap began at {met:,} of them")
     if out is not None:
         write_table(found, out, force=force)
+
+
+@map_app.command("diff")
+def map_diff(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="The map of old results.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="A later one of the same region.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="A row for each old edge: .csv .parquet .arrow; else its counts."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Tell which edge of a new map each edge of an old one is."""
+    from ..roadmap import open_map
+    from ..roadmap.differences import counts, differences
+    from ..writers import check, check_apart, write_table
+
+    if out is not None:
+        check_apart({"-o": out}, [old, new])
+        check(out, force=force)
+    with progress_line() as progress:
+        progress("reading the maps", 0, 0)
+        before, after = open_map(old), open_map(new)
+        progress("comparing", 0, 0)
+        table = differences(before, after)
+    if out is not None:
+        write_table(table, out, force=force)
+    title = f"{old}: {before.fingerprint}, {new}: {after.fingerprint}"
+    print_table(title, [("edges", table.num_rows), *counts(table).most_common()])

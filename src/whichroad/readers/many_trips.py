@@ -17,6 +17,7 @@ from .arrow_columns import texts
 from .checks import listed
 from .csv_text import no_column
 from .names import NAMES, find
+from .splitting import split_trips
 from .table_drives import paired
 from .tables_in_memory import in_memory
 
@@ -36,9 +37,21 @@ class TripBatch(NamedTuple):
     table: "pa.Table"
     names: list[str]  # of the trips; empty: rows without one
     first: list[int]  # where each begins, and the number of rows
+    again: tuple[int, ...] = ()  # trips whose name a trip before them had
+    standing: dict[int, int] = {}  # noqa: RUF012 - rows behind trips that belong to none
 
 
-def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]:
+class Trip(NamedTuple):
+    """Rows of one trip."""
+
+    name: str
+    table: "pa.Table"
+    standing: int = 0
+
+
+def trip_batches(
+    source: Any, drive_id: str = "drive_id", *, split: float | None = None, strict: bool = False
+) -> Iterator[TripBatch]:
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
     Args:
@@ -46,21 +59,32 @@ def trip_batches(source: Any, drive_id: str = "drive_id") -> Iterator[TripBatch]
             path of a Parquet or Arrow file or a folder of them, a dataset, a
             RecordBatchReader, or any iterator of batches or tables.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
+        split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
+            into trips called `name/1`, `name/2`, ...
+        strict: Refuse a stream in which the name of a complete trip comes again.
 
     Raises:
         ReadError: The source is none of these, or has no such column.
     """
+
+    def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
+        trips = (Trip(*trip) for trip in _whole(batches, drive_id))
+        yield from packed(split_each(trips, split) if split else trips, strict)
+
     if isinstance(source, str | PathLike):
-        yield from _of_stream(_of_path(Path(source), drive_id), drive_id)
+        yield from of_stream(_of_path(Path(source), drive_id))
     elif hasattr(source, "to_batches") and hasattr(source, "scanner"):
-        yield from _of_stream(_of_dataset(source, drive_id), drive_id)
+        yield from of_stream(_of_dataset(source, drive_id))
     elif hasattr(source, "schema") or hasattr(source, "columns") or isinstance(source, dict):
         if hasattr(source, "read_next_batch"):
-            yield from _of_stream(source, drive_id)
+            yield from of_stream(source)
+        elif split:
+            table = of_vehicles(usual_rows(source, drive_id))
+            yield from packed(split_each((Trip(*trip) for trip in cut(table)), split), strict)
         else:
-            yield from _parts(_of_vehicles(_named(*_table(source, drive_id), drive_id)))
+            yield from parts_of(of_vehicles(usual_rows(source, drive_id)))
     elif isinstance(source, Iterable):
-        yield from _of_stream(source, drive_id)
+        yield from of_stream(source)
     else:
         raise ReadError(
             f"table: {type(source).__name__} is not a table of trips; an Arrow table, a path, a "
@@ -105,6 +129,11 @@ def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
     return seen.table, seen.names
 
 
+def usual_rows(batch: Any, drive_id: str) -> "pa.Table":
+    """The columns of a batch whose meaning is known, and trips' names in a column `drive_id`."""
+    return _named(*_table(batch, drive_id), drive_id)
+
+
 def _check(names: list[str]) -> None:
     """Refuse a table none of whose trips could be matched."""
     if "time" not in find(names):
@@ -133,7 +162,7 @@ def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
     return table.select(used).append_column("drive_id", table.column(place))
 
 
-def _of_vehicles(table: "pa.Table") -> "pa.Table":
+def of_vehicles(table: "pa.Table") -> "pa.Table":
     """The table whose trips that several vehicles have are one of each."""
     import pyarrow as pa
 
@@ -170,14 +199,14 @@ def _sorted(table: "pa.Table") -> tuple["pa.Table", list[str], list[int]]:
     return table, names, [*runs.tolist(), len(codes)]
 
 
-def _cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
+def cut(table: "pa.Table") -> Iterator[tuple[str, "pa.Table"]]:
     """Each trip and its rows."""
     table, names, first = _sorted(table)
     for name, (low, high) in zip(names, pairwise(first), strict=True):
         yield name, table.slice(low, high - low)
 
 
-def _parts(table: "pa.Table") -> Iterator[TripBatch]:
+def parts_of(table: "pa.Table") -> Iterator[TripBatch]:
     """Batches of a table in memory."""
     table, names, first = _sorted(table)
     trip = 0
@@ -190,8 +219,15 @@ def _parts(table: "pa.Table") -> Iterator[TripBatch]:
         trip = end
 
 
-def _of_stream(batches: Iterable[Any], drive_id: str) -> Iterator[TripBatch]:
-    yield from _packed(_whole(batches, drive_id))
+def split_each(trips: Iterable[Trip], pause: float) -> Iterator[Trip]:
+    """The trips of each name, numbered from 1; rows without a name stay together."""
+    for name, rows, _ in trips:
+        if not name:
+            yield Trip(name, rows)
+            continue
+        ordered, parts = split_trips(rows, pause)
+        for number, (low, high, standing) in enumerate(parts, 1):
+            yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 
 
 def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
@@ -200,19 +236,19 @@ def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Tab
     last: dict[str, int] = {}
     rows = 0
     for batch in batches:
-        table, names = _table(batch, drive_id)
-        for name, part in _cut(_named(table, names, drive_id)):
+        table = usual_rows(batch, drive_id)
+        for name, part in cut(table):
             waiting.setdefault(name, []).append(part)
             last[name] = rows
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
-            yield from _cut(_of_vehicles(_joined(waiting.pop(name))))
+            yield from cut(of_vehicles(joined_rows(waiting.pop(name))))
     for parts in waiting.values():
-        yield from _cut(_of_vehicles(_joined(parts)))
+        yield from cut(of_vehicles(joined_rows(parts)))
 
 
-def _joined(parts: "list[pa.Table]") -> "pa.Table":
+def joined_rows(parts: "list[pa.Table]") -> "pa.Table":
     """Parts of a trip as one table; columns whose types do not go together as text."""
     import pyarrow as pa
 
@@ -223,23 +259,41 @@ def _joined(parts: "list[pa.Table]") -> "pa.Table":
         return pa.concat_tables(texts, promote_options="permissive")
 
 
-def _packed(trips: Iterable[tuple[str, "pa.Table"]]) -> Iterator[TripBatch]:
+def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
     """Batches of consecutive trips with `BATCH_ROWS` rows or more."""
     import pyarrow as pa
 
-    names: list[str] = []
-    parts: list[Any] = []
-    first = [0]
-    for name, part in trips:
-        full = first[-1] + part.num_rows > BATCH_ROWS
-        if parts and (full or not part.schema.equals(parts[0].schema)):
-            yield TripBatch(pa.concat_tables(parts), names, first)
-            names, parts, first = [], [], [0]
-        names.append(name)
-        parts.append(part)
-        first.append(first[-1] + part.num_rows)
-    if parts:
-        yield TripBatch(pa.concat_tables(parts), names, first)
+    seen: set[int] = set()
+    held: list[Trip] = []
+    again: list[int] = []
+    rows = 0
+
+    def batch() -> TripBatch:
+        first = [0, *np.cumsum([trip.table.num_rows for trip in held]).tolist()]
+        table = pa.concat_tables([trip.table for trip in held])
+        standing = {k: trip.standing for k, trip in enumerate(held) if trip.standing}
+        return TripBatch(table, [trip.name for trip in held], first, tuple(again), standing)
+
+    for trip in trips:
+        mark = hash(trip.name)
+        known = bool(trip.name) and mark in seen
+        if known and strict:
+            raise ReadError(
+                f"table: trip {trip.name!r} comes again after {APART:,} rows of others or more; "
+                "all rows of a trip were expected together; sort them by trip and time"
+            )
+        seen.add(mark)
+        size = trip.table.num_rows
+        full = rows + size > BATCH_ROWS
+        if held and (full or not trip.table.schema.equals(held[0].table.schema)):
+            yield batch()
+            held, again, rows = [], [], 0
+        if known:
+            again.append(len(held))
+        held.append(trip)
+        rows += size
+    if held:
+        yield batch()
 
 
 def are_many(path: str | PathLike[str], drive_id: str | None = None) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geodesy.angles import radians
+from ..geodesy.angles import radians, wrap_degrees
 from ..geodesy.units import EARTH_RADIUS, KMH, KNOT, MPH
 from ..observations import Array
 from .checks import Bools
@@ -68,8 +68,8 @@ class Windows(NamedTuple):
 def distances(lat_deg: Array, lon_deg: Array, step: int = 1) -> Array:
     """Metres from each place to the one `step` later, (n - step,)."""
     with np.errstate(over="ignore", invalid="ignore"):  # places may be anything
-        lat, lon = radians(lat_deg), radians(lon_deg)
-        east = (lon[step:] - lon[:-step]) * np.cos(0.5 * (lat[step:] + lat[:-step]))
+        lat, turned = radians(lat_deg), radians(wrap_degrees(lon_deg[step:] - lon_deg[:-step]))
+        east = turned * np.cos(0.5 * (lat[step:] + lat[:-step]))
         return np.asarray(EARTH_RADIUS * np.hypot(east, lat[step:] - lat[:-step]))
 
 

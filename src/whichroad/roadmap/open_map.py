@@ -16,8 +16,12 @@ _TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparq
 _DRIVES = (".gpx", ".nmea", ".nma", ".pos", ".log", ".asc", ".blf", ".trc", ".mf4", ".dbc")
 
 
-def open_map(roads: Any) -> RoadMap:
+def open_map(roads: Any, *, check: bool | None = None) -> RoadMap:
     """A road map: itself, or of a compiled file, an OpenStreetMap extract or a table of edges.
+
+    Args:
+        roads: A `RoadMap`, the path of a map, or a table or graph of edges.
+        check: Of a compiled file, as `RoadMap.open` takes it.
 
     Raises:
         MapError: It is no map, nor the path of one.
@@ -25,7 +29,7 @@ def open_map(roads: Any) -> RoadMap:
     if isinstance(roads, str | Path):
         path, name = Path(roads), str(roads).lower()
         if is_compiled(path):
-            return RoadMap.open(path)
+            return RoadMap.open(path, check=check)
         if is_net(path):
             return RoadMap.from_edges(path)
         if name.endswith(SUFFIXES):

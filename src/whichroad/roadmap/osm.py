@@ -76,6 +76,18 @@ def read_osm(path: Path, bbox: Any = None) -> Streets:
     return ways.streets()
 
 
+def date_of(path: Path) -> str | None:
+    """The date of an extract's data, as its header says it; None: it does not."""
+    import osmium
+
+    try:
+        with osmium.io.Reader(str(path), osmium.osm.osm_entity_bits.NOTHING) as reader:
+            header = reader.header()
+            return header.get("osmosis_replication_timestamp") or header.get("timestamp") or None
+    except (RuntimeError, OSError):
+        return None
+
+
 def _processor(path: Path) -> Any:
     """Iterator over drivable ways with their nodes' places, and restriction relations."""
     import osmium

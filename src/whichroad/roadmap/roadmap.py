@@ -52,7 +52,17 @@ class RoadMap:
         node_id: (J,) the source's ids of the junctions, see `node_ids`.
     """
 
-    __slots__ = ("_about", "_reach", "arrays", "node_id", "pieces", "plane", "way", "ways")
+    __slots__ = (
+        "_about",
+        "_fingerprint",
+        "_reach",
+        "arrays",
+        "node_id",
+        "pieces",
+        "plane",
+        "way",
+        "ways",
+    )
 
     def __init__(
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
@@ -66,6 +76,7 @@ class RoadMap:
         self.ways = dict(ways)
         self._about = dict(about)
         self._reach: float | None = None
+        self._fingerprint: str | None = None
 
     @classmethod
     def from_osm(
@@ -81,9 +92,9 @@ class RoadMap:
         Raises:
             MapError: The file cannot be read, or holds no drivable way in the box.
         """
-        from .osm import read_osm
+        from .osm import date_of, read_osm
 
-        return cls._compiled(read_osm(Path(path), bbox), str(path))
+        return cls._compiled(read_osm(Path(path), bbox), str(path), date_of(Path(path)))
 
     @classmethod
     def from_edges(cls, table: Any, crs: Any = None, *, directed: bool | None = None) -> "RoadMap":
@@ -116,24 +127,35 @@ class RoadMap:
         return cls._compiled(streets, where)
 
     @classmethod
-    def _compiled(cls, streets: Streets, where: str) -> "RoadMap":
+    def _compiled(cls, streets: Streets, where: str, date: str | None = None) -> "RoadMap":
         network: Network = compile_streets(streets, where)
         ways = {**streets.columns, "highway": streets.highway}
-        about = {"source": where, "skipped": {**streets.skipped, **network.dropped}}
+        about: dict[str, Any] = {"source": where}
+        about |= {"source_date": date} if date else {}
+        about["skipped"] = {**streets.skipped, **network.dropped}
         return cls(
             network.roads, network.plane, network.pieces, network.way, network.node_id, ways, about
         )
 
     @classmethod
-    def open(cls, path: str | Path) -> "RoadMap":
+    def open(cls, path: str | Path, *, check: bool | None = None) -> "RoadMap":
         """Open a compiled map; its arrays stay in the file until they are used.
+
+        Header, version and length are checked each time.
+
+        Args:
+            path: A file that `save` or `whichroad map build` made.
+            check: Whether the arrays' checksums are compared, which reads the whole file.  None:
+                once a path, size, time of change and inode, which the cache remembers.
 
         Raises:
             MapError: It is not one, is cut short, damaged or of another version.
         """
-        about, arrays = store.read(Path(path))
+        about, arrays, fingerprint = store.read(Path(path), check=check)
         try:
-            return cls(*from_arrays(about, arrays))
+            opened = cls(*from_arrays(about, arrays))
+            opened._fingerprint = fingerprint
+            return opened
         except (KeyError, OverflowError, TypeError, ValueError, MapError) as error:
             raise MapError(
                 f"{path}: its contents do not form a map ({type(error).__name__}: {error}); "
@@ -164,6 +186,21 @@ class RoadMap:
     def origin(self) -> str:
         """What the map was made of: the name of a file, or of a kind of table."""
         return str(self._about["source"])
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells maps apart: equal where their roads, ids and plane are."""
+        if self._fingerprint is None:
+            about, arrays = to_arrays(self)
+            self._fingerprint = store.fingerprint_of(about, store.described(arrays)[0])
+        return self._fingerprint
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Fingerprint, source and date of the source (None: unknown), as results name a map."""
+        about = self._about
+        return {"fingerprint": self.fingerprint, "source": about["source"],
+                "source_date": about.get("source_date")}  # fmt: skip
 
     def near(self, x: float, y: float, radius: float) -> Near:
         """Every directed edge near a point, closest first.

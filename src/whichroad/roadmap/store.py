@@ -9,6 +9,7 @@ ones would have every kernel compiled a second time).
     arrays       little-endian, each at a multiple of 64 bytes
 """
 
+import hashlib
 import json
 import math
 import mmap
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from ..errors import MapError, WriteError
 from ..graph.network import EDGE, SEGMENT, TURN, VERTEX
+from . import checked
 
 MAGIC = b"WHICHROAD"
 VERSION = 6
@@ -46,6 +48,19 @@ def _aligned(place: int) -> int:
     return -(-place // _ALIGN) * _ALIGN
 
 
+def described(arrays: Arrays) -> tuple[dict[str, Any], list[tuple[int, NDArray[Any]]], int]:
+    """Of each array its type, shape, place and checksum; their places and bytes; where all end."""
+    table: dict[str, Any] = {}
+    data: list[tuple[int, NDArray[Any]]] = []
+    place = 0
+    for name, array in arrays.items():
+        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        table[name] = [_kind(little.dtype), list(little.shape), place, zlib.crc32(_bytes(little))]
+        data.append((place, little))
+        place = _aligned(place + little.nbytes)
+    return table, data, place
+
+
 def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
     """Write a map; the file is there as a whole or not at all.
 
@@ -57,13 +72,7 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
     Raises:
         WriteError: The file cannot be written.
     """
-    table, place = {}, 0
-    data = []
-    for name, array in arrays.items():
-        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-        table[name] = [_kind(little.dtype), list(little.shape), place, zlib.crc32(_bytes(little))]
-        data.append((place, little))
-        place = _aligned(place + little.nbytes)
+    table, data, place = described(arrays)
     header = json.dumps({"about": about, "arrays": table}).encode()
     start = _aligned(_FIXED.size + len(header))
     fixed = _FIXED.pack(MAGIC, VERSION, len(header), zlib.crc32(header), start + place)
@@ -97,19 +106,25 @@ def _umask() -> int:
     return mask
 
 
-def read(path: Path) -> tuple[dict[str, Any], Arrays]:
+def read(path: Path, *, check: bool | None = None) -> tuple[dict[str, Any], Arrays, str]:
     """Open a map: its arrays are views of the file.
+
+    Header, version and length are checked each time, the sums of the arrays when a file is
+    new: by path, size, times of change and inode (`checked`).
 
     Args:
         path: A file that `write` made.
+        check: Whether the arrays are checked; None: where this was not done before.
 
     Returns:
-        The description, and the arrays.
+        The description, the arrays, and the map's fingerprint.
 
     Raises:
         MapError: It cannot be read, is another kind of file, of another version, cut short
             or damaged.
     """
+    mark = checked.stamp(path)
+    full = not checked.was_checked(mark, VERSION) if check is None else check
     try:
         with path.open("rb") as f:
             size = os.fstat(f.fileno()).st_size
@@ -123,12 +138,28 @@ def read(path: Path) -> tuple[dict[str, Any], Arrays]:
     header, start = _header(path, memory)
     try:
         arrays = {
-            name: _array(path, memory, start, name, entry)
+            name: _array(path, memory, start, name, entry, full)
             for name, entry in header["arrays"].items()
         }
-        return header["about"], arrays
+        about, print_ = header["about"], fingerprint_of(header["about"], header["arrays"])
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise MapError(_refusal(path, "its header is of another kind")) from error
+    if full and mark == checked.stamp(path):
+        checked.remember(mark, VERSION)
+    return about, arrays, print_
+
+
+def fingerprint_of(about: dict[str, Any], table: dict[str, Any]) -> str:
+    """What tells maps apart: equal where all arrays and the plane are, whatever the file's name.
+
+    Args:
+        about: The description.
+        table: By name, each array's type, shape, place and checksum.
+    """
+    plane = {name: value for name, value in about.items() if name != "about"}
+    arrays = {name: [kind, shape, crc] for name, (kind, shape, _, crc) in table.items()}
+    text = json.dumps([VERSION, plane, arrays], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def is_compiled(path: Path) -> bool:
@@ -171,8 +202,10 @@ def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:
     return header, _aligned(_FIXED.size + length)
 
 
-def _array(path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any]) -> NDArray[Any]:
-    """One array, checked."""
+def _array(
+    path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any], full: bool
+) -> NDArray[Any]:
+    """One array, its place checked; `full`: and its bytes."""
     kind, shape, place, checksum = entry
     dtype = _RECORDS.get(json.dumps(kind))
     if dtype is None:
@@ -183,6 +216,6 @@ def _array(path: Path, memory: mmap.mmap, start: int, name: str, entry: list[Any
     if start + place + count * dtype.itemsize > len(memory):
         raise MapError(_refusal(path, f"its array {name} ends beyond the file"))
     array = np.frombuffer(memory, dtype=dtype, count=count, offset=start + place).reshape(shape)
-    if zlib.crc32(_bytes(array)) != checksum:
+    if full and zlib.crc32(_bytes(array)) != checksum:
         raise MapError(_refusal(path, f"its array {name} is damaged"))
     return array.view(np.recarray) if dtype.names else array

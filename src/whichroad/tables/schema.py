@@ -66,6 +66,15 @@ POINTS = pa.schema(
 )
 """One row per epoch."""
 
+SLIM = pa.schema(
+    [
+        POINTS.field(name)
+        for name in ("drive_id", "time", "edge_id", "source_id", "forward", "abscissa_m", "p_road",
+                     "p_off_road", "status")
+    ]
+)  # fmt: skip
+"""Points without poses."""
+
 PATH = pa.schema(
     [
         ("drive_id", pa.string()),

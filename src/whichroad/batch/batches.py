@@ -1,0 +1,228 @@
+"""Many trips: Arrow in, Arrow out, threads over chunks of trips."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Literal
+
+import pyarrow as pa
+
+from ..errors import SettingError
+from ..readers import read_vehicle
+from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.ordered_trips import ordered_batches
+from ..readers.splitting import seconds_of
+from ..roadmap import RoadMap, shared_map
+from ..settings import Settings, Vehicle
+from ..smoothing import Lag
+from ..tables.schema import DRIVES, PATH, POINTS, SLIM
+from .trips import ALL, Job, Tables, joined
+
+Progress = Callable[[str, int, int], None]
+Give = Literal["path", "points", "slim", "drives"]
+
+SCHEMAS: dict[str, pa.Schema] = {"points": POINTS, "slim": SLIM, "path": PATH, "drives": DRIVES}
+"""Of what `match_batches` gives."""
+
+
+def match_many(
+    table: Any,
+    roads: RoadMap | str | Path,
+    *,
+    drive_id: str = "drive_id",
+    vehicle: Vehicle | str | Path | None = None,
+    settings: Settings | None = None,
+    lag: Any = None,
+    attributes: bool = False,
+    crs: Any = None,
+    split: str | float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Tables:
+    """Match every trip of a table; the results of all trips are held in memory.
+
+    `match_stream` gives the same a few trips at a time.  One call has a cost of some
+    milliseconds: give it many trips.
+
+    Args:
+        table: A table with `time, lat, lon` and a column that names the trip: an Arrow table,
+            a DataFrame, the path of a Parquet or Arrow file or a folder of them, a dataset,
+            or an iterator of record batches.  Rows of a trip lie together, in a table in
+            memory in any order.
+        roads: A `RoadMap`, or the path of one, which a process opens once.
+        drive_id: The column that names the trip; the default also finds its usual aliases, and
+            those of vehicles where no column names trips.
+        vehicle: Of all trips.
+        settings: The model's numbers.
+        lag: As in `match`.
+        attributes: Whether the road's name, class and speed limit are added to the points.
+        crs: Reference system of `x, y` columns, as in `match`.
+        split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
+            jumps that no car makes, into trips called `name/1`, `name/2`, ...
+        threads: How many trips side by side; None: one for each core this process may use.
+        progress: Called with ("trips", trips done, 0).
+
+    Returns:
+        Points, path, and one row for every trip in the order in which trips begin.
+
+    Raises:
+        ReadError: It is no table of trips.
+        MapError: The map is not one.
+        SettingError: A setting is out of bounds.
+    """
+    parts = list(
+        match_stream(
+            table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
+            attributes=attributes, crs=crs, split=split, threads=threads, progress=progress,
+        )
+    )  # fmt: skip
+    return joined(parts)
+
+
+def match_stream(
+    table: Any,
+    roads: RoadMap | str | Path,
+    *,
+    drive_id: str = "drive_id",
+    vehicle: Vehicle | str | Path | None = None,
+    settings: Settings | None = None,
+    lag: Any = None,
+    attributes: bool = False,
+    crs: Any = None,
+    split: str | float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Tables]:
+    """Match every trip of a table or stream, some trips at a time, in order.
+
+    Takes and raises what `match_many` does.  However long the stream is, the rows of about
+    two chunks per thread are in memory, and of trips that are not whole yet.
+
+    Yields:
+        Tables of some whole trips.
+    """
+    if threads is not None and threads < 1:
+        raise SettingError(f"threads is {threads}; at least 1 was expected")
+    workers = threads or cores()
+    job = job_of(roads, vehicle, settings, lag, attributes, crs)
+    done = 0
+    with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
+        chunks = trip_batches(table, drive_id, split=seconds_of(split))
+        for tables in _in_order(pool, job.tables, chunks, 2 * workers):
+            done += tables.drives.num_rows
+            if progress:
+                progress("trips", done, 0)
+            yield tables
+
+
+def match_batches(
+    batches: Any,
+    map: RoadMap | str | Path,
+    *,
+    give: Give = "path",
+    trip_id: str = "drive_id",
+    vehicle: Vehicle | str | Path | None = None,
+    settings: Settings | None = None,
+    lag: Any = None,
+    attributes: bool = False,
+    crs: Any = None,
+    split: str | float | None = None,
+    ordered: bool = False,
+) -> Iterator[pa.RecordBatch]:
+    """Match whole trips that come in batches, in this thread: what engines call on a partition.
+
+    It depends on its arguments alone, and can be pickled with a path as the map.
+
+    Args:
+        batches: As the table of `match_many`; batches may end within trips.  All rows of a trip
+            are in it, together.
+        map: The path of a map that the process sees; it is opened once.  Or a `RoadMap`.
+        give: Which table.  `slim` are points without poses: `SCHEMAS` has the columns of each.
+        trip_id: The column that names the trip, as `drive_id` of `match_many`.
+        vehicle: Of all trips.
+        settings: The model's numbers.
+        lag: As in `match`.
+        attributes: Whether the road's name, class and speed limit are added to points.
+        crs: Reference system of `x, y` columns.
+        split: As in `match_many`.
+        ordered: The batches are an iterator in which the rows of each trip follow each other,
+            as behind a sort: reading them takes less time.
+
+    Yields:
+        Record batches of `SCHEMAS[give]`, of some whole trips each.
+
+    Raises:
+        ReadError: It is no table of trips, or the rows of a trip do not lie together.
+        MapError: The map is not one.
+        SettingError: A setting is out of bounds.
+    """
+    if give not in SCHEMAS:
+        raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
+    wanted = frozenset(("points" if give == "slim" else give,))
+    job = job_of(map, vehicle, settings, lag, attributes and give == "points", crs, wanted)
+    for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
+        table = slim(tables.points) if give == "slim" else getattr(tables, give)
+        for batch in table.combine_chunks().to_batches():
+            if batch.num_rows:
+                yield batch
+
+
+def match_tables(
+    batches: Any, job: Job, trip_id: str, split: float | None, *, ordered: bool
+) -> Iterator[Tables]:
+    """As `match_batches`, but all tables of the same trips that the job gives."""
+    if ordered:
+        chunks = ordered_batches(batches, trip_id, split=split)
+    else:
+        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+    for chunk in chunks:
+        yield job.tables(chunk)
+
+
+def slim(points: pa.Table) -> pa.Table:
+    """Points without poses: time, road, place on it and probabilities."""
+    return points.select(SLIM.names)
+
+
+def job_of(
+    roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
+    give: frozenset[str] = ALL,
+) -> Job:  # fmt: skip
+    """What all trips share.
+
+    Raises:
+        MapError: The map is not one.
+        SettingError: A setting is out of bounds.
+    """
+    if isinstance(vehicle, str | Path):
+        vehicle = read_vehicle(vehicle)
+    return Job(shared_map(roads), vehicle, settings, Lag.of(lag), attributes, crs, give)
+
+
+def _in_order(
+    pool: ThreadPoolExecutor,
+    work: Callable[[TripBatch], Tables],
+    chunks: Iterator[TripBatch],
+    ahead: int,
+) -> Iterator[Tables]:
+    """Results in the order of the chunks, of which only so many are begun ahead."""
+    running: deque[Future[Tables]] = deque()
+    try:
+        for chunk in chunks:
+            running.append(pool.submit(work, chunk))
+            if len(running) > ahead:
+                yield running.popleft().result()
+        while running:
+            yield running.popleft().result()
+    finally:  # the caller may have stopped asking
+        for future in running:
+            future.cancel()
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,117 @@
+"""`whichroad fleet`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .arguments import CrsOption, MapOption
+from .console import print_table, progress_line
+
+if TYPE_CHECKING:
+    from ..fleet import Summary
+    from ..fleet.run import Progress
+
+_MOST_PRINTED = 10  # reasons
+
+
+def fleet(
+    trips: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TRIPS...",
+            help="Parquet (also partitioned), GeoParquet, Arrow, CSV: files, folders, patterns; or "
+            "a query of DuckDB that begins with SELECT, FROM or WITH.",
+        ),
+    ],
+    roads: MapOption,
+    out: Annotated[Path, typer.Option("-o", "--out", help="A folder for the tables.")],
+    trip_id: Annotated[
+        str, typer.Option("--trip-id", metavar="COLUMN", help="The column that names trips.")
+    ] = "drive_id",
+    split: Annotated[
+        str | None,
+        typer.Option(
+            metavar="5min",
+            help="Cut what has one name at pauses and stops of so long, and at jumps, into NAME/1, "
+            "NAME/2, ...",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; one for each core unless given.")
+    ] = None,
+    order: Annotated[
+        str,
+        typer.Option(
+            metavar="any|sorted", help="sorted: all rows of a trip lie together (checked)."
+        ),
+    ] = "any",
+    points: Annotated[
+        str, typer.Option(metavar="none|slim|all", help="Points too; slim are without poses.")
+    ] = "none",
+    vehicle: Annotated[Path | None, typer.Option(help="The cars, a vehicle.toml.")] = None,
+    lag: Annotated[
+        str | None, typer.Option(metavar="S|full", help="As of `whichroad match`.")
+    ] = None,
+    crs: CrsOption = None,
+    memory: Annotated[
+        str, typer.Option(help="Of the sort; the rest goes to the folder of --out.")
+    ] = "512MB",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run that the folder holds.")
+    ] = False,
+) -> None:
+    """Match millions of trips: files in, a folder of path, drives and points out."""
+    from ..fleet import run_fleet
+
+    with progress_line() as show:
+        show("reading the trips", 0, 0)
+
+        def tell(so_far: "Progress") -> None:
+            show(_line(so_far), so_far.done.rows, so_far.rows)
+
+        summary = run_fleet(
+            trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
+            vehicle=vehicle, lag=lag, crs=crs, workers=workers, memory=memory, resume=resume,
+            progress=tell,
+        )  # fmt: skip
+    print_fleet(summary)
+
+
+def _line(so_far: "Progress") -> str:
+    """Fixes a second, time left, share of trips without an answer."""
+    done = so_far.done
+    bad = 100.0 * (done.trips - done.answered) / max(done.trips, 1)
+    minutes, seconds = divmod(round(so_far.seconds_left), 60)
+    return (
+        f"{done.rows:,} of {so_far.rows:,} rows, {so_far.rows_per_s:,.0f}/s, "
+        f"{minutes}:{seconds:02} left, {bad:.1f} % of trips without an answer"
+    )
+
+
+def print_fleet(summary: "Summary") -> None:
+    """What was done; what was skipped, by reason, goes to the standard error."""
+    from ..fleet.run import BAD
+
+    done = summary.done
+    for reason, count in done.skipped.most_common():
+        typer.echo(f"skipped: {count:,} {reason}", err=True)
+    for note, count in done.noted.most_common(_MOST_PRINTED):
+        typer.echo(f"note: {count:,} trips: {note}", err=True)
+    for reason, count in done.reasons.most_common(_MOST_PRINTED):
+        typer.echo(f"no answer: {count:,} trips: {reason}", err=True)
+    if done.trips > done.answered:
+        typer.echo(f"all of them are listed in {summary.out / BAD}", err=True)
+    print_table(
+        str(summary.out),
+        [
+            ("rows", done.rows),
+            ("trips", done.trips),
+            ("answered", done.answered),
+            ("fixes", done.fixes),
+            ("path_km", done.path_m / 1e3),
+            ("units", summary.units),
+            ("units_done_before", summary.units_before),
+            ("seconds", summary.seconds),
+        ],
+    )

@@ -1,0 +1,6 @@
+"""Trips by the million: files in, partitioned files out, by processes; and what engines call."""
+
+from ..batch import SCHEMAS as SCHEMAS
+from ..batch import match_batches as match_batches
+from .run import Summary as Summary
+from .run import run_fleet as run_fleet

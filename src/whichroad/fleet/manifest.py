@@ -1,0 +1,97 @@
+"""What a run was asked for: written before its first unit, and compared when it goes on."""
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..errors import ReadError, WriteError
+from ..settings import Settings, Vehicle
+from .inputs import Inputs
+from .units import Piece, Unit
+from .work import SCHEMA_VERSION, Task
+
+NAME = "manifest.json"
+
+
+def asked(task: Task, inputs: Inputs, order: str, identity: dict[str, Any]) -> dict[str, Any]:
+    """All that the answer depends on, as JSON can hold it."""
+    plain = {
+        "schema": SCHEMA_VERSION.decode(),
+        "version": __version__,
+        "map": identity,
+        "inputs": inputs.stamps(),
+        "trip_id": task.trip_id,
+        "order": order,
+        "split_s": task.split,
+        "points": task.points,
+        "lag": task.lag,
+        "crs": None if task.crs is None else str(task.crs),
+        "vehicle": asdict(task.vehicle or Vehicle()),
+        "settings": asdict(task.settings or Settings()),
+    }
+    whole: dict[str, Any] = json.loads(json.dumps(plain, default=str))
+    return whole
+
+
+def write(out: Path, settings: dict[str, Any], units: list[Unit]) -> None:
+    """Write the manifest beside and rename it.
+
+    Raises:
+        WriteError: The folder cannot be written to.
+    """
+    text = json.dumps({**settings, "units": units}, indent=1)
+    try:
+        beside = out / f".{NAME}.{os.getpid()}"
+        beside.write_text(text, "utf-8")
+        os.replace(beside, out / NAME)
+    except OSError as error:
+        raise WriteError(
+            f"{out}: cannot be written to ({error.strerror}); choose another"
+        ) from None
+
+
+def read(out: Path) -> tuple[dict[str, Any], list[Unit]] | None:
+    """What the run in a folder was asked for, and its units; None: there is none.
+
+    Raises:
+        ReadError: The manifest is damaged.
+    """
+    path = out / NAME
+    if not path.exists():
+        return None
+    try:
+        held = json.loads(path.read_text("utf-8"))
+        units = [
+            Unit(name, rows, tuple(Piece(*piece) for piece in pieces))
+            for name, rows, pieces in held.pop("units")
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ReadError(
+            f"{path}: cannot be read ({error}); the manifest of a run was expected; choose another "
+            "folder"
+        ) from None
+    return held, units
+
+
+def check_same(out: Path, held: dict[str, Any], now: dict[str, Any]) -> None:
+    """Refuse to go on with other settings.
+
+    Raises:
+        WriteError: They differ; the message names what.
+    """
+    differs = [name for name in now if held.get(name) != now[name]]
+    if differs:
+        one = differs[0]
+        raise WriteError(
+            f"{out}: its run was asked for with other {', '.join(differs)} "
+            f"({one}: {_short(held.get(one))}, now {_short(now[one])}); the same was expected by "
+            "--resume; give the same again, or another folder"
+        )
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

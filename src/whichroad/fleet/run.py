@@ -1,0 +1,290 @@
+"""A run: trips to files, by processes, unit by unit; what is there is done."""
+
+import hashlib
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+
+from ..batch.batches import cores
+from ..errors import DriveError, ReadError, SettingError, WriteError
+from ..readers import read_vehicle
+from ..readers.splitting import seconds_of
+from ..roadmap import RoadMap, open_map
+from ..roadmap.store import is_compiled
+from ..settings import Settings, Vehicle
+from ..smoothing import Lag
+from . import manifest
+from .inputs import Inputs, inputs_of
+from .staging import stage
+from .units import UNIT_ROWS, Unit, plan
+from .work import NOTHING, Done, Task, done_before, run_unit
+
+BAD = "bad_trips.parquet"
+_WORK = ".work"  # folder of what is needed until the end
+_AHEAD = 4  # units that wait for each worker
+
+
+class Progress(NamedTuple):
+    """How far a run is."""
+
+    done: Done  # of all units so far
+    rows: int  # of all units
+    rows_per_s: float  # of this run
+    seconds_left: float
+
+
+class Summary(NamedTuple):
+    """What became of all trips."""
+
+    out: Path
+    done: Done
+    units: int
+    units_before: int  # that were there when the run began
+    seconds: float
+
+
+def run_fleet(
+    trips: str | Path | Sequence[str | Path],
+    map: str | Path,
+    out: str | Path,
+    *,
+    trip_id: str = "drive_id",
+    split: str | float | None = None,
+    order: str = "any",
+    points: str = "none",
+    vehicle: Vehicle | str | Path | None = None,
+    settings: Settings | None = None,
+    lag: Any = None,
+    crs: Any = None,
+    workers: int | None = None,
+    memory: str = "512MB",
+    resume: bool = False,
+    unit_rows: int = UNIT_ROWS,
+    progress: Callable[[Progress], None] | None = None,
+) -> Summary:
+    """Match all trips of files into a folder: `path`, `drives`, perhaps `points`, `manifest.json`.
+
+    Args:
+        trips: Files, folders (also partitioned), patterns: Parquet, GeoParquet, Arrow, CSV; or
+            a query of DuckDB that begins with SELECT, FROM or WITH.
+        map: A compiled map; another is compiled first.
+        out: The folder.
+        trip_id: The column that names trips; the default finds its usual aliases.
+        split: As in `match_many`.
+        order: "any": rows are sorted by DuckDB.  "sorted": all rows of a trip lie together,
+            which is checked.
+        points: "none", "slim" (no poses) or "all".
+        vehicle: Of all trips.
+        settings: The model's numbers.
+        lag: As in `match`.
+        crs: Reference system of `x, y` columns.
+        workers: Processes; None: one for each core this process may use.
+        memory: Of the sort; what is beyond goes to the folder `out`.
+        resume: Go on with the run that the folder holds.
+        unit_rows: Rows of a unit of work, about.
+        progress: Called after each unit.
+
+    Raises:
+        ReadError: The trips cannot be read, or are not in the order that was claimed.
+        MapError: The map is not one.
+        SettingError: An argument is out of bounds, or duckdb is missing.
+        WriteError: The folder holds a run, or one that was asked for otherwise.
+        DriveError: No trip could be answered.
+    """
+    began = time.monotonic()
+    _check(order, points, workers)
+    folder = Path(out)
+    inputs = inputs_of([trips] if isinstance(trips, str | Path) else trips)
+    if isinstance(vehicle, str | Path):
+        vehicle = read_vehicle(vehicle)
+    held = manifest.read(folder)
+    if held is not None and not resume:
+        raise WriteError(
+            f"{folder}: it holds a run already; an empty folder was expected; choose another, or "
+            "go on with it by --resume"
+        )
+    if held is None and any(folder.glob("drives/*.parquet")):
+        raise WriteError(f"{folder}: it holds tables without a manifest; choose an empty folder")
+    _make(folder, points)
+    compiled, roads = _compiled(map, folder)
+    Lag.of(lag)
+    task = Task(
+        str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
+        seconds_of(split),
+    )  # fmt: skip
+    now = manifest.asked(task, inputs, order, roads.identity)
+    if held is not None:
+        manifest.check_same(folder, held[0], now)
+    size = workers or cores()
+    units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
+    waiting = [unit for unit in units if not task.is_done(unit)]
+    done = NOTHING
+    for unit in units:
+        if task.is_done(unit):
+            done = done.plus(done_before(task, unit))
+    done = _all(task, units, waiting, done, min(size, len(waiting)), progress)
+    _write_bad(folder)
+    shutil.rmtree(folder / _WORK, ignore_errors=True)
+    if not done.answered:
+        reason = next((reason for reason, _ in done.reasons.most_common(1)), "there is no trip")
+        raise DriveError(
+            f"{folder}: none of {done.trips:,} trips could be answered; trips on the roads of the "
+            f"map were expected; the most usual reason: {reason}"
+        )
+    seconds = time.monotonic() - began
+    return Summary(folder, done, len(units), len(units) - len(waiting), seconds)
+
+
+def _check(order: str, points: str, workers: int | None) -> None:
+    """Refuse what an argument may not be.
+
+    Raises:
+        SettingError: It is that.
+    """
+    for name, value, known in (
+        ("order", order, ("any", "sorted")),
+        ("points", points, ("none", "slim", "all")),
+    ):
+        if value not in known:
+            raise SettingError(f"{name} is {value!r}; one of {', '.join(known)} was expected")
+    if workers is not None and workers < 1:
+        raise SettingError(f"workers is {workers}; at least 1 was expected")
+
+
+def _make(folder: Path, points: str) -> None:
+    """The folders of a run.
+
+    Raises:
+        WriteError: They cannot be made.
+    """
+    try:
+        for name in (_WORK, "path", "drives", *(["points"] if points != "none" else [])):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(
+            f"{folder}: cannot be made ({error.strerror}); a folder that can be written to was "
+            "expected; choose another"
+        ) from None
+
+
+def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap]:
+    """The path of a compiled map, and the map."""
+    path, roads = Path(map), open_map(map)
+    if not is_compiled(path):
+        path = folder / _WORK / "compiled.map"
+        roads.save(path)
+    return path.resolve(), roads
+
+
+def _units(
+    folder: Path, inputs: Inputs, now: dict[str, Any], held: list[Unit] | None, task: Task,
+    memory: str, threads: int, unit_rows: int,
+) -> list[Unit]:  # fmt: skip
+    """The units of a run: those of the manifest, else planned and written there."""
+    missing = held and [unit for unit in held if not task.is_done(unit)]
+    if held and not missing:
+        return held
+    if now["order"] == "sorted" and inputs.is_parquet:
+        files = [path.resolve() for path in inputs.files["parquet"]]
+    else:
+        text = json.dumps([now["inputs"], now["trip_id"], now["order"]])
+        key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        staged = folder.resolve() / _WORK / f"rows-{key}.parquet"
+        if not staged.exists():
+            ordered = now["order"] == "sorted"
+            stage(inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads)
+        files = [staged]
+    if held:
+        return held
+    units = plan(files, task.trip_id, unit_rows)
+    if not units:
+        raise ReadError("trips: there is no row in them; rows with a drive_id were expected")
+    manifest.write(folder, now, units)
+    return units
+
+
+def _all(
+    task: Task, units: list[Unit], waiting: list[Unit], done: Done, workers: int,
+    progress: Callable[[Progress], None] | None,
+) -> Done:  # fmt: skip
+    """Run the units that are not there, and sum what became of all."""
+    rows, began, before = sum(unit.rows for unit in units), time.monotonic(), done.rows
+    runs = _here(task, waiting) if workers < 2 else _by_processes(task, waiting, workers)
+    for one in runs:
+        done = done.plus(one)
+        if progress:
+            rate = (done.rows - before) / max(time.monotonic() - began, 1e-9)
+            progress(Progress(done, rows, rate, (rows - done.rows) / rate))
+    return done
+
+
+def _here(task: Task, units: list[Unit]) -> Iterator[Done]:
+    return (run_unit(task, unit) for unit in units)
+
+
+def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]:
+    """Units by processes, each with the map mapped; few of them wait."""
+    methods = multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    if hasattr(context, "set_forkserver_preload"):
+        context.set_forkserver_preload(["whichroad.fleet.work"])
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    running = set()
+    try:
+        left = iter(units)
+        for unit in left:
+            running.add(pool.submit(run_unit, task, unit))
+            if len(running) >= _AHEAD * workers:
+                first = next(as_completed(running))
+                running.remove(first)
+                yield first.result()
+        for future in as_completed(running):
+            yield future.result()
+    except BrokenProcessPool:
+        raise WriteError(
+            f"{task.out}: a worker ended before its work (killed, or out of memory); all units "
+            "that are there stay; go on by --resume, with fewer --workers where memory is short"
+        ) from None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin() -> None:
+    """Of a worker: the parent alone hears Ctrl-C, and a worker ends when its parent has."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    wait([sentinel])
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _write_bad(folder: Path) -> None:
+    """The trips without an answer as a table: name and reason."""
+    drives = ds.dataset(str(folder / "drives"), format="parquet")
+    columns = ["drive_id", "reason"]
+    beside = folder / f".{BAD}.{os.getpid()}"
+    schema = pa.schema([drives.schema.field(name) for name in columns], drives.schema.metadata)
+    with pq.ParquetWriter(beside, schema, compression="zstd") as file:
+        for batch in drives.to_batches(columns=columns, filter=~pc.field("answered")):
+            if batch.num_rows:
+                file.write_table(pa.Table.from_arrays(batch.columns, schema=schema))
+    os.replace(beside, folder / BAD)

@@ -1,0 +1,139 @@
+"""Rows in any order to one file by trip and time: DuckDB sorts, and spills what memory lacks.
+
+Files that are in order but cannot be read by parts (CSV, Arrow, queries) are copied as they are.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow.dataset as ds
+
+from ..errors import ReadError, SettingError
+from ..readers.names import find
+from .inputs import Inputs, Used, schema_of, used_columns
+
+_ISO = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"
+_SAMPLE = 10_000  # rows of which the times are looked at
+_GROUP = 65_536  # rows
+_SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
+
+
+def stage(
+    inputs: Inputs, target: Path, trip_id: str, *, ordered: bool, memory: str, threads: int
+) -> Used:
+    """Write the used columns of all inputs to one Parquet file.
+
+    Args:
+        inputs: What is read.
+        target: The file; its folder takes what memory lacks.
+        trip_id: The column that names trips.
+        ordered: The rows stay in their order; else they are sorted by trip and time.
+        memory: Limit of the sort, such as 512MB.
+        threads: Of DuckDB.
+
+    Raises:
+        ReadError: An input cannot be read, or lacks columns.
+        SettingError: DuckDB is not installed, or the limit is none.
+    """
+    with _connection(target.parent, memory, threads) as con:
+        sources = [_source(con, inputs, kind, trip_id) for kind in inputs.files]
+        sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
+        union = " UNION ALL BY NAME ".join(sources)
+        kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
+        used = used_columns(kinds, trip_id, "trips")
+        wanted = ", ".join(_quoted(name) for name in used.columns)
+        rows = f"SELECT {wanted} FROM ({union})"
+        if not ordered:
+            rows = _sorted_rows(used, kinds, union)
+        beside = target.with_name(f".{target.name}.part")
+        _run(con, f"COPY ({rows}) TO {_text(beside)} (FORMAT parquet, ROW_GROUP_SIZE {_GROUP})")
+        beside.replace(target)
+        return used
+
+
+def _sorted_rows(used: Used, kinds: dict[str, str], union: str) -> str:
+    """The query of all rows by trip, time, and where they stood."""
+    trip, time = _quoted(used.trip), _quoted(used.time)
+    wanted = ", ".join(_quoted(name) for name in used.columns)
+    by_time = f"{time}, " if str(kinds[used.time]).startswith(_SORTABLE) else ""
+    numbered = f"SELECT {wanted}, row_number() OVER () AS __row FROM ({union})"
+    return f"SELECT {wanted} FROM ({numbered}) ORDER BY CAST({trip} AS VARCHAR), {by_time}__row"
+
+
+@contextmanager
+def _connection(folder: Path, memory: str, threads: int) -> Iterator[Any]:
+    try:
+        import duckdb
+    except ImportError:
+        raise SettingError(
+            "fleet: the package duckdb is not installed; it was expected to sort rows and to read "
+            'CSV, Arrow and queries; pip install "whichroad[fleet]", or give --order sorted for '
+            "Parquet files in which the rows of a trip lie together"
+        ) from None
+    spill = folder / "spill"
+    try:
+        con = duckdb.connect(
+            config={"memory_limit": memory, "temp_directory": str(spill), "threads": threads}
+        )
+    except duckdb.Error as error:
+        raise SettingError(f"memory is {memory!r}; a size such as 512MB was expected") from error
+    try:
+        yield con
+    finally:
+        con.close()
+
+
+def _run(con: Any, query: str) -> Any:
+    """The answer to a query.
+
+    Raises:
+        ReadError: DuckDB refuses it.
+    """
+    import duckdb
+
+    try:
+        return con.execute(query)
+    except duckdb.Error as error:
+        reason = str(error).splitlines()[0]
+        raise ReadError(f"trips: DuckDB cannot read them ({reason}); check files, query") from None
+
+
+def _source(con: Any, inputs: Inputs, kind: str, trip_id: str) -> str:
+    """The query of all rows of the files of a kind."""
+    paths = inputs.files[kind]
+    names = ", ".join(_text(path) for path in paths)
+    if kind == "csv":
+        return _csv(con, names, trip_id, str(paths[0]))
+    if kind == "parquet":
+        found = find(schema_of(paths[0], kind).names)
+        if {"lat", "lon"} <= found.keys() or "geometry" not in found:
+            return f"SELECT * FROM read_parquet([{names}], union_by_name=true)"
+    con.register(f"files_{kind}", ds.dataset([str(path) for path in paths], format=kind))
+    return f"SELECT * FROM files_{kind}"
+
+
+def _csv(con: Any, names: str, trip_id: str, where: str) -> str:
+    """The query of CSV files: trips stay text, times are read only where they are ISO 8601."""
+    options = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"
+    seen = _run(con, f"DESCRIBE SELECT * FROM read_csv([{names}], {options})").fetchall()
+    used = used_columns([row[0] for row in seen], trip_id, where)
+    kinds = {row[0]: row[1] for row in seen}
+    options += f", types={{{_text(used.trip)}: 'VARCHAR'}}"
+    rows = f"read_csv([{names}], {options})"
+    time = _quoted(used.time)
+    if kinds[used.time] == "VARCHAR":
+        few = f"SELECT {time} AS t FROM {rows} LIMIT {_SAMPLE}"
+        test = f"SELECT bool_and(t IS NULL OR regexp_full_match(t, '{_ISO}')) FROM ({few})"
+        if _run(con, test).fetchone()[0]:
+            return f"SELECT * REPLACE (TRY_CAST({time} AS TIMESTAMPTZ) AS {time}) FROM {rows}"
+    return f"SELECT * FROM {rows}"
+
+
+def _text(value: Any) -> str:
+    return "'" + str(value).replace("'", "''") + "'"
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'

@@ -1,0 +1,148 @@
+"""Work units: ranges of rows of Parquet files that hold whole trips."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from ..errors import ReadError
+from .inputs import used_columns
+
+UNIT_ROWS = 1 << 18  # rows of a unit, about
+_BATCH = 1 << 15  # rows read at once
+
+
+class Piece(NamedTuple):
+    """Consecutive rows of a file."""
+
+    path: str
+    low: int
+    high: int
+
+
+class Unit(NamedTuple):
+    """Rows of whole trips, and the name of the files that they become."""
+
+    name: str  # part-00000
+    rows: int
+    pieces: tuple[Piece, ...]
+
+
+def plan(files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS) -> list[Unit]:
+    """Cut files, in which the rows of a trip lie together, into units.
+
+    Only the columns that name trips are read.
+
+    Raises:
+        ReadError: A file cannot be read, or a trip comes again after others.
+    """
+    units: list[Unit] = []
+    pieces: list[Piece] = []
+    rows = 0
+    seen: set[int] = set()
+    last: Any = None
+
+    def close() -> None:
+        nonlocal pieces, rows
+        if rows:
+            units.append(Unit(f"part-{len(units):05d}", rows, tuple(pieces)))
+        pieces, rows = [], 0
+
+    for path in files:
+        low = at = 0
+        for column in _names(path, trip_id):
+            begins = _begins(column, last)
+            for place in begins.tolist():
+                _check(path, column[place].as_py(), seen)
+                if rows + at + place - low >= unit_rows:
+                    if at + place > low:
+                        pieces.append(Piece(str(path), low, at + place))
+                        rows += at + place - low
+                    close()
+                    low = at + place
+            at += len(column)
+            last = column[-1].as_py()
+        if at > low:
+            pieces.append(Piece(str(path), low, at))
+            rows += at - low
+    close()
+    return units
+
+
+def _names(path: Path, trip_id: str) -> Iterator[pa.Array]:
+    """The trips of the rows of a file, part by part."""
+    try:
+        with pq.ParquetFile(path) as file:
+            used = used_columns(file.schema_arrow.names, trip_id, str(path))
+            for batch in file.iter_batches(_BATCH, columns=[used.trip]):
+                column = batch.column(0)
+                if pa.types.is_dictionary(column.type):
+                    column = column.cast(column.type.value_type)
+                if len(column):
+                    yield column
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
+
+
+def _begins(column: pa.Array, last: Any) -> np.ndarray[Any, Any]:
+    """The rows at which another trip begins, after one of the name `last`."""
+    changed = np.empty(len(column), np.bool_)
+    changed[0] = last is None or column[0].as_py() != last
+    same = pc.equal(column.slice(1), column.slice(0, len(column) - 1)).fill_null(False)
+    both = pc.and_(pc.is_null(column.slice(1)), pc.is_null(column.slice(0, len(column) - 1)))
+    changed[1:] = ~pc.or_(same, both).to_numpy(zero_copy_only=False)
+    return np.flatnonzero(changed)
+
+
+def _check(path: Path, name: Any, seen: set[int]) -> None:
+    """Refuse a name that comes again.
+
+    Raises:
+        ReadError: It does.
+    """
+    if name is None:
+        return
+    mark = hash(name)
+    if mark in seen:
+        raise ReadError(
+            f"{path}: the rows are not in order: trip {str(name)!r} comes again after others; all "
+            "rows of a trip were expected together; give --order any"
+        )
+    seen.add(mark)
+
+
+def batches_of(unit: Unit, trip_id: str) -> Iterator[pa.RecordBatch]:
+    """The rows of a unit, some at a time.
+
+    Raises:
+        ReadError: A file cannot be read.
+    """
+    for path, low, high in unit.pieces:
+        try:
+            with pq.ParquetFile(path) as file:
+                yield from _rows(file, low, high, trip_id)
+        except (pa.ArrowException, OSError) as error:
+            reason = str(error).splitlines()[0]
+            raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
+
+
+def _rows(file: pq.ParquetFile, low: int, high: int, trip_id: str) -> Iterator[pa.RecordBatch]:
+    """Rows low to high - 1 of a file; row groups without any are not read."""
+    used = used_columns(file.schema_arrow.names, trip_id, "trips")
+    ends = np.cumsum([file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)])
+    first = int(np.searchsorted(ends, low, "right"))
+    last = int(np.searchsorted(ends, high, "left"))
+    at = int(ends[first - 1]) if first else 0
+    groups = list(range(first, min(last, len(ends) - 1) + 1))
+    for batch in file.iter_batches(_BATCH, row_groups=groups, columns=used.columns):
+        a, b = max(low - at, 0), min(high - at, batch.num_rows)
+        if a < b:
+            yield batch.slice(a, b - a)
+        at += batch.num_rows
+        if at >= high:
+            return

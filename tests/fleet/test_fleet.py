@@ -1,0 +1,267 @@
+"""Files in, a folder out: the same answers however rows come, and after any end."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.feather as feather
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+import whichroad
+from fleet.conftest import grid_map, trip
+from whichroad.batch import match_many
+from whichroad.cli import app
+from whichroad.errors import DriveError, ReadError, SettingError, WriteError
+from whichroad.fleet import run_fleet
+from whichroad.tables.schema import DRIVES, PATH, SLIM
+
+
+def rows_of(folder: Path, name: str) -> pa.Table:
+    """A table of a run, by trip."""
+    table = pq.read_table(folder / name)
+    keys = [(n, "ascending") for n in ("drive_id", "seq", "time") if n in table.column_names]
+    return table.sort_by(keys).combine_chunks()
+
+
+def same(folder: Path, tables: whichroad.batch.Tables, points: str | None = None) -> None:
+    """Assert that a run has the rows of `match_many`."""
+    for name, usual in (("path", tables.path), ("drives", tables.drives)):
+        keys = [(n, "ascending") for n in ("drive_id", "seq") if n in usual.column_names]
+        assert rows_of(folder, name).to_pylist() == usual.sort_by(keys).to_pylist()
+    if points:
+        found = rows_of(folder, "points")
+        usual = tables.points.sort_by([("drive_id", "ascending"), ("time", "ascending")])
+        assert found.select(SLIM.names).to_pylist() == usual.select(SLIM.names).to_pylist()
+
+
+@pytest.fixture(scope="module")
+def usual(town, table):
+    return match_many(table, town)
+
+
+def test_rows_in_any_order_give_what_rows_in_order_give(tmp_path, town, table, shuffled, usual):
+    pq.write_table(shuffled, tmp_path / "any.parquet")
+    pq.write_table(table, tmp_path / "sorted.parquet", row_group_size=700)
+    options = {"trip_id": "trip_id", "workers": 1, "unit_rows": 500, "points": "slim"}
+    run_fleet(tmp_path / "any.parquet", town, tmp_path / "a", **options)
+    done = run_fleet(tmp_path / "sorted.parquet", town, tmp_path / "b", order="sorted", **options)
+    assert done.units > 4
+    assert done.done.rows == table.num_rows
+    same(tmp_path / "a", usual, "slim")
+    same(tmp_path / "b", usual, "slim")
+    assert not list(tmp_path.glob("*/.work"))
+
+
+def test_processes_give_what_one_gives(tmp_path, town, table, usual):
+    pq.write_table(table, tmp_path / "t.parquet")
+    told = []
+    done = run_fleet(
+        tmp_path / "t.parquet", town, tmp_path / "out", workers=2, unit_rows=400, points="all",
+        progress=told.append,
+    )  # fmt: skip
+    same(tmp_path / "out", usual, "all")
+    assert len(told) == done.units
+    assert told[-1].done.rows == told[-1].rows == table.num_rows
+
+
+def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(tmp_path, town):
+    many = 70_000
+    one = trip("x", 2)
+    names = np.tile([f"v{i:05}" for i in range(many)], 2)
+    at = np.repeat([10, 14], many)  # all vehicles at one moment, and then at the next
+    table = pa.table(
+        {
+            "trip_id": names,
+            "time": one["time"].to_numpy()[at],
+            "lat": one["lat"].to_numpy()[at],
+            "lon": one["lon"].to_numpy()[at],
+        }
+    )
+    pq.write_table(table, tmp_path / "t.parquet")
+    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=2)
+    assert done.done.trips == done.done.answered == many
+    assert done.done.fixes == 2 * many
+    with pytest.raises(ReadError, match="comes again after others"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "o", order="sorted", workers=1)
+    with pytest.raises(ReadError, match="sort them by trip and time"):
+        list(whichroad.fleet.match_batches(tmp_path / "t.parquet", town))
+
+
+@pytest.mark.parametrize("kind", ["csv", "csv of numbers", "arrow", "hive", "geo", "query", "odd"])
+def test_other_files_and_queries_are_read(tmp_path, town, table, shuffled, usual, kind):
+    source, trip_id = tmp_path / "in", "drive_id"
+    source.mkdir()
+    stamps = pa.array(shuffled["time"].to_numpy() * 1e6).cast(pa.int64()).cast(pa.timestamp("us"))
+    if kind == "csv":
+        text = stamps.cast(pa.string())
+        pacsv.write_csv(shuffled.set_column(1, "time", text), source / "a.csv")
+    elif kind == "csv of numbers":
+        pacsv.write_csv(shuffled, source / "a.csv")
+    elif kind == "arrow":
+        feather.write_feather(shuffled, source / "a.arrow")
+    elif kind == "hive":
+        for day in range(3):
+            (source / f"day={day}").mkdir()
+            pq.write_table(shuffled.slice(day * 1100, 1100), source / f"day={day}" / "x.parquet")
+        (source / "_SUCCESS").write_text("")
+    elif kind == "geo":
+        from whichroad.tables.schema import point_wkb
+
+        wkb = point_wkb(shuffled["lon"].combine_chunks(), shuffled["lat"].combine_chunks())
+        plain = shuffled.drop_columns(["lat", "lon"]).append_column("geometry", wkb)
+        pq.write_table(plain, source / "a.geoparquet")
+    elif kind == "odd":
+        trip_id = "Fahrt nr. 1"
+        pq.write_table(
+            shuffled.rename_columns([trip_id, "time", "lat", "lon"]), source / "it's.parquet"
+        )
+    else:
+        pq.write_table(shuffled, source / "a.parquet")
+    what = source if kind != "query" else f"SELECT * FROM '{source}/a.parquet' WHERE lat > 0;"
+    run_fleet(what, town, tmp_path / "out", workers=1, trip_id=trip_id)
+    drives = rows_of(tmp_path / "out", "drives")
+    assert drives["drive_id"].to_pylist() == sorted(usual.drives["drive_id"].to_pylist())
+    assert rows_of(tmp_path / "out", "path")["edge_id"].to_pylist() == (
+        usual.path.sort_by([("drive_id", "ascending"), ("seq", "ascending")])["edge_id"].to_pylist()
+    )
+
+
+def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, town, table, usual):
+    far = trip("far", 0)
+    far = far.set_column(2, "lat", pa.array(np.full(len(far), -33.0)))
+    blank = trip("blank", 1)
+    blank = blank.set_column(2, "lat", pa.array(np.full(len(blank), np.nan)))
+    nameless = trip(None, 2)
+    swapped = trip("swapped", 3).rename_columns(["trip_id", "time", "lon", "lat"])
+    poison = [far, blank, nameless, swapped.select(["trip_id", "time", "lat", "lon"])]
+    pq.write_table(pa.concat_tables([table, *poison]), tmp_path / "t.parquet")
+    ran = CliRunner().invoke(
+        app, ["fleet", str(tmp_path / "t.parquet"), "--map", str(town), "-o", str(tmp_path / "out"),
+              "--workers", "1"]
+    )  # fmt: skip
+    assert ran.exit_code == 0, ran.output
+    bad = pq.read_table(tmp_path / "out" / "bad_trips.parquet").to_pylist()
+    assert {row["drive_id"] for row in bad} == {"far", "blank", "", "swapped"}
+    assert all(row["reason"] for row in bad)
+    assert "no answer: " in ran.output
+    good = rows_of(tmp_path / "out", "path")
+    keys = [("drive_id", "ascending"), ("seq", "ascending")]
+    assert good.to_pylist() == usual.path.sort_by(keys).to_pylist()
+
+
+def test_what_comes_out_has_one_schema_and_names_its_map(tmp_path, town, table):
+    pq.write_table(table, tmp_path / "t.parquet")
+    run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1, unit_rows=900)
+    files = sorted((tmp_path / "out").rglob("part-*.parquet"))
+    assert len(files) > 4
+    for file in files:
+        schema = pq.read_schema(file)
+        assert schema.equals(PATH if file.parent.name == "path" else DRIVES)
+        assert schema.metadata[b"whichroad_schema"] == b"1"
+        assert whichroad.map_of(file)["fingerprint"] == whichroad.RoadMap.open(town).fingerprint
+    assert json.loads(pq.read_schema(files[-1]).metadata[b"geo"])["primary_column"] == "geometry"
+    assert whichroad.map_of(tmp_path / "out") == whichroad.map_of(files[0])
+
+
+def command(source: Path, town: Path, out: Path, *more: str) -> list[str]:
+    code = (
+        "import sys, whichroad.fleet.units as u, whichroad.fleet.run as r\n"
+        "r.run_fleet.__kwdefaults__['unit_rows'] = 79\n"
+        "from whichroad.cli import main\nif __name__ == '__main__': main()"
+    )
+    return [sys.executable, "-c", code, "fleet", str(source), "--map", str(town), "-o", str(out),
+            "--points", "all", "--workers", "2", "--resume", *more]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_goes_on_and_gives_the_same_bytes(tmp_path, town, table):
+    pq.write_table(table, tmp_path / "t.parquet")
+    chance = random.Random(5)
+    subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "whole"), check=True)
+    killed, before = 0, []
+    for _ in range(6):
+        process = subprocess.Popen(
+            command(tmp_path / "t.parquet", town, tmp_path / "cut"), start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        drives = tmp_path / "cut" / "drives"
+        enough = len(list(drives.glob("part-*"))) + chance.randint(0, 2)
+        while process.poll() is None and len(list(drives.glob("part-*"))) < enough:
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0.0, 0.2 if enough else 1.0))
+        if process.poll() is None:
+            killed += 1
+            os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        before.append(len(list(drives.glob("part-*"))))
+    subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "cut"), check=True)
+    assert killed
+    assert len(set(before)) > 2  # several ends came between units
+    files = sorted(p.relative_to(tmp_path / "whole") for p in (tmp_path / "whole").rglob("*.p*"))
+    assert len(files) > 30
+    for file in files:
+        assert (tmp_path / "cut" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+    left = [p for p in (tmp_path / "cut").rglob("*") if p.is_file()]
+    assert len([p for p in left if not p.name.startswith(".")]) == len(files) + 1  # the manifest
+
+
+def test_a_run_goes_on_only_as_it_began(tmp_path, town, table):
+    pq.write_table(table, tmp_path / "t.parquet")
+    run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1, unit_rows=900)
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").rglob("part-*")}
+    with pytest.raises(WriteError, match="holds a run already"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "out")
+    with pytest.raises(WriteError, match="other points"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", points="slim", resume=True)
+    car = whichroad.Vehicle(driving_side="left")
+    with pytest.raises(WriteError, match="other vehicle"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", vehicle=car, resume=True)
+    (tmp_path / "out" / "drives" / "part-00001.parquet").unlink()
+    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1, resume=True)
+    assert done.units_before == done.units - 1
+    changed = {p.name for p, when in before.items() if p.stat().st_mtime_ns != when}
+    assert changed == {"part-00001.parquet"}
+    roads = grid_map()
+    roads.arrays.edges.speed[0] += 1.0
+    roads.save(tmp_path / "other.map")
+    with pytest.raises(WriteError, match="other map"):
+        run_fleet(tmp_path / "t.parquet", tmp_path / "other.map", tmp_path / "out", resume=True)
+    pq.write_table(table.slice(0, 100), tmp_path / "t.parquet")
+    with pytest.raises(WriteError, match="other inputs"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", resume=True)
+
+
+def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, monkeypatch):
+    pq.write_table(table, tmp_path / "t.parquet")
+    for options, words in (
+        ({"order": "yes"}, "any, sorted"),
+        ({"points": "few"}, "none, slim, all"),
+        ({"workers": 0}, "at least 1"),
+        ({"split": "soon"}, "5min"),
+        ({"memory": "much"}, "512MB"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            run_fleet(tmp_path / "t.parquet", town, tmp_path / "o", **options)
+    with pytest.raises(ReadError, match="not there"):
+        run_fleet(tmp_path / "none.parquet", town, tmp_path / "o")
+    with pytest.raises(ReadError, match="DuckDB cannot read"):
+        run_fleet("SELECT nonsense", town, tmp_path / "o")
+    with pytest.raises(ReadError, match="--trip-id"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "o", trip_id="car")
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(SettingError, match=r"whichroad\[fleet\]"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "o")
+    away = table.set_column(2, "lat", pa.array(np.full(len(table), -33.0)))
+    pq.write_table(away, tmp_path / "t.parquet")
+    with pytest.raises(DriveError, match="none of 40 trips"):
+        run_fleet(tmp_path / "t.parquet", town, tmp_path / "p", order="sorted", workers=1)

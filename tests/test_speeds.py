@@ -1,0 +1,123 @@
+"""Speeds of edges: against sums by hand, and intervals that hold the truth as often as they say."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import whichroad
+from whichroad.errors import ReadError, SettingError
+from whichroad.tables.schema import PATH, TIME
+
+
+def path(edge, length, seconds, *, p=1.0, drive="a", time=0.0, forward=True, enter=0.0):
+    """A path without its line."""
+    n = len(edge)
+    start = (np.broadcast_to(time, n) * 1e6).astype(np.int64)
+    names = [drive] * n if isinstance(drive, str) else list(drive)
+    columns = {
+        "drive_id": names,
+        "seq": np.arange(n),
+        "edge_id": np.asarray(edge, np.int64),
+        "source_id": [f"way {e // 2}" for e in edge],
+        "forward": np.broadcast_to(forward, n),
+        "enter_time": pa.array(start).cast(TIME),
+        "enter_m": np.broadcast_to(np.float64(enter), n),
+        "exit_m": enter + np.asarray(length, np.float64),
+        "duration_s": np.asarray(seconds, np.float64),
+        "p": np.broadcast_to(np.float64(p), n),
+    }
+    return pa.table({k: pa.array(v, PATH.field(k).type) for k, v in columns.items()})
+
+
+def test_the_mean_is_the_harmonic_one_weighed_by_p():
+    one = path([7, 7, 8], [100.0, 100.0, 50.0], [10.0, 20.0, 5.0], p=[1.0, 0.5, 1.0])
+    rows = whichroad.speeds(one, hours=False).to_pylist()
+    assert [row["edge_id"] for row in rows] == [7, 8]
+    assert rows[0]["speed_mps"] == pytest.approx(150.0 / 20.0)
+    assert (rows[0]["passages"], rows[0]["vehicles"], rows[0]["hour"]) == (2, 1, None)
+    assert rows[0]["low_mps"] is None
+    assert rows[1]["speed_mps"] == pytest.approx(10.0)
+
+
+def test_passages_between_fixes_far_apart_count_less():
+    one = path([7, 7], [100.0, 100.0], [10.0, 20.0], drive=["often", "seldom"])
+    drives = pa.table(
+        {"drive_id": ["often", "seldom"], "epochs": [1001, 11], "duration_s": [1000.0, 900.0]}
+    )
+    weights = 100 / (100 + 10 * np.array([1.0, 90.0]))
+    (row,) = whichroad.speeds(one, hours=False, drives=drives).to_pylist()
+    assert row["weight"] == pytest.approx(weights.sum(), rel=1e-6)
+    assert row["speed_mps"] == pytest.approx(weights.sum() * 100 / (weights @ [10, 20]), rel=1e-6)
+
+
+def test_hours_are_those_of_the_zone_and_vehicles_are_told_by_their_names():
+    monday = 1_780_272_000.0  # 2026-06-01T00:00:00Z
+    times = monday + np.array([0.0, 3600.0, 6 * 86400.0 + 23 * 3600.0])
+    one = path([1, 1, 1], [50.0] * 3, [5.0] * 3, time=times, drive=["v/1", "v/2", "w/1"])
+    utc = whichroad.speeds(one)
+    assert utc["hour"].to_pylist() == [0, 1, 167]
+    berlin = whichroad.speeds(one, tz="Europe/Berlin")
+    assert berlin["hour"].to_pylist() == [1, 2, 3]
+    (row,) = whichroad.speeds(one, hours=False).to_pylist()
+    assert (row["passages"], row["vehicles"]) == (3, 2)
+    roads = whichroad.speeds(path([2, 3, 9], [50.0] * 3, [5.0] * 3), by="source_id", hours=False)
+    assert dict(zip(*(roads[n].to_pylist() for n in ("source_id", "passages")), strict=True)) == {
+        "way 1": 2, "way 4": 1,
+    }  # fmt: skip
+
+
+def test_parts_say_what_the_whole_says(tmp_path, monkeypatch):
+    from whichroad import edge_speeds
+
+    rng = np.random.default_rng(1)
+    n = 5000
+    one = path(
+        rng.integers(0, 40, n), rng.uniform(20, 300, n), rng.uniform(2, 60, n),
+        p=rng.uniform(0.3, 1.0, n), time=rng.uniform(0, 1e6, n), forward=rng.random(n) < 0.5,
+        drive=[f"v{k}/1" for k in rng.integers(0, 300, n)],
+    )  # fmt: skip
+    whole = whichroad.speeds(one)
+    monkeypatch.setattr(edge_speeds, "_MERGE", 300)
+    (tmp_path / "path").mkdir()
+    for k in range(5):
+        pq.write_table(one.slice(1000 * k, 1000), tmp_path / "path" / f"{k}.parquet")
+    for parts in (tmp_path, tmp_path / "path", [one.slice(k, 700) for k in range(0, n, 700)]):
+        found = whichroad.speeds(parts)
+        for name in whole.column_names:
+            a, b = whole[name].to_pylist(), found[name].to_pylist()
+            assert a == (pytest.approx(b) if name.endswith(("mps", "weight")) else b), name
+    keys = zip(one["edge_id"].to_pylist(), one["forward"].to_pylist(), hours_of(one), strict=True)
+    assert whole.num_rows == len(set(keys))
+
+
+def hours_of(table):
+    seconds = table["enter_time"].cast(pa.int64()).to_numpy() // 10**6
+    return ((seconds // 3600) + 3 * 24) % 168  # 1970 began on a Thursday
+
+
+@pytest.mark.parametrize("passages", [10, 40])
+def test_intervals_hold_the_truth_as_often_as_they_say(passages):
+    rng = np.random.default_rng(passages)
+    edges = 3000
+    pace = rng.uniform(0.05, 0.3, edges)  # s/m, the mean over all who ever pass
+    edge = np.repeat(np.arange(edges), passages)
+    seconds = 100.0 * pace[edge] * rng.gamma(12.0, 1 / 12.0, len(edge))
+    p = rng.uniform(0.5, 1.0, len(edge))
+    found = whichroad.speeds(path(edge, np.full(len(edge), 100.0), seconds, p=p), hours=False)
+    low, high = (found[name].to_numpy() for name in ("low_mps", "high_mps"))
+    held = np.mean((low <= 1 / pace) & (1 / pace <= high))
+    assert 0.92 <= held <= 0.98
+
+
+def test_what_is_no_path_is_refused(tmp_path):
+    with pytest.raises(ReadError, match="not its points"):
+        whichroad.speeds(pa.table({"drive_id": ["a"]}))
+    with pytest.raises(ReadError, match="cannot be read"):
+        whichroad.speeds(tmp_path / "none.parquet")
+    one = path([1], [50.0], [5.0])
+    with pytest.raises(SettingError, match="source_id"):
+        whichroad.speeds(one, by="name")
+    with pytest.raises(SettingError, match="Europe/Berlin"):
+        whichroad.speeds(one, tz="Nowhere/None")
+    assert whichroad.speeds(one.slice(0, 0)).num_rows == 0
