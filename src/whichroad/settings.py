@@ -95,7 +95,7 @@ class Settings:
     default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
     user_range_error_m: float = _number(4.0, 0.1, 100, "m", "times HDOP where there is no GST")
     outage_after_s: float = _number(3.0, 0.1, 1e4, "s", "without a fix for this long: outage")
-    ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(edge) below this: ambiguous")
+    ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(way) below this: ambiguous")
 
     # model="paper" only; the paper gives the radius and leaves the rest open
     paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) at the next step")

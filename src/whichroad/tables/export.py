@@ -40,6 +40,7 @@ class _Estimates(NamedTuple):
     heading: Array
     cov: Array  # (6, n)
     p_edge: Array
+    p_way: Array
     p_off_road: Array
     s: Array
     lateral: Array
@@ -100,8 +101,7 @@ def points_table(
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
     plane, v = roads.plane, _columns(output)
-    none = v.live == 0
-    lat, lon = plane.to_geodetic(v.x, v.y)
+    none, (lat, lon) = v.live == 0, plane.to_geodetic(v.x, v.y)
     map_lat, map_lon = plane.to_geodetic(v.map_x, v.map_y)
     match_lat, match_lon = plane.to_geodetic(v.match_x, v.match_y)
     turn = plane.convergence(v.x, v.y)
@@ -139,6 +139,7 @@ def points_table(
         "map_lat": _nullable(map_lat, none),
         "map_lon": _nullable(map_lon, none),
         "p_road": _nullable(v.p_edge, none),
+        "p_way": _nullable(v.p_way, none),
         "p_off_road": _nullable(v.p_off_road, none),
         "status": _STATUS.take(pa.array(v.status)),
         "reason": _reasons(epochs, v, roads, first),

@@ -66,7 +66,7 @@ function keepRow(message) {
     const status = message.answered ? STATUSES.indexOf(message.status) : -1;
     series.push(
       {
-        t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_road, off: message.p_off_road,
+        t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_way, off: message.p_off_road,
         status, masked: message.gnss_masked ? 1 : 0, major: message.ellipse?.major_m,
       },
       state.roads,

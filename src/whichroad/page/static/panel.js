@@ -25,7 +25,7 @@ export function fillPanel(frame, roads, known, look) {
   setText("road-kind", kindOf(road));
   fillLimit(road.speed_limit_kmh);
   fillStatus(frame, look);
-  const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_road;
+  const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_way;
   setText("p", frame.answered ? percent(p) : "–");
   byId("p").style.color = frame.answered ? `color-mix(in srgb, ${colourOf(p, look)} 78%, var(--ink))` : "";
   fillRoads(roads, known, look);

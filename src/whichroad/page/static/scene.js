@@ -196,7 +196,7 @@ function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
 
 function drawVehicle(ctx, view, frame, look) {
   const status = STATUSES.includes(frame.status) ? frame.status : "lost";
-  const colour = colourOf(frame.p_road, look);
+  const colour = colourOf(frame.p_way, look);
   if (frame.ellipse) {
     const path = ellipsePath(view, frame.pose, frame.ellipse);
     ctx.fillStyle = colour;
