@@ -1,6 +1,6 @@
 """P of the way is P of a chain of edges: enumerated, and at crossings by hand."""
 
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
@@ -65,10 +65,7 @@ def test_off_road_is_on_no_way():
 def chained(roads: Roads, edges: tuple[int, ...]) -> bool:
     """Whether each edge follows the one before, and not by a U-turn."""
     e = roads.edges
-    return all(
-        e.to_node[a] == e.from_node[b] and b != a ^ 1
-        for a, b in zip(edges, edges[1:], strict=False)
-    )
+    return all(e.to_node[a] == e.from_node[b] and b != a ^ 1 for a, b in pairwise(edges))
 
 
 @given(seeds)

@@ -29,7 +29,8 @@ def way_share(belief: Belief, ctx: Context, out: Record, p_edge: float) -> float
         belief: Normalised.
         ctx: The drive's constants.
         out: `alt_edge`, `alt_p` and `p_off_road` of an `ESTIMATE` are read.
-        p_edge: P of the most probable edge, at least which the answer is.
+        p_edge: P of the most probable edge, at least which the answer is; 0 where none is named,
+            and then the answer is 0.
     """
     on_roads = 1.0 - out.p_off_road
     if p_edge < _LEAST or p_edge > on_roads - _LEAST:
@@ -40,7 +41,7 @@ def way_share(belief: Belief, ctx: Context, out: Record, p_edge: float) -> float
         if chain & (1 << a) > 0:
             sure += out.alt_p[a]
     way = sure + (1.0 - ctx.par[0].unknown) * _undecided(belief, ctx, out, chain)
-    return max(p_edge, min(way, on_roads))
+    return float(max(p_edge, min(way, on_roads)))
 
 
 @kernel

@@ -67,8 +67,8 @@ class Estimate:
         return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
 
     def __repr__(self) -> str:
-        names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status", "abscissa",
-                 "lateral", "protection_level", "gnss_scale")  # fmt: skip
+        names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status",
+                 "abscissa", "lateral", "protection_level", "gnss_scale")  # fmt: skip
         return f"Estimate({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @property

@@ -75,7 +75,8 @@ class RecordedMessages:
             if name in points.column_names
         }
         way = self.columns.get("p_way")  # null in what an earlier version wrote
-        if way is None or np.isnan(way).all():
+        self.has_way = way is not None and not np.isnan(way).all()
+        if not self.has_way:
             self.columns["p_way"] = self.columns["p_road"]
         edge = points["edge_id"].fill_null(NONE).to_numpy().astype(np.int64)
         self.edge = edge

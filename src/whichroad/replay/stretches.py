@@ -26,8 +26,8 @@ def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[di
     """The few stretches to check, worst first: unclear ones, and rules broken.
 
     The measure is the certainty missed, in seconds: the integral of 1 - P(way) where roads
-    compete, a share of the time elsewhere.  To pass from one edge to the next makes both
-    probable for a moment; that is no question.
+    compete, a share of the time elsewhere.  Where P(way) is not known, as in tables of earlier
+    versions, to pass from one edge to the next is no question.
     """
     found = [place for word in _UNCLEAR for place in _unclear_stretches(recorded, roads, word)]
     found += _broken(recorded)
@@ -41,7 +41,7 @@ def _unclear_stretches(
     """Stretches of one status."""
     time, p = recorded.time, np.nan_to_num(recorded.columns["p_way"])
     rows = np.flatnonzero(recorded.status == STATUS.index(word))
-    if word == "ambiguous":
+    if word == "ambiguous" and not recorded.has_way:
         rows = np.array([k for k in rows.tolist() if not _passes(recorded, roads, k)], np.int64)
     if not len(rows):
         return []

@@ -1,6 +1,6 @@
 // Words and figures beside the map; an element is touched only when its text changes.
 
-import { STATUS, clock, colourOf, percent, titleOf } from "./look.js";
+import { STATUS, clock, colourOf, percent, roadLook, titleOf } from "./look.js";
 
 const LISTED = 5; // roads in the list
 
@@ -91,7 +91,7 @@ function fillRoads(roads, known, look) {
     const text = percent(p);
     if (share.textContent !== text) share.textContent = text;
     bar.style.transform = `scaleX(${p.toFixed(3)})`;
-    bar.style.background = colourOf(p, look);
+    bar.style.background = roadLook(title, look).colour;
   });
 }
 

@@ -110,6 +110,15 @@ function go(t) {
   refresh();
 }
 
+/** The moment and the magnification that the address names, such as `#t=310&z=17`. */
+function goToLink() {
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const [t, z] = [Number.parseFloat(asked.get("t")), Number.parseFloat(asked.get("z"))];
+  if (Number.isNaN(t)) return;
+  visit(series.begin + t);
+  if (!Number.isNaN(z)) map.magnification = 2 ** (z - 17.2); // as in web maps, about 50 degrees north
+}
+
 /** Close enough to see hypotheses apart. */
 function visit(t) {
   if (map.magnification < 2.2) map.magnification = 2.6;
@@ -274,5 +283,7 @@ fillShares();
 fillPlaces();
 now.t = series.begin;
 map.fit();
+goToLink();
+addEventListener("hashchange", goToLink);
 refresh();
 document.documentElement.dataset.ready = "report";
