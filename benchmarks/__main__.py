@@ -47,6 +47,7 @@ BENCHMARKS = {
         "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",
     ),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
+    "doubt": ("doubt.run", "how long P says ambiguous where no road competes"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
 

@@ -105,9 +105,7 @@ class Settings:
     outage_after_s: float = _number(
         3.0, 0.1, 1e4, "s", "time without a fix until the status is outage"
     )
-    ambiguous_below: float = _number(
-        0.95, 0.5, 1, "", "P(edge) below which the status is ambiguous"
-    )
+    ambiguous_below: float = _number(0.95, 0.5, 1, "", "P(way) below which the status is ambiguous")
 
     # model="paper" only; the paper gives the radius and leaves the rest open
     paper_stay: float = _number(0.9, 0.01, 0.9999, "", "B(i, i): P(the same road) at the next step")

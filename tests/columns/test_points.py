@@ -375,7 +375,10 @@ def test_probabilities_are_sums_over_the_hypotheses(mode: str):
     )  # fmt: skip
     off = by_epoch(mode, lambda m, _: m.shares().get(None, 0.0))
     assert_column(mode, "p_off_road", off, atol=1e-9)
-    # the rest is on other roads
+    # the way holds the edge and what is on the roads at most; the rest is on other roads
+    way, answered_at = numbers(mode, "p_way"), answered(mode)
+    assert (way >= numbers(mode, "p_road") - 1e-12)[answered_at].all()
+    assert (way <= 1.0 - off + 1e-9)[answered_at].all()
     ambiguous = np.array(column(mode, "status")) == "ambiguous"
     rest = 1.0 - numbers(mode, "p_road") - off
     assert (rest[ambiguous] > 0.04).any()
@@ -411,7 +414,7 @@ def since_moved(mode: str) -> Array:
 @MODES
 def test_the_status_is_the_first_that_applies(mode: str):
     """In the order lost, off_road, ambiguous, outage, stopped, on_road; limits to 0.2 s."""
-    status, p, off = column(mode, "status"), numbers(mode, "p_road"), numbers(mode, "p_off_road")
+    status, p, off = column(mode, "status"), numbers(mode, "p_way"), numbers(mode, "p_off_road")
     fix, stood, t = since_fix(mode), since_moved(mode), seen(mode).truth.time
     elsewhere = 0
     for k, said in enumerate(status):
@@ -610,6 +613,7 @@ def test_an_on_line_estimate_equals_the_row_of_its_epoch(mode: str):
     fields = {
         "lat": [p.lat for p in poses], "lon": [p.lon for p in poses],
         "bearing_deg": [p.bearing_deg for p in poses], "p_road": [e.p_road for e in rows],
+        "p_way": [e.p_way for e in rows],
         "p_off_road": [e.p_off_road for e in rows], "speed_mps": speeds,
         "protection_level_m": [e.protection_level for e in rows],
         "level_along_m": [e.level_along_m for e in rows],

@@ -124,7 +124,7 @@ def test_of_several_drives_one_has_to_be_named(remaking: Remaking):
 def test_the_columns_keep_their_least_probable_moments(recorded: RecordedMessages):
     line = timeline(recorded, rows=200)
     assert len(line["t"]) <= 200
-    assert min(line["p"]) == pytest.approx(np.nanmin(recorded.columns["p_road"]), abs=1e-4)
+    assert min(line["p"]) == pytest.approx(np.nanmin(recorded.columns["p_way"]), abs=1e-4)
     assert max(line["status"]) < len(STATUS)
-    everything = thinned(recorded.time, recorded.columns["p_road"], len(recorded))
+    everything = thinned(recorded.time, recorded.columns["p_way"], len(recorded))
     assert np.array_equal(everything, np.arange(len(recorded)))

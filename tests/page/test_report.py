@@ -5,6 +5,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from whichroad.errors import WriteError
@@ -71,11 +72,29 @@ def test_to_pass_from_one_edge_to_the_next_is_no_place_to_look_at(
 ):
     bare = copy.copy(recorded)
     bare.route = None
+    passing = (recorded.columns["p_road"] < 0.9) & (recorded.columns["p_way"] > 0.95)
+    assert (np.diff(passing.astype(int)) == 1).sum() > 5
     without = [place["kind"] for place in report_data(bare)["places"]]
     for shown in (recorded, bare):  # by the route, and by the map alone
-        kinds = [place["kind"] for place in report_data(shown, roads)["places"]]
+        places = report_data(shown, roads)["places"]
+        kinds = [place["kind"] for place in places]
         assert kinds.count("outage") == without.count("outage") > 0
-        assert 0 < kinds.count("ambiguous") < without.count("ambiguous")
+        assert 0 < kinds.count("ambiguous") <= without.count("ambiguous") <= 3
+        for place in places:
+            k = recorded.at(place["worst"])
+            assert place["kind"] != "ambiguous" or recorded.columns["p_way"][k] < 0.95
+
+
+def test_the_worst_place_is_listed_first(recorded: RecordedMessages, roads: RoadMap):
+    places = report_data(recorded, roads)["places"]
+    missed = [place["missed_s"] for place in places]
+    assert missed == sorted(missed, reverse=True)
+    assert min(missed) >= 0.5
+    (doubt,) = [p for p in places if p["kind"] == "ambiguous" and p["begin"] == 0.0]
+    rows = (recorded.time - recorded.time[0] < doubt["end"]) & (recorded.status == 1)
+    held = np.diff(recorded.time, append=recorded.time[-1])
+    expected = ((1.0 - recorded.columns["p_way"]) * held)[rows].sum()
+    assert doubt["missed_s"] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_file_that_is_there_is_kept_unless_told_otherwise(

@@ -94,6 +94,8 @@ def doubted(recorded: RecordedMessages, k: int, edges: list[int], p: list[float]
 def test_a_doubt_between_edges_in_a_row_on_the_route_is_not_listed(sparse: Result, roads: RoadMap):
     recorded = RecordedMessages(sparse, roads)
     assert recorded.route is not None
+    recorded.has_way = False  # a table of an earlier version: P of the edge is all that is known
+    recorded.columns["p_way"] = np.full(len(recorded), 0.55)
     route, k = recorded.route, 4
     at = int(np.searchsorted(route.exit, recorded.time[k]))
     here, after = int(route.edge[at]), int(route.edge[at + 1])

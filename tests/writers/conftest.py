@@ -26,6 +26,7 @@ def points() -> pa.Table:
         source_id="4711",
         forward=True,
         p_road=0.8,
+        p_way=0.9,
         p_off_road=0.05,
         status="ambiguous",
         reason="two roads",

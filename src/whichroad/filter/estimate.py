@@ -24,6 +24,7 @@ from .state import (
     Y,
     heaviest,
 )
+from .way import way_share
 
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
@@ -42,6 +43,7 @@ ESTIMATE = np.dtype(
         ("heading", "f8"),  # rad
         ("cov", "f8", (6,)),  # xx, xy, xh, yy, yh, hh; true m, rad
         ("p_edge", "f8"),
+        ("p_way", "f8"),  # of the chain of edges about it, see `filter.way`
         ("p_off_road", "f8"),
         ("s", "f8"),  # abscissa on the most probable edge, m
         ("lateral", "f8"),  # m, right positive
@@ -135,20 +137,21 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
         out.match_y = out.y
         out.s = 0.0
         out.lateral = 0.0
-    take_back(belief, hypotheses)
     out.p_edge = p_edge
-    out.status = _status(state, ctx.par[0], off, p_edge)
+    out.p_way = way_share(belief, ctx, out, p_edge)
+    take_back(belief, hypotheses)
+    out.status = _status(state, ctx.par[0], off, out.p_way)
 
 
 @kernel
-def _status(state: Record, par: Record, off: float, p_edge: float) -> int:
+def _status(state: Record, par: Record, off: float, p_way: float) -> int:
     """Status of an epoch, the gravest first."""
     if state.misfits >= _MISFITS:
         return LOST
     silent = state.time - state.last_fix > par.outage_after
     if off > 0.5:
         return OUTAGE if silent else OFF
-    if p_edge < par.ambiguous_below:
+    if p_way < par.ambiguous_below:
         return AMBIGUOUS
     if silent:
         return OUTAGE

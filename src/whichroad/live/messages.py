@@ -99,6 +99,7 @@ class LaggedMessage(TypedDict):
     map_lon: float
     ellipse: Ellipse
     p_road: float
+    p_way: float
     p_off_road: float
     road: RoadMessage
     status: str
@@ -154,6 +155,7 @@ class EstimateMessage(TypedDict):
     radius95_m: float | None  # radius of the circle round the pose that holds 95 %
     gnss_scale: float  # GNSS errors over what is reported, as learnt
     p_road: float  # of `road.edge_id`
+    p_way: float  # of the chain of edges that it is of
     p_off_road: float
     road: RoadMessage
     status: str  # on_road, ambiguous, off_road, outage, stopped, lost
@@ -237,6 +239,7 @@ class Messages:
             radius95_m=_radius95(hypotheses, pose.x, pose.y) if pose else None,
             gnss_scale=round(estimate.gnss_scale, 3),
             p_road=round(estimate.p_road, 6),
+            p_way=round(estimate.p_way, 6),
             p_off_road=round(estimate.p_off_road, 6),
             road=self._road(estimate),
             status=estimate.status,
@@ -267,6 +270,7 @@ class Messages:
             map_lon=round(map_pose.lon, 8),
             ellipse=ellipse,
             p_road=round(estimate.p_road, 6),
+            p_way=round(estimate.p_way, 6),
             p_off_road=round(estimate.p_off_road, 6),
             road=self._road(estimate),
             status=estimate.status,

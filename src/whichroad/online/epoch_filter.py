@@ -93,6 +93,7 @@ class Row(NamedTuple):
     yh: float
     hh: float
     p_edge: float
+    p_way: float
     p_off_road: float
     s: float  # m
     lateral: float
@@ -114,7 +115,7 @@ class Row(NamedTuple):
 
 
 _ROW = packed(
-    ESTIMATE, "x", "y", "heading", "cov", "p_edge", "p_off_road", "s", "lateral", "map_x",
+    ESTIMATE, "x", "y", "heading", "cov", "p_edge", "p_way", "p_off_road", "s", "lateral", "map_x",
     "map_y", "match_x", "match_y", "speed", "map_cov", "protection_level", "level_along",
     "level_across", "gnss_scale", "edge", "live", "status",
 )  # fmt: skip

@@ -67,8 +67,8 @@ class Estimate:
         return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
 
     def __repr__(self) -> str:
-        names = ("time", "pose", "cov", "edge", "p_road", "p_off_road", "status", "abscissa",
-                 "lateral", "protection_level", "gnss_scale")  # fmt: skip
+        names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status",
+                 "abscissa", "lateral", "protection_level", "gnss_scale")  # fmt: skip
         return f"Estimate({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @property
@@ -119,6 +119,15 @@ class Estimate:
     def p_road(self) -> float:
         """P(the vehicle is on that edge)."""
         return self._values.p_edge
+
+    @property
+    def p_way(self) -> float:
+        """P(the vehicle is on the way that this edge is of), at least `p_road`.
+
+        It is P of the most probable chain of edges that follow each other.  Passing a node
+        lowers `p_road` for a moment, and not this; a decision that is open lowers both.
+        """
+        return self._values.p_way
 
     @property
     def p_off_road(self) -> float:

@@ -69,7 +69,7 @@ def report_data(recorded: RecordedMessages, roads: "RoadMap | None" = None) -> d
         recorded: Of one drive.
         roads: The map.
     """
-    at = thinned(recorded.time, recorded.columns["p_road"], ROWS)
+    at = thinned(recorded.time, recorded.columns["p_way"], ROWS)
     c = recorded.columns
     lat, lon = recorded.track()
     box = [lon.min(), lat.min(), lon.max(), lat.max()] if len(lat) else [0.0, 0.0, 0.0, 0.0]
@@ -149,7 +149,7 @@ def _summary(recorded: RecordedMessages) -> dict[str, Any]:
         "epochs": n,
         "duration_s": round(recorded.length, 1),
         "driven_m": round(recorded.driven, 1),
-        "mean_p": round(float(c["p_road"][known].mean()), 4) if known.any() else 0.0,
+        "mean_p": round(float(c["p_way"][known].mean()), 4) if known.any() else 0.0,
         "major_95_m": round(2.448 * float(np.median(c["ellipse_major_m"][known])), 2)
         if known.any()
         else None,

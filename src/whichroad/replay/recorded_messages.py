@@ -32,7 +32,7 @@ OFF = -1  # off the roads
 _NUMBERS = (
     "lat", "lon", "bearing_deg", "speed_mps", "sigma_bearing_deg", "ellipse_major_m",
     "ellipse_minor_m", "ellipse_bearing_deg", "abscissa_m", "lateral_m", "matched_lat",
-    "matched_lon", "map_lat", "map_lon", "p_road", "p_off_road", "protection_level_m",
+    "matched_lon", "map_lat", "map_lon", "p_road", "p_way", "p_off_road", "protection_level_m",
     "gnss_scale",
 )  # fmt: skip
 
@@ -74,6 +74,10 @@ class RecordedMessages:
             for name in _NUMBERS
             if name in points.column_names
         }
+        way = self.columns.get("p_way")  # null in what an earlier version wrote
+        self.has_way = way is not None and not np.isnan(way).all()
+        if not self.has_way:
+            self.columns["p_way"] = self.columns["p_road"]
         edge = points["edge_id"].fill_null(NONE).to_numpy().astype(np.int64)
         self.edge = edge
         words = points["status"].to_numpy().astype(str)
@@ -178,6 +182,7 @@ class RecordedMessages:
             "protection_m": self._get("protection_level_m", k), "protection_risk": 1e-3,
             "radius95_m": None, "gnss_scale": self._get("gnss_scale", k) or 0.0,
             "p_road": self._get("p_road", k) or 0.0,
+            "p_way": self._get("p_way", k) or 0.0,
             "p_off_road": self._get("p_off_road", k) or 0.0,
             "road": self._road(k), "status": STATUS[self.status[k]],
             "reason": self.reason[k] or "", "dead_reckoning": False,

@@ -14,27 +14,34 @@ if TYPE_CHECKING:
 
 _APART = 3.0  # s, gap below which stretches are joined
 _SHORT = 0.4  # s, shortest listed stretch
-_PLACES = 300
+_PLACES = 30
+_LEAST = 0.5  # s of certainty missed, smallest listed
 _SURE = 0.9  # P of consecutive edges from which on only the position is unclear
 _UNCLEAR = ("ambiguous", "outage", "off_road", "lost")
+_WEIGHT = {"ambiguous": 1.0, "outage": 0.2, "off_road": 0.2, "lost": 1.0}  # of a second of it
+_RULE_S = 5.0  # what a broken rule counts
 
 
 def stretches_of(recorded: RecordedMessages, roads: "RoadMap | None") -> list[dict[str, Any]]:
-    """Stretches to check, in order of time: unclear ones, and rules broken.
+    """The few stretches to check, worst first: unclear ones, and rules broken.
 
-    To pass from one edge to the next makes both probable for a moment; that is no question.
+    The measure is the certainty missed, in seconds: the integral of 1 - P(way) where roads
+    compete, a share of the time elsewhere.  Where P(way) is not known, as in tables of earlier
+    versions, to pass from one edge to the next is no question.
     """
     found = [place for word in _UNCLEAR for place in _unclear_stretches(recorded, roads, word)]
-    return sorted(found + _broken(recorded), key=lambda place: float(place["begin"]))[:_PLACES]
+    found += _broken(recorded)
+    worst = sorted(found, key=lambda place: (-float(place["missed_s"]), float(place["begin"])))
+    return worst[:_PLACES]
 
 
 def _unclear_stretches(
     recorded: RecordedMessages, roads: "RoadMap | None", word: str
 ) -> list[dict[str, Any]]:
     """Stretches of one status."""
-    time, p = recorded.time, np.nan_to_num(recorded.columns["p_road"])
+    time, p = recorded.time, np.nan_to_num(recorded.columns["p_way"])
     rows = np.flatnonzero(recorded.status == STATUS.index(word))
-    if word == "ambiguous":
+    if word == "ambiguous" and not recorded.has_way:
         rows = np.array([k for k in rows.tolist() if not _passes(recorded, roads, k)], np.int64)
     if not len(rows):
         return []
@@ -46,11 +53,16 @@ def _unclear_stretches(
         begin, end = float(time[run[0]]), float(last[run[-1]])
         if end - begin < _SHORT:
             continue
+        doubt = 1.0 - p[run] if word == "ambiguous" else np.ones(len(run))
+        missed = _WEIGHT[word] * float(np.sum(doubt * (last[run] - time[run])))
+        if missed < _LEAST:
+            continue
         least = int(run[np.argmin(p[run])])
         worst = (float(time[least]), float(p[least]))
-        places.append(
-            _place(recorded, word, begin, min(end, float(time[-1])), worst, _contest(recorded, run))
+        place = _place(
+            recorded, word, begin, min(end, float(time[-1])), worst, _contest(recorded, run)
         )
+        places.append(place | {"missed_s": round(missed, 2)})
     return places
 
 
@@ -125,6 +137,7 @@ def _broken(recorded: RecordedMessages) -> list[dict[str, Any]]:
             names = list(dict.fromkeys(_called(recorded, int(e)) for e in route.edge[begin:i]))
             at, end = float(route.enter[begin]), float(route.exit[i - 1])
             k = min(int(np.searchsorted(recorded.time, at)), len(recorded) - 1)
-            p = float(np.nan_to_num(recorded.columns["p_road"][k]))
-            places.append(_place(recorded, rule, at, max(at, end), (at, p), names[:4]))
+            p = float(np.nan_to_num(recorded.columns["p_way"][k]))
+            place = _place(recorded, rule, at, max(at, end), (at, p), names[:4])
+            places.append(place | {"missed_s": _RULE_S})
     return places

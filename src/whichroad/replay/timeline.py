@@ -44,14 +44,14 @@ def timeline(recorded: "RecordedMessages", rows: int = ROWS) -> dict[str, Any]:
         rows: At most so many epochs.
     """
     c = recorded.columns
-    at = thinned(recorded.time, c["p_road"], rows)
+    at = thinned(recorded.time, c["p_way"], rows)
     edge, p = recorded.choices.edge[at], recorded.choices.p[at]
     return {
         "begin": round(float(recorded.time[0]), 6),
         "t": _rounded(recorded.time[at] - recorded.time[0], 3),
         "lat": _rounded(c["lat"][at], 7),
         "lon": _rounded(c["lon"][at], 7),
-        "p": _rounded(np.nan_to_num(c["p_road"][at]), 4),
+        "p": _rounded(np.nan_to_num(c["p_way"][at]), 4),
         "off": _rounded(np.nan_to_num(c["p_off_road"][at]), 4),
         "status": np.where(np.isfinite(c["lat"][at]), recorded.status[at], -1).tolist(),
         "masked": recorded.is_masked(recorded.time[at]).astype(int).tolist(),

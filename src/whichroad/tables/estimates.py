@@ -27,6 +27,7 @@ class Estimates(NamedTuple):
     heading: Array
     cov: Array  # (6, n)
     p_edge: Array
+    p_way: Array
     p_off_road: Array
     s: Array
     lateral: Array

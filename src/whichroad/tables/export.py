@@ -94,6 +94,7 @@ def points_table(
         "map_lat": _nullable(map_lat, none),
         "map_lon": _nullable(map_lon, none),
         "p_road": _nullable(v.p_edge, none),
+        "p_way": _nullable(v.p_way, none),
         "p_off_road": _nullable(v.p_off_road, none),
         "status": _STATUS.take(pa.array(v.status)),
         "reason": reasons(epochs, v, roads, first),

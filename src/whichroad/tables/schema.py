@@ -52,6 +52,7 @@ POINTS = pa.schema(
         ("map_lat", pa.float64()),
         ("map_lon", pa.float64()),
         ("p_road", pa.float64()),
+        ("p_way", pa.float64()),
         ("p_off_road", pa.float64()),
         ("status", pa.string()),
         ("reason", pa.string()),

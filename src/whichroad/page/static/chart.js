@@ -1,6 +1,6 @@
 // P(road) over time: the roads that compete in the last minute, and the whole drive in one strip.
 
-import { STATUS, STATUSES, colourOf, gradientOf, percent } from "./look.js";
+import { STATUS, STATUSES, colourOf, percent, roadLook } from "./look.js";
 
 const STRIP = 5; // height of the status strip
 const LABELLED = 4; // lines with a name
@@ -34,12 +34,13 @@ export function drawRace(canvas, series, now, span, look, nameOf) {
   ctx.rect(box.left, 0, box.right - box.left, height);
   ctx.clip();
   drawMasks(ctx, series, from, to, x, box.top, box.bottom, look);
-  const lines = linesOf(series, from, to, x, y);
+  const lines = linesOf(series, from, to, x, y, nameOf);
   ctx.lineJoin = "round";
-  ctx.strokeStyle = gradientOf(ctx, box.top, box.bottom, look);
-  for (const [edge, line] of lines) {
-    ctx.lineWidth = 2.2;
-    ctx.setLineDash(edge < 0 ? [3, 4] : []);
+  ctx.lineWidth = 2.2;
+  for (const [name, line] of lines) {
+    const { colour, dash } = roadLook(name, look);
+    ctx.strokeStyle = colour;
+    ctx.setLineDash(dash);
     ctx.stroke(line.path);
   }
   ctx.setLineDash([]);
@@ -69,22 +70,29 @@ function drawGrid(ctx, box, y, look) {
   ctx.textAlign = "left";
 }
 
+/** P of each road of epoch i, edges of one name added up, most probable first. */
+function sharesOf(series, i, nameOf) {
+  const shares = new Map();
+  series.eachRoad(i, (edge, p) => shares.set(nameOf(edge), (shares.get(nameOf(edge)) ?? 0) + p));
+  return [...shares].sort((a, b) => b[1] - a[1]);
+}
+
 /** One path for each road that was ever probable enough. */
-function linesOf(series, from, to, x, y) {
+function linesOf(series, from, to, x, y, nameOf) {
   const lines = new Map();
   for (let i = from; i < to; i += 1) {
     const t = x(series.get("t", i));
     for (const line of lines.values()) line.now = 0;
-    series.eachRoad(i, (edge, p) => {
-      let line = lines.get(edge);
+    for (const [name, p] of sharesOf(series, i, nameOf)) {
+      let line = lines.get(name);
+      if (!line && p < 0.01) continue;
       if (!line) {
-        if (p < 0.01) return;
         line = { path: new Path2D(), last: 0, most: 0 };
         line.path.moveTo(t, y(i === from ? p : 0));
-        lines.set(edge, line);
+        lines.set(name, line);
       }
       line.now = p;
-    });
+    }
     for (const line of lines.values()) {
       if (line.now === 0 && line.last === 0 && line.most > 0) line.path.moveTo(t, y(0));
       else line.path.lineTo(t, y(line.now));
@@ -124,21 +132,21 @@ function drawNames(ctx, series, now, box, y, look, nameOf) {
   const at = Math.min(series.find(now + 1e-6), series.length) - 1;
   if (at < 0) return;
   const shown = [];
-  series.eachRoad(at, (edge, p) => {
-    if (p >= 0.01 && shown.length < LABELLED) shown.push({ edge, p, y: y(p) });
-  });
+  for (const [name, p] of sharesOf(series, at, nameOf)) {
+    if (p >= 0.01 && shown.length < LABELLED) shown.push({ name, p, y: y(p) });
+  }
   let last = -100;
   ctx.font = "600 11px system-ui, sans-serif";
   const space = ctx.canvas.clientWidth - box.right - 12;
   for (const one of shown) {
     const top = Math.max(one.y + 4, last + 13, box.top + 6);
     last = top;
-    ctx.fillStyle = colourOf(one.p, look);
+    ctx.fillStyle = roadLook(one.name, look).colour;
     const share = percent(one.p);
     ctx.fillText(share, box.right + 8, top);
     const used = ctx.measureText(share).width + 6;
     ctx.fillStyle = look.faint;
-    ctx.fillText(shortened(ctx, nameOf(one.edge), space - used), box.right + 8 + used, top);
+    ctx.fillText(shortened(ctx, one.name, space - used), box.right + 8 + used, top);
   }
 }
 

@@ -11,19 +11,50 @@ export const LOOK = {
     name: "light",
     land: "#f3f1ec", road: "#ffffff", casing: "#cfcac0", major: "#fff3d6", majorCasing: "#dcbf86",
     small: "#fbfaf8", tunnel: "#e2ded6", text: "#4b4740", halo: "#ffffff", arrow: "#a59f93",
-    ink: "#16181b", paper: "#ffffff", faint: "#8a8f98", grid: "rgba(22,24,27,0.10)",
+    ink: "#16181b", paper: "#ffffff", faint: "#5c636f", grid: "rgba(22,24,27,0.10)",
     fix: "#d9730d", masked: "#8a8f98", reckoning: "#8e44ad", outside: "rgba(22,24,27,0.05)",
     hatch: "rgba(90,98,130,0.16)",
   },
   dark: {
     name: "dark",
-    land: "#12151a", road: "#343b46", casing: "#0c0e12", major: "#4d4738", majorCasing: "#0c0e12",
-    small: "#262c35", tunnel: "#20252d", text: "#b4bcc8", halo: "#12151a", arrow: "#6c7685",
-    ink: "#eef1f5", paper: "#1b2028", faint: "#8d97a5", grid: "rgba(238,241,245,0.12)",
+    land: "#12151a", road: "#566172", casing: "#0c0e12", major: "#7d7050", majorCasing: "#0c0e12",
+    small: "#434c59", tunnel: "#2f3641", text: "#b4bcc8", halo: "#12151a", arrow: "#6c7685",
+    ink: "#eef1f5", paper: "#1b2028", faint: "#a5afbc", grid: "rgba(238,241,245,0.12)",
     fix: "#ffa94d", masked: "#8d97a5", reckoning: "#c792ea", outside: "rgba(238,241,245,0.05)",
     hatch: "rgba(160,172,210,0.18)",
   },
 };
+
+// One colour for each road: told apart by the colour-blind, and in grey by lightness and dashes.
+const ROAD = {
+  light: ["#1f3d7a", "#c2571a", "#00806f", "#a8327e", "#6b6b00", "#2e86c1", "#7a4b2a", "#5b3fa0"],
+  dark: ["#8fb4ff", "#ff9a5c", "#3fd0b6", "#f08ac4", "#d8d04a", "#62c4f0", "#d2a27c", "#bba4ff"],
+};
+const DASHES = [[], [9, 3], [4, 3], [12, 3, 3, 3], [2, 3], [16, 4], [6, 2, 2, 2], [1, 4]];
+const KEPT = 512; // roads whose colours are known
+const roadPlaces = new Map(); // of a road's name in the list of colours, the last used at the end
+
+/** A road keeps its place; a new one takes that which was used longest ago. */
+function placeOf(key) {
+  let place = roadPlaces.get(key);
+  if (place === undefined) {
+    const lastUsed = DASHES.map(() => -1);
+    let rank = 0;
+    for (const its of roadPlaces.values()) lastUsed[its] = rank++;
+    place = lastUsed.indexOf(Math.min(...lastUsed));
+    if (roadPlaces.size >= KEPT) roadPlaces.delete(roadPlaces.keys().next().value);
+  }
+  roadPlaces.delete(key);
+  roadPlaces.set(key, place);
+  return place;
+}
+
+/** Colour and dashes of a road, the same in map, list and chart. key: its name, or its edge. */
+export function roadLook(key, look) {
+  if (key === "off the roads") return { colour: look.faint, dash: [3, 4] };
+  const place = placeOf(key);
+  return { colour: ROAD[look.name][place], dash: DASHES[place] };
+}
 
 // In the order of the service's own codes.
 export const STATUS = {
@@ -68,13 +99,6 @@ function mixed(p, look) {
   const high = channels(stops[Math.floor(at) + 1]);
   const part = at - Math.floor(at);
   return `rgb(${low.map((c, i) => Math.round(c + part * (high[i] - c))).join(",")})`;
-}
-
-/** A gradient along y: the top is P = 1. */
-export function gradientOf(ctx, top, bottom, look) {
-  const gradient = ctx.createLinearGradient(0, bottom, 0, top);
-  SCALE[look.name].forEach((colour, i, all) => gradient.addColorStop(i / (all.length - 1), colour));
-  return gradient;
 }
 
 export function percent(p) {

@@ -66,7 +66,7 @@ function keepRow(message) {
     const status = message.answered ? STATUSES.indexOf(message.status) : -1;
     series.push(
       {
-        t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_road, off: message.p_off_road,
+        t: message.epoch_s, lat, lon: message.pose?.lon, p: message.p_way, off: message.p_off_road,
         status, masked: message.gnss_masked ? 1 : 0, major: message.ellipse?.major_m,
       },
       state.roads,
@@ -254,6 +254,13 @@ function theme() {
   wear(name);
 }
 
+/** Panels to their headline, or as they were; only where the screen is small. */
+function fold(on) {
+  byId("app").classList.toggle("folded", on);
+  byId("fold").setAttribute("aria-expanded", String(!on));
+  refresh();
+}
+
 function legend(open) {
   if (open) byId("legend").show();
   else byId("legend").close();
@@ -275,6 +282,7 @@ const acts = {
   in: () => map.zoomIn({ around: state.follow ? map.getCenter() : undefined }),
   out: () => map.zoomOut(),
   help: () => legend(!byId("legend").open),
+  fold: () => fold(!byId("app").classList.contains("folded")),
 };
 for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
 byId("legend-close").addEventListener("click", acts.help);
@@ -284,7 +292,7 @@ byId("speed").addEventListener("change", (event) => {
 });
 
 const KEYS = {
-  " ": acts.pause, k: acts.pause, m: acts.mask, f: acts.follow, t: theme, "?": acts.help, h: acts.help,
+  " ": acts.pause, k: acts.pause, m: acts.mask, f: acts.follow, t: theme, "?": acts.help, h: acts.help, p: acts.fold,
   "+": acts.in, "=": acts.in, "-": acts.out, ".": acts.step, ">": () => faster(1), "<": () => faster(-1),
   ArrowRight: (shift) => seek((state.frame?.play.position_s ?? 0) + (shift ? 30 : 5)),
   ArrowLeft: (shift) => seek((state.frame?.play.position_s ?? 0) - (shift ? 30 : 5)),
@@ -322,6 +330,7 @@ map.on("wheel", () => map.scrollZoom.enable(state.follow ? { around: "center" } 
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => wear(themeWished()));
 addEventListener("resize", () => refresh());
 byId("more").open = innerWidth > 720;
+if (innerWidth <= 720 && innerHeight <= 640) fold(true); // or the panels would hide most of the map
 
 new Feed(take, (word) => {
   byId("app").classList.toggle("lost", word === "closed");

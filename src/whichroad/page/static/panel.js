@@ -1,6 +1,6 @@
 // Words and figures beside the map; an element is touched only when its text changes.
 
-import { STATUS, clock, colourOf, percent, titleOf } from "./look.js";
+import { STATUS, clock, colourOf, percent, roadLook, titleOf } from "./look.js";
 
 const LISTED = 5; // roads in the list
 
@@ -25,7 +25,7 @@ export function fillPanel(frame, roads, known, look) {
   setText("road-kind", kindOf(road));
   fillLimit(road.speed_limit_kmh);
   fillStatus(frame, look);
-  const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_road;
+  const p = road.edge_id === null || road.edge_id === undefined ? frame.p_off_road : frame.p_way;
   setText("p", frame.answered ? percent(p) : "–");
   byId("p").style.color = frame.answered ? `color-mix(in srgb, ${colourOf(p, look)} 78%, var(--ink))` : "";
   fillRoads(roads, known, look);
@@ -91,7 +91,7 @@ function fillRoads(roads, known, look) {
     const text = percent(p);
     if (share.textContent !== text) share.textContent = text;
     bar.style.transform = `scaleX(${p.toFixed(3)})`;
-    bar.style.background = colourOf(p, look);
+    bar.style.background = roadLook(title, look).colour;
   });
 }
 

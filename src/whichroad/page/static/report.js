@@ -42,7 +42,7 @@ function frameOf(k) {
     epoch_s: line.t[k], answered, status: STATUSES[line.status[k]], reason: data.reasons[more.reason[k]],
     pose: answered ? { lat: line.lat[k], lon: line.lon[k], bearing_deg: more.bearing[k], speed_mps: more.speed[k] } : null,
     ellipse: more.major[k] === null ? null : { major_m: more.major[k], minor_m: more.minor[k], bearing_deg: more.axis[k] },
-    p_road: line.p[k], p_off_road: line.off[k], protection_m: more.protection[k], gnss_scale: more.scale[k],
+    p_way: line.p[k], p_off_road: line.off[k], protection_m: more.protection[k], gnss_scale: more.scale[k],
     gnss_masked: line.masked[k] === 1, hypotheses: poses, sensors: [],
     road: {
       edge_id: edge < 0 ? null : edge, name: known.name, highway: known.highway,
@@ -110,6 +110,15 @@ function go(t) {
   refresh();
 }
 
+/** The moment and the magnification that the address names, such as `#t=310&z=17`. */
+function goToLink() {
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const [t, z] = [Number.parseFloat(asked.get("t")), Number.parseFloat(asked.get("z"))];
+  if (Number.isNaN(t)) return;
+  visit(series.begin + t);
+  if (!Number.isNaN(z)) map.magnification = 2 ** (z - 17.2); // as in web maps, about 50 degrees north
+}
+
 /** Close enough to see hypotheses apart. */
 function visit(t) {
   if (map.magnification < 2.2) map.magnification = 2.6;
@@ -126,7 +135,7 @@ function fillHead() {
   element("when").textContent = `${data.began.slice(0, 10)}, ${data.began.slice(11, 16)} UTC`;
   const shown = [
     ["driven", `${km.toFixed(km < 10 ? 2 : 1)} km`], ["in", clock(summary.duration_s)],
-    ["mean P(road)", percent(summary.mean_p)],
+    ["mean P(way)", percent(summary.mean_p)],
     ["95 % ellipse, median", summary.major_95_m === null ? "–" : `${summary.major_95_m.toFixed(1)} m`],
     ["fixes", summary.fixes ? summary.fixes.toLocaleString("en") + (summary.fixes_masked ? `, ${summary.fixes_masked} masked` : "") : "–"],
   ];
@@ -274,5 +283,7 @@ fillShares();
 fillPlaces();
 now.t = series.begin;
 map.fit();
+goToLink();
+addEventListener("hashchange", goToLink);
 refresh();
 document.documentElement.dataset.ready = "report";

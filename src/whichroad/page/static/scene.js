@@ -3,7 +3,7 @@
 // A view projects: {project(lon, lat) -> {x, y}, width, height, bounds: [west, south, east, north]}.
 // Nothing here knows the map.
 
-import { CHI_95, STATUSES, colourOf, percent } from "./look.js";
+import { CHI_95, STATUSES, colourOf, percent, roadLook, titleOf } from "./look.js";
 import { roadsOf } from "./series.js";
 
 const EARTH = 6371008.8;
@@ -89,7 +89,7 @@ function drawRoads(ctx, view, scene, look) {
     const line = known.line.map(([lon, lat]) => view.project(lon, lat));
     const path = new Path2D();
     line.forEach((at, i) => (i ? path.lineTo(at.x, at.y) : path.moveTo(at.x, at.y)));
-    ctx.strokeStyle = colourOf(p, look);
+    ctx.strokeStyle = colourOfRoad(edge, scene.edges, look);
     ctx.globalAlpha = 0.1 + 0.36 * Math.sqrt(p);
     ctx.lineWidth = 15;
     ctx.stroke(path);
@@ -160,7 +160,12 @@ function drawReckoning(ctx, view, scene, look) {
   ctx.stroke();
 }
 
-/** Every hypothesis in the colour of its road's P; each road's P stands on it, some distance ahead. */
+function colourOfRoad(edge, edges, look) {
+  const known = edges.get(edge);
+  return roadLook(titleOf(edge ?? -1, known?.name, known?.highway), look).colour;
+}
+
+/** Every hypothesis in the colour of its road; each road's P stands on it, some distance ahead. */
 function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
   const shares = new Map(roadsOf(frame.hypotheses));
   if (shares.size < 2 || Math.max(...shares.values()) > 0.998) return;
@@ -176,12 +181,12 @@ function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
     const at = view.project(pose.lon, pose.lat);
     const known = edges.get(one.edge_id);
     const foot = known && footOn(known.line.map(([lon, lat]) => view.project(lon, lat)), at);
-    labels.push({ ...(foot ? foot.ahead : at), text: percent(share), colour: colourOf(share, look), foot });
+    labels.push({ ...(foot ? foot.ahead : at), text: percent(share), colour: colourOfRoad(one.edge_id, edges, look), foot });
   }
   for (const one of [...frame.hypotheses].reverse()) {
     if (one.lat === null || one.p < 0.002) continue;
     const strong = one.p >= NEAR;
-    ctx.strokeStyle = colourOf(shares.get(one.edge_id ?? -1), look);
+    ctx.strokeStyle = colourOfRoad(one.edge_id, edges, look);
     ctx.globalAlpha = strong ? 1 : 0.55;
     ctx.lineWidth = strong ? 1.6 : 1;
     if (one.ellipse) ctx.stroke(ellipsePath(view, one, one.ellipse));
@@ -196,7 +201,7 @@ function drawHypotheses(ctx, view, { frame, edges }, look, labels) {
 
 function drawVehicle(ctx, view, frame, look) {
   const status = STATUSES.includes(frame.status) ? frame.status : "lost";
-  const colour = colourOf(frame.p_road, look);
+  const colour = colourOf(frame.p_way, look);
   if (frame.ellipse) {
     const path = ellipsePath(view, frame.pose, frame.ellipse);
     ctx.fillStyle = colour;

@@ -1,0 +1,111 @@
+"""The page and the report at four sizes, light and dark: axe finds nothing, nothing overlaps."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from whichroad.replay.drive_report import write_report
+from whichroad.replay.open_replay import Remaking
+from whichroad.replay.player import Player
+from whichroad.replay.recorded_messages import RecordedMessages
+from whichroad.replay.replay_server import replay_app
+from whichroad.roadmap import RoadMap
+
+from .conftest import served
+from .test_browser import CHROMIUM, POST, browser, pytestmark  # noqa: F401
+
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+
+SIZES = {"320x568": (320, 568), "390x844": (390, 844), "844x390": (844, 390),
+         "1440x900": (1440, 900)}  # fmt: skip
+THEMES = ("light", "dark")
+OUTSIDE = """() => [...document.querySelectorAll('button, summary, select, h1, .p, .status, dd')]
+  .filter((e) => e.checkVisibility() && !e.closest('dialog') && !e.closest('ol.places'))
+  .filter((e) => { const r = e.getBoundingClientRect();
+    return r.left < -0.5 || r.right > innerWidth + 0.5; })
+  .map((e) => e.id || e.textContent)"""
+PANELS = """(names) => { const found = names.map((n) => document.getElementById(n))
+  .filter((e) => e && e.checkVisibility());
+  const over = [];
+  found.forEach((a, i) => found.slice(0, i).forEach((b) => {
+    const [p, q] = [a.getBoundingClientRect(), b.getBoundingClientRect()];
+    const wide = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+    const high = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+    if (wide > 1 && high > 1) over.push(`${a.id} over ${b.id}: ${wide} x ${high}`); }));
+  return over; }"""
+MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
+  document.getElementById(n).getBoundingClientRect());
+  const area = panels.reduce((sum, r) => sum + r.width * r.height, 0);
+  return 1 - area / (innerWidth * innerHeight); }"""
+
+
+@pytest.fixture(scope="module")
+def replayed(remaking: Remaking, recorded: RecordedMessages) -> Iterator[str]:
+    player = Player(recorded, remaking, position=80.0, paused=True)
+    with served(replay_app(player, remaking.roads)) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def report(
+    tmp_path_factory: pytest.TempPathFactory, recorded: RecordedMessages, roads: RoadMap
+) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(recorded, path, roads)
+    return path
+
+
+def violations(page: Any) -> list[str]:
+    """What axe finds, one line for each element."""
+    found = axe.Axe().run(page).response["violations"]
+    return [f"{one['id']}: {node['target']} {node['html'][:90]}"
+            for one in found for node in one["nodes"]]  # fmt: skip
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, theme: str):  # noqa: F811
+    width, height = SIZES[size]
+    page = browser.new_page(
+        viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
+    )
+    page.goto(replayed)
+    page.wait_for_selector("html[data-drawn]")
+    page.wait_for_selector("#drive:not([hidden])")
+    for act in ("unmask", "mask"):
+        page.evaluate(POST, {"action": act})
+        page.wait_for_function("m => whichroad.state.frame.gnss_masked === m", arg=act == "mask")
+        assert page.evaluate(OUTSIDE) == []
+        assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
+        assert page.evaluate("() => document.getElementById('p').getClientRects().length") == 1
+        assert page.evaluate("() => document.getElementById('p').offsetHeight") < 48
+    small = min(width, height) < 400
+    assert page.evaluate(MAP_FREE) > (0.42 if small else 0.6)
+    assert violations(page) == []
+    if small:
+        free = page.evaluate(MAP_FREE)
+        page.click("#fold")
+        assert abs(page.evaluate(MAP_FREE) - free) > 0.05
+        assert page.evaluate(OUTSIDE) == []
+        assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
+        assert violations(page) == []
+        assert max(free, page.evaluate(MAP_FREE)) > 0.5
+    page.evaluate(POST, {"action": "unmask"})
+    page.close()
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES)
+def test_the_report_fits_and_can_be_read(browser: Any, report: Path, size: str, theme: str):  # noqa: F811
+    width, height = SIZES[size]
+    page = browser.new_page(
+        viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
+    )
+    page.goto(report.as_uri())
+    page.wait_for_selector("html[data-ready]")
+    assert page.evaluate(OUTSIDE) == []
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert violations(page) == []
+    page.close()
