@@ -43,7 +43,7 @@ def fleet(
     order: Annotated[
         str,
         typer.Option(
-            metavar="any|sorted", help="sorted: all rows of a trip lie together (checked)."
+            metavar="any|sorted", help="`sorted`: all rows of a trip lie together (checked)."
         ),
     ] = "any",
     points: Annotated[

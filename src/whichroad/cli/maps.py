@@ -18,8 +18,8 @@ def map_build(
         typer.Argument(
             metavar="INPUT",
             help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), Overture's segments "
-            "(.parquet), a network of SUMO (.net.xml), or a table or graph of edges (.geojson, "
-            ".csv, .parquet, .gpkg, .graphml, .shp, ...).",
+            "(.parquet) or a network of SUMO (.net.xml). A table or graph of edges will do too "
+            "(.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="File for the compiled map.")],

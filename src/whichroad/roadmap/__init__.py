@@ -1,7 +1,8 @@
 """The road network: read, compile, store, query."""
 
 from .checked import shared_map
+from .edge_geometry import Near
 from .open_map import open_map
-from .roadmap import Near, RoadMap
+from .roadmap import RoadMap
 
 __all__ = ["Near", "RoadMap", "open_map", "shared_map"]

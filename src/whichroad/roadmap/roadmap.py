@@ -1,22 +1,19 @@
 """`RoadMap`: a road network to drive on, and what its roads are called."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MapError
 from ..geodesy.plane import Plane
-from ..graph import index
-from ..graph.network import Roads, records
-from ..observations import Array
+from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .compile import Network, Pieces, compile_streets
-from .edge_lines import edge_lines
+from .edge_geometry import EdgeGeometry
 from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
@@ -28,16 +25,7 @@ if TYPE_CHECKING:
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
 
-class Near(NamedTuple):
-    """Edges near a point, closest first: (n,) each."""
-
-    edge: Ints
-    s: Array  # along-track position of the closest point, true m
-    lateral: Array  # signed distance, positive where the point is right of the edge, true m
-    distance: Array  # true m
-
-
-class RoadMap:
+class RoadMap(EdgeGeometry):
     """A compiled road network.
 
     Edges are directed, numbered from 0, and run between junctions; where a street is legal
@@ -55,8 +43,6 @@ class RoadMap:
     __slots__ = (
         "_about",
         "_fingerprint",
-        "_reach",
-        "arrays",
         "node_id",
         "pieces",
         "plane",
@@ -202,74 +188,6 @@ class RoadMap:
         return {"fingerprint": self.fingerprint, "source": about["source"],
                 "source_date": about.get("source_date")}  # fmt: skip
 
-    def near(self, x: float, y: float, radius: float) -> Near:
-        """Every directed edge near a point, closest first.
-
-        Args:
-            x: Plane m, east of the map's origin.
-            y: Plane m, north of it.
-            radius: True m.
-        """
-        capacity = 64
-        while True:
-            found = records(capacity, index.CANDIDATE)
-            n = index.near(self.arrays, x, y, radius, found)
-            if n < capacity:
-                return Near(*(np.ascontiguousarray(found[name][:n]) for name in Near._fields))
-            capacity *= 4
-
-    def at(self, edge: int, s: float) -> tuple[float, float, float]:
-        """Plane point (m) and heading (rad) at a place of an edge.
-
-        Args:
-            edge: The edge.
-            s: True m from its start; beyond the ends the edge is prolonged.
-        """
-        v = int(index.vertex_at(self.arrays, edge, s))
-        (x, y, begin), (next_x, next_y, end) = self.arrays.vertices[v : v + 2].tolist()
-        dx, dy = next_x - x, next_y - y
-        t = (s - begin) / (end - begin)
-        return x + t * dx, y + t * dy, math.atan2(dy, dx)
-
-    def edge_line(self, edge: int, start: float | None = None, end: float | None = None) -> Array:
-        """Vertices of an edge in driving direction, (n, 2) plane m.
-
-        Args:
-            edge: Directed edge.
-            start: Along-track position from which on; None: its beginning.
-            end: Along-track position up to which, not less than start; None: its end.
-        """
-        row = self.arrays.edges[edge]
-        vertices = self.arrays.vertices[row["first_vertex"] : row["last_vertex"] + 1]
-        line = np.column_stack([vertices.x, vertices.y])
-        if start is None and end is None:
-            return line
-        s = vertices.s
-        start = 0.0 if start is None else min(max(start, 0.0), float(s[-1]))
-        end = float(s[-1]) if end is None else min(max(end, start), float(s[-1]))
-        inside = line[(s > start) & (s < end)]
-        return np.vstack([self.at(edge, start)[:2], inside, self.at(edge, end)[:2]])
-
-    def edge_lines(self, edge: Ints, start: Array, end: Array) -> tuple[Array, Array, Ints]:
-        """Parts of edges in driving direction, all at once.
-
-        Args:
-            edge: (n,) directed edges.
-            start: (n,) along-track positions from which on; 0 and less: the edge's beginning.
-            end: (n,) along-track positions up to which, not less than `start`.
-
-        Returns:
-            x and y (m) of all vertices, and (n + 1,) where each line's begin.
-        """
-        return edge_lines(self.arrays, edge, start, end)
-
-    @property
-    def reach(self) -> float:
-        """Plane metres from the origin to the farthest vertex."""
-        if self._reach is None:
-            self._reach = float(np.hypot(self.arrays.vertices.x, self.arrays.vertices.y).max())
-        return self._reach
-
     def piece(self, edge: ArrayLike, s: ArrayLike) -> Ints:
         """Row in `pieces` of the street at places along edges.
 
@@ -317,7 +235,15 @@ class RoadMap:
         return ids, forward
 
     def on_source(self, edge: ArrayLike, s: ArrayLike) -> SourcePlace:
-        """Where (n,) places s along edges, m, are on the roads of the source: `m` and `share`."""
+        """Where places along edges are on the roads of the source.
+
+        Args:
+            edge: (n,) edges.
+            s: (n,) true m from their starts, or one for all.
+
+        Returns:
+            `m`, (n,) metres from the start of the road as it was drawn, and `share` of its length.
+        """
         piece = self.piece(edge, s)
         return on_source(self, piece, np.broadcast_to(np.asarray(s, np.float64), piece.shape))
 

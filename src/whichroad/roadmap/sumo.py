@@ -79,7 +79,7 @@ def read_net(path: Path, crs: Any = None) -> tuple[Streets, str]:
 def _collect(path: Path, net: _Net) -> None:
     """All of a file that is needed."""
     if not path.is_file():
-        raise OSError("there is no such file")
+        raise OSError("the file does not exist")
     with path.open("rb") as raw:
         packed = raw.read(2) == b"\x1f\x8b"
     with gzip.open(path) if packed else path.open("rb") as file:
