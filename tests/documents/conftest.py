@@ -58,6 +58,10 @@ def _write_drives(folder: Path) -> None:
     trips = table.assign(trip_id=[f"trip {row // 60}" for row in range(len(table))])
     trips.to_parquet(folder / "trips.parquet")
     trips.to_csv(folder / "trips.csv", index=False)
+    (folder / "lake" / "june").mkdir(parents=True)
+    trips.assign(day="2026-06-01").to_parquet(folder / "lake" / "june" / "1.parquet")
+    (folder / "days").mkdir()
+    table.assign(vehicle="van").to_csv(folder / "days" / "1.csv", index=False)
 
 
 def _write_gpx(path: Path, table: pd.DataFrame) -> None:
