@@ -39,7 +39,7 @@ def way_share(belief: Belief, ctx: Context, out: Record, p_edge: float) -> float
     sure = 0.0
     for a in range(len(out.alt_edge)):
         if chain & (1 << a) > 0:
-            sure += out.alt_p[a]
+            sure += float(out.alt_p[a])
     way = sure + (1.0 - ctx.par[0].unknown) * _undecided(belief, ctx, out, chain)
     return float(max(p_edge, min(way, on_roads)))
 
