@@ -229,11 +229,11 @@ def test_a_message_inside_of_a_message_is_not_read(read):
     content = pvt(0) + framed(b"\x02\x13", b"xx" + pvt(7) + b"yy") + pvt(1)
     drive = read(content)
     assert drive.fixes.time - NOON == pytest.approx([0, 1])
-    assert any("1 0x02 0x13" in note for note in drive.notes)
+    assert any("0x02 0x13: 1" in note for note in drive.notes)
 
 
 def test_a_log_without_positions_is_refused_with_what_it_holds(read):
-    with pytest.raises(ReadError, match=r"no NAV-PVT message \(1 NAV-COV\)"):
+    with pytest.raises(ReadError, match=r"no NAV-PVT message \(NAV-COV: 1\)"):
         read(cov(0, 1.0, 0.0, 1.0))
 
 

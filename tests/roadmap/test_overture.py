@@ -178,7 +178,7 @@ def test_what_is_not_for_cars_is_left_out_and_counted(tmp_path):
         "parts under construction or abandoned": 1,
     }
     assert roads.arrays.edges.length[edges_of(roads, "u")[0][0]] == pytest.approx(50.0, rel=1e-3)
-    with pytest.raises(MapError, match=r"no road for cars .*1 segments of rail"):
+    with pytest.raises(MapError, match=r"no road for cars .*segments of rail and water: 1"):
         RoadMap.from_edges(write(rows[2:3], tmp_path / "rail.parquet"))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..geodesy.angles import radians, wrap_bearing
 from ..geodesy.units import KNOT
+from ..writers.nmea_text import place_of, sealed
 from .broadcaster import MOST_LISTENERS, Sockets
 from .messages import EstimateMessage
 
@@ -28,9 +29,9 @@ def sentences(message: EstimateMessage) -> bytes:
             f"GNGGA,{clock},,,,,0,00,,,M,,M,,",
             f"GNRMC,{clock},V,,,,,,,{moment:%d%m%y},,,N",
         ]
-        return b"".join(map(_checked, bodies))
+        return b"".join(map(sealed, bodies))
     alone = message["status"] == "outage" or message["dead_reckoning"]
-    place = f"{_angle(pose['lat'], 2, 'NS')},{_angle(pose['lon'], 3, 'EW')}"
+    place = place_of(pose["lat"], pose["lon"])
     speed = abs(pose["speed_mps"] or 0.0)
     major, minor, axis = ellipse["major_m"], ellipse["minor_m"], ellipse["bearing_deg"]
     sin, cos = math.sin(radians(axis)), math.cos(radians(axis))
@@ -41,21 +42,7 @@ def sentences(message: EstimateMessage) -> bytes:
         f"{moment:%d%m%y},,,{'E' if alone else 'A'}",
         f"GNGST,{clock},,{major:.3f},{minor:.3f},{axis:.1f},{north:.3f},{east:.3f},",
     ]
-    return b"".join(map(_checked, bodies))
-
-
-def _checked(body: str) -> bytes:
-    total = 0
-    for letter in body.encode():
-        total ^= letter
-    return f"${body}*{total:02X}\r\n".encode()
-
-
-def _angle(degrees: float, digits: int, signs: str) -> str:
-    """Degrees as `ddmm.mmmmmm` and the hemisphere."""
-    micro = round(abs(degrees) * 60e6)
-    letter = signs[0] if degrees >= 0.0 else signs[1]
-    return f"{micro // 60_000_000:0{digits}d}{micro % 60_000_000 / 1e6:09.6f},{letter}"
+    return b"".join(map(sealed, bodies))
 
 
 class NmeaOutput:

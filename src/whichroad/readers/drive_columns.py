@@ -29,6 +29,7 @@ _USED: dict[type, frozenset[str]] = {
     WheelSpeeds: frozenset(("wheel_rl", "wheel_rr")),
     SpeedYawRate: frozenset(("yaw_rate",)),
 }
+_STALE = 0.5  # s, largest age of what one sensor says beside the reading of another
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 
@@ -193,3 +194,19 @@ def _reversing(columns: Columns) -> Reversing | None:
     known = ~np.isnan(columns["reverse"])
     order = np.argsort(columns["time"][known], kind="stable")
     return columns["time"][known][order], columns["reverse"][known][order] > 0
+
+
+def nearby(time: Array, known_at: Array, values: Array) -> Array:
+    """Values of one sensor at the times of another, between readings; NaN where none is near.
+
+    Args:
+        time: (n,) s.
+        known_at: (m,) s, in any order.
+        values: (m,) at these times.
+    """
+    order = np.argsort(known_at, kind="stable")
+    known_at, values = known_at[order], values[order]
+    after = np.searchsorted(known_at, time).clip(0, len(known_at) - 1)
+    before = np.maximum(after - 1, 0)
+    apart = np.minimum(np.abs(known_at[after] - time), np.abs(known_at[before] - time))
+    return np.where(apart <= _STALE, np.interp(time, known_at, values), np.nan)

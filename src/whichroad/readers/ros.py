@@ -15,8 +15,9 @@ import numpy as np
 from ..errors import ReadError
 from ..geodesy.angles import course_of
 from ..observations import Array, Drive, Fixes, OdometryLog
+from ..wording import by_reason
 from .checks import NO_TIME, Skipped, keep
-from .drive_columns import odometer_from_speed, speed_yaw_rate
+from .drive_columns import nearby, odometer_from_speed, speed_yaw_rate
 from .reading import Reading
 from .reported_fixes import Reported, make_fixes
 
@@ -28,7 +29,6 @@ _WANTED = (_FIX, _ODOMETRY, _IMU, *_TWISTS)
 _LOCATION = "foxglove.LocationFix"
 _KNOWN_COVARIANCE = 1  # of NavSatFix: approximated, diagonal or full from here on
 _ASIDE = 0.5  # m/s across, from which a twist is in east and north and not in the vehicle
-_STALE = 0.5  # s, largest age of a yaw rate or of a velocity that is put beside a reading
 _NO_FIX = "message without a fix"
 
 
@@ -78,7 +78,7 @@ def read_bag(path: Path, reading: Reading) -> list[Drive]:
             "ROS 2, or an MCAP, was expected; is it damaged?"
         ) from None
     if not topics:
-        found = ", ".join(f"{n} {kind}" for kind, n in seen.most_common(8)) or "no message"
+        found = by_reason(seen.most_common(8)) or "no message"
         raise ReadError(
             f"{path.name}: no {', '.join(_WANTED)} in it ({found}); one of them was expected; "
             "record such a topic"
@@ -193,16 +193,6 @@ def _twists(topics: dict[str, _Topic], notes: list[str]) -> tuple[Array | None, 
     return twists, None
 
 
-def _near(time: Array, known_at: Array, values: Array) -> Array:
-    """Values between readings, NaN where none is near."""
-    order = np.argsort(known_at, kind="stable")
-    known_at, values = known_at[order], values[order]
-    after = np.searchsorted(known_at, time).clip(0, len(known_at) - 1)
-    before = np.maximum(after - 1, 0)
-    apart = np.minimum(np.abs(known_at[after] - time), np.abs(known_at[before] - time))
-    return np.where(apart <= _STALE, np.interp(time, known_at, values), np.nan)
-
-
 def _fixes(
     rows: Array | None, velocity: Array | None, reading: Reading, skipped: Skipped
 ) -> Fixes | None:
@@ -212,7 +202,7 @@ def _fixes(
     rows = rows[:, keep(np.isfinite(rows[0]), NO_TIME, skipped)]
     speed = course = None
     if velocity is not None:
-        east, north = (_near(rows[0], velocity[0], velocity[k]) for k in (1, 2))
+        east, north = (nearby(rows[0], velocity[0], velocity[k]) for k in (1, 2))
         speed, course = np.hypot(east, north), course_of(east, north)
     ee, en, nn = rows[3:6]
     reported = Reported(
@@ -236,7 +226,7 @@ def _odometry(
     time, speed, _, turn = moving
     if not np.any(turn) and gyro is not None:
         notes.append("turns are those of the Imu: the twists have none")
-        turn = _near(time, gyro[0], gyro[1])
+        turn = nearby(time, gyro[0], gyro[1])
     elif not np.any(turn):
         notes.append("distance integrated from speed: nothing turns")
         return odometer_from_speed(time, speed, skipped)

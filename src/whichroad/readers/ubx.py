@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..observations import Drive, Fixes, GeoFix
+from ..wording import by_reason
 from .checks import Bools, Ints, Skipped, keep
 from .reading import Reading
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
@@ -67,7 +68,7 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
     frames, _ = scan(data, skipped)
     mine = frames.kind == NAV_PVT
     if not mine.any():
-        seen = ", ".join(f"{n} {why}" for why, n in _seen(frames, skipped).items())
+        seen = by_reason(_seen(frames, skipped))
         raise ReadError(
             f"{source.name}: no NAV-PVT message ({seen or 'nothing like UBX'}); a UBX log was "
             "expected; switch NAV-PVT on in the receiver, or give the log of its NMEA sentences"
@@ -85,8 +86,7 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
     wheels, notes = odometry(found, at, fixes, reading.vehicle, skipped)
     others = Counter({k: n for k, n in _seen(frames, Counter()).items() if k.startswith("0x")})
     if others:
-        kinds = ", ".join(f"{n} {kind}" for kind, n in others.most_common(8))
-        notes.append(f"UBX messages not needed: {kinds}")
+        notes.append(f"UBX messages not needed: {by_reason(others.most_common(8))}")
     return [
         Drive(source.stem, fixes, wheels, (source.path,), dict(skipped), tuple(notes))
     ]  # fmt: skip

@@ -8,7 +8,7 @@ from ..geodesy.angles import radians, wrap_degrees
 from ..observations import Array, Fixes, OdometryLog, WheelCounts
 from ..settings import Vehicle
 from .checks import Ints, Skipped, in_order
-from .drive_columns import odometer, speed_yaw_rate
+from .drive_columns import nearby, odometer, speed_yaw_rate
 from .ubx_frames import CUT, HEAD, TAIL, Bytes, Frames
 from .wheel_counters import Reversing, cumulative, wheel_counts
 
@@ -16,7 +16,6 @@ _GYRO_Z, _REAR_LEFT, _REAR_RIGHT, _TICK, _SPEED = 5, 8, 9, 10, 11  # types of me
 _GYRO_DEG = 2.0**-12  # deg/s, unit of the gyro
 _SPEED_MPS = 1e-3  # m/s, unit of the speed
 _BITS = 23  # of a tick counter; the one above is set where the wheel turns backwards
-_STALE = 0.5  # s, largest age of a yaw rate combined with a reading
 _WRAP = 2.0**32  # ms, at which the tag of a measurement begins again
 _SPAN = 60.0  # s over which the offset of the sensors' clock is taken as constant
 _SURE = 0.5  # correlation of gyro and course, from which the gyro's direction is known
@@ -149,7 +148,7 @@ def odometry(
         at, raw = series[_SPEED]
         speed = _SPEED_MPS * _signed(raw)
         if rate is not None:
-            return speed_yaw_rate(at, speed, _near(at, gyro[0], rate), skipped), notes
+            return speed_yaw_rate(at, speed, nearby(at, gyro[0], rate), skipped), notes
     if not len(series[_TICK][0]):
         return None, notes
     at, count = _signed_counts(series[_TICK], vehicle, skipped)
@@ -174,14 +173,6 @@ def _signed_counts(
         skipped=skipped,
         reversing=reversing,
     )
-
-
-def _near(time: Array, known_at: Array, values: Array) -> Array:
-    """Values between readings, NaN where none is near."""
-    after = np.searchsorted(known_at, time).clip(0, len(known_at) - 1)
-    before = np.maximum(after - 1, 0)
-    apart = np.minimum(np.abs(known_at[after] - time), np.abs(known_at[before] - time))
-    return np.where(apart <= _STALE, np.interp(time, known_at, values), np.nan)
 
 
 def _as_wheels(

@@ -5,13 +5,13 @@ shortest way would leave it.  Bytes are the package `openlr`'s.
 """
 
 import heapq
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import MapError
-from ..geodesy.angles import bearing_of
 from ..observations import Array
 from .streets import Ints
 
@@ -191,10 +191,7 @@ class LineEncoder:
         ahead = min(_BEARING, length)
         x, y, _ = roads.at(e, there)
         to_x, to_y, _ = roads.at(e, length - ahead if point.at_end else ahead)
-        lat, lon = (float(v[0]) for v in roads.plane.to_geodetic(np.array([x]), np.array([y])))
-        turn = roads.plane.convergence(np.array([x]), np.array([y]))
-        heading = np.arctan2(np.array([to_y - y]), np.array([to_x - x]))
-        bearing = float(bearing_of(heading - turn, 0.0)[0])
+        lat, lon, bearing = roads.plane.pose(x, y, math.atan2(to_y - y, to_x - x))
         return o.LocationReferencePoint(
             lon, lat, o.FRC(self._frc[e]), o.FOW(self._fow[e]),
             (int(bearing / _SECTOR) % _SECTORS + 0.5) * _SECTOR, o.FRC(point.lowest),

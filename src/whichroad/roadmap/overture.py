@@ -15,6 +15,7 @@ from ..errors import MapError
 from ..geodesy.units import mps_of_kmh
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
+from ..wording import by_reason
 from . import tags as meaning
 from .overture_rules import Rules, items, parts_between
 from .streets import Column, Restriction, Streets, Texts
@@ -97,7 +98,7 @@ def read_overture(table: Any) -> tuple[Streets, str]:
             "expected; fetch it again"
         ) from error
     if not found.first[1:]:
-        reasons = ", ".join(f"{n} {why}" for why, n in found.skipped.items()) or "no row"
+        reasons = by_reason(found.skipped) or "no row"
         raise MapError(
             f"{where}: no road for cars ({reasons}); segments of the classes motorway ... service "
             "were expected; is it the type segment of the theme transportation?"

@@ -24,11 +24,15 @@ def write(table: pa.Table, path: Path) -> None:
     with open(path, "wb") as sink:
         for drive in positions(table, path):
             for row in range(len(drive.time)):
-                sink.writelines(map(_sealed, _bodies(drive, row)))
+                sink.writelines(map(sealed, _bodies(drive, row)))
 
 
-def _sealed(body: str) -> bytes:
-    """A sentence with its frame and checksum."""
+def sealed(body: str) -> bytes:
+    """A sentence with its frame and checksum.
+
+    Args:
+        body: What stands between the $ and the *.
+    """
     total = 0
     for letter in body.encode():
         total ^= letter
@@ -39,7 +43,7 @@ def _bodies(p: Positions, k: int) -> list[str]:
     """The sentences of one epoch without frame and checksum."""
     moment = datetime.fromtimestamp(round(float(p.time[k]), 3), UTC)
     clock = f"{moment:%H%M%S}.{moment.microsecond // 1000:03d}"
-    place = f"{_angle(float(p.lat[k]), 2, 'NS')},{_angle(float(p.lon[k]), 3, 'EW')}"
+    place = place_of(float(p.lat[k]), float(p.lon[k]))
     alone = p.status[k] in _ALONE
     speed = abs(float(p.speed[k])) / KNOT
     course = wrap_bearing(float(p.bearing_deg[k]) + (180.0 if p.speed[k] < 0.0 else 0.0))
@@ -61,6 +65,11 @@ def _bodies(p: Positions, k: int) -> list[str]:
 
 def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else ""
+
+
+def place_of(lat_deg: float, lon_deg: float) -> str:
+    """Latitude and longitude with their hemispheres, as GGA and RMC have them."""
+    return f"{_angle(lat_deg, 2, 'NS')},{_angle(lon_deg, 3, 'EW')}"
 
 
 def _angle(degrees: float, digits: int, signs: str) -> str:
