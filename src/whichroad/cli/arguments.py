@@ -52,12 +52,19 @@ MapOption = Annotated[
     Path,
     typer.Option(
         "--map",
-        help="A compiled map, an OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, .osm.gz, "
-        ".osm.bz2), or a table or graph of edges (.geojson, .csv, .parquet, .gpkg, .graphml, "
-        ".shp).",
+        help="A compiled map, or an OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, .osm.gz, "
+        ".osm.bz2). Or a table or graph of edges (.geojson, .csv, .parquet, .gpkg, .graphml, "
+        ".shp). Overture's segments (.parquet) and SUMO's networks (.net.xml) are maps too.",
     ),
 ]
 
+CanOption = Annotated[Path | None, typer.Option("--can", help="CAN log with wheel data.")]
+DbcOption = Annotated[
+    Path | None, typer.Option("--dbc", help="DBC file that describes the CAN signals.")
+]
+VehicleOption = Annotated[
+    Path | None, typer.Option("--vehicle", help="Vehicle description (vehicle.toml).")
+]
 CrsOption = Annotated[
     str | None,
     typer.Option("--crs", help="Coordinate system of columns x and y, such as EPSG:3067."),

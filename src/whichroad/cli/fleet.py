@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .arguments import CrsOption, MapOption
+from ..wording import counted
+from .arguments import CrsOption, MapOption, VehicleOption
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -25,40 +26,43 @@ def fleet(
         ),
     ],
     roads: MapOption,
-    out: Annotated[Path, typer.Option("-o", "--out", help="A folder for the tables.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the tables.")],
     trip_id: Annotated[
-        str, typer.Option("--trip-id", metavar="COLUMN", help="The column that names trips.")
+        str,
+        typer.Option("--trip-id", metavar="COLUMN", help="Column that names the trip of each row."),
     ] = "drive_id",
     split: Annotated[
         str | None,
         typer.Option(
             metavar="5min",
-            help="Cut what has one name at pauses and stops of so long, and at jumps, into NAME/1, "
-            "NAME/2, ...",
+            help="Split each vehicle into trips at pauses and stops this long, and at jumps. They "
+            "are called NAME/1, NAME/2, ...",
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; one for each core unless given.")
+        int | None, typer.Option(min=1, help="Number of processes. Default: one for each core.")
     ] = None,
     order: Annotated[
         str,
         typer.Option(
-            metavar="any|sorted", help="`sorted`: all rows of a trip lie together (checked)."
+            metavar="any|sorted",
+            help="`sorted` if all rows of a trip lie together (checked).",
         ),
     ] = "any",
     points: Annotated[
-        str, typer.Option(metavar="none|slim|all", help="Points too; slim are without poses.")
+        str,
+        typer.Option(metavar="none|slim|all", help="Write points; `slim` leaves out poses."),
     ] = "none",
-    vehicle: Annotated[Path | None, typer.Option(help="The cars, a vehicle.toml.")] = None,
+    vehicle: VehicleOption = None,
     lag: Annotated[
-        str | None, typer.Option(metavar="S|full", help="As of `whichroad match`.")
+        str | None, typer.Option(metavar="S|full", help="Smoothing, as for `whichroad match`.")
     ] = None,
     crs: CrsOption = None,
     memory: Annotated[
-        str, typer.Option(help="Of the sort; the rest goes to the folder of --out.")
+        str, typer.Option(help="Memory limit of the sort; the rest goes to disk.")
     ] = "512MB",
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run that the folder holds.")
+        bool, typer.Option("--resume", help="Continue the run in this folder.")
     ] = False,
 ) -> None:
     """Match millions of trips: files in, a folder of path, drives and points out."""
@@ -95,11 +99,11 @@ def print_fleet(summary: "Summary") -> None:
 
     done = summary.done
     for reason, count in done.skipped.most_common():
-        typer.echo(f"skipped: {count:,} {reason}", err=True)
+        typer.echo(f"skipped: {reason}: {count:,}", err=True)
     for note, count in done.noted.most_common(_MOST_PRINTED):
-        typer.echo(f"note: {count:,} trips: {note}", err=True)
+        typer.echo(f"note: {counted(count, 'trip')}: {note}", err=True)
     for reason, count in done.reasons.most_common(_MOST_PRINTED):
-        typer.echo(f"no answer: {count:,} trips: {reason}", err=True)
+        typer.echo(f"no answer: {counted(count, 'trip')}: {reason}", err=True)
     if done.trips > done.answered:
         typer.echo(f"all of them are listed in {summary.out / BAD}", err=True)
     print_table(

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError
-from .arguments import MapOption, Token, check_token, extra_live, read_start
+from .arguments import (
+    DbcOption,
+    MapOption,
+    Token,
+    VehicleOption,
+    check_token,
+    extra_live,
+    read_start,
+)
 from .console import progress_line
 
 if TYPE_CHECKING:
@@ -45,12 +53,8 @@ def live(
             help="Wheels: can0 (socketcan), INTERFACE:CHANNEL (python-can), or a recorded file.",
         ),
     ] = None,
-    dbc: Annotated[
-        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
-    ] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
-    ] = None,
+    dbc: DbcOption = None,
+    vehicle: VehicleOption = None,
     play: Annotated[
         list[Path] | None,
         typer.Option(metavar="DRIVE", help="Recorded files to play. May be repeated."),

@@ -8,18 +8,21 @@ import typer
 
 from ..errors import DriveError
 from ..wording import counted
-from .arguments import (
+from .arguments import (  # fmt: skip
+    CanOption,
     ColumnsOption,
     CrsOption,
+    DbcOption,
     Force,
     IdOption,
     MapOption,
     Model,
+    VehicleOption,
     ZoneOption,
     read_columns,
     read_start,
     read_window,
-)  # fmt: skip
+)
 from .console import print_table, progress_line
 from .many import match_trips
 
@@ -38,18 +41,14 @@ def match(
         typer.Argument(
             metavar="DRIVE",
             help="Drives: CSV, Parquet, Arrow, GPX, KML, GeoJSON, GeoPackage, Shapefile, NMEA, "
-            "RTKLIB .pos, GnssLogger, JSON, CAN logs. Files, folders, wildcards, or `-` (standard "
-            "input).",
+            "RTKLIB .pos, UBX, GnssLogger, JSON, CAN logs, ROS bags, MCAP. Files, folders, "
+            "wildcards, or `-` (standard input).",
         ),
     ],
     roads: MapOption,
-    can: Annotated[Path | None, typer.Option(help="CAN log with wheel data.")] = None,
-    dbc: Annotated[
-        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
-    ] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
-    ] = None,
+    can: CanOption = None,
+    dbc: DbcOption = None,
+    vehicle: VehicleOption = None,
     crs: CrsOption = None,
     id_: IdOption = None,
     columns: ColumnsOption = None,
@@ -75,7 +74,9 @@ def match(
     out: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--out", help="File for the points: .parquet, .geojson, .csv, .gpx or .arrow."
+            "-o",
+            "--out",
+            help="File for the points: .parquet, .geojson, .csv, .gpx, .arrow, .nmea, .mcap, .bag.",
         ),
     ] = None,
     path_out: Annotated[

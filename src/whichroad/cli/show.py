@@ -7,9 +7,12 @@ from urllib.parse import quote
 import typer
 
 from .arguments import (
+    CanOption,
+    DbcOption,
     Force,
     MapOption,
     Token,
+    VehicleOption,
     check_token,
     extra_live,
     read_start,
@@ -34,13 +37,9 @@ def replay(
         typer.Argument(metavar="DRIVE|RESULT", help="Drive logs, or points from `match -o`."),
     ],
     roads: MapOption,
-    can: Annotated[Path | None, typer.Option(help="CAN log with wheel data.")] = None,
-    dbc: Annotated[
-        Path | None, typer.Option(help="DBC file that describes the CAN signals.")
-    ] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle description (vehicle.toml).")
-    ] = None,
+    can: CanOption = None,
+    dbc: DbcOption = None,
+    vehicle: VehicleOption = None,
     start: Annotated[
         str | None,
         typer.Option(metavar="LAT,LON,BEARING", help="Start pose, as for `match`."),

@@ -185,7 +185,9 @@ class Result:
         return best_routes(self._parts, k)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the points; the suffix chooses GeoParquet, GeoJSON, CSV, GPX or Arrow.
+        """Write the points; the suffix chooses the format.
+
+        GeoParquet, GeoJSON, CSV, GPX, Arrow, NMEA, MCAP, or a bag of ROS 1.
 
         Args:
             path: The file.
