@@ -175,7 +175,7 @@ def test_plot_draws_on_axes_as_geopandas_does(result, roads):
     path, points = ax.collections[1:3]
     assert len(path.get_paths()) == len(result.path)
     np.testing.assert_allclose(points.get_offsets()[:, 0], result.points.lon)
-    np.testing.assert_allclose(points.get_array(), result.points.p_road)
+    np.testing.assert_allclose(points.get_array(), result.points.p_way)
     other = result.plot(column="speed_mps", figsize=(3, 2))
     assert other is not ax
     assert other.figure.get_size_inches().tolist() == [3.0, 2.0]
@@ -187,7 +187,7 @@ def test_explore_is_a_page_of_folium(result, roads):
     page = result.explore(tiles=None)
     assert isinstance(page, folium.Map)
     html = page.get_root().render()
-    assert "p_road" in html
+    assert "p_way" in html
     assert "broken_rule" in html
     assert isinstance(roads.explore(tiles=None), folium.Map)
 

@@ -36,7 +36,7 @@ ZOOM_EPOCHS = 14  # shown in a zoom: more would hide each other
 
 
 def draw_map(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
-    """The whole drive: roads, fixes, truth, and the answer coloured by P(road)."""
+    """The whole drive: roads, fixes, truth, and the answer coloured by P(way)."""
     axes.add_collection(LineCollection(scene.roads, colors=ROAD, linewidths=0.9, zorder=1))
     hidden = np.where(scene.is_masked()[:, None], scene.xy, np.nan)
     axes.plot(*hidden.T, color=HIDDEN, alpha=0.35, lw=13, solid_capstyle="round", zorder=2)
@@ -44,7 +44,7 @@ def draw_map(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
         axes.plot(*scene.reckoning.T, color=RECKONING, lw=1.2, ls=(0, (4, 3)), zorder=3)
     pieces = np.stack([scene.xy[:-1], scene.xy[1:]], axis=1)
     line = LineCollection(list(pieces), cmap=PROBABLE, norm=UNIT, linewidths=4, zorder=5)
-    line.set_array(scene.p_road[1:])
+    line.set_array(scene.p_way[1:])
     line.set_capstyle("round")
     axes.add_collection(line)
     if scene.truth is not None:
@@ -87,7 +87,7 @@ def _mark_window(axes: "Axes", scene: Scene, window: Window, letter: str) -> Non
 
 def _map_legend(scene: Scene) -> list[Any]:
     handles: list[Any] = [
-        Line2D([], [], color=PROBABLE(0.97), lw=4, label="estimate, coloured by P(road)"),
+        Line2D([], [], color=PROBABLE(0.97), lw=4, label="estimate, coloured by P(way)"),
         Line2D([], [], color=ROAD, lw=1.2, label="road map"),
     ]
     if len(scene.fixes):
@@ -182,11 +182,10 @@ def draw_choice(axes: "Axes", scene: Scene, window: Window) -> None:
 
 
 def draw_probability(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
-    """P(road) of the most probable road, of the runner-up, and P(off-road), over the drive."""
-    p = np.where(scene.hypotheses["edge"] < 0, 0.0, scene.hypotheses["p"])
-    ranked = np.sort(p, axis=1)[:, ::-1]
-    for rank, word in enumerate(("most probable road", "second", "third")):
-        axes.plot(scene.time, ranked[:, rank], color=RANKS[rank], lw=1.1, label=word)
+    """P of the most probable way, of all other roads, and P(off-road), over the drive."""
+    others = np.clip(1.0 - scene.p_way - scene.p_off_road, 0.0, 1.0)
+    for rank, (word, p) in enumerate((("most probable way", scene.p_way), ("others", others))):
+        axes.plot(scene.time, p, color=RANKS[rank], lw=1.1, label=word)
     axes.plot(scene.time, scene.p_off_road, color=OFF, lw=1.2, ls=":", label="off road")
     _shade_masked(axes, scene)
     _letters(axes, windows)

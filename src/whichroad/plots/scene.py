@@ -37,7 +37,7 @@ class Scene:
 
     time: "Array"  # (n,) s
     xy: "Array"  # (n, 2) m
-    p_road: "Array"  # (n,)
+    p_way: "Array"  # (n,) that of the most probable edge in results of earlier versions
     p_off_road: "Array"  # (n,)
     bound: "Array"  # (n,) semi-major axis of the 95 % ellipse, m
     inside: "NDArray[np.bool_] | None"  # (n,) the 95 % ellipse holds the truth
@@ -84,7 +84,7 @@ def make_scene(
     return Scene(
         time=seconds - seconds[0],
         xy=xy - origin,
-        p_road=_column(points, "p_road"),
+        p_way=way_of(points),
         p_off_road=_column(points, "p_off_road"),
         bound=np.sqrt(CHI2_95) * _column(points, "ellipse_major_m"),
         inside=None if there is None else _inside(points, roads, xy, there + origin),
@@ -130,6 +130,15 @@ def _hypotheses(result: "Result", origin: "Array") -> dict[str, NDArray[Any]]:
         )
     chosen = {name: result.hypotheses[name] for name in HYPOTHESIS}
     return chosen | {"x": chosen["x"] - origin[0], "y": chosen["y"] - origin[1]}
+
+
+def way_of(points: "pa.Table") -> "Array":
+    """P(way) of each row, (n,); P of the edge where a result of an earlier version lacks it."""
+    edge = _column(points, "p_road")
+    if "p_way" not in points.column_names:
+        return edge
+    way = _column(points, "p_way")
+    return np.where(np.isnan(way), edge, way)
 
 
 def _column(table: "pa.Table", name: str) -> "Array":

@@ -14,11 +14,11 @@ from ..svg import Frame, Strokes, figure
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
 
-_LIMITS = (0.5, 0.8, 0.95, 0.99)  # of P(road) between the colours
+_LIMITS = (0.5, 0.8, 0.95, 0.99)  # of P(way) between the colours
 _COLORS = ("#c51b1b", "#ee7d2f", "#eec143", "#5aa6cf", "#0b4f9e")
 _OFF, _PATH = "#7d838b", "#bcd7ea"
 _KEYS = [
-    ("#0b4f9e", "P(road) 0.99 and more"), ("#5aa6cf", "0.95"), ("#eec143", "0.8"),
+    ("#0b4f9e", "P(way) 0.99 and more"), ("#5aa6cf", "0.95"), ("#eec143", "0.8"),
     ("#ee7d2f", "0.5"), ("#c51b1b", "less"), (_OFF, "off road"), (_PATH, "path"),
 ]  # fmt: skip
 _DOTS = 400  # points up to which each is a dot
@@ -55,8 +55,8 @@ def plot_answer(points: Any, path: Any, ax: Any, style: dict[str, Any]) -> Any:
         ax = path.plot(ax=ax, color=_PATH, linewidth=5, zorder=1, **size)
     usual: dict[str, Any] = {"markersize": 6, "zorder": 2}
     if "color" not in style:
-        usual |= {"column": "p_road", "cmap": "RdYlBu"}
-        usual |= {"vmin": 0.0, "vmax": 1.0} if style.get("column", "p_road") == "p_road" else {}
+        usual |= {"column": "p_way", "cmap": "RdYlBu"}
+        usual |= {"vmin": 0.0, "vmax": 1.0} if style.get("column", "p_way") == "p_way" else {}
     return points[points.lat.notna()].plot(ax=ax, **(usual | style))
 
 
@@ -71,7 +71,7 @@ def explore_answer(points: Any, path: Any, style: dict[str, Any]) -> Any:
         page = kept.explore(m=page, color=_COLORS[3], style_kwds={"weight": 6}, **tiles)
     known = points[points.lat.notna()]
     known = known.assign(time=known.time.astype(str)).drop(columns=["alternatives"])
-    usual = {} if "color" in style else {"column": "p_road", "cmap": "RdYlBu"}
+    usual = {} if "color" in style else {"column": "p_way", "cmap": "RdYlBu"}
     return known.explore(m=page, **(usual | style))
 
 
@@ -96,7 +96,7 @@ def _track(
     points: pa.Table, lat: Array, lon: Array, known: NDArray[np.int64], frame: Frame
 ) -> list[Strokes]:
     """The epochs by colour: dots, or lines where there are many of one drive."""
-    p = points["p_road"].to_numpy().astype(np.float64)[known]
+    p = points["p_way"].to_numpy().astype(np.float64)[known]
     on = points["edge_id"].is_valid().to_numpy()[known]
     look = np.where(on, np.searchsorted(_LIMITS, np.nan_to_num(p), side="right"), len(_COLORS))
     drive = points["drive_id"].dictionary_encode().combine_chunks().indices.to_numpy()[known]

@@ -85,7 +85,7 @@ class Result:
         return answer_html(self.to_arrow(), self.path_arrow(), repr(self), self._roads)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
-        """Draw path and points with matplotlib; points are coloured by `p_road`.
+        """Draw path and points with matplotlib; points are coloured by `p_way`.
 
         Args:
             ax: Axes to draw on, such as those of `RoadMap.plot`; None: new ones.

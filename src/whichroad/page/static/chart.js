@@ -70,10 +70,26 @@ function drawGrid(ctx, box, y, look) {
   ctx.textAlign = "left";
 }
 
-/** P of each road of epoch i, edges of one name added up, most probable first. */
+/**
+ * P of each road of epoch i, edges of one name added up, most probable first.
+ *
+ * The leading road has no more than P of the way, as the headline says: what else has its name,
+ * such as the other direction, competes with it and is a line of its own.
+ */
 function sharesOf(series, i, nameOf) {
   const shares = new Map();
-  series.eachRoad(i, (edge, p) => shares.set(nameOf(edge), (shares.get(nameOf(edge)) ?? 0) + p));
+  let lead = null;
+  series.eachRoad(i, (edge, p) => {
+    const name = nameOf(edge);
+    if (lead === null && edge >= 0) lead = name;
+    shares.set(name, (shares.get(name) ?? 0) + p);
+  });
+  const way = series.get("p", i);
+  const rest = (shares.get(lead) ?? 0) - way;
+  if (way > 0 && rest >= 0.01) {
+    shares.set(lead, way);
+    shares.set(`${lead}, elsewhere on it`, rest);
+  }
   return [...shares].sort((a, b) => b[1] - a[1]);
 }
 
