@@ -17,6 +17,7 @@ from .inspect import inspect
 from .live import live
 from .maps import map_app
 from .match import match
+from .serve import serve
 from .show import replay, report
 from .trials import demo, evaluate, experiments, simulate, warmup
 
@@ -30,7 +31,8 @@ app = typer.Typer(
 app.add_typer(map_app, name="map", help="Compile a road map, or print what one holds.")
 # as help lists them
 for command in (
-    demo, match, fleet, inspect, replay, report, live, simulate, evaluate, experiments, warmup,
+    demo, match, fleet, inspect, replay, report, live, serve, simulate, evaluate, experiments,
+    warmup,
 ):  # fmt: skip
     app.command()(command)
 

@@ -1,0 +1,144 @@
+"""The addresses of `whichroad serve`: those of OSRM and Valhalla, `/match` and `/health`."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+from urllib.parse import unquote
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from ..live.access import AccessControl
+from ..live.refusals import HANDLERS
+from ..live.traces import LARGEST_TRACE, Traces
+from .answering_process import ATTRIBUTES, OSRM, ROUTE
+from .lanes import Lane
+
+LARGEST_BODY = 4 * 1024 * 1024  # bytes of a request of Valhalla
+_LARGE = 65_536  # bytes of a request from which on it goes to the lane of large traces
+_MANY = 1000  # points likewise
+_BODY_TIME = 30.0  # s, timeout of a request's body
+_PER_SECOND, _BURST = 2000.0, 4000.0  # requests of one client
+_ADDRESS = "whichroad.address"  # key of a scope: an address of OSRM
+_PLAIN = {"/match", "/trace_attributes", "/trace_route", "/health"}
+
+
+class LongAddresses:
+    """Middleware that takes OSRM's addresses, which hold the trace, out of the path.
+
+    Args:
+        app: The application behind it.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on."""
+        if scope["type"] == "http" and scope["path"] not in _PLAIN:
+            scope = {**scope, _ADDRESS: scope["path"], "path": "/osrm", "raw_path": b"/osrm"}
+        await self._app(scope, receive, send)
+
+
+class Endpoints:
+    """Handlers.
+
+    Args:
+        usual: Processes for usual traces.
+        large: Those for large ones.
+        traces: Answers `POST /match` as `live` does.
+    """
+
+    def __init__(self, usual: Lane, large: Lane, traces: Traces) -> None:
+        self.usual, self.large, self.traces = usual, large, traces
+
+    def application(self, local: bool, token: str | None) -> Starlette:
+        """The whole application.
+
+        Args:
+            local: Whether only the own host is served.
+            token: Asked of everybody; None: nobody.
+        """
+        largest = {"/match": LARGEST_TRACE}
+        largest |= dict.fromkeys(("/trace_attributes", "/trace_route"), LARGEST_BODY)
+        return Starlette(
+            routes=[
+                Route("/osrm", self.osrm),
+                Route("/trace_attributes", self._valhalla(ATTRIBUTES), methods=["GET", "POST"]),
+                Route("/trace_route", self._valhalla(ROUTE), methods=["GET", "POST"]),
+                Route("/match", self.traces.answer, methods=["POST"]),
+                Route("/health", self.health),
+            ],
+            middleware=[
+                Middleware(LongAddresses),
+                Middleware(
+                    AccessControl, local=local, token=token, largest=largest,
+                    per_second=_PER_SECOND, burst=_BURST,
+                ),
+            ],
+            exception_handlers=HANDLERS,
+        )  # fmt: skip
+
+    async def osrm(self, request: Request) -> Response:
+        """`/match/v1/{profile}/{coordinates}`; any profile is that of a car."""
+        parts = request.scope.get(_ADDRESS, "/osrm").strip("/").split("/", 3)
+        refused = _osrm_refusal(parts)
+        if refused is not None:
+            return JSONResponse(refused, 400)
+        query = request.scope.get("query_string", b"").decode("latin-1")
+        asked = OSRM + f"{parts[3]}\n{query}".encode("latin-1", "replace")
+        return await self._answered(asked, parts[3].count(";"))
+
+    def _valhalla(self, kind: bytes) -> Callable[[Request], Awaitable[Response]]:
+        async def handler(request: Request) -> Response:
+            if request.method == "GET":
+                body = unquote(request.query_params.get("json", "")).encode()
+            else:
+                body = await _body(request)
+            return await self._answered(kind + body, body.count(b'"lat"'))
+
+        return handler
+
+    async def _answered(self, asked: bytes, points: int) -> Response:
+        large = len(asked) > _LARGE or points > _MANY
+        status, body = await (self.large if large else self.usual).ask(asked)
+        return Response(body, status, media_type="application/json")
+
+    async def health(self, request: Request) -> Response:
+        """How the service is doing."""
+        return JSONResponse({"ok": True, "usual": _of(self.usual), "large": _of(self.large)})
+
+
+def _of(lane: Lane) -> dict[str, Any]:
+    names = ("waiting", "answered", "refused", "ended")
+    return {name: getattr(lane, name) for name in names}
+
+
+def _osrm_refusal(parts: list[str]) -> dict[str, str] | None:
+    """What OSRM says of an address that is none."""
+    if parts[0] != "match" and len(parts) == 4:
+        return {"code": "InvalidService", "message": f"Service {parts[0][:40]} not found!"}
+    if len(parts) < 4 or not all(parts):
+        return {"code": "InvalidUrl", "message": "URL string malformed: "
+                "/match/v1/{profile}/{coordinates} was expected"}  # fmt: skip
+    if parts[1] != "v1":
+        return {"code": "InvalidVersion", "message": f"Service {parts[0]} not found!"}
+    return None
+
+
+async def _body(request: Request) -> bytes:
+    """The whole body.
+
+    Raises:
+        HTTPException: It does not come in time.
+    """
+    try:
+        async with asyncio.timeout(_BODY_TIME):
+            return await request.body()
+    except TimeoutError:
+        raise HTTPException(408, "the body did not come in time") from None

@@ -1,0 +1,138 @@
+"""Processes that answer side by side: a lane for usual traces, and one for large ones.
+
+A large trace never waits before a usual one.  What takes too long is ended with its process,
+and a new process takes its place.
+"""
+
+import asyncio
+import contextlib
+import os
+import struct
+import sys
+
+from starlette.exceptions import HTTPException
+
+from .answering_process import framed
+
+SURROUNDINGS = {  # one thread each; allocators reserve memory that counts as used
+    "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
+    "MALLOC_ARENA_MAX": "2",
+}  # fmt: skip
+_CODE = f"from {__package__}.answering_process import main; main()"
+_START_TIME = 180.0  # s, timeout of a process that opens the map
+_BUFFER = 1 << 20  # bytes of an answer that wait to be sent on
+_RETRY = 1  # s after which to ask again while all processes are busy
+
+
+class Answering:
+    """One process."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self._process = process
+
+    @classmethod
+    async def start(cls, plan: str) -> "Answering":
+        """A process whose map is open.
+
+        Args:
+            plan: What `plan_of` gives.
+        """
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", _CODE, stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE, limit=_BUFFER, env={**os.environ, **SURROUNDINGS},
+        )  # fmt: skip
+        found = cls(process)
+        try:
+            async with asyncio.timeout(_START_TIME):
+                await found.ask(plan.encode())
+        except BaseException:
+            await found.end()
+            raise
+        return found
+
+    async def ask(self, request: bytes) -> tuple[int, bytes]:
+        """Status and body of a request.
+
+        Raises:
+            EOFError: The process has ended.
+        """
+        out, back = self._process.stdin, self._process.stdout
+        assert out is not None
+        assert back is not None
+        try:
+            out.write(framed(request))
+            await out.drain()
+            (size,) = struct.unpack("<I", await back.readexactly(4))
+            answer = await back.readexactly(size)
+        except (asyncio.IncompleteReadError, OSError) as error:
+            raise EOFError from error
+        return struct.unpack_from("<H", answer)[0], answer[2:]
+
+    async def end(self) -> None:
+        """End it at once."""
+        with contextlib.suppress(ProcessLookupError):
+            self._process.kill()
+        await self._process.wait()
+
+
+class Lane:
+    """Some processes, and the requests that wait for one.
+
+    Args:
+        plan: What each process is told.
+        processes: How many.
+        waiting: Requests that may wait, at most.
+        seconds: That one request may take.
+    """
+
+    def __init__(self, plan: str, processes: int, waiting: int, seconds: float) -> None:
+        self._plan, self._count, self._most, self._seconds = plan, processes, waiting, seconds
+        self._free: asyncio.Queue[Answering | None] = asyncio.Queue()
+        self._all: set[Answering] = set()
+        self.waiting = self.answered = self.refused = self.ended = 0
+
+    async def start(self) -> None:
+        """Start the processes."""
+        for one in await asyncio.gather(*(Answering.start(self._plan) for _ in range(self._count))):
+            self._all.add(one)
+            self._free.put_nowait(one)
+
+    async def ask(self, request: bytes) -> tuple[int, bytes]:
+        """Status and body of a request.
+
+        Raises:
+            HTTPException: Too many wait, or it takes too long or too much memory.
+        """
+        if self.waiting >= self._most:
+            self.refused += 1
+            headers = {"Retry-After": str(_RETRY)}
+            raise HTTPException(503, "too many requests wait; ask again", headers=headers)
+        self.waiting += 1
+        try:
+            one = await self._free.get()
+        finally:
+            self.waiting -= 1
+        whole = False
+        try:
+            if one is None:  # its place was left by a process that was ended
+                one = await Answering.start(self._plan)
+                self._all.add(one)
+            async with asyncio.timeout(self._seconds):
+                answer = await one.ask(request)
+            whole = True
+            self.answered += 1
+            return answer
+        except TimeoutError:
+            raise HTTPException(413, f"the trace takes longer than {self._seconds:g} s") from None
+        except EOFError:
+            raise HTTPException(413, "the trace needs more than one trace may take") from None
+        finally:  # also of a request that was cancelled: its answer must not reach the next
+            if not whole and one is not None:
+                self._all.discard(one)
+                self.ended += 1
+                await asyncio.shield(one.end())
+            self._free.put_nowait(one if whole else None)
+
+    async def close(self) -> None:
+        """End the processes."""
+        await asyncio.gather(*(one.end() for one in self._all))

@@ -1,0 +1,160 @@
+"""`whichroad serve` as a user starts it: many callers, bad ones, huge ones."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import pytest
+
+from whichroad import RoadMap, simulate_drive
+from whichroad.answers import osrm_match, trace_route
+from whichroad.simulate import draw_town
+
+_CODE = "from whichroad.cli import main; main()"
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    """A compiled map and the drawn one that it is of."""
+    folder = tmp_path_factory.mktemp("town")
+    (folder / "town.osm").write_text(draw_town(), encoding="utf-8")
+    RoadMap.from_osm(folder / "town.osm").save(folder / "town.map")
+    return folder / "town.map"
+
+
+@pytest.fixture(scope="module")
+def process(town):
+    """The service on any free port."""
+    started = subprocess.Popen(
+        [sys.executable, "-c", _CODE, "serve", "--map", town, "--port", "0", "--workers", "2"],
+        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    yield started
+    started.send_signal(signal.SIGINT)
+    assert started.wait(10) == 0
+    started.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def base(process):
+    """Its address."""
+    line = process.stdout.readline().strip()
+    assert line.startswith("http://127.0.0.1:")
+    return line
+
+
+@pytest.fixture(scope="module")
+def drive(town):
+    """Places and times of a minute."""
+    fixes = simulate_drive(RoadMap.open(town), seed=3, length_m=1500.0).drive.fixes
+    columns = (fixes.time, fixes.lat_deg, fixes.lon_deg)
+    return [column[:60].tolist() for column in columns]
+
+
+def address(base, drive, more=""):
+    time_, lat, lon = drive
+    places = ";".join(f"{b:.6f},{a:.6f}" for a, b in zip(lat, lon, strict=True))
+    return f"{base}match/v1/driving/{places}?timestamps={';'.join(f'{t:.0f}' for t in time_)}{more}"
+
+
+def body_of(drive):
+    names = ("time", "lat", "lon")
+    shape = [dict(zip(names, row, strict=True)) for row in zip(*drive, strict=True)]
+    return {"shape": shape, "costing": "auto"}
+
+
+def test_the_service_answers_as_the_functions_do(base, drive, town):
+    roads = RoadMap.open(town)
+    url = address(base, drive, "&steps=true")
+    coordinates, _, options = url.partition("driving/")[2].partition("?")
+    assert httpx.get(url).json() == osrm_match(roads, coordinates, options)
+    told = httpx.post(base + "trace_route", json=body_of(drive)).json()
+    assert told == trace_route(roads, body_of(drive))
+    again = httpx.get(base + "trace_route", params={"json": json.dumps(body_of(drive))}).json()
+    assert again == told
+
+
+def test_many_callers_get_their_own_answers(base, drive):
+    def ask(k):
+        part = [column[k : k + 30] for column in drive]
+        return len(httpx.get(address(base, part)).json()["tracepoints"]), part
+
+    with ThreadPoolExecutor(8) as callers:
+        answers = list(callers.map(ask, range(40)))
+    assert all(count == len(part[0]) for count, part in answers)
+
+
+def test_bad_requests_are_refused_in_the_words_of_their_service(base, drive):
+    for path, code in (
+        ("match/v1/driving/8,49;abc", "InvalidQuery"),
+        ("route/v1/driving/8,49;8,50", "InvalidService"),
+        ("match/v2/driving/8,49;8,50", "InvalidVersion"),
+        ("match/v1/driving", "InvalidUrl"),
+        ("", "InvalidUrl"),
+    ):
+        answer = httpx.get(base + path)
+        assert (answer.status_code, answer.json()["code"]) == (400, code)
+    answer = httpx.post(base + "trace_attributes", content=b"{{{")
+    assert (answer.status_code, answer.json()["error_code"]) == (400, 100)
+    assert httpx.get(address(base, drive)).status_code == 200
+
+
+def test_a_body_beyond_the_limit_is_refused_before_it_is_read(base):
+    answer = httpx.post(base + "trace_route", content=b" " * (5 * 1024 * 1024))
+    assert answer.status_code == 413
+
+
+def test_a_huge_trace_goes_beside_the_usual_ones(base, drive):
+    usual = address(base, drive)
+    laps = [[t + 70.0 * lap for t in drive[0]] for lap in range(60)]
+    long = [[t for lap in laps for t in lap], drive[1] * 60, drive[2] * 60]
+    with ThreadPoolExecutor(1) as callers, httpx.Client() as client:
+        huge = callers.submit(httpx.post, base + "trace_attributes", json=body_of(long), timeout=60)
+        answered = 0
+        while not huge.done():
+            assert client.get(usual).status_code == 200
+            answered += 1
+    assert huge.result().status_code == 200
+    assert len(huge.result().json()["matched_points"]) == 3600
+    health = httpx.get(base + "health").json()
+    assert health["large"]["answered"] == 1
+    assert answered >= 1
+
+
+def test_a_process_that_dies_is_replaced(base, drive, process):
+    def own():
+        found = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        return [int(pid) for pid in found.read_text().split()]
+
+    if not Path("/proc/self/task").exists():
+        pytest.skip("no list of processes here")
+    for pid in own():
+        os.kill(pid, signal.SIGKILL)
+    end = time.monotonic() + 60.0
+    codes = []
+    while time.monotonic() < end and codes[-3:] != [200] * 3:
+        codes.append(httpx.get(address(base, drive), timeout=60).status_code)
+    assert codes[-3:] == [200] * 3
+    assert set(codes) <= {200, 413}
+
+
+def test_other_hosts_and_origins_are_not_served(base):
+    assert httpx.get(base + "health", headers={"host": "example.org"}).status_code == 403
+    refused = httpx.get(base + "health", headers={"origin": "http://example.org"})
+    assert refused.status_code == 403
+
+
+def test_a_trace_can_be_posted_as_to_live(base, drive):
+    rows = "\n".join(f"{t},{a},{b}" for t, a, b in zip(*drive, strict=True))
+    answer = httpx.post(
+        base + "match", content="time,lat,lon\n" + rows, headers={"content-type": "text/csv"},
+        timeout=60,
+    )  # fmt: skip
+    assert answer.status_code == 200
+    assert len(answer.json()["points"]) == 60
