@@ -46,6 +46,7 @@ BENCHMARKS = {
         "live.run",
         "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",
     ),
+    "serve": ("serving.run", "whichroad serve: rate and time among callers, bad, huge requests"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
     "doubt": ("doubt.run", "how long P says ambiguous where no road competes"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
