@@ -7,6 +7,7 @@ ones.  The 95 % interval is that of a ratio estimator, in seconds a metre.
 """
 
 from collections.abc import Iterable, Iterator
+from hashlib import blake2b
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -135,14 +136,13 @@ def _check(names: list[str], columns: Iterable[str]) -> None:
 
 def _hashes(column: pa.ChunkedArray | pa.Array) -> tuple[NDArray[np.uint64], Ints]:
     """Hashes of the texts of a column, and which of them each row has."""
-    from pandas.util import hash_array
-
     encoded = column.dictionary_encode()
     encoded = encoded.combine_chunks() if isinstance(encoded, pa.ChunkedArray) else encoded
     if isinstance(encoded, pa.ChunkedArray):
         encoded = pa.concat_arrays(encoded.chunks)
-    words = np.array(encoded.dictionary.to_pylist(), object)
-    return hash_array(words, categorize=False), encoded.indices.to_numpy().astype(np.int64)
+    words = (str(word).encode() for word in encoded.dictionary.to_pylist())
+    hashes = [int.from_bytes(blake2b(word, digest_size=8).digest(), "little") for word in words]
+    return np.array(hashes, np.uint64), encoded.indices.to_numpy().astype(np.int64)
 
 
 class _Intervals(NamedTuple):

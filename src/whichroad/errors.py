@@ -12,6 +12,9 @@
 Every message reads `where: what was seen; what was expected; what to do`.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class WhichroadError(Exception):
     """Base of every error that whichroad raises on purpose."""
@@ -35,3 +38,24 @@ class WriteError(WhichroadError):
 
 class SettingError(WhichroadError, ValueError):
     """A setting is out of bounds or contradicts another."""
+
+
+@contextmanager
+def comes_with(extra: str, what: str) -> Iterator[None]:
+    """What is imported within comes with an extra of the package.
+
+    Args:
+        extra: Its name.
+        what: What needs it, for the error.
+
+    Raises:
+        SettingError: One of the packages is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        raise SettingError(
+            f"{what}: the package {package} is missing; it was expected for this; install it by "
+            f'pip install "whichroad[{extra}]", or ".[{extra}]" in the source folder'
+        ) from None

@@ -37,6 +37,12 @@ for command in (
     app.command()(command)
 
 
+_EXTRAS = {
+    "matplotlib": "plot", "geopandas": "geo", "pandas": "geo", "pyogrio": "geo",
+    "cantools": "can", "can": "can",
+}  # fmt: skip
+
+
 def main() -> NoReturn:
     """Run the command line; every end is an exit code and no traceback."""
     try:
@@ -45,6 +51,14 @@ def main() -> NoReturn:
         _fail(f"error: {error}")
     except KeyboardInterrupt:
         _fail("interrupted", code=130)
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get(str(error.name).partition(".")[0])
+        if extra is None or os.environ.get("WHICHROAD_TRACEBACK"):
+            raise
+        _fail(
+            f"error: this command needs the package {error.name}, which is missing; install it by "
+            f'pip install "whichroad[{extra}]", or ".[{extra}]" in the source folder'
+        )
     except Exception as error:
         if os.environ.get("WHICHROAD_TRACEBACK"):
             raise

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ReadError
+from ..errors import ReadError, SettingError, comes_with
 from ..observations import Array
 
 Bools = NDArray[np.bool_]
@@ -30,9 +30,12 @@ def read_table(path: Path) -> Any:
 
                 return csv.read_csv(path)
             case ".geojson" | ".json":
-                import geopandas
+                with comes_with("geo", f"{path}: this format"):
+                    import geopandas
 
                 return geopandas.read_file(path)
+    except SettingError:
+        raise
     except (OSError, ValueError, RuntimeError) as error:
         seen = error if path.is_file() else "the file does not exist"
         raise ReadError(

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import comes_with
 from .scene import Window as Window
 from .scene import ambiguous_windows, make_scene
 
@@ -51,7 +52,8 @@ def plot_drive(
     Raises:
         DriveError: the answer was kept without its hypotheses.
     """
-    from .pages import draw_pages
+    with comes_with("plot", "pictures"):
+        from .pages import draw_pages
 
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """Columns of an Arrow table as NumPy arrays: numbers, times, labels."""
 
+import math
 from datetime import tzinfo
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -69,14 +70,19 @@ def _floats(column: "pa.ChunkedArray") -> Array:
 
 def _parsed(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
     """Numbers out of text."""
-    import pandas as pd
-
-    cells = pd.Series(column.to_pandas(), dtype=object)
-    cells = cells.map(lambda cell: cell.decode("utf-8", "replace") if type(cell) is bytes else cell)
-    empty = cells.map(_is_absent).to_numpy(bool)
-    values = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64)
+    cells = [c.decode("utf-8", "replace") if type(c) is bytes else c for c in column.to_pylist()]
+    empty = np.array([_is_absent(cell) for cell in cells], bool)
+    values = np.array([_number(cell) for cell in cells], np.float64)
     keep(~np.isnan(values) | empty, f"{_NUMBER} in {name}", skipped)
-    return np.array(values)
+    return values
+
+
+def _number(cell: object) -> float:
+    """The number that a cell holds, NaN where it is none."""
+    try:
+        return math.nan if isinstance(cell, str) and "_" in cell else float(cell)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 def _is_absent(cell: object) -> bool:

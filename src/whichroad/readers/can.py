@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ReadError
+from ..errors import ReadError, comes_with
 from ..geodesy.angles import DEGREE
 from ..geodesy.units import KMH, KNOT, MPH
 from ..observations import Array, Drive, OdometryLog
@@ -109,7 +109,8 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
     Raises:
         ReadError: The .dbc is not one, or does not know a signal; the closest are offered.
     """
-    import cantools
+    with comes_with("can", f"{Path(dbc).name}: a CAN database"):
+        import cantools
 
     where = Path(dbc).name
     try:

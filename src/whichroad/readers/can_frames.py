@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ReadError
+from ..errors import ReadError, SettingError, comes_with
 from ..observations import Array
 from .blf import check_blf
 from .checks import Skipped, counted_warnings, read_bytes
@@ -117,7 +117,7 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
                     skipped["remote or error frame"] += 1
                 elif k in wanted:
                     found.setdefault(k, []).append((time, data))
-    except ReadError:
+    except (ReadError, SettingError):
         raise
     except Exception as error:  # python-can lets out whatever its parsers meet
         raise ReadError(
@@ -130,9 +130,10 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
 
 
 def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, bytes, bool]]:
-    import can
-
     suffix = Path(path).suffix.lower()
+    with comes_with("can", f"{Path(path).name}: this format"):
+        import can
+
     if suffix == ".mf4" and find_spec("asammdf") is None:
         raise ReadError(
             f"{Path(path).name}: MF4; the package asammdf is needed to read it; "

@@ -1,9 +1,10 @@
 """Dates and times as people, spreadsheets and tools write them, as seconds since 1970 UTC.
 
-ISO 8601 is read by pandas, a column at a time; other writings cell by cell.  The years 1970
+ISO 8601 is read by Arrow, a column at a time; other writings cell by cell.  The years 1970
 to 2100 are plausible, others are no times.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
@@ -11,6 +12,7 @@ from typing import NamedTuple
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..errors import ReadError
@@ -18,6 +20,8 @@ from ..observations import Array
 
 EARLIEST = 315_532_800.0  # s, 1980: below it a bare number counts from a start, not from 1970
 LATEST = 4_102_444_800.0  # s, 2100
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_BLANK = re.compile(r"\s+(?=Z$|[+-]\d\d:?\d\d$)")  # before the zone
 DAY = 86_400.0  # s
 _PER_SECOND = (1.0, 1e-3, 1e-6, 1e-9)  # s in a tick of a bare number, s to ns
 # UTC by name, or the name of a zone behind an offset: 12:00:00+02:00[Europe/Berlin]
@@ -81,19 +85,37 @@ def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Arra
         cells: The texts.
         zone: Of those that name none; None: UTC.
     """
-    import pandas as pd
-
     if any(cell and cell.endswith(_NAMED) for cell in cells):
         cells = [_ZONE.sub(_zone_as_letter, cell) if cell else None for cell in cells]
     plain = [cell.replace("/", "-").replace(",", ".") if cell else None for cell in cells]
-    texts = pd.Series(plain, dtype=object)
-    stamps = pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601")
-    micros: NDArray[np.int64] = stamps.dt.as_unit("us").astype("int64").to_numpy()
-    seconds = np.where(stamps.notna().to_numpy(), micros / 1e6, np.nan)
+    seconds = _of_column(plain)
     if zone is not None:
         local = np.array([bool(cell) and not _HAS_ZONE.search(cell or "") for cell in cells], bool)
         seconds[local] = to_utc(seconds[local], zone)
     return plausible(seconds)
+
+
+def _of_column(cells: list[str | None]) -> Array:
+    """`iso_seconds` of cells that all name a zone or none, at once; of others one by one."""
+    texts = pa.array(cells, pa.string())
+    for kind in (pa.timestamp("ns", "UTC"), pa.timestamp("ns")):
+        try:
+            nanos = texts.cast(kind).cast(pa.int64())
+        except pa.ArrowInvalid:  # one of them is written otherwise, or is no time
+            continue
+        micros = nanos.fill_null(0).to_numpy() // 1000
+        return np.where(nanos.is_valid().to_numpy(zero_copy_only=False), micros / 1e6, np.nan)
+    return np.array([_of_cell(cell) for cell in cells], np.float64)
+
+
+def _of_cell(cell: str | None) -> float:
+    """Seconds since 1970 of one text, NaN where it is no time."""
+    try:
+        moment = datetime.fromisoformat(_BLANK.sub("", (cell or "").strip()))
+    except ValueError:
+        return math.nan
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return (moment - _EPOCH) / timedelta(microseconds=1) / 1e6
 
 
 def plausible(seconds: Array) -> Array:

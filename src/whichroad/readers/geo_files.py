@@ -5,7 +5,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..errors import ReadError
+from ..errors import ReadError, comes_with
 from ..observations import Drive
 from .checks import listed
 from .reading import Reading
@@ -49,8 +49,9 @@ def read_geo(source: Source, reading: Reading) -> list[Drive]:
 
 
 def _frame(source: Source) -> Any:
-    import geopandas as gpd
-    import pyogrio
+    with comes_with("geo", f"{source.name}: this format"):
+        import geopandas as gpd
+        import pyogrio
 
     path = Path(source.path)
     place = path if path.is_file() and path.stat().st_size else None

@@ -66,15 +66,14 @@ def frames_of(thing: Any) -> list[tuple[str, Any]] | None:
 
 
 def _of_rows(rows: Any) -> Any:
-    """A frame of dicts, of tuples or of an array, one for each row."""
-    import pandas as pd
-
+    """A table of dicts, of tuples or of an array, one for each row."""
     if isinstance(rows, np.ndarray) and rows.dtype.names:
-        return pd.DataFrame(rows)
+        return _table({name: rows[name] for name in rows.dtype.names})
     if not len(rows):
         raise ValueError("no rows")
     if isinstance(rows[0], dict):
-        return pd.DataFrame(list(rows))
+        keys = dict.fromkeys(name for row in rows for name in row)
+        return _table({name: [row.get(name) for row in rows] for name in keys})
     if isinstance(rows[0], str | bytes):
         raise TypeError("rows are text")
     width = {len(row) for row in rows}
@@ -84,10 +83,21 @@ def _of_rows(rows: Any) -> Any:
     names = _ROW[-len(columns) :]
     if len(columns) == 3 and _is_time(columns[2]) and not _is_time(columns[0]):
         names = ("lat", "lon", "time")
-    frame = pd.DataFrame(dict(zip(names, columns, strict=True)))
-    if float(np.abs(frame["lat"].astype(float)).max()) > 90.0:
+    named = dict(zip(names, columns, strict=True))
+    if float(np.abs(np.array(named["lat"], float)).max()) > 90.0:
         raise ValueError(f"latitudes beyond 90 degrees; the order ({', '.join(names)}) is expected")
-    return frame
+    return _table(named)
+
+
+def _table(columns: dict[str, Any]) -> Any:
+    """A frame of pandas where that is installed, as cells may be of several kinds, else Arrow's."""
+    try:
+        import pandas as pd
+    except ModuleNotFoundError:
+        import pyarrow as pa
+
+        return pa.table(columns)
+    return pd.DataFrame(columns)
 
 
 def _is_time(values: list[Any]) -> bool:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MapError
+from ..errors import MapError, comes_with
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
 from .source_places import SourcePlace, on_source
@@ -49,7 +49,8 @@ def info(roads: "RoadMap") -> dict[str, Any]:
 
 def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
     """See `RoadMap.edges_table`."""
-    import geopandas
+    with comes_with("geo", "edges_table"):
+        import geopandas
     import shapely
 
     vertices, edges = roads.arrays.vertices, roads.arrays.edges
@@ -215,7 +216,8 @@ def _arrow(frame: Any) -> Any:
 
 
 def _geo_frame(table: Any) -> Any:
-    import geopandas
+    with comes_with("geo", "a path as a frame (an Arrow table needs no extra)"):
+        import geopandas
     import shapely
 
     frame = table.drop_columns("geometry").to_pandas()

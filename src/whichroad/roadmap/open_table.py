@@ -4,7 +4,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..errors import MapError
+from ..errors import MapError, SettingError, comes_with
 from .graphs import is_graph, read_graphml, sheet_of_graph
 from .sheet import Sheet, from_arrow, from_frame
 
@@ -51,7 +51,8 @@ def _open_file(path: Path) -> Sheet:
             return from_arrow(pyarrow.parquet.read_table(path), str(path))
         if name.endswith(".graphml"):
             return read_graphml(path)
-        import geopandas
+        with comes_with("geo", f"{path}: this format"):
+            import geopandas
 
         layer = _layer(path)
         with warnings.catch_warnings():
@@ -59,6 +60,8 @@ def _open_file(path: Path) -> Sheet:
             warnings.simplefilter("ignore", RuntimeWarning)
             frame = geopandas.read_file(path, layer=layer)
         return from_frame(frame, str(path))
+    except SettingError:
+        raise
     except (pa.ArrowException, ShapelyError, OSError, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise MapError(

@@ -13,6 +13,8 @@ import pyarrow.compute as pc
 import pyarrow.feather as feather
 from numpy.typing import NDArray
 
+from ..errors import comes_with
+
 TIME = pa.timestamp("us", tz="UTC")
 RECORDING = {b"whichroad": b"recording"}
 """Marks Arrow streams that grow while a vehicle drives: their last batch may be torn."""
@@ -208,7 +210,8 @@ def geometry(table: pa.Table) -> pa.Array | None:
 
 def geo_frame(table: pa.Table) -> Any:
     """The table as a GeoDataFrame in EPSG:4326; positions that are absent are None."""
-    import geopandas
+    with comes_with("geo", "points and path as frames (to_arrow() and write() need no extra)"):
+        import geopandas
     import shapely
 
     wkb = geometry(table)

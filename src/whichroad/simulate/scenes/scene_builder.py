@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..._compile import Ints32
+from ...errors import comes_with
 from ...geodesy.plane import Plane
 from ...geodesy.units import mps_of_kmh
 from ...observations import Array
@@ -107,7 +108,8 @@ def _placed(points: Array, turn: float) -> tuple[Array, Array]:
 
 
 def _map(builder: SceneBuilder, turn: float) -> "RoadMap":
-    import geopandas as gpd
+    with comes_with("geo", "a drawn scene"):
+        import geopandas as gpd
     import shapely
 
     from ...roadmap import RoadMap
