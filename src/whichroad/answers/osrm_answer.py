@@ -10,13 +10,25 @@ from typing import Any
 import numpy as np
 
 from ..filter.state import OFF_ROAD
-from ..geodesy.angles import degrees
+from ..geodesy.angles import bearing_of
 from ..observations import Array
 from ..tables.status import STATUS
 from .matched_trace import Matched, Piece, Run
 from .polylines import encoded, pairs, rounded
 from .refusal import osrm_error
-from .route_steps import Lengths, Line, Step, bearings, drawn, lengths, modifier, names_of, steps_of
+from .route_steps import (
+    HALF_TURN,
+    Lengths,
+    Line,
+    Step,
+    bearings,
+    drawn,
+    lengths,
+    modifier,
+    names_of,
+    steps_of,
+    whole,
+)  # fmt: skip
 
 ANNOTATIONS = ("nodes", "distance", "duration", "datasources", "weight", "speed")
 _DETAIL = 1000.0  # extent of a simplified line over what may be left out
@@ -188,7 +200,7 @@ class _Legs:
         out = self._begins[k]
         found: dict[str, Any] = {"out": 0, "entry": [True], "bearings": [out], "location": place}
         if not first:
-            back = (self._ends[k - 1] + 180) % 360
+            back = whole(self._ends[k - 1] + HALF_TURN)
             order = sorted([(back, False), (out, True)])
             found |= {
                 "in": order.index((back, False)), "out": order.index((out, True)),
@@ -209,7 +221,7 @@ class _Legs:
         manoeuvre: dict[str, Any] = {
             "bearing_after": 0, "bearing_before": before, "location": place, "type": "arrive"
         }  # fmt: skip
-        node: dict[str, Any] = {"in": 0, "entry": [True], "bearings": [(before + 180) % 360],
+        node: dict[str, Any] = {"in": 0, "entry": [True], "bearings": [whole(before + HALF_TURN)],
                                 "location": place}  # fmt: skip
         if self._options.by_valhalla:
             manoeuvre["instruction"] = ARRIVED
@@ -306,7 +318,7 @@ def estimates(matched: Matched) -> dict[str, Any]:
         "cov_ee_m2": np.round(c * c * xx + 2 * c * s * xy + s * s * yy, 4),
         "cov_en_m2": np.round(c * s * (yy - xx) + (c * c - s * s) * xy, 4),
         "cov_nn_m2": np.round(s * s * xx - 2 * c * s * xy + c * c * yy, 4),
-        "bearing_deg": np.round((90.0 - degrees(rows.heading - turn)) % 360.0, 2),
+        "bearing_deg": np.round(bearing_of(rows.heading - turn, 0.0), 2),
         "p_road": np.round(rows.p_edge, 6), "p_way": np.round(rows.p_way, 6),
         "p_off_road": np.round(rows.p_off_road, 6),
     }  # fmt: skip

@@ -10,6 +10,7 @@ from urllib.parse import parse_qsl, unquote
 import numpy as np
 
 from ..errors import WhichroadError
+from ..geodesy.angles import wrap_degrees
 from ..matching import tuned_by
 from ..observations import Array
 from ..roadmap import RoadMap
@@ -318,7 +319,7 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
     time = _durations(given, len(lat)) if time is None else time
     accuracy = np.array([math.nan if one is None else float(one) for one in own])
     accuracy[~(accuracy > 0.0) | np.isinf(accuracy)] = np.nan
-    lon = (lon + 180.0) % 360.0 - 180.0
+    lon = wrap_degrees(lon)
     if not (np.isfinite(lat).all() and np.isfinite(lon).all() and (np.abs(lat) <= 90.0).all()):
         raise ValueError("a place that is none")
     if time is not None and not (np.isfinite(time).all() and (np.abs(time) < 1e11).all()):

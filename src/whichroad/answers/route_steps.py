@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geodesy.angles import bearing_of, radians, wrap_bearing, wrap_degrees
 from ..observations import Array
 from .matched_trace import Matched, Piece
 
+HALF_TURN = 180.0  # degrees
 _STRAIGHT, _SLIGHT, _NORMAL, _TURNED = 20.0, 60.0, 120.0, 170.0  # degrees of a turn
 _JOINED = 1e-7  # degrees up to which ends of pieces are one place
 _CORNER = 60.0  # degrees from which on a turn within one street is told
@@ -80,14 +82,19 @@ def names_of(matched: Matched, pieces: list[Piece]) -> list[str]:
     return [name or "" for name in matched.roads.names(edge).to_pylist()]
 
 
+def whole(bearing_deg: float) -> int:
+    """A bearing in whole degrees, 0 to 359."""
+    return int(wrap_bearing(float(round(bearing_deg))))
+
+
 def bearing(lat: Array, lon: Array, *, end: bool = False) -> int:
     """The bearing with which a line begins or ends, whole degrees."""
     order = range(len(lat) - 1)
     for k in reversed(order) if end else order:
         north = float(lat[k + 1] - lat[k])
-        east = float(lon[k + 1] - lon[k]) * math.cos(math.radians(float(lat[k])))
+        east = float(lon[k + 1] - lon[k]) * math.cos(radians(float(lat[k])))
         if abs(north) + abs(east) > 1e-9:
-            return round(math.degrees(math.atan2(east, north))) % 360
+            return whole(bearing_of(math.atan2(north, east), 0.0))
     return 0
 
 
@@ -112,7 +119,7 @@ def steps_of(
     """
     found = [Step(low, high, names[low], 0.0, 0, begins[low])]
     for k in range(low + 1, high):
-        turn = (begins[k] - ends[k - 1] + 180.0) % 360.0 - 180.0
+        turn = wrap_degrees(float(begins[k] - ends[k - 1]))
         if names[k] != names[k - 1] or abs(turn) > _CORNER:
             found[-1] = found[-1]._replace(high=k)
             found.append(Step(k, high, names[k], turn, ends[k - 1], begins[k]))

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.angles import bearing_of
+from ..geodesy.units import KMH
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .matched_trace import Matched, Piece
-from .route_steps import Lengths, Line
+from .route_steps import Lengths, Line, whole
 
+KILOMETRE = 1000.0  # m
 _NO_GRADE = -500  # Valhalla's mark
 _CLASSES = {
     "living_street": "residential", "service": "service_other", "road": "unclassified"
@@ -72,11 +75,11 @@ class Edges:
         highway = of.get("highway") or ""
         other = int(row["opposite"])
         both = other >= 0 and not self._matched.roads.arrays.edges.rule[other]
-        speed = round(float(row["speed"]) * 3600.0 / self._unit)
+        speed = round(float(row["speed"]) / (KMH * self._unit / KILOMETRE))
         limit = of.get("speed_limit_kmh") or 0.0
         found = {
             **_UNKNOWN,
-            "speed_limit": round(limit * 1000.0 / self._unit),
+            "speed_limit": round(limit * KILOMETRE / self._unit),
             "lane_count": max(int(of.get("lanes") or 1), 1), "id": piece.edge,
             "drive_on_right": self._matched.driving_side == "right",
             "roundabout": bool(of.get("roundabout")), "bridge": bool(of.get("bridge")),
@@ -137,7 +140,7 @@ class Edges:
             "walkability": walk, "cyclability": walk,
             "from_edge_name_consistency": name is not None and name == now,
             "to_edge_name_consistency": name is not None and name == then,
-            "begin_heading": round(90.0 - float(np.degrees(heading - turn))) % 360,
+            "begin_heading": whole(bearing_of(heading - turn, 0.0)),
             "use": use_of(highway), "road_class": class_of(highway),
         }  # fmt: skip
         if into or back:
