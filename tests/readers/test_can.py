@@ -259,7 +259,7 @@ def test_long_identifiers_are_theirs_alone_and_strange_units_are_noted(read):
     assert any("furlong" in note for note in drive.notes)
 
 
-@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc"])
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc", ".mf4"])  # asammdf writes MF4
 def test_other_logs_are_read_by_python_can(tmp_path, put, suffix, sound):
     log = tmp_path / f"log{suffix}"
     counts = 65_400 + 20 * np.arange(50)

@@ -74,8 +74,9 @@ def test_sentences_are_valid_and_say_where_there_was_no_gnss(drive, tmp_path):
     assert [m.cog for m in parsed[1::3]] == pytest.approx(drive["bearing_deg"].to_numpy()[:N])
 
 
-def test_a_bag_has_poses_in_east_and_north_and_twists_of_the_vehicle(drive, tmp_path):
-    path = tmp_path / "out.bag"
+@pytest.mark.parametrize("suffix", [".bag", ".db3"])
+def test_a_bag_has_poses_in_east_and_north_and_twists_of_the_vehicle(drive, tmp_path, suffix):
+    path = tmp_path / f"out{suffix}"
     write_table(drive, path)
     geod = pyproj.Geod(ellps="WGS84")
     lat, lon, bearing = (drive[c].to_numpy()[:N] for c in ("lat", "lon", "bearing_deg"))

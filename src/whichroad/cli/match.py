@@ -76,7 +76,8 @@ def match(
         typer.Option(
             "-o",
             "--out",
-            help="File for the points: .parquet, .geojson, .csv, .gpx, .arrow, .nmea, .mcap, .bag.",
+            help="File for the points: .parquet, .geojson, .csv, .gpx, .arrow, .nmea, .mcap, .bag, "
+            ".db3.",
         ),
     ] = None,
     path_out: Annotated[

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Writer = Callable[["pa.Table", Path], None]
 
 SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpx", ".arrow", ".feather")
-OF_POINTS = (".nmea", ".mcap", ".bag")  # for receivers and robots
+OF_POINTS = (".nmea", ".mcap", ".bag", ".db3")  # for receivers and robots
 OF_PATHS = (".rou.xml",)  # a path by source for SUMO
 
 
@@ -190,6 +190,8 @@ def _writer(path: Path) -> "Writer":
             from .robots import write_mcap as write
         case ".bag":
             from .robots import write_bag as write
+        case ".db3":
+            from .robots import write_ros2 as write
         case ".rou.xml":
             from .routes import write
         case _:

@@ -1,4 +1,4 @@
-"""For robots: MCAP with Foxglove's schemas, and bags of ROS 1 with Odometry and NavSatFix.
+"""For robots: MCAP with Foxglove's schemas, and bags of ROS 1 and 2 with Odometry and NavSatFix.
 
 Frames are those of REP-103 and REP-105: x east, y north, metres about the drive's first
 position in `map`; the vehicle, x ahead, is `base_link`.
@@ -7,6 +7,7 @@ position in `map`; the vehicle, x ahead, is `base_link`.
 import importlib
 import json
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,32 @@ def write_bag(table: pa.Table, path: Path) -> None:
                     writer.write(connection, stamp, store.serialize_ros1(build(k, stamp), kind))
 
 
+def write_ros2(table: pa.Table, path: Path) -> None:
+    """Write points as the SQLite file of a bag of ROS 2, with the same messages.
+
+    Raises:
+        WriteError: The table has no positions, or the package rosbags is missing.
+    """
+    drives = list(positions(table, path))
+    bags, types = _package("rosbags.rosbag2", path), _package("rosbags.typesys", path)
+    store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        bag = Path(folder) / "bag"
+        with bags.Writer(bag, version=8) as writer:
+            for drive in drives:
+                make = _Messages(store, drive)
+                built = {"odometry": ("nav_msgs/msg/Odometry", make.odometry),
+                         "fix": ("sensor_msgs/msg/NavSatFix", make.fix)}  # fmt: skip
+                for name, (kind, build) in built.items():
+                    topic = f"{_prefix(drive, drives)}/{name}"
+                    connection = writer.add_connection(topic, kind, typestore=store)
+                    for k in range(len(drive.time)):
+                        stamp = _stamp(drive, k)
+                        writer.write(connection, stamp, store.serialize_cdr(build(k, stamp), kind))
+        (file,) = bag.glob("*.db3")
+        file.replace(path)
+
+
 def _package(name: str, path: Path) -> Any:
     """A module of a package that only these formats need."""
     try:
@@ -169,7 +196,9 @@ class _Messages:
 
     def _header(self, stamp: int, frame: str) -> Any:
         time = self._types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-        return self._types["std_msgs/msg/Header"](seq=0, stamp=time, frame_id=frame)
+        kind = self._types["std_msgs/msg/Header"]
+        more = {"seq": 0} if "seq" in kind.__dataclass_fields__ else {}  # ROS 1 numbers them
+        return kind(**more, stamp=time, frame_id=frame)
 
     def fix(self, k: int, stamp: int) -> Any:
         """A NavSatFix."""
