@@ -4,6 +4,7 @@ Good files come from the simulator.  They are damaged as disks, radios, spreadsh
 hands damage them; warnings count as errors, since no user should see one of NumPy's.
 """
 
+import json
 import tempfile
 import time
 import traceback
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from whichroad.answers import AnswerError, osrm_match, trace_attributes, trace_route
 from whichroad.errors import MapError, ReadError
 from whichroad.observations import Drive
 from whichroad.readers import NmeaParser, read_drive, read_vehicle
@@ -23,7 +25,7 @@ from whichroad.settings import Vehicle
 from whichroad.simulate import SimulatedDrive, draw_town, simulate_drive, write_drive
 
 from . import Figure, Options, seeds_text
-from .fuzz_formats import for_robots, formats, overture, sumo_net, ubx_frame
+from .fuzz_formats import for_robots, formats, overture, requests_of, sumo_net, ubx_frame
 
 SECONDS = 60.0
 _KEPT = 20  # tracebacks told per reader
@@ -271,6 +273,15 @@ def readers(folder: Path) -> list[Reader]:
     def of_edges(path: Path) -> int:
         return len(RoadMap.from_edges(path))
 
+    def of_osrm(path: Path) -> int:
+        places, _, options = path.read_bytes().decode("latin-1").partition("\n")
+        return len(json.dumps(osrm_match(roads, places, options), allow_nan=False))
+
+    def of_valhalla(path: Path) -> int:
+        answer = trace_attributes(roads, path.read_bytes()), trace_route(roads, path.read_bytes())
+        return len(json.dumps(answer, allow_nan=False))
+
+    osrm, valhalla = requests_of(drive)
     can_short = folder / "short.log"
     can_short.write_bytes(_first_lines(can))
     nmea = _first_lines(files["drive.nmea"])
@@ -279,6 +290,7 @@ def readers(folder: Path) -> list[Reader]:
         Reader("nmea stream", nmea, _stream, ".nmea"),
         Reader("ubx", tables["ubx"], drives, ".ubx"),
         Reader("ros bag", for_robots(tables["parquet"], folder / "d.bag"), drives, ".bag"),
+        Reader("ros 2 bag", for_robots(tables["parquet"], folder / "d.db3"), drives, ".db3"),
         Reader("mcap", for_robots(tables["parquet"], folder / "d.mcap"), drives, ".mcap"),
         Reader("csv", tables["csv"], drives, ".csv"),
         Reader("csv, sigma and yaw", tables["sigma"], drives, ".csv"),
@@ -312,6 +324,8 @@ def readers(folder: Path) -> list[Reader]:
         ),
         Reader(".net.xml", sumo_net(roads), of_edges, ".net.xml", MapError),
         Reader("overture", overture(roads), of_edges, ".parquet", MapError),
+        Reader("request of osrm", osrm, of_osrm, ".txt", AnswerError),
+        Reader("request of valhalla", valhalla, of_valhalla, ".json", AnswerError),
         Reader(".osm", town.read_bytes(), lambda p: len(RoadMap.from_osm(p)), ".osm", MapError),
     ]
 
@@ -321,7 +335,7 @@ def _mutations(reader: Reader) -> tuple[Mutation, ...]:
         return (*_TEXT, _sealed, _sealed)
     if reader.suffix == ".ubx":
         return (*_BINARY, _sealed_ubx, _sealed_ubx)
-    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap")
+    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap", ".db3")
     return _BINARY if reader.suffix in binary else _TEXT
 
 

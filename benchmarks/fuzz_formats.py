@@ -150,6 +150,21 @@ def sumo_net(roads: Any) -> bytes:
     return "\n".join([*lines, "</net>"]).encode()
 
 
+def requests_of(drive: Any, fixes: int = 30) -> tuple[bytes, bytes]:
+    """The first fixes as requests of OSRM (coordinates, line feed, options) and of Valhalla."""
+    f = drive.drive.fixes
+    rows = list(zip(*(c[:fixes].tolist() for c in (f.time, f.lat_deg, f.lon_deg)), strict=True))
+    places = ";".join(f"{lon:.6f},{lat:.6f}" for _, lat, lon in rows)
+    times = ";".join(f"{t:.0f}" for t, _, _ in rows)
+    radiuses = ";".join(["5"] * len(rows))
+    options = f"timestamps={times}&radiuses={radiuses}&waypoints=0;{len(rows) - 1}&steps=true"
+    shape = [{"time": t, "lat": lat, "lon": lon, "accuracy": 5} for t, lat, lon in rows]
+    asked = {"shape": shape, "costing": "auto", "units": "miles", "use_timestamps": True,
+             "filters": {"attributes": ["edge.names"], "action": "exclude"}}  # fmt: skip
+    osrm = f"{places}\n{options}&annotations=true&geometries=geojson&overview=full"
+    return osrm.encode(), json.dumps(asked, indent=1).encode()
+
+
 def for_robots(table: bytes, path: Path) -> bytes:
     """Points in Parquet as a bag or an MCAP, by our own writer.
 

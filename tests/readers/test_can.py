@@ -366,3 +366,16 @@ def test_the_simulated_car_is_read_back_as_it_was(tmp_path):
     assert np.abs(drive.fixes.lon_deg - fixes.lon_deg).max() < 1e-8
     assert drive.fixes.cov_ee == pytest.approx(fixes.cov_ee, rel=0.02, abs=0.02)
     assert drive.fixes.speed == pytest.approx(fixes.speed, abs=1e-3)
+
+
+def test_a_damaged_mf4_file_is_refused_in_one_sentence_and_nothing_is_printed(tmp_path, put, capfd):
+    log = tmp_path / "log.mf4"
+    with can.Logger(str(log)) as writer:
+        for k in range(20):
+            writer(can.Message(T0 + 0.1 * k, 928, is_extended_id=False, data=ticks(k), channel=1))
+    whole = log.read_bytes()
+    for cut in (70, 200, len(whole) // 2):
+        log.write_bytes(whole[:cut])
+        with pytest.raises(ReadError, match=r"log\.mf4"):
+            read_drive([], can=log, dbc=put("car.dbc", DBC), vehicle=vehicle())
+    assert capfd.readouterr() == ("", "")

@@ -1,8 +1,7 @@
 """CAN frames of a log: candump text by our own parser, other formats by python-can."""
 
 import re
-from collections.abc import Iterator
-from importlib.util import find_spec
+from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError, SettingError, comes_with
 from ..observations import Array
+from . import mf4
 from .blf import check_blf
 from .checks import Skipped, counted_warnings, read_bytes
 
@@ -108,9 +108,13 @@ def _candump(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> d
 def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Rows]:
     found: dict[int, Rows] = {}
     count = 0
+    is_mf4 = Path(path).suffix.lower() == ".mf4"
     try:
         with counted_warnings("can", "part of the log not understood", skipped):
-            for time, identifier, extended, data, is_data in _messages(path):
+            messages: Iterable[tuple[float, int, bool, bytes, bool]] = _messages(path)
+            if is_mf4:
+                messages = mf4.quietly(Path(path), skipped, lambda: list(_messages(path)))
+            for time, identifier, extended, data, is_data in messages:
                 count += 1
                 k = key(identifier, extended)
                 if not is_data:
@@ -134,11 +138,6 @@ def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, byt
     with comes_with("can", f"{Path(path).name}: this format"):
         import can
 
-    if suffix == ".mf4" and find_spec("asammdf") is None:
-        raise ReadError(
-            f"{Path(path).name}: MF4; the package asammdf is needed to read it; "
-            'pip install "whichroad[mf4]"'
-        )
     reader, mode = _BY_LIBRARY[suffix]
     if suffix == ".blf":
         check_blf(read_bytes(path), Path(path).name)
