@@ -7,9 +7,13 @@ Choose on even tracks and Heidelberg seeds 20 to 29; report odd tracks and seeds
 """
 
 from .. import Figure, Options
-from . import agreement
+from . import agreement, between, turning
 
-PARTS = {"agreement": agreement.measure}
+PARTS = {
+    "agreement": agreement.measure,
+    "between": between.measure,
+    "turning": turning.measure,
+}
 
 
 def run(options: Options) -> list[Figure]:
