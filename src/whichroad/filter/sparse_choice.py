@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import kernel
-from ..graph.search import Query, Search, find_routes, goal_of
+from ..graph.search import Query, Reach, Search, find_routes, goal_of
 from .sparse_routes import (
     EXCESS_SPEED,
     SPAN,
@@ -168,6 +168,20 @@ def _weigh_route(
     _weigh(belief, ctx, i, Way(label, edge, to, went, cost, usual, _WORTH), start, query, fix)
 
 
+@kernel
+def _label_turn(
+    search: Search, label: int, edge: int, driven: Reach, came: float, speed: float
+) -> None:
+    """Write a free label: turned into an edge behind a route of `came` metres, at a speed, m/s."""
+    new = search.label[int(search.run[0].labels)]
+    new.edge = edge
+    new.parent = label
+    new.cost = driven.cost
+    new.length = driven.length
+    new.time = driven.time + (driven.length - came) / speed
+    new.turn = driven.turn
+
+
 @kernel(inline=True)
 def _weigh_turn(
     belief: Belief, ctx: Context, i: int, label: int, start: Departure, query: Query,
@@ -207,13 +221,8 @@ def _weigh_turn(
     new = int(run.labels)
     if new >= len(search.label):
         return
-    label_of = search.label[new]
-    label_of.edge = other
-    label_of.parent = label
-    label_of.cost = cost
-    label_of.length = came + least + more - to
-    label_of.time = time + (label_of.length - came) / max(float(road.speed), 1.0)
-    label_of.turn = turn + math.pi
+    driven = Reach(cost, came + least + more - to, time, turn + math.pi)
+    _label_turn(search, label, other, driven, came, max(float(road.speed), 1.0))
     pairs = run.pairs
     _weigh(
         belief, ctx, i, Way(new, other, to, came + least + more, cost, usual, _TURN_WORTH), start,
