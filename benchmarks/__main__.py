@@ -48,6 +48,7 @@ BENCHMARKS = {
     ),
     "serve": ("serving.run", "whichroad serve: rate and time among callers, bad, huge requests"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
+    "routes": ("routes.run", "points against path, sure edges between fixes, turning round"),
     "doubt": ("doubt.run", "how long P says ambiguous where no road competes"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
 }
@@ -78,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--seeds", type=seeds, metavar="A:B", help="seeds A to B - 1")
     command.add_argument("--data", type=Path, metavar="DIR", help="the folder of real data")
     command.add_argument("--json", metavar="FILE", help="write the rows here (-: print them)")
-    command.add_argument("--tracks", metavar="0-9", help="kubicka, sparse: only these tracks")
+    command.add_argument("--tracks", metavar="0-9", help="kubicka, sparse, routes: only these")
     command.add_argument("--every", type=float, metavar="S", help="kubicka: seconds between fixes")
     command.add_argument("--preset", metavar="NAME", help="the simulator's preset")
     command.add_argument("--seconds", type=float, metavar="S", help="fuzz, readers, live: how long")
@@ -105,8 +106,10 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse, fleet: only these")
-    command.add_argument("--intervals", metavar="1,10", help="sparse: seconds between fixes")
+    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes: only these")
+    command.add_argument(
+        "--intervals", metavar="1,10", help="sparse, routes: seconds between fixes"
+    )
     command.add_argument("--conditions", metavar="A,B", help="sparse: such as 10s/5m/gm")
     command.add_argument("--peers", metavar="DIR", help="sparse: the peers' environments")
     command.add_argument("--cache", metavar="DIR", help="sparse, worlds: kept between runs")

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .filter.best_path import best_path, edge_probability, joins
+from .filter.best_path import best_path, edge_probability
 from .filter.history import History
+from .filter.passage import joins
 from .filter.state import OFF_ROAD, Belief, Path, new_path
 from .graph.network import Roads
 from .observations import Array

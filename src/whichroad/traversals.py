@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._compile import Records
-from .filter.best_path import TRAVERSAL, broken_rules, first_epochs, time_edges
 from .filter.estimate import Output
+from .filter.passage import TRAVERSAL, broken_rules, first_epochs, time_edges
 from .filter.state import OFF_ROAD
 from .graph.network import Roads, records
 from .path import Chain

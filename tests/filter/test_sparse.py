@@ -313,3 +313,19 @@ def test_settings_hold_for_sparse_fixes_too():
     near = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=1e-4)).output
     few = localize(TOWN, epochs, mode=CLOCK, settings=Settings(prune=0.05)).output
     assert few.rows.live.mean() <= near.rows.live.mean()
+
+
+@pytest.mark.parametrize("seconds", [5.0, 10.0, 20.0])
+def test_who_has_turned_on_the_way_drives_on_the_opposite_edge(seconds: float):
+    """Out at 12 m/s, round between two fixes, back: nobody drives backwards for 700 m."""
+    roads = street(400.0, 4)
+    time = np.arange(0.0, 160.0, seconds)
+    along = 100.0 + 12.0 * np.minimum(time, 163.0 - time)
+    noise = np.random.default_rng(3).normal(0.0, 3.0, (len(time), 2))
+    at = np.column_stack([along, np.zeros(len(time))]) + noise
+    rows = localize(roads, fixes(at, time), mode=CLOCK).output.rows
+    back = time > 81.5 + seconds
+    heading = np.cos(rows.heading)
+    assert (heading[(time > 0.0) & (time < 81.5)] > 0.9).all()
+    assert (heading[back] < -0.9).all()
+    assert (rows.p_edge[back][1:] > 0.5).all()

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._compile import Records
-from ..filter.best_path import TRAVERSAL
 from ..filter.estimate import Output, new_output
 from ..filter.history import new_history
 from ..filter.many import Drives, localize_each, time_each
+from ..filter.passage import TRAVERSAL
 from ..filter.state import CLOCK
 from ..graph.network import records
 from ..roadmap import RoadMap

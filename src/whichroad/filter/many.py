@@ -5,9 +5,9 @@ from typing import NamedTuple
 from .._compile import Ints, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
-from .best_path import Traversals, broken_rules, first_epochs, time_edges
 from .estimate import Estimates, Output
 from .history import History
+from .passage import Traversals, broken_rules, first_epochs, time_edges
 from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
 from .step import run
 
@@ -91,7 +91,7 @@ def localize_each(
 def time_each(
     roads: Roads, epochs: Epochs, estimates: Estimates, drives: Drives, found: Ints
 ) -> None:
-    """Fill in when and where the edges of drives were driven, see `best_path.time_edges`.
+    """Fill in when and where the edges of drives were driven, see `passage.time_edges`.
 
     Args:
         roads: The network.

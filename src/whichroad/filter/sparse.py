@@ -18,11 +18,11 @@ from .gaussian import condition, normal_cdf, reshape_on_map, truncated_moments
 from .lanes import redraw_lane
 from .motion import Noise, add_across, age_map, decay, predict_road
 from .road import track
+from .sparse_choice import choose_routes
 from .sparse_routes import (
     SPEED_SIGMA,
     SparseFix,
     SpeedProcess,
-    choose_routes,
     find_candidates,
     heavy_tail,
     on_map,

@@ -58,6 +58,7 @@ PAIR = np.dtype(
         ("source", "i4"),  # hypothesis
         ("label", "i4"),  # -1: on along its own edge
         ("goal", "i4"),
+        ("turned", "u1"),  # 1: it turns round on the way
     ],
     align=True,
 )

@@ -1,0 +1,24 @@
+"""Routes: do points and path agree, are sure edges between fixes right, is turning round seen?
+
+    python -m benchmarks routes [--parts agreement,between,turning] [--tracks even|odd]
+                                [--seeds 20:30] [--intervals 1,5,10,30,60]
+
+Choose on even tracks and Heidelberg seeds 20 to 29; report odd tracks and seeds 30 to 39.
+"""
+
+from .. import Figure, Options
+from . import agreement, between, turning
+
+PARTS = {
+    "agreement": agreement.measure,
+    "between": between.measure,
+    "turning": turning.measure,
+}
+
+
+def run(options: Options) -> list[Figure]:
+    """Measure the parts asked for."""
+    found: list[Figure] = []
+    for part in options.more.get("parts", ",".join(PARTS)).split(","):
+        found += PARTS[part](options)
+    return found

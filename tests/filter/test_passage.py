@@ -1,0 +1,85 @@
+"""When and where the edges of a path are driven: points and path say the same."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from scenes import network
+from whichroad._compile import Records
+from whichroad.filter.estimate import new_output
+from whichroad.filter.passage import TRAVERSAL, first_epochs, time_edges
+from whichroad.filter.state import EPOCH, NO_EDGE, OFF_ROAD
+from whichroad.graph.network import records
+
+# a street of three edges of 100 m and a side street; edge 2 i + 1 is edge 2 i driven back
+ROADS = network(
+    [
+        [[0.0, 0.0], [100.0, 0.0]],
+        [[100.0, 0.0], [200.0, 0.0]],
+        [[200.0, 0.0], [300.0, 0.0]],
+        [[200.0, 0.0], [200.0, 80.0]],
+    ]
+)
+
+
+def passed(chain: list[tuple[int, float]], seen: list[tuple[float, int, float, float]]) -> Records:
+    """Times of a chain (edge, entered) by what is seen (time, edge, abscissa, P)."""
+    epochs = records(len(seen), EPOCH)
+    rows = new_output(len(seen), False).rows
+    rows.alt_edge[:] = NO_EDGE
+    for k, (time, edge, s, p) in enumerate(seen):
+        epochs[k].time = time
+        rows[k].live, rows[k].edge, rows[k].s, rows[k].p_edge = 1, edge, s, p
+        rows[k].alt_edge[0], rows[k].alt_p[0] = edge, p
+    driven = records(len(chain), TRAVERSAL)
+    driven.edge, driven.entered = np.array(chain).T
+    first = np.zeros(len(chain) + 1, np.int64)
+    first_epochs(driven, epochs, first)
+    time_edges(ROADS, driven, first, epochs, rows, len(seen) - 1)
+    assert all(a.exit_time == b.enter_time for a, b in pairwise(driven))
+    return driven
+
+
+def said_at(driven: Records, time: float) -> set[int]:
+    """Edges of the path at a moment."""
+    return {int(r.edge) for r in driven if r.enter_time <= time <= r.exit_time}
+
+
+def test_a_stand_before_a_gap_is_part_of_the_edge():
+    """It stands at 66 m for four minutes, its position creeps back, then it is off the roads."""
+    stand = [(20.0 + k, 0, 66.0 - 0.01 * k, 0.9993) for k in range(240)]
+    seen = [(0.0, 0, 10.0, 0.999), (10.0, 0, 50.0, 0.999), *stand]
+    seen += [(270.0, OFF_ROAD, 0.0, 0.9), (280.0, 6, 30.0, 0.999), (290.0, 6, 60.0, 0.999)]
+    driven = passed([(0, 0.0), (6, 275.0)], seen)
+    assert driven[0].exit_m == 66.0  # the farthest place
+    assert driven[0].exit_time >= 259.0
+    assert driven[1].gap
+
+
+def test_a_turn_keeps_the_places_that_the_way_back_has_seen():
+    """The farthest place of a turn may have been seen on the opposite edge alone."""
+    seen = [(0.0, 0, 20.0, 0.999), (10.0, 0, 80.0, 0.999), (20.0, 2, 30.0, 0.999)]
+    seen += [(30.0, 3, 10.0, 0.999), (40.0, 3, 60.0, 0.999), (50.0, 1, 30.0, 0.999)]
+    driven = passed([(0, 0.0), (2, 15.0), (3, 25.0), (1, 45.0)], seen)
+    assert driven[1].exit_m == 90.0
+    assert driven[2].enter_m == 10.0
+
+
+def test_sure_points_find_the_path_on_their_edge_though_it_was_entered_late():
+    """The hypothesis that was right in the end had entered the third edge too early."""
+    seen = [(float(k), 0, 10.0 * k, 0.999) for k in range(10)]
+    seen += [(float(k), 2, 10.0 * (k - 10), 0.999) for k in range(10, 20)]
+    seen += [(float(k), 4, 10.0 * (k - 20), 0.999) for k in range(20, 30)]
+    driven = passed([(0, 0.0), (2, 12.5), (4, 17.5)], seen)
+    for time, edge, _, _ in seen:
+        assert edge in said_at(driven, time)
+    assert driven[1].exit_time == 20.0
+
+
+def test_an_unsure_point_does_not_hold_the_path_back():
+    """A point of P 0.5 on the edge before, after the next one was seen for sure."""
+    seen = [(0.0, 0, 50.0, 0.999), (5.0, 2, 10.0, 0.999), (6.0, 0, 99.0, 0.5)]
+    seen += [(7.0, 2, 30.0, 0.999), (12.0, 2, 80.0, 0.999)]
+    driven = passed([(0, 0.0), (2, 6.5)], seen)
+    assert driven[0].exit_time <= 5.0
+    assert driven[1].p == np.float32(0.999)
