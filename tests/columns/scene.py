@@ -89,7 +89,7 @@ def foot(lon: float, lat: float, line: Array) -> Foot:
 
 BEFORE = 20  # epochs of wheels before the first fix
 OUTAGE = (330.0, 470.0)  # m driven
-STOP = 700.0  # m driven, for 5 s
+STOP = 700.0  # m driven, for 3 s, and 2 s of braking before and starting behind
 FALSE = 6  # outliers at the end, one a second
 
 
@@ -103,8 +103,21 @@ def truth() -> Truth:
     way = np.array(shapely.LineString(way).offset_curve(-1.75, join_style="mitre").coords)
     moving = drive_along(way, radius=15.0)
     stop = int(np.searchsorted(moving.s, STOP))
-    rows = np.concatenate([np.arange(stop), np.full(50, stop), np.arange(stop, len(moving.s))])
-    return Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in moving[1:]))
+    braking = np.arange(20) - 0.025 * np.arange(20) ** 2  # from 10 m/s, by 5 m/s², in rows of 1 m
+    rows = np.concatenate(
+        [
+            np.arange(stop - 10), stop - 10 + braking, np.full(30, stop),
+            (stop + 10 - braking)[::-1], np.arange(stop + 11, len(moving.s)),
+        ]
+    )  # fmt: skip
+    all_rows = np.arange(len(moving.s))
+    return Truth(
+        np.arange(len(rows)) * 0.1,
+        *(
+            np.interp(rows, all_rows, np.unwrap(c) if k == 2 else c)
+            for k, c in enumerate(moving[1:])
+        ),
+    )
 
 
 @cache

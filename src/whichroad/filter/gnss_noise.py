@@ -67,9 +67,9 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
 
 
 @kernel
-def is_vouched(par: Record, epoch: Record) -> bool:
+def is_vouched(state: Record, epoch: Record) -> bool:
     """Whether motion in the plane is measured without positions: wheels, or Doppler."""
-    return bool(par.mode == WHEELS or epoch.speed_sigma < 1.0)
+    return bool(state.mode == WHEELS or epoch.speed_sigma < 1.0)
 
 
 @kernel(inline=True)
@@ -169,7 +169,7 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
-    if not is_vouched(par, epoch):
+    if not is_vouched(state, epoch):
         state.innovation_factor += gain * (1.0 - state.innovation_factor)
         state.gnss_factor = max(state.innovation_factor, 1.0)
         return

@@ -28,7 +28,27 @@ _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
+_JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
+
+
+@kernel
+def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, float, float, float]:
+    """κ and b at a start, each with its sigma: as last known, the speed without odometry."""
+    rate = 1.0
+    rate_sigma = par.scale_sigma
+    drift = 0.0
+    drift_sigma = par.drift_sigma if state.mode == WHEELS else 0.0
+    if state.mode == CLOCK:
+        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
+        rate_sigma = min(epoch.speed_sigma, 8.0)
+    elif state.known_rate[1] > 0.0:
+        rate = state.known_rate[0]
+        rate_sigma = math.sqrt(state.known_rate[1])
+    if state.mode == WHEELS and state.known_drift[1] > 0.0:
+        drift = state.known_drift[0]
+        drift_sigma = math.sqrt(state.known_drift[1])
+    return rate, rate_sigma, drift, drift_sigma
 
 
 @kernel(inline=True)
@@ -39,11 +59,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     heading_sigma = math.inf
     if has_course(epoch, 0.5):
         heading_sigma = epoch.course_sigma + 0.03
-    rate = 1.0
-    rate_sigma = par.scale_sigma
-    if par.mode == CLOCK:
-        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
-        rate_sigma = min(epoch.speed_sigma, 8.0)
+    rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
     if state.gnss_factor == 0.0:
         least = 1.0 / (1.0 + par.gnss_white_ratio**2)
         state.gnss_factor = least * par.gnss_start**2
@@ -53,7 +69,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     sigmas = math.sqrt(state.gnss_factor)
     start = Start(
         sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
-        par.drift_sigma if par.mode == WHEELS else 0.0, True,
+        drift, drift_sigma, True,
     )  # fmt: skip
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
     state.started = 1
@@ -125,7 +141,7 @@ def _add_restarts(
         start = Start(
             math.sqrt(belief.state[0].gnss_factor), white, mean[H],
             math.inf if lost else math.sqrt(top.cov[H, H]) + 0.03, mean[K],
-            math.sqrt(top.cov[K, K]), par.drift_sigma, True,
+            math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
         )  # fmt: skip
         cold_start(belief, path, ctx, fix, start, par.gnss_lost)
 
@@ -140,13 +156,13 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
         variance = (epoch.course_sigma**2 + 0.0025) * thin
         observe_state(belief, ctx, H, epoch.course - swing, variance)
         state.course_time = epoch.time
-    if par.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
+    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
             late = _LATENCY * state.odometer_acceleration
             variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
             observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
-    if par.mode == CLOCK and epoch.speed_sigma < 20.0:
+    if state.mode == CLOCK and epoch.speed_sigma < 20.0:
         observe_state(belief, ctx, K, epoch.speed, (epoch.speed_sigma**2 + 0.04) * thin)
 
 
@@ -164,16 +180,17 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state = belief.state[0]
     fix = epoch.fix
     interval = epoch.time - state.last_fix
-    if par.mode == CLOCK:
+    if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
     age_receiver(belief, ctx)
     factor = state.gnss_factor
     white = math.sqrt(factor) * par.gnss_white_ratio
-    if par.mode == CLOCK:
+    if state.mode == CLOCK:
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
-    learn_factor(belief, ctx, epoch, white, state.moving)
+    if state.vetting.apart == 0:  # else either may be wrong, and the receiver is not to blame yet
+        learn_factor(belief, ctx, epoch, white, state.moving)
     state.moving = 0.0
     state.since_fix = 0.0
     state.unmeasured = 0.0
@@ -183,13 +200,14 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
         (white * fix[3]) ** 2 * thin,
     )  # fmt: skip
-    jumps = is_vouched(par, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
-    lost = par.mode == WHEELS and _is_lost(belief)
-    if par.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
+    lost = state.mode == WHEELS and _is_lost(belief)
+    if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
         _add_restarts(belief, path, ctx, epoch, white, lost)
     _observe_motion(belief, ctx, epoch, thin)
+    state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if misfit:
         state.misfits += 1.0
     else:

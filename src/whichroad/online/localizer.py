@@ -151,8 +151,8 @@ class Localizer:
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Settings that do not fit the data so far; nothing without odometry."""
-        return findings(self._statistics)
+        """Sensors that were withheld, else settings that do not fit the data so far."""
+        return findings(self._statistics, self._filter.belief.state[0].vetting)
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.

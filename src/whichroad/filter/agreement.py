@@ -1,0 +1,238 @@
+"""Distances and turns by each source of motion beside each other: who disagrees with the others."""
+
+import math
+
+from .._compile import Record, kernel
+from ..graph.geometry import wrap
+from .sources import ARC, COURSE, SPEED, TURN
+from .windows import (
+    ANCHORS,
+    CLOCK,
+    WHEELS,
+    Seen,
+    between,
+    course_between,
+    far_enough,
+    metres_before,
+    needed,
+    turn_of_places,
+)
+
+_LONGEST = 15.0  # s
+_SHORT_WAY, _LONG_WAY = 50.0, 150.0  # m
+_SIGNIFICANT = 4.0  # sigmas
+_PERSISTS = 5.0  # s
+_OF_FOUND = 0.25  # error of what was found, as a share of the change
+_MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
+_MOST, _LEAST = 6.0, -3.0  # of a score
+_STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
+_STANDS = 0.1  # m/s by the odometer
+_RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
+
+
+@kernel
+def _differ(a: float, b: float, sigma: float) -> int:
+    """Whether two distances agree (−1), or do not (1), or it cannot be reported (0)."""
+    larger = max(a, b)
+    apart = abs(a - b)
+    if apart > 4.0 * sigma + 0.2 * larger:
+        return 1
+    if apart < 2.0 * sigma + 0.12 * larger:
+        return -1
+    return 0
+
+
+@kernel
+def _score(vetting: Record, source: int, seconds: float) -> None:
+    """Count seconds of disagreement, or, negative, of agreement."""
+    vetting.score[source] = min(max(vetting.score[source] + seconds, _LEAST), _MOST)
+
+
+@kernel
+def _blame_one(vetting: Record, by_odometer: int, by_speed: int, both: int, since: float) -> None:
+    """Of fixes, odometer and receiver's speed the one that differs from both others loses.
+
+    Args:
+        vetting: In place.
+        by_odometer: Whether fixes and odometer differ, see `_differ`.
+        by_speed: Whether fixes and the receiver's speed do.
+        both: Whether the odometer and the receiver's speed do.
+        since: s since they were compared last.
+    """
+    if both <= 0:
+        return
+    if by_odometer > 0 and by_speed <= 0:
+        _score(vetting, ARC, since)
+    elif by_speed > 0 and by_odometer <= 0:
+        _score(vetting, SPEED, since)
+    elif by_odometer > 0:
+        _score(vetting, ARC, 0.5 * since)
+        _score(vetting, SPEED, 0.5 * since)
+
+
+@kernel
+def weigh_distances(
+    vetting: Record, sensors: int, seen: Seen, turn: float, since: float
+) -> None:  # fmt: skip
+    """Distance by fixes, odometer and receiver's speed: who disagrees with the others."""
+    now = vetting.windows.now.time
+    bent = min(abs(turn), 2.0)
+    longer = 1.0 + bent * bent / 24.0 + bent**4 / 1000.0  # way over chord, on an arc
+    fixes = seen.fixes * longer
+    odometer = seen.odometer * longer if sensors == WHEELS else seen.odometer
+    reported = seen.speeds
+    rolls = sensors != CLOCK and seen.odometry
+    precise = 0.3 * math.sqrt(seen.seconds) + 0.5
+    vetting.pace = -1.0
+    if reported and vetting.refused[SPEED] == 0:
+        vetting.pace = seen.receiver / seen.seconds
+    elif seen.fixes > 3.0 * seen.sigma:
+        vetting.pace = fixes / seen.seconds
+    if max(fixes, max(odometer if rolls else 0.0, seen.receiver if reported else 0.0)) < (
+        5.0 * seen.sigma + 2.0
+    ):
+        # it stands by all of them; and did so from a sudden stop on
+        if rolls and now - vetting.impossible_at < _STOPPED:
+            vetting.rolled = math.inf
+        return
+    by_odometer = _differ(fixes, odometer, seen.sigma) if rolls else 0
+    by_speed = _differ(fixes, seen.receiver, seen.sigma) if reported else 0
+    both = _differ(odometer, seen.receiver, precise) if rolls and reported else 0
+    if rolls and reported:
+        _blame_one(vetting, by_odometer, by_speed, both, since)
+    elif reported and by_speed > 0:
+        _score(vetting, SPEED, since)
+    elif rolls and by_odometer > 0:
+        stands = odometer < _STANDS * seen.seconds
+        if stands and fixes > _RUNS * seen.seconds:
+            _score(vetting, ARC, since)
+    if by_odometer < 0 or both < 0:
+        _score(vetting, ARC, -since)
+    if by_speed < 0 or both < 0:
+        _score(vetting, SPEED, -since)
+
+
+@kernel
+def weigh_courses(vetting: Record, first: int, last: int, seen: Seen, since: float) -> float:
+    """Courses against the direction of the fixes; returns the turn by those believed, rad."""
+    course, turn, reported = course_between(vetting.windows, first, last)
+    if not reported:
+        return 0.0
+    wide = 3.0 * seen.sigma / max(seen.fixes, 1e-3)
+    if seen.fixes >= needed(seen.sigma) and abs(turn) < 1.5:
+        off = abs(wrap(seen.heading - course))
+        if off > 0.6 + wide:
+            vetting.offs[0] += math.cos(seen.heading - course)
+            vetting.offs[1] += math.sin(seen.heading - course)
+            vetting.reported[COURSE] += 1.0
+            vetting.seen[COURSE] += abs(wrap(turn))
+            _score(vetting, COURSE, since if off < 1.2 else 2.0 * since)
+        elif off < 0.3 + 0.5 * wide:
+            _score(vetting, COURSE, -since)
+    return turn if vetting.refused[COURSE] == 0 else 0.0
+
+
+@kernel
+def weigh_turns(vetting: Record, first: int, last: int, scale: float, since: float) -> None:
+    """Turns by odometry against those of fixes, or of courses where they are reported."""
+    windows = vetting.windows
+    seen = between(windows, first, last, scale)
+    _, by_others, reported = course_between(windows, first, last)
+    turn = seen.turn
+    arc = seen.arc
+    unsure = 0.1
+    if reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
+        by_others = wrap(by_others)
+    else:
+        middle = first
+        earlier = far_enough(windows, middle, scale, _LONGEST)
+        if earlier < 0:
+            return
+        before = between(windows, earlier, middle, scale)
+        narrow = min(before.fixes, seen.fixes)
+        least = max(before.sigma, seen.sigma)
+        same = _differ(before.fixes, before.odometer, least) <= 0
+        same = same and _differ(seen.fixes, seen.odometer, least) <= 0
+        if narrow < needed(least) or not before.odometry or not same:
+            return
+        by_others, turn = turn_of_places(windows, earlier, middle, last)
+        arc = 0.5 * (before.arc + seen.arc)
+        unsure = 2.0 * least / narrow
+    raw = wrap(by_others - turn)
+    vetting.reported[TURN] += turn * turn
+    vetting.seen[TURN] += turn * by_others
+    off = abs(wrap(raw - vetting.drift * arc))
+    if off > 1.0 + 3.0 * unsure:
+        _score(vetting, TURN, 3.0 * since)
+    elif off > 0.5 + 2.0 * unsure:
+        _score(vetting, TURN, since)
+    elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
+        _score(vetting, TURN, -2.0 * since)
+    if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
+        vetting.drift += min(0.1 * since, 0.5) * (wrap(raw - vetting.drift * arc) / arc)
+        vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)
+
+
+@kernel
+def compare_ways(vetting: Record, last: int, scale: float, which: int) -> None:
+    """Compare the odometer's scale and drift with those of the filter over a long way.
+
+    A tyre that was changed, or counts that are lost, move them farther than a filter that has
+    learnt them allows for.  Where fixes show it beyond doubt, they are what the fixes say.
+
+    Args:
+        vetting: In place.
+        last: The newest anchor.
+        scale: Plane metres per true metre.
+        which: 0 or 1: over a short way, or a long one.
+    """
+    windows = vetting.windows
+    now = windows.anchors[last % ANCHORS].time
+    half = _LONG_WAY if which else _SHORT_WAY
+    middle = metres_before(windows, last, half)
+    first = metres_before(windows, middle, half) if middle >= 0 else -1
+    if first < 0 or windows.anchors[first % ANCHORS].time < vetting.found_at:
+        return
+    before = between(windows, first, middle, scale)
+    after = between(windows, middle, last, scale)
+    narrow = min(before.fixes, after.fixes)
+    sigma = max(before.sigma, after.sigma)
+    if narrow < 0.7 * half or not before.odometry or not after.odometry:
+        return
+    by_fixes, reckoned = turn_of_places(windows, first, middle, last)
+    arc = 0.5 * (before.arc + after.arc)
+    drift = wrap(by_fixes - reckoned - vetting.drift * arc) / arc
+    unsure = 1.5 * sigma / (narrow * abs(arc))
+    if _persists(vetting.of_drift[which], drift, unsure, now):
+        vetting.found = 1
+        vetting.found_at = now
+        vetting.found_drift = vetting.drift + drift
+        vetting.found_drift_sigma = 2.0 * unsure + _OF_FOUND * abs(drift)
+        vetting.turned_off = drift * arc
+    ways = before.odometer + after.odometer
+    off = (before.fixes + after.fixes) / ways - vetting.rate_of_arc
+    unsure = 1.5 * sigma / ways
+    if _persists(vetting.of_rate[which], off, unsure, now):
+        vetting.found = 1
+        vetting.found_at = now
+        vetting.found_rate = vetting.rate_of_arc + off
+        vetting.found_rate_sigma = 2.0 * unsure + _OF_FOUND * abs(off)
+
+
+@kernel
+def _persists(suspect: Record, off: float, unsure: float, now: float) -> bool:
+    """Whether an odometer is found to be wrong by the same for some seconds: fixes wander.
+
+    Args:
+        suspect: What was found before; in place.
+        off: How wrong it is.
+        unsure: Sigma of that.
+        now: s.
+    """
+    if abs(off) < _SIGNIFICANT * unsure:
+        suspect.since = math.inf
+        return False
+    if suspect.since == math.inf or abs(off - suspect.off) > 0.5 * abs(suspect.off):
+        suspect.since = now
+        suspect.off = off
+    return bool(now - suspect.since >= _PERSISTS)

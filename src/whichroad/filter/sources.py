@@ -1,0 +1,97 @@
+"""What is kept of each source of motion while it is vetted, see `filter.vetting`."""
+
+import math
+
+import numpy as np
+
+from .._compile import Record, kernel
+from .windows import WINDOWS
+
+ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
+SOURCES = 4
+
+SUSPECT = np.dtype(
+    [
+        ("off", "f8"),  # how wrong a quantity seemed,
+        ("since", "f8"),  # and since when, s; infinite: it does not
+    ],
+    align=True,
+)
+
+VETTING = np.dtype(
+    [
+        ("windows", WINDOWS),
+        ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
+        ("refused", "u1", (SOURCES,)),  # 1: not believed
+        ("time", "f8"),  # odometry since the last look at it: s,
+        ("arc", "f8"),  # m
+        ("turn", "f8"),  # rad
+        ("speed", "f8"),  # m/s by the odometer, in the look before
+        ("rate", "f8"),  # rad/s
+        ("looked", "u1"),  # 1: there was one
+        ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
+        ("rolled", "f8"),  # m it has measured since
+        ("relapses", "i8"),  # times that it was impossible again, soon after it was believed
+        ("silent", "f8"),  # s for which odometry was not measured
+        ("sound", "f8"),  # m/s by the odometer when last believed
+        ("pace", "f8"),  # m/s of the vehicle by the other sources; negative: unknown
+        ("seconds", "f8", (SOURCES + 1,)),  # s for which each was withheld, and what is impossible
+        ("since", "f8", (SOURCES + 1,)),  # s, when that began first; 0: never
+        ("reported", "f8", (SOURCES,)),  # while it was: what it said, m or rad² (turns squared),
+        ("seen", "f8", (SOURCES,)),  # and what the others did, m or rad² (both multiplied)
+        ("offs", "f8", (2,)),  # courses less directions of fixes: sums of cosine and sine
+        ("news", "u1"),  # 1: something was refused with this epoch
+        ("drift", "f8"),  # rad/m that the odometry's turns are short of, as learnt
+        ("rate_of_arc", "f8"),  # m of a metre of the odometer, as learnt
+        ("found", "u1"),  # 1: one of these two is found to be wrong with this epoch
+        ("found_rate", "f8"),  # what fixes say the first one is
+        ("found_rate_sigma", "f8"),  # 0: nothing
+        ("found_drift", "f8"),  # the same of the drift, rad/m
+        ("found_drift_sigma", "f8"),
+        ("turned_off", "f8"),  # rad by which the heading went wrong for it
+        ("of_drift", SUSPECT, (2,)),  # over the short and the long way
+        ("of_rate", SUSPECT, (2,)),
+        ("found_at", "f8"),  # s, when that was
+        ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
+        ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
+    ],
+    align=True,
+)
+
+_REST = 2.0  # s without anything impossible,
+_ROLLED = 10.0  # and m, after which odometry is believed again; twice as many after a relapse
+_MOST_RELAPSES = 8
+_SOUND_WAY = 2000.0  # m, after which relapses are forgotten
+
+
+@kernel
+def clear(vetting: Record) -> None:
+    """Begin: nothing was seen, and everything is believed."""
+    vetting.rolled = _ROLLED
+    vetting.rate_of_arc = 1.0
+    vetting.impossible_at = -math.inf
+    vetting.pace = -1.0
+    vetting.windows.jitter = 2.0
+    vetting.windows.jumped_at = -math.inf
+    vetting.windows.speed_time = -math.inf
+    vetting.windows.now.odometry = 1
+    for which in range(2):
+        vetting.of_drift[which].since = math.inf
+        vetting.of_rate[which].since = math.inf
+
+
+@kernel
+def is_possible(vetting: Record) -> bool:
+    """Whether the odometry has been what cars can do for long enough."""
+    rested = vetting.windows.now.time - vetting.impossible_at >= _REST
+    return bool(rested and vetting.rolled >= _ROLLED * 2.0**vetting.relapses)
+
+
+@kernel
+def blame(vetting: Record, time: float) -> None:
+    """Odometry did what no car can do."""
+    if is_possible(vetting):
+        again = vetting.rolled < _SOUND_WAY and vetting.impossible_at > -math.inf
+        vetting.relapses = min(vetting.relapses + 1, _MOST_RELAPSES) if again else 0
+    vetting.impossible_at = time
+    vetting.rolled = 0.0

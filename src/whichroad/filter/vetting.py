@@ -1,0 +1,108 @@
+"""Which sensors are believed: each is held against all others, and against what cars can do.
+
+A reading that no car can make is not believed at once.  A source of motion that disagrees with
+the others for some seconds is not believed until it agrees again; where two stand against each
+other, the one that physics, persistence and a third source speak for is kept.  What is not
+believed is withheld from the filter, which then moves the vehicle by what is left: by distance
+alone, or by time.
+"""
+
+from .._compile import Record, kernel
+from .agreement import compare_ways, weigh_courses, weigh_distances, weigh_turns
+from .plausibility import check_odometry, is_odd
+from .sources import ARC, SOURCES, SPEED, TURN, is_possible
+from .windows import ANCHORS, CLOCK, DISTANCE, WHEELS, Seen, add_fix, advance, between, far_enough
+
+_WINDOW = 4.0  # s, of what does not move
+_SILENT = 1.5  # s for which motion goes on as it was
+_REFUSED, _BELIEVED = 3.0, -3.0  # scores from which on a source is not believed, and again is
+
+
+@kernel
+def mode_of(vetting: Record, sensors: int) -> int:
+    """What moves the vehicle: of the sensors there are (WHEELS, DISTANCE, CLOCK) those believed."""
+    silent = vetting.silent > _SILENT
+    if sensors == CLOCK or silent or vetting.refused[ARC] == 1 or not is_possible(vetting):
+        return CLOCK
+    if sensors == WHEELS and vetting.refused[TURN] == 1:
+        return DISTANCE
+    return sensors
+
+
+@kernel
+def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -> None:
+    """Take an epoch, and decide which sources of motion are believed.
+
+    Args:
+        vetting: In place.
+        epoch: What the sensors measured.
+        dt: Since the epoch before, s.
+        sensors: What there is: WHEELS, DISTANCE or CLOCK.
+        scale: Plane metres per true metre.
+    """
+    windows = vetting.windows
+    vetting.news = 0
+    vetting.found = 0
+    vetting.found_rate_sigma = 0.0
+    vetting.found_drift_sigma = 0.0
+    vetting.turned_off = 0.0
+    measured = sensors != CLOCK and epoch.odometry_valid == 1
+    if sensors != CLOCK:
+        vetting.silent = 0.0 if measured else vetting.silent + dt
+        advance(windows, epoch, dt, measured)
+        if measured and dt > 0.0:
+            check_odometry(vetting, epoch, dt, sensors)
+        elif not measured:
+            vetting.looked = 0
+            vetting.time = 0.0
+            vetting.arc = 0.0
+            vetting.turn = 0.0
+    if not epoch.has_fix:
+        return
+    odd = is_odd(vetting, epoch)
+    if not add_fix(windows, epoch, scale, not odd):
+        return
+    last = windows.count - 1
+    since = windows.anchors[last % ANCHORS].time - windows.anchors[(last - 1) % ANCHORS].time
+    first = far_enough(windows, last, scale, _WINDOW)
+    if first < 0:
+        return
+    seen = between(windows, first, last, scale)
+    turn = weigh_courses(vetting, first, last, seen, since)
+    if sensors == WHEELS and seen.odometry:
+        weigh_turns(vetting, first, last, scale, since)
+        turn = seen.turn if vetting.refused[TURN] == 0 else turn
+        if vetting.refused[ARC] == 0 and vetting.refused[TURN] == 0:
+            compare_ways(vetting, last, scale, 0)
+            compare_ways(vetting, last, scale, 1)
+    weigh_distances(vetting, sensors, seen, turn, since)
+    _decide(vetting)
+    _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _decide(vetting: Record) -> None:
+    """Stop believing, or believe again."""
+    for source in range(SOURCES):
+        if vetting.score[source] >= _REFUSED:
+            vetting.news = 1 if vetting.refused[source] == 0 else vetting.news
+            vetting.refused[source] = 1
+        elif vetting.score[source] <= _BELIEVED:
+            vetting.refused[source] = 0
+
+
+@kernel
+def _record(vetting: Record, seen: Seen, now: float, since: float) -> None:
+    """Sum up what was withheld and how it differed, by which it is named."""
+    for source in range(SOURCES + 1):
+        wrong = vetting.refused[source] == 1 if source < SOURCES else not is_possible(vetting)
+        if wrong:
+            vetting.seconds[source] += since
+            if vetting.since[source] == 0.0:
+                vetting.since[source] = now
+    if vetting.refused[ARC] == 1:
+        vetting.reported[ARC] += seen.odometer
+        vetting.seen[ARC] += seen.fixes
+    if vetting.refused[SPEED] == 1:
+        vetting.reported[SPEED] += seen.receiver
+        vetting.seen[SPEED] += seen.fixes
