@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import whichroad
 from laws.public import CAR, GNSS, START, WHEELS, degrees, geo_fixes, metres, readings, road_map
-from scenes import Truth, drive_along
+from scenes import Truth, brake, drive_along
 
 Array = NDArray[np.float64]
 
@@ -102,22 +102,8 @@ def truth() -> Truth:
     way = np.vstack([lines[0], lines[1][::-1][1:], lines[2][1:3], field])
     way = np.array(shapely.LineString(way).offset_curve(-1.75, join_style="mitre").coords)
     moving = drive_along(way, radius=15.0)
-    stop = int(np.searchsorted(moving.s, STOP))
-    braking = np.arange(20) - 0.025 * np.arange(20) ** 2  # from 10 m/s, by 5 m/s², in rows of 1 m
-    rows = np.concatenate(
-        [
-            np.arange(stop - 10), stop - 10 + braking, np.full(30, stop),
-            (stop + 10 - braking)[::-1], np.arange(stop + 11, len(moving.s)),
-        ]
-    )  # fmt: skip
-    all_rows = np.arange(len(moving.s))
-    return Truth(
-        np.arange(len(rows)) * 0.1,
-        *(
-            np.interp(rows, all_rows, np.unwrap(c) if k == 2 else c)
-            for k, c in enumerate(moving[1:])
-        ),
-    )
+    at = int(np.searchsorted(moving.s, STOP))
+    return brake(moving, at, 30, goes_on=True)[0]
 
 
 @cache

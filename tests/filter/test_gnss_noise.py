@@ -7,6 +7,7 @@ import pytest
 
 from scenes import (
     Truth,
+    brake,
     column,
     drive_along,
     epochs_of,
@@ -90,18 +91,8 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
     The fixes of the standing vehicle scatter by 2 m about an error that stays.
     """
     n, at, rng = 1200, 600, np.random.default_rng(seed)
-    braking = np.arange(20) - 0.025 * np.arange(20) ** 2  # from 10 m/s, by 5 m/s², in rows of 1 m
-    rows = np.concatenate(
-        [
-            np.arange(at - 20), at - 20 + braking, np.full(6000, at - 10),
-            (at - braking)[::-1], np.arange(at + 1, n),
-        ]
-    )  # fmt: skip
-    every_row = np.arange(len(BESIDE.time))
-    stood = Truth(
-        np.arange(len(rows)) * 0.1, *(np.interp(rows, every_row, part) for part in BESIDE[1:])
-    )
-    fix = gnss(BESIDE, sigma=4.0 * under, seed=seed)[np.rint(rows).astype(int)]
+    stood, rows = brake(BESIDE, at - 10, 6000, goes_on=True)
+    fix = gnss(BESIDE, sigma=4.0 * under, seed=seed)[rows]
     fix[:, 2:4] = 4.0
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
     epochs = epochs_of(stood, fix, once_a_second(stood), course=0.1)

@@ -138,8 +138,9 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if par.paper:
         state.mode = par.mode
         return reading
-    dt = epoch.time - state.time if state.time > 0.0 else 0.0
     vetting = state.vetting
+    dt = epoch.time - state.time if vetting.begun == 1 else 0.0
+    vetting.begun = 1
     if epoch.has_fix:
         pass_calibration(belief)
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))

@@ -21,6 +21,7 @@ SUSPECT = np.dtype(
 VETTING = np.dtype(
     [
         ("windows", WINDOWS),
+        ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("time", "f8"),  # odometry since the last look at it: s,
@@ -32,11 +33,12 @@ VETTING = np.dtype(
         ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
         ("rolled", "f8"),  # m it has measured since
         ("relapses", "i8"),  # times that it was impossible again, soon after it was believed
-        ("silent", "f8"),  # s for which odometry was not measured
+        ("silent", "f8"),  # s for which odometry was not measured,
+        ("missed", "u1"),  # 1: for so long that a fix moved the vehicle on to time alone
         ("sound", "f8"),  # m/s by the odometer when last believed
         ("pace", "f8"),  # m/s of the vehicle by the other sources; negative: unknown
         ("seconds", "f8", (SOURCES + 1,)),  # s for which each was withheld, and what is impossible
-        ("since", "f8", (SOURCES + 1,)),  # s, when that began first; 0: never
+        ("since", "f8", (SOURCES + 1,)),  # s, when that began first; infinite: never
         ("reported", "f8", (SOURCES,)),  # while it was: what it said, m or rad² (turns squared),
         ("seen", "f8", (SOURCES,)),  # and what the others did, m or rad² (both multiplied)
         ("offs", "f8", (2,)),  # courses less directions of fixes: sums of cosine and sine
@@ -71,6 +73,8 @@ def clear(vetting: Record) -> None:
     vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.found_at = -math.inf
+    vetting.since[:] = math.inf
     vetting.windows.jitter = 2.0
     vetting.windows.jumped_at = -math.inf
     vetting.windows.speed_time = -math.inf
@@ -84,7 +88,7 @@ def clear(vetting: Record) -> None:
 def is_possible(vetting: Record) -> bool:
     """Whether the odometry has been what cars can do for long enough."""
     rested = vetting.windows.now.time - vetting.impossible_at >= _REST
-    return bool(rested and vetting.rolled >= _ROLLED * 2.0**vetting.relapses)
+    return bool(rested and vetting.rolled >= _ROLLED * (1 << vetting.relapses))
 
 
 @kernel

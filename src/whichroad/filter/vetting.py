@@ -7,6 +7,8 @@ believed is withheld from the filter, which then moves the vehicle by what is le
 alone, or by time.
 """
 
+import math
+
 from .._compile import Record, kernel
 from .agreement import compare_ways, weigh_courses, weigh_distances, weigh_turns
 from .plausibility import check_odometry, is_odd
@@ -14,15 +16,14 @@ from .sources import ARC, SOURCES, SPEED, TURN, is_possible
 from .windows import ANCHORS, CLOCK, DISTANCE, WHEELS, Seen, add_fix, advance, between, far_enough
 
 _WINDOW = 4.0  # s, of what does not move
-_SILENT = 1.5  # s for which motion goes on as it was
+_SILENT = 1.5  # s of silence, from which on a fix tells the motion better than that before it
 _REFUSED, _BELIEVED = 3.0, -3.0  # scores from which on a source is not believed, and again is
 
 
 @kernel
 def mode_of(vetting: Record, sensors: int) -> int:
     """What moves the vehicle: of the sensors there are (WHEELS, DISTANCE, CLOCK) those believed."""
-    silent = vetting.silent > _SILENT
-    if sensors == CLOCK or silent or vetting.refused[ARC] == 1 or not is_possible(vetting):
+    if sensors == CLOCK or vetting.missed == 1 or vetting.refused[ARC] == 1 or not is_possible(vetting):
         return CLOCK
     if sensors == WHEELS and vetting.refused[TURN] == 1:
         return DISTANCE
@@ -49,6 +50,10 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     measured = sensors != CLOCK and epoch.odometry_valid == 1
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
+        if measured:
+            vetting.missed = 0
+        elif epoch.has_fix and vetting.silent > _SILENT:
+            vetting.missed = 1
         advance(windows, epoch, dt, measured)
         if measured and dt > 0.0:
             check_odometry(vetting, epoch, dt, sensors)
@@ -98,7 +103,7 @@ def _record(vetting: Record, seen: Seen, now: float, since: float) -> None:
         wrong = vetting.refused[source] == 1 if source < SOURCES else not is_possible(vetting)
         if wrong:
             vetting.seconds[source] += since
-            if vetting.since[source] == 0.0:
+            if vetting.since[source] == math.inf:
                 vetting.since[source] = now
     if vetting.refused[ARC] == 1:
         vetting.reported[ARC] += seen.odometer
