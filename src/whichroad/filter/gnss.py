@@ -150,6 +150,42 @@ def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes
 
 
 @kernel(inline=True)
+def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -> bool:
+    """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
+
+    Args:
+        belief: The position's covariance grows by the misfit, alike for all.
+        ctx: The drive's constants.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        axes: Its axes and white noise.
+        gate: Chi-square (two degrees) of a fix that fits.
+
+    Returns:
+        Whether it did not fit.
+    """
+    state = belief.state[0]
+    _innovations(belief, ctx, fix, axes)
+    best = math.inf
+    square = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight < 0.01:
+            continue
+        first = hyp.scratch[_NU0] ** 2
+        second = hyp.scratch[_NU1] ** 2
+        chi2 = first / (hyp.scratch[_V00] + axes.r0) + second / (hyp.scratch[_V11] + axes.r1)
+        if chi2 < best:
+            best = chi2
+            square = first + second
+    if best <= gate:
+        return False
+    for i in range(state.count):
+        belief.hyp[i].cov[X, X] += square
+        belief.hyp[i].cov[Y, Y] += square
+    return True
+
+
+@kernel(inline=True)
 def observe_position(
     belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, jumps: bool, refuted: float
 ) -> float:

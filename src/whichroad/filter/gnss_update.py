@@ -4,7 +4,7 @@ import math
 
 from .._compile import Record, kernel
 from .births import Start, cold_start
-from .gnss import Axes, has_course, observe_position, observe_rate, observe_state
+from .gnss import Axes, has_course, loosen, observe_position, observe_rate, observe_state
 from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
 from .state import (
     CLOCK,
@@ -29,6 +29,7 @@ _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the rece
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
+_DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -189,7 +190,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
-    if state.vetting.apart == 0:  # else either may be wrong, and the receiver is not to blame yet
+    doubted = epoch.time - state.vetting.suspect_at < _DOUBTED
+    doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
+    if state.vetting.apart == 0 and not doubted:  # else the receiver is not to blame yet
         learn_factor(belief, ctx, epoch, white, state.moving)
     state.moving = 0.0
     state.since_fix = 0.0
@@ -200,6 +203,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
         (white * fix[3]) ** 2 * thin,
     )  # fmt: skip
+    state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate

@@ -11,7 +11,8 @@ from .vetting import mode_of, vet
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
-_FAR = 10.0  # m beyond three sigmas, from which on a fix is not where the vehicle was thought
+_UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
+_FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
 @kernel(inline=True)
@@ -81,7 +82,7 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
     top = belief.hyp[most_probable(belief)]
     away = math.hypot(epoch.fix[0] - top.mu[X], epoch.fix[1] - top.mu[Y]) / state.scale
     variance = epoch.fix[2] ** 2 + top.cov[X, X] + top.cov[Y, Y]
-    return bool(away > 3.0 * math.sqrt(variance) + _FAR)
+    return bool(away > 2.0 * math.sqrt(variance) + _FAR)
 
 
 @kernel
@@ -151,6 +152,8 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1:
         reading.course_sigma = math.inf
+    if epoch.time - vetting.suspect_at < _UNSURE:
+        reading.odometry_valid = 0
     mode = mode_of(vetting, par.mode)
     if state.count == 0:
         state.mode = mode

@@ -7,6 +7,10 @@ from .windows import WHEELS
 _INTERVAL = 0.2  # s of odometry that are looked at as one
 _BRAKES = 12.0  # m/s², more than any car's acceleration
 _SPEED_SLACK = 1.0  # m/s, of counts
+_FIRM = 5.0  # m/s², firm braking; with what is usual, more than most drives have
+_COUNTS = 0.3  # m/s
+_UNUSUAL = 4.0  # times the usual change
+_NEW = 0.02  # share of the last look in it
 _LATERAL = 12.0  # m/s², more than tyres hold
 _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
 _CURVATURE = 0.4  # 1/m, more than a car's steering
@@ -45,11 +49,17 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
         if vetting.looked:
             limit = _TURN_ACCELERATION * vetting.time + _RATE_SLACK
             possible = possible and abs(rate - vetting.rate) <= limit
+    if vetting.looked:
+        change = abs(speed - vetting.speed)
+        if change > _FIRM * vetting.time + _COUNTS + _UNUSUAL * vetting.change:
+            vetting.suspect_at = epoch.time
+        vetting.change += _NEW * (min(change, _BRAKES * vetting.time) - vetting.change)
     if possible:
         vetting.rolled += abs(vetting.arc)
         if vetting.refused[ARC] == 0 and is_possible(vetting):
             vetting.sound = speed
     else:
+        vetting.suspect_at = epoch.time
         blame(vetting, epoch.time)
     vetting.speed = speed
     vetting.rate = rate

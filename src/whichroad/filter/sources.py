@@ -30,6 +30,9 @@ VETTING = np.dtype(
         ("speed", "f8"),  # m/s by the odometer, in the look before
         ("rate", "f8"),  # rad/s
         ("looked", "u1"),  # 1: there was one
+        ("change", "f8"),  # m/s by which the speed usually changes from look to look
+        ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
+        ("moved", "u1"),  # 1: the position was loosened at this epoch's fix
         ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
         ("rolled", "f8"),  # m it has measured since
         ("relapses", "i8"),  # times that it was impossible again, soon after it was believed
@@ -73,6 +76,7 @@ def clear(vetting: Record) -> None:
     vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.suspect_at = -math.inf
     vetting.found_at = -math.inf
     vetting.since[:] = math.inf
     vetting.windows.jitter = 2.0

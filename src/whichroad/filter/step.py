@@ -285,7 +285,10 @@ def _observe_gnss(
     history.since[0].gnss_aged += state.moving
     state.changed = 1
     state.observed = 1
-    return observe_fix(belief, path, ctx, epoch)
+    chi2 = observe_fix(belief, path, ctx, epoch)
+    if state.vetting.moved == 1:
+        history.since[0].switched = 1
+    return chi2
 
 
 @kernel(inline=True)
