@@ -162,6 +162,9 @@ def weigh_turns(vetting: Record, first: int, last: int, scale: float, since: flo
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * by_others
     off = abs(wrap(raw - vetting.drift * arc))
+    if off > 0.4 + 2.0 * unsure and abs(arc) > 1.0:
+        vetting.wavers = off / abs(arc)
+        vetting.turned_off = off
     if off > 1.0 + 3.0 * unsure:
         _score(vetting, TURN, 3.0 * since)
     elif off > 0.5 + 2.0 * unsure:

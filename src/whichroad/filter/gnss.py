@@ -15,6 +15,8 @@ from .state import (
     GX,
     GY,
     OFF_ROAD,
+    WHEELS,
+    B,
     Belief,
     Context,
     H,
@@ -25,8 +27,11 @@ from .state import (
     heaviest,
     most_probable,
     move_row,
+    rescale,
 )
 
+_OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
+_TURNED, _DRIFTED = 0.2, 0.01  # rad, rad/m by which motion that was wrong may have turned
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 
@@ -150,6 +155,25 @@ def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes
 
 
 @kernel(inline=True)
+def _misfit(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> tuple[float, float]:
+    """Chi-square under the hypothesis of weight that fits best, and the distance from it, m²."""
+    _innovations(belief, ctx, fix, axes)
+    best = math.inf
+    square = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.weight < _OF_WEIGHT:
+            continue
+        first = hyp.scratch[_NU0] ** 2
+        second = hyp.scratch[_NU1] ** 2
+        chi2 = first / (hyp.scratch[_V00] + axes.r0) + second / (hyp.scratch[_V11] + axes.r1)
+        if chi2 < best:
+            best = chi2
+            square = first + second
+    return best, square
+
+
+@kernel(inline=True)
 def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -> bool:
     """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
 
@@ -163,25 +187,56 @@ def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -
     Returns:
         Whether it did not fit.
     """
-    state = belief.state[0]
-    _innovations(belief, ctx, fix, axes)
-    best = math.inf
-    square = 0.0
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        if hyp.weight < 0.01:
-            continue
-        first = hyp.scratch[_NU0] ** 2
-        second = hyp.scratch[_NU1] ** 2
-        chi2 = first / (hyp.scratch[_V00] + axes.r0) + second / (hyp.scratch[_V11] + axes.r1)
-        if chi2 < best:
-            best = chi2
-            square = first + second
+    best, square = _misfit(belief, ctx, fix, axes)
     if best <= gate:
         return False
-    for i in range(state.count):
+    for i in range(belief.state[0].count):
         belief.hyp[i].cov[X, X] += square
         belief.hyp[i].cov[Y, Y] += square
+    return True
+
+
+@kernel(inline=True)
+def fork(
+    belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, share: float
+) -> bool:  # fmt: skip
+    """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
+
+    Each hypothesis of weight becomes two.  One believes that the receiver's error has changed,
+    the other one that the vehicle has moved and turned otherwise than measured.
+
+    Args:
+        belief: In place.
+        ctx: The drive's constants.
+        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
+        axes: Its axes and white noise.
+        gate: Chi-square (two degrees) of a fix that fits.
+        share: P(the motion was wrong).
+
+    Returns:
+        Whether it did not fit.
+    """
+    best, square = _misfit(belief, ctx, fix, axes)
+    if best <= gate:
+        return False
+    state = belief.state[0]
+    root = state.bias_root
+    more = square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    for i in range(state.count):
+        if belief.hyp[i].weight < _OF_WEIGHT or state.count >= len(belief.hyp):
+            continue
+        move_row(belief, i, state.count)
+        moved = belief.hyp[state.count]
+        state.count += 1
+        moved.cov[X, X] += square
+        moved.cov[Y, Y] += square
+        moved.cov[H, H] += _TURNED * _TURNED
+        if state.mode == WHEELS:
+            moved.cov[B, B] += _DRIFTED * _DRIFTED
+        rescale(moved, share)
+        rescale(belief.hyp[i], 1.0 - share)
+        belief.hyp[i].cov[GX, GX] += more
+        belief.hyp[i].cov[GY, GY] += more
     return True
 
 

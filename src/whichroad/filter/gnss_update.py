@@ -4,7 +4,7 @@ import math
 
 from .._compile import Record, kernel
 from .births import Start, cold_start
-from .gnss import Axes, has_course, loosen, observe_position, observe_rate, observe_state
+from .gnss import Axes, fork, has_course, loosen, observe_position, observe_rate, observe_state
 from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
 from .state import (
     CLOCK,
@@ -29,6 +29,8 @@ _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the rece
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
+_FORKS = 2.0  # times the gate, beyond which receiver and motion both may be wrong
+_MOVED, _MOVED_LATE = 0.5, 0.95  # P(the motion was wrong), without a jump of the receiver, and
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
@@ -194,6 +196,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if state.vetting.apart == 0 and not doubted:  # else the receiver is not to blame yet
         learn_factor(belief, ctx, epoch, white, state.moving)
+    else:
+        state.factor_time = epoch.time
+        state.unlearnt = 0.0
     state.moving = 0.0
     state.since_fix = 0.0
     state.unmeasured = 0.0
@@ -205,6 +210,10 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     )  # fmt: skip
     state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    if jumps and state.mode == WHEELS and not doubted:
+        apart = epoch.time - state.vetting.windows.jumped_at > _JUMPED
+        share = _MOVED if apart else 1.0 - _MOVED_LATE
+        fork(belief, ctx, fix, axes, _FORKS * par.gnss_gate, share)
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
     lost = state.mode == WHEELS and _is_lost(belief)

@@ -53,6 +53,8 @@ VETTING = np.dtype(
         ("found_rate_sigma", "f8"),  # 0: nothing
         ("found_drift", "f8"),  # the same of the drift, rad/m
         ("found_drift_sigma", "f8"),
+        ("wavers", "f8"),  # rad/m by which turns may be wrong, found with this epoch; 0: not
+        ("wavered_at", "f8"),  # s, when that was last
         ("turned_off", "f8"),  # rad by which the heading went wrong for it
         ("of_drift", SUSPECT, (2,)),  # over the short and the long way
         ("of_rate", SUSPECT, (2,)),
@@ -76,6 +78,7 @@ def clear(vetting: Record) -> None:
     vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.wavered_at = -math.inf
     vetting.suspect_at = -math.inf
     vetting.found_at = -math.inf
     vetting.since[:] = math.inf

@@ -47,6 +47,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     vetting.found_rate_sigma = 0.0
     vetting.found_drift_sigma = 0.0
     vetting.turned_off = 0.0
+    vetting.wavers = 0.0
     measured = sensors != CLOCK and epoch.odometry_valid == 1
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt

@@ -26,6 +26,7 @@ _MOST_JITTER = 30.0  # m
 _TURNS = 3.0  # m of jitter that are the car's own, in bends and by braking
 _CORRELATED = 0.8  # of the reported sigmas: errors of fixes a few seconds apart are alike
 _LEAST = 1.0  # m
+_OF_JITTER, _OF_WHILE, _FLOOR = 0.7, 0.15, 0.5  # of the jitter, m/s, m: errors as seen
 _SHORTEST, _LONGEST = 1.5, 15.0  # s between two anchors that are compared
 
 ANCHOR = np.dtype(
@@ -173,6 +174,14 @@ def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
 
 
 @kernel
+def sigma_between(windows: Record, a: Record, b: Record) -> float:
+    """Error of the way between two anchors, m: what they report, or what is seen of it."""
+    reported = _CORRELATED * math.hypot(a.sigma, b.sigma) + _LEAST
+    seen = _OF_JITTER * windows.jitter + _OF_WHILE * (b.time - a.time) + _FLOOR
+    return float(min(reported, seen))
+
+
+@kernel
 def needed(sigma: float) -> float:
     """Distance (m) of two fixes of an error from which on their direction tells something."""
     return 5.0 * sigma + 5.0
@@ -198,7 +207,7 @@ def far_enough(windows: Record, last: int, scale: float, seconds: float) -> int:
         a = windows.anchors[j % ANCHORS]
         if b.time - a.time > _LONGEST:
             break
-        sigma = _CORRELATED * math.hypot(a.sigma, b.sigma) + _LEAST
+        sigma = sigma_between(windows, a, b)
         if (
             math.hypot(b.x - a.x, b.y - a.y) >= scale * needed(sigma)
             and b.time - a.time > _SHORTEST
@@ -232,7 +241,7 @@ def between(windows: Record, first: int, last: int, scale: float) -> Seen:
         speeds = speeds and windows.anchors[j % ANCHORS].speeds == 1
     dx = (b.x - a.x) / scale
     dy = (b.y - a.y) / scale
-    sigma = _CORRELATED * math.hypot(a.sigma, b.sigma) + _LEAST
+    sigma = sigma_between(windows, a, b)
     chord = math.hypot(b.ox - a.ox, b.oy - a.oy)
     return Seen(
         b.time - a.time, math.hypot(dx, dy), sigma, math.atan2(dy, dx), chord,
