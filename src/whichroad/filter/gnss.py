@@ -202,8 +202,8 @@ def fork(
 ) -> bool:  # fmt: skip
     """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
 
-    Each hypothesis of weight becomes two.  One believes that the receiver's error has changed,
-    the other one that the vehicle has moved and turned otherwise than measured.
+    Each hypothesis of weight becomes three.  One believes that the receiver's error has changed,
+    one that the distance was another one, and one that the turns were as well.
 
     Args:
         belief: In place.
@@ -223,17 +223,19 @@ def fork(
     root = state.bias_root
     more = square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
     for i in range(state.count):
-        if belief.hyp[i].weight < _OF_WEIGHT or state.count >= len(belief.hyp):
+        if belief.hyp[i].weight < _OF_WEIGHT or state.count + 2 > len(belief.hyp):
             continue
         move_row(belief, i, state.count)
         moved = belief.hyp[state.count]
-        state.count += 1
         moved.cov[X, X] += square
         moved.cov[Y, Y] += square
-        moved.cov[H, H] += _TURNED * _TURNED
+        rescale(moved, 0.5 * share)
+        move_row(belief, state.count, state.count + 1)
+        turned = belief.hyp[state.count + 1]
+        turned.cov[H, H] += _TURNED * _TURNED
         if state.mode == WHEELS:
-            moved.cov[B, B] += _DRIFTED * _DRIFTED
-        rescale(moved, share)
+            turned.cov[B, B] += _DRIFTED * _DRIFTED
+        state.count += 2
         rescale(belief.hyp[i], 1.0 - share)
         belief.hyp[i].cov[GX, GX] += more
         belief.hyp[i].cov[GY, GY] += more

@@ -11,6 +11,7 @@ from .vetting import mode_of, vet
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
+_OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
 _UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
@@ -57,6 +58,7 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
     for i in range(state.count):
         if before == CLOCK:
             redraw(belief.hyp[i], K, rate[0], rate[1])
+            belief.hyp[i].cov[H, H] += _OF_ROAD**2
         if mode == WHEELS:
             redraw(belief.hyp[i], B, drift[0], drift[1])
         else:

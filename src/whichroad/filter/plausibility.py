@@ -4,18 +4,21 @@ from .._compile import Record, kernel
 from .sources import ARC, blame, is_possible
 from .windows import WHEELS
 
-_INTERVAL = 0.2  # s of odometry that are looked at as one
+_LOOK = 0.095  # s of odometry, at least, of which the speed is taken,
+_TURN_LOOK = 0.38  # and the turn rate
 _BRAKES = 12.0  # m/s², more than any car's acceleration
-_SPEED_SLACK = 1.0  # m/s, of counts
-_FIRM = 5.0  # m/s², firm braking; with what is usual, more than most drives have
+_FIRM = 5.0  # m/s², more than most drives have
+_SPEED_SLACK = 1.0  # m/s
 _COUNTS = 0.3  # m/s
-_UNUSUAL = 4.0  # times the usual change
-_NEW = 0.02  # share of the last look in it
+_UNUSUAL = 4.0  # times the usual jitter of the odometer's own speed or turn rate
+_NEW = 0.02  # share of a look in what is usual
 _LATERAL = 12.0  # m/s², more than tyres hold
 _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
 _CURVATURE = 0.4  # 1/m, more than a car's steering
-_RATE_SLACK = 0.6  # rad/s, of counts
+_ON_THE_SPOT = 2.0  # rad/s, as vehicles turn that can turn on the spot
 _TURN_ACCELERATION = 4.0  # rad/s²
+_RATE_SLACK = 0.6  # rad/s
+_ROLLS = 2.0  # m/s, below which a vehicle may turn as it likes
 _FASTEST = 90.0  # m/s
 _PAUSE_OF_SPEEDS = 6.0  # s, after which a speed may have become any other
 _ODD = 3  # speeds in a row that do not follow; they are right then
@@ -32,41 +35,65 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
         sensors: WHEELS or DISTANCE.
     """
     vetting.windows.now.time = epoch.time
-    vetting.time += dt
-    vetting.arc += epoch.arc
-    vetting.turn += epoch.turn
-    if vetting.time < _INTERVAL:
-        return
-    speed = vetting.arc / vetting.time
-    rate = vetting.turn / vetting.time
+    look = vetting.look
+    look.time += dt
+    look.amount += epoch.arc
     possible = True
-    if vetting.looked:
-        possible = abs(speed - vetting.speed) <= _BRAKES * vetting.time + _SPEED_SLACK
-    if sensors == WHEELS:
-        size = abs(speed)
-        possible = possible and abs(speed * rate) <= _LATERAL + _LATERAL_SLACK * size
-        possible = possible and abs(rate) <= _CURVATURE * size + _RATE_SLACK
-        if vetting.looked:
-            limit = _TURN_ACCELERATION * vetting.time + _RATE_SLACK
-            possible = possible and abs(rate - vetting.rate) <= limit
-    if vetting.looked:
-        change = abs(speed - vetting.speed)
-        if change > _FIRM * vetting.time + _COUNTS + _UNUSUAL * vetting.change:
+    if look.time >= _LOOK:
+        arc = look.amount
+        change, limit = _take(look, _UNUSUAL)
+        possible = change <= _BRAKES * look.lasted + _SPEED_SLACK + limit
+        if change > _FIRM * look.lasted + _COUNTS + limit:
             vetting.suspect_at = epoch.time
-        vetting.change += _NEW * (min(change, _BRAKES * vetting.time) - vetting.change)
-    if possible:
-        vetting.rolled += abs(vetting.arc)
-        if vetting.refused[ARC] == 0 and is_possible(vetting):
-            vetting.sound = speed
-    else:
+        if possible:
+            vetting.rolled += abs(arc)
+            if vetting.refused[ARC] == 0 and is_possible(vetting):
+                vetting.sound = look.rate
+    if sensors == WHEELS:
+        possible = _check_turn(vetting, epoch, dt) and possible
+    if not possible:
         vetting.suspect_at = epoch.time
         blame(vetting, epoch.time)
-    vetting.speed = speed
-    vetting.rate = rate
-    vetting.looked = 1
-    vetting.time = 0.0
-    vetting.arc = 0.0
-    vetting.turn = 0.0
+
+
+@kernel
+def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
+    """Whether a car can turn so, at its speed."""
+    look = vetting.turn_look
+    look.time += dt
+    look.amount += epoch.turn
+    if look.time < _TURN_LOOK:
+        return True
+    change, limit = _take(look, _UNUSUAL)
+    size = abs(vetting.look.rate)
+    rate = abs(look.rate)
+    possible = size * rate <= _LATERAL + (_LATERAL_SLACK + limit) * size
+    possible = possible and rate <= _CURVATURE * size + _ON_THE_SPOT + limit
+    if size > _ROLLS:
+        possible = possible and change <= _TURN_ACCELERATION * look.lasted + _RATE_SLACK + limit
+    return bool(possible)
+
+
+@kernel
+def _take(look: Record, times: float) -> tuple[float, float]:
+    """Take what was summed up as a rate.
+
+    Returns:
+        By how much the rate changed, and so many times by how much it usually jitters.
+    """
+    rate = look.amount / look.time
+    change = rate - look.rate if look.count > 0 else 0.0
+    limit = times * look.jitter
+    if look.count > 1:
+        jitter = abs(change - look.change)
+        look.jitter += _NEW * (min(jitter, limit + 0.5) - look.jitter)
+    look.change = change
+    look.rate = rate
+    look.lasted = look.time
+    look.count = min(look.count + 1, 2)
+    look.time = 0.0
+    look.amount = 0.0
+    return abs(change), limit
 
 
 @kernel

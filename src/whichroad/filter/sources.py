@@ -18,19 +18,27 @@ SUSPECT = np.dtype(
     align=True,
 )
 
+LOOK = np.dtype(
+    [
+        ("time", "f8"),  # since the last look, s,
+        ("amount", "f8"),  # and what was measured since
+        ("rate", "f8"),  # of the last look, 1/s
+        ("change", "f8"),  # from the one before, 1/s
+        ("jitter", "f8"),  # by how much such changes usually differ, 1/s
+        ("lasted", "f8"),  # s, of the last look
+        ("count", "i8"),  # of looks without a pause, 2 at most
+    ],
+    align=True,
+)
+
 VETTING = np.dtype(
     [
         ("windows", WINDOWS),
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
-        ("time", "f8"),  # odometry since the last look at it: s,
-        ("arc", "f8"),  # m
-        ("turn", "f8"),  # rad
-        ("speed", "f8"),  # m/s by the odometer, in the look before
-        ("rate", "f8"),  # rad/s
-        ("looked", "u1"),  # 1: there was one
-        ("change", "f8"),  # m/s by which the speed usually changes from look to look
+        ("look", LOOK),  # at the odometer's distance, m
+        ("turn_look", LOOK),  # at its turns, rad
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
         ("moved", "u1"),  # 1: the position was loosened at this epoch's fix
         ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
@@ -78,6 +86,8 @@ def clear(vetting: Record) -> None:
     vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.look.jitter = 0.3
+    vetting.turn_look.jitter = 0.1
     vetting.wavered_at = -math.inf
     vetting.suspect_at = -math.inf
     vetting.found_at = -math.inf

@@ -59,10 +59,8 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         if measured and dt > 0.0:
             check_odometry(vetting, epoch, dt, sensors)
         elif not measured:
-            vetting.looked = 0
-            vetting.time = 0.0
-            vetting.arc = 0.0
-            vetting.turn = 0.0
+            _pause(vetting.look)
+            _pause(vetting.turn_look)
     if not epoch.has_fix:
         return
     odd = is_odd(vetting, epoch)
@@ -84,6 +82,14 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _pause(look: Record) -> None:
+    """Begin to look anew."""
+    look.count = 0
+    look.time = 0.0
+    look.amount = 0.0
 
 
 @kernel
