@@ -31,7 +31,8 @@ from .state import (
 )
 
 _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
-_TURNED, _DRIFTED = 0.2, 0.01  # rad, rad/m by which motion that was wrong may have turned
+_OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
+_TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 
@@ -229,9 +230,10 @@ def fork(
         moved = belief.hyp[state.count]
         moved.cov[X, X] += square
         moved.cov[Y, Y] += square
-        rescale(moved, 0.5 * share)
+        rescale(moved, _OF_TURNS * share)
         move_row(belief, state.count, state.count + 1)
         turned = belief.hyp[state.count + 1]
+        rescale(turned, (1.0 - _OF_TURNS) / _OF_TURNS)
         turned.cov[H, H] += _TURNED * _TURNED
         if state.mode == WHEELS:
             turned.cov[B, B] += _DRIFTED * _DRIFTED

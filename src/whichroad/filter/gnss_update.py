@@ -30,7 +30,7 @@ _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before t
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _FORKS = 2.0  # times the gate, beyond which receiver and motion both may be wrong
-_MOVED, _MOVED_LATE = 0.5, 0.95  # P(the motion was wrong), without a jump of the receiver, and
+_MOVED, _MOVED_LATE = 0.7, 0.95  # P(the motion was wrong), without a jump of the receiver, and
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
