@@ -1,6 +1,7 @@
 """Distances and turns by each source of motion beside each other: who disagrees with the others."""
 
 import math
+from typing import NamedTuple
 
 from .._compile import Record, kernel
 from ..graph.geometry import wrap
@@ -19,6 +20,8 @@ from .windows import (
 )
 
 _LONGEST = 15.0  # s
+_LONGER = 2.0  # times as long as legs must be, of the longer pair of them
+_DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _SHORT_WAY, _LONG_WAY = 50.0, 150.0  # m
 _SIGNIFICANT = 4.0  # sigmas
 _PERSISTS = 5.0  # s
@@ -132,37 +135,74 @@ def weigh_courses(vetting: Record, first: int, last: int, seen: Seen, since: flo
     return turn if vetting.refused[COURSE] == 0 else 0.0
 
 
+class Turned(NamedTuple):
+    """A turn by odometry beside that of others."""
+
+    reckoned: float  # rad, by odometry
+    others: float  # rad
+    arc: float  # m over which it was driven
+    unsure: float  # rad; negative: nothing can be said
+
+
+@kernel
+def _turn_by_fixes(windows: Record, last: int, scale: float, times: float) -> Turned:
+    """The turn between two legs that end at an anchor, so many times as long as they must be."""
+    middle = far_enough(windows, last, scale, _LONGEST, times)
+    earlier = far_enough(windows, middle, scale, _LONGEST, times) if middle >= 0 else -1
+    if earlier < 0:
+        return Turned(0.0, 0.0, 0.0, -1.0)
+    before = between(windows, earlier, middle, scale)
+    seen = between(windows, middle, last, scale)
+    narrow = min(before.fixes, seen.fixes)
+    least = max(before.sigma, seen.sigma)
+    same = _differ(before.fixes, before.odometer, least) <= 0
+    same = same and _differ(seen.fixes, seen.odometer, least) <= 0
+    odometry = before.odometry and seen.odometry
+    if narrow < times * needed(least) or not odometry or not same:
+        return Turned(0.0, 0.0, 0.0, -1.0)
+    others, reckoned = turn_of_places(windows, earlier, middle, last)
+    return Turned(reckoned, others, 0.5 * (before.arc + seen.arc), 2.0 * least / narrow)
+
+
 @kernel
 def weigh_turns(vetting: Record, first: int, last: int, scale: float, since: float) -> None:
     """Turns by odometry against those of fixes, or of courses where they are reported."""
     windows = vetting.windows
     seen = between(windows, first, last, scale)
-    _, by_others, reported = course_between(windows, first, last)
-    turn = seen.turn
-    arc = seen.arc
-    unsure = 0.1
+    _, by_courses, reported = course_between(windows, first, last)
     if reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
-        by_others = wrap(by_others)
-    else:
-        middle = first
-        earlier = far_enough(windows, middle, scale, _LONGEST)
-        if earlier < 0:
-            return
-        before = between(windows, earlier, middle, scale)
-        narrow = min(before.fixes, seen.fixes)
-        least = max(before.sigma, seen.sigma)
-        same = _differ(before.fixes, before.odometer, least) <= 0
-        same = same and _differ(seen.fixes, seen.odometer, least) <= 0
-        if narrow < needed(least) or not before.odometry or not same:
-            return
-        by_others, turn = turn_of_places(windows, earlier, middle, last)
-        arc = 0.5 * (before.arc + seen.arc)
-        unsure = 2.0 * least / narrow
-    raw = wrap(by_others - turn)
+        _weigh_turn(vetting, Turned(seen.turn, wrap(by_courses), seen.arc, 0.1), since)
+        return
+    short = _turn_by_fixes(windows, last, scale, 1.0)
+    long = _turn_by_fixes(windows, last, scale, _LONGER)
+    if long.unsure > 0.0 and (
+        short.unsure < 0.0 or _significance(vetting, long) > _significance(vetting, short)
+    ):
+        _weigh_turn(vetting, long, since)
+    elif short.unsure > 0.0:
+        _weigh_turn(vetting, short, since)
+
+
+@kernel
+def _off(vetting: Record, turned: Turned) -> float:
+    """Turn by others less that by odometry, less the drift that is known, rad."""
+    return float(wrap(turned.others - turned.reckoned - vetting.drift * turned.arc))
+
+
+@kernel
+def _significance(vetting: Record, turned: Turned) -> float:
+    """By how many times the least that counts two turns differ."""
+    return abs(_off(vetting, turned)) / (_DIFFERS + 2.0 * turned.unsure)
+
+
+@kernel
+def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
+    """Count one comparison for or against the odometry's turns."""
+    turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
     vetting.reported[TURN] += turn * turn
-    vetting.seen[TURN] += turn * by_others
-    off = abs(wrap(raw - vetting.drift * arc))
-    if off > 0.4 + 2.0 * unsure and abs(arc) > 1.0:
+    vetting.seen[TURN] += turn * turned.others
+    off = abs(_off(vetting, turned))
+    if off > _DIFFERS + 2.0 * unsure and abs(arc) > 1.0:
         vetting.wavers = off / abs(arc)
         vetting.turned_off = off
     if off > 1.0 + 3.0 * unsure:
@@ -172,7 +212,7 @@ def weigh_turns(vetting: Record, first: int, last: int, scale: float, since: flo
     elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
         _score(vetting, TURN, -2.0 * since)
     if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
-        vetting.drift += min(0.1 * since, 0.5) * (wrap(raw - vetting.drift * arc) / arc)
+        vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)
         vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)
 
 

@@ -29,7 +29,7 @@ _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the rece
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
-_FORKS = 1.0  # times the gate, beyond which receiver and motion both may be wrong
+_FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
 _MOVED, _MOVED_LATE = 0.7, 0.95  # P(the motion was wrong), without a jump of the receiver, and
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
@@ -194,7 +194,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     since = epoch.time - state.last_fix
     doubted = epoch.time - state.vetting.suspect_at < _DOUBTED
     doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
-    if state.vetting.apart == 0 and not doubted:  # else the receiver is not to blame yet
+    undecided = epoch.time - state.vetting.undecided_at < _DOUBTED
+    if state.vetting.apart == 0 and not doubted and not undecided:  # else the receiver is not to blame yet
         learn_factor(belief, ctx, epoch, white, state.moving)
     else:
         state.factor_time = epoch.time
@@ -213,7 +214,10 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if jumps and state.mode == WHEELS and not doubted:
         apart = epoch.time - state.vetting.windows.jumped_at > _JUMPED
         share = _MOVED if apart else 1.0 - _MOVED_LATE
-        fork(belief, ctx, fix, axes, _FORKS * par.gnss_gate, share)
+        if fork(belief, ctx, fix, axes, par.gnss_gate, share):
+            if epoch.time - state.vetting.forked_at > _FORGOTTEN:
+                state.vetting.undecided_at = epoch.time
+            state.vetting.forked_at = epoch.time
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
     lost = state.mode == WHEELS and _is_lost(belief)

@@ -40,6 +40,8 @@ VETTING = np.dtype(
         ("look", LOOK),  # at the odometer's distance, m
         ("turn_look", LOOK),  # at its turns, rad
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
+        ("forked_at", "f8"),  # when a fix last fitted nothing, s,
+        ("undecided_at", "f8"),  # and when the first one of such fixes did
         ("moved", "u1"),  # 1: the position was loosened at this epoch's fix
         ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
         ("rolled", "f8"),  # m it has measured since
@@ -86,6 +88,8 @@ def clear(vetting: Record) -> None:
     vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.forked_at = -math.inf
+    vetting.undecided_at = -math.inf
     vetting.look.jitter = 0.3
     vetting.turn_look.jitter = 0.1
     vetting.wavered_at = -math.inf

@@ -188,7 +188,9 @@ def needed(sigma: float) -> float:
 
 
 @kernel
-def far_enough(windows: Record, last: int, scale: float, seconds: float) -> int:
+def far_enough(
+    windows: Record, last: int, scale: float, seconds: float, times: float = 1.0
+) -> int:
     """The newest anchor before another one from which the fixes are far away.
 
     Args:
@@ -196,6 +198,7 @@ def far_enough(windows: Record, last: int, scale: float, seconds: float) -> int:
         last: The other one.
         scale: Plane metres per true metre.
         seconds: Or, where none is, the newest one this long before.
+        times: As far as this many times what is needed.
 
     Returns:
         Its number, −1 where there is none.
@@ -209,7 +212,7 @@ def far_enough(windows: Record, last: int, scale: float, seconds: float) -> int:
             break
         sigma = sigma_between(windows, a, b)
         if (
-            math.hypot(b.x - a.x, b.y - a.y) >= scale * needed(sigma)
+            math.hypot(b.x - a.x, b.y - a.y) >= scale * times * needed(sigma)
             and b.time - a.time > _SHORTEST
         ):
             return j
