@@ -4,10 +4,19 @@ import math
 
 from .._compile import Record, kernel
 from .births import Start, cold_start
-from .gnss import Axes, fork, has_course, loosen, observe_position, observe_rate, observe_state
+from .gnss import (
+    Axes,
+    has_course,
+    loosen,
+    observe_position,
+    observe_rate,
+    observe_state,
+    take_sides,
+)
 from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
 from .state import (
     CLOCK,
+    NOTHING,
     OFF_ROAD,
     WHEELS,
     Belief,
@@ -30,7 +39,7 @@ _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before t
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
-_MOVED, _MOVED_LATE = 0.7, 0.95  # P(the motion was wrong), without a jump of the receiver, and
+_MOVED_SHARE, _JUMPED_SHARE = 0.5, 0.95  # P(the motion was wrong), and P(the receiver) if it jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
@@ -170,6 +179,23 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
 
 
 @kernel(inline=True)
+def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None:
+    """A misfit with sound motion and a receiver that works: either may be wrong."""
+    state = belief.state[0]
+    vetting = state.vetting
+    if epoch.time - vetting.forked_at > _FORGOTTEN:
+        for i in range(state.count):
+            belief.hyp[i].blames = NOTHING
+    jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
+    share = 1.0 - _JUMPED_SHARE if jumped else _MOVED_SHARE
+    gate = 0.0 if vetting.wavers > 0.0 else ctx.par[0].gnss_gate
+    if take_sides(belief, ctx, epoch.fix, axes, gate, share):
+        if epoch.time - vetting.forked_at > _FORGOTTEN:
+            vetting.undecided_at = epoch.time
+        vetting.forked_at = epoch.time
+
+
+@kernel(inline=True)
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
 
@@ -195,7 +221,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     doubted = epoch.time - state.vetting.suspect_at < _DOUBTED
     doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     undecided = epoch.time - state.vetting.undecided_at < _DOUBTED
-    if state.vetting.apart == 0 and not doubted and not undecided:  # else the receiver is not to blame yet
+    if (
+        state.vetting.apart == 0 and not doubted and not undecided
+    ):  # else the receiver is not to blame yet
         learn_factor(belief, ctx, epoch, white, state.moving)
     else:
         state.factor_time = epoch.time
@@ -212,12 +240,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     if jumps and state.mode == WHEELS and not doubted:
-        apart = epoch.time - state.vetting.windows.jumped_at > _JUMPED
-        share = _MOVED if apart else 1.0 - _MOVED_LATE
-        if fork(belief, ctx, fix, axes, par.gnss_gate, share):
-            if epoch.time - state.vetting.forked_at > _FORGOTTEN:
-                state.vetting.undecided_at = epoch.time
-            state.vetting.forked_at = epoch.time
+        _take_sides(belief, ctx, epoch, axes)
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
     lost = state.mode == WHEELS and _is_lost(belief)

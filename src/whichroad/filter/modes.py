@@ -110,18 +110,6 @@ def learn_anew(belief: Belief) -> None:
 
 
 @kernel
-def doubt_turns(belief: Belief) -> None:
-    """Let drift and heading be as wrong as fixes say they may be."""
-    state = belief.state[0]
-    vetting = state.vetting
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        hyp.cov[H, H] += vetting.turned_off**2
-        if state.mode == WHEELS:
-            hyp.cov[B, B] += vetting.wavers**2
-
-
-@kernel
 def pass_calibration(belief: Belief) -> None:
     """Tell the vetting what was learnt of the odometer."""
     state = belief.state[0]
@@ -161,11 +149,6 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
     if vetting.found == 1:
         learn_anew(belief)
-        history.since[0].switched = 1
-    if vetting.wavers > 0.0 and vetting.found == 0 and epoch.time - vetting.wavered_at > _UNSURE:
-        doubt_turns(belief)
-        vetting.wavered_at = epoch.time
-        vetting.suspect_at = epoch.time
         history.since[0].switched = 1
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf

@@ -64,7 +64,6 @@ VETTING = np.dtype(
         ("found_drift", "f8"),  # the same of the drift, rad/m
         ("found_drift_sigma", "f8"),
         ("wavers", "f8"),  # rad/m by which turns may be wrong, found with this epoch; 0: not
-        ("wavered_at", "f8"),  # s, when that was last
         ("turned_off", "f8"),  # rad by which the heading went wrong for it
         ("of_drift", SUSPECT, (2,)),  # over the short and the long way
         ("of_rate", SUSPECT, (2,)),
@@ -92,7 +91,6 @@ def clear(vetting: Record) -> None:
     vetting.undecided_at = -math.inf
     vetting.look.jitter = 0.3
     vetting.turn_look.jitter = 0.1
-    vetting.wavered_at = -math.inf
     vetting.suspect_at = -math.inf
     vetting.found_at = -math.inf
     vetting.since[:] = math.inf

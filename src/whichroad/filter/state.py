@@ -40,6 +40,7 @@ NO_EDGE = -2
 
 # how an epoch's motion is predicted: not yet; anew from a fix; by wheels in the plane; along the
 # road; not at all; by routes between sparse fixes
+NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
@@ -64,6 +65,7 @@ HYPOTHESIS = np.dtype(
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
+        ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
     ],
     align=True,
@@ -350,6 +352,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
+    hyp.blames = NOTHING
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment

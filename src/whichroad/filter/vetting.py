@@ -23,7 +23,12 @@ _REFUSED, _BELIEVED = 3.0, -3.0  # scores from which on a source is not believed
 @kernel
 def mode_of(vetting: Record, sensors: int) -> int:
     """What moves the vehicle: of the sensors there are (WHEELS, DISTANCE, CLOCK) those believed."""
-    if sensors == CLOCK or vetting.missed == 1 or vetting.refused[ARC] == 1 or not is_possible(vetting):
+    if (
+        sensors == CLOCK
+        or vetting.missed == 1
+        or vetting.refused[ARC] == 1
+        or not is_possible(vetting)
+    ):
         return CLOCK
     if sensors == WHEELS and vetting.refused[TURN] == 1:
         return DISTANCE

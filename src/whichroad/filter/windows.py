@@ -188,9 +188,7 @@ def needed(sigma: float) -> float:
 
 
 @kernel
-def far_enough(
-    windows: Record, last: int, scale: float, seconds: float, times: float = 1.0
-) -> int:
+def far_enough(windows: Record, last: int, scale: float, seconds: float, times: float = 1.0) -> int:
     """The newest anchor before another one from which the fixes are far away.
 
     Args:
