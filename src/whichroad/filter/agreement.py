@@ -7,14 +7,12 @@ from .._compile import Record, kernel
 from ..graph.geometry import wrap
 from .sources import ARC, COURSE, SPEED, TURN
 from .windows import (
-    ANCHORS,
     CLOCK,
     WHEELS,
     Seen,
     between,
     course_between,
     far_enough,
-    metres_before,
     needed,
     turn_of_places,
 )
@@ -22,10 +20,6 @@ from .windows import (
 _LONGEST = 15.0  # s
 _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
-_SHORT_WAY, _LONG_WAY = 50.0, 150.0  # m
-_SIGNIFICANT = 4.0  # sigmas
-_PERSISTS = 5.0  # s
-_OF_FOUND = 0.25  # error of what was found, as a share of the change
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
@@ -203,8 +197,7 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     vetting.seen[TURN] += turn * turned.others
     off = abs(_off(vetting, turned))
     if off > _DIFFERS + 2.0 * unsure and abs(arc) > 1.0:
-        vetting.wavers = off / abs(arc)
-        vetting.turned_off = off
+        vetting.wavers = 1
     if off > 1.0 + 3.0 * unsure:
         _score(vetting, TURN, 3.0 * since)
     elif off > 0.5 + 2.0 * unsure:
@@ -214,68 +207,3 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
         vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)
         vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)
-
-
-@kernel
-def compare_ways(vetting: Record, last: int, scale: float, which: int) -> None:
-    """Compare the odometer's scale and drift with those of the filter over a long way.
-
-    A tyre that was changed, or counts that are lost, move them farther than a filter that has
-    learnt them allows for.  Where fixes show it beyond doubt, they are what the fixes say.
-
-    Args:
-        vetting: In place.
-        last: The newest anchor.
-        scale: Plane metres per true metre.
-        which: 0 or 1: over a short way, or a long one.
-    """
-    windows = vetting.windows
-    now = windows.anchors[last % ANCHORS].time
-    half = _LONG_WAY if which else _SHORT_WAY
-    middle = metres_before(windows, last, half)
-    first = metres_before(windows, middle, half) if middle >= 0 else -1
-    if first < 0 or windows.anchors[first % ANCHORS].time < vetting.found_at:
-        return
-    before = between(windows, first, middle, scale)
-    after = between(windows, middle, last, scale)
-    narrow = min(before.fixes, after.fixes)
-    sigma = max(before.sigma, after.sigma)
-    if narrow < 0.7 * half or not before.odometry or not after.odometry:
-        return
-    by_fixes, reckoned = turn_of_places(windows, first, middle, last)
-    arc = 0.5 * (before.arc + after.arc)
-    drift = wrap(by_fixes - reckoned - vetting.drift * arc) / arc
-    unsure = 1.5 * sigma / (narrow * abs(arc))
-    if _persists(vetting.of_drift[which], drift, unsure, now):
-        vetting.found = 1
-        vetting.found_at = now
-        vetting.found_drift = vetting.drift + drift
-        vetting.found_drift_sigma = 2.0 * unsure + _OF_FOUND * abs(drift)
-        vetting.turned_off = drift * arc
-    ways = before.odometer + after.odometer
-    off = (before.fixes + after.fixes) / ways - vetting.rate_of_arc
-    unsure = 1.5 * sigma / ways
-    if _persists(vetting.of_rate[which], off, unsure, now):
-        vetting.found = 1
-        vetting.found_at = now
-        vetting.found_rate = vetting.rate_of_arc + off
-        vetting.found_rate_sigma = 2.0 * unsure + _OF_FOUND * abs(off)
-
-
-@kernel
-def _persists(suspect: Record, off: float, unsure: float, now: float) -> bool:
-    """Whether an odometer is found to be wrong by the same for some seconds: fixes wander.
-
-    Args:
-        suspect: What was found before; in place.
-        off: How wrong it is.
-        unsure: Sigma of that.
-        now: s.
-    """
-    if abs(off) < _SIGNIFICANT * unsure:
-        suspect.since = math.inf
-        return False
-    if suspect.since == math.inf or abs(off - suspect.off) > 0.5 * abs(suspect.off):
-        suspect.since = now
-        suspect.off = off
-    return bool(now - suspect.since >= _PERSISTS)

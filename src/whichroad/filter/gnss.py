@@ -35,6 +35,7 @@ from .state import (
 _OF_SIDE = 1e-3  # of one for which a side is alive
 _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
 _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
+_SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
@@ -281,6 +282,7 @@ def _fork(belief: Belief, share: float) -> None:
         move_row(belief, i, state.count)
         moved = belief.hyp[state.count]
         moved.blames = MOTION
+        moved.cov[K, K] += _SCALED * _SCALED
         rescale(moved, share)
         move_row(belief, state.count, state.count + 1)
         turned = belief.hyp[state.count + 1]

@@ -188,7 +188,7 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None
             belief.hyp[i].blames = NOTHING
     jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
     share = 1.0 - _JUMPED_SHARE if jumped else _MOVED_SHARE
-    gate = 0.0 if vetting.wavers > 0.0 else ctx.par[0].gnss_gate
+    gate = 0.0 if vetting.wavers == 1 else ctx.par[0].gnss_gate
     if take_sides(belief, ctx, epoch.fix, axes, gate, share):
         if epoch.time - vetting.forked_at > _FORGOTTEN:
             vetting.undecided_at = epoch.time

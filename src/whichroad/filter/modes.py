@@ -88,35 +88,12 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
-def learn_anew(belief: Belief) -> None:
-    """Let scale or drift of the odometer be what fixes over a long way say they are."""
-    state = belief.state[0]
-    vetting = state.vetting
-    rate_variance = vetting.found_rate_sigma**2
-    drift_variance = vetting.found_drift_sigma**2
-    if rate_variance > 0.0:
-        state.known_rate[0] = vetting.found_rate
-        state.known_rate[1] = rate_variance
-    if drift_variance > 0.0:
-        state.known_drift[0] = vetting.found_drift
-        state.known_drift[1] = drift_variance
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        if rate_variance > 0.0:
-            redraw(hyp, K, vetting.found_rate, rate_variance)
-        if drift_variance > 0.0:
-            redraw(hyp, B, vetting.found_drift, drift_variance)
-            hyp.cov[H, H] += vetting.turned_off**2
-
-
-@kernel
 def pass_calibration(belief: Belief) -> None:
     """Tell the vetting what was learnt of the odometer."""
     state = belief.state[0]
     if state.mode == CLOCK or state.count == 0:
         return
     top = belief.hyp[most_probable(belief)]
-    state.vetting.rate_of_arc = top.mu[K]
     if state.mode == WHEELS:
         state.vetting.drift = top.mu[B]
 
@@ -147,9 +124,6 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if epoch.has_fix:
         pass_calibration(belief)
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
-    if vetting.found == 1:
-        learn_anew(belief)
-        history.since[0].switched = 1
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1:
@@ -161,7 +135,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         state.mode = mode
     elif mode != state.mode:
         switch(belief, history, ctx, mode)
-    if vetting.news + vetting.found > 0 and epoch.has_fix and is_elsewhere(belief, epoch):
+    if vetting.news == 1 and epoch.has_fix and is_elsewhere(belief, epoch):
         state.misfits = par.lost_after
         state.gnss_factor = 0.0
     return reading

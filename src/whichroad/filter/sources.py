@@ -10,14 +10,6 @@ from .windows import WINDOWS
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
 SOURCES = 4
 
-SUSPECT = np.dtype(
-    [
-        ("off", "f8"),  # how wrong a quantity seemed,
-        ("since", "f8"),  # and since when, s; infinite: it does not
-    ],
-    align=True,
-)
-
 LOOK = np.dtype(
     [
         ("time", "f8"),  # since the last look, s,
@@ -57,17 +49,7 @@ VETTING = np.dtype(
         ("offs", "f8", (2,)),  # courses less directions of fixes: sums of cosine and sine
         ("news", "u1"),  # 1: something was refused with this epoch
         ("drift", "f8"),  # rad/m that the odometry's turns are short of, as learnt
-        ("rate_of_arc", "f8"),  # m of a metre of the odometer, as learnt
-        ("found", "u1"),  # 1: one of these two is found to be wrong with this epoch
-        ("found_rate", "f8"),  # what fixes say the first one is
-        ("found_rate_sigma", "f8"),  # 0: nothing
-        ("found_drift", "f8"),  # the same of the drift, rad/m
-        ("found_drift_sigma", "f8"),
-        ("wavers", "f8"),  # rad/m by which turns may be wrong, found with this epoch; 0: not
-        ("turned_off", "f8"),  # rad by which the heading went wrong for it
-        ("of_drift", SUSPECT, (2,)),  # over the short and the long way
-        ("of_rate", SUSPECT, (2,)),
-        ("found_at", "f8"),  # s, when that was
+        ("wavers", "u1"),  # 1: with this epoch turns may be wrong
         ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
     ],
@@ -84,7 +66,6 @@ _SOUND_WAY = 2000.0  # m, after which relapses are forgotten
 def clear(vetting: Record) -> None:
     """Begin: nothing was seen, and everything is believed."""
     vetting.rolled = _ROLLED
-    vetting.rate_of_arc = 1.0
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
     vetting.forked_at = -math.inf
@@ -92,15 +73,11 @@ def clear(vetting: Record) -> None:
     vetting.look.jitter = 0.3
     vetting.turn_look.jitter = 0.1
     vetting.suspect_at = -math.inf
-    vetting.found_at = -math.inf
     vetting.since[:] = math.inf
     vetting.windows.jitter = 2.0
     vetting.windows.jumped_at = -math.inf
     vetting.windows.speed_time = -math.inf
     vetting.windows.now.odometry = 1
-    for which in range(2):
-        vetting.of_drift[which].since = math.inf
-        vetting.of_rate[which].since = math.inf
 
 
 @kernel

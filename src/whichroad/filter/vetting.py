@@ -10,7 +10,7 @@ alone, or by time.
 import math
 
 from .._compile import Record, kernel
-from .agreement import compare_ways, weigh_courses, weigh_distances, weigh_turns
+from .agreement import weigh_courses, weigh_distances, weigh_turns
 from .plausibility import check_odometry, is_odd
 from .sources import ARC, SOURCES, SPEED, TURN, is_possible
 from .windows import ANCHORS, CLOCK, DISTANCE, WHEELS, Seen, add_fix, advance, between, far_enough
@@ -48,11 +48,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     """
     windows = vetting.windows
     vetting.news = 0
-    vetting.found = 0
-    vetting.found_rate_sigma = 0.0
-    vetting.found_drift_sigma = 0.0
-    vetting.turned_off = 0.0
-    vetting.wavers = 0.0
+    vetting.wavers = 0
     measured = sensors != CLOCK and epoch.odometry_valid == 1
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
@@ -81,9 +77,6 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     if sensors == WHEELS and seen.odometry:
         weigh_turns(vetting, first, last, scale, since)
         turn = seen.turn if vetting.refused[TURN] == 0 else turn
-        if vetting.refused[ARC] == 0 and vetting.refused[TURN] == 0:
-            compare_ways(vetting, last, scale, 0)
-            compare_ways(vetting, last, scale, 1)
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)

@@ -220,17 +220,6 @@ def far_enough(windows: Record, last: int, scale: float, seconds: float, times: 
 
 
 @kernel
-def metres_before(windows: Record, last: int, metres: float) -> int:
-    """The newest anchor so many metres of the odometer before another one; −1: there is none."""
-    oldest = max(windows.count - ANCHORS, 0)
-    arc = windows.anchors[last % ANCHORS].arc
-    for j in range(last - 1, oldest - 1, -1):
-        if abs(arc - windows.anchors[j % ANCHORS].arc) >= metres:
-            return j
-    return -1
-
-
-@kernel
 def between(windows: Record, first: int, last: int, scale: float) -> Seen:
     """Motion between two anchors by each source."""
     a = windows.anchors[first % ANCHORS]
