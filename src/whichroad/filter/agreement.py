@@ -18,6 +18,7 @@ from .windows import (
 )
 
 _LONGEST = 15.0  # s
+_TURNED, _OPPOSITE = 2.0, 0.4  # rad², and share of it: turns of the other sign
 _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
@@ -195,6 +196,9 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * turned.others
+    if vetting.reported[TURN] > _TURNED and vetting.seen[TURN] < -_OPPOSITE * vetting.reported[TURN]:
+        vetting.score[TURN] = _MOST  # all turns together go the other way
+        vetting.wavers = 1
     off = abs(_off(vetting, turned))
     if off > _DIFFERS + 2.0 * unsure and abs(arc) > 1.0:
         vetting.wavers = 1

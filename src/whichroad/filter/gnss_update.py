@@ -239,7 +239,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     )  # fmt: skip
     state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    if jumps and state.mode == WHEELS and not doubted:
+    if state.mode == WHEELS and since < _RECENT and not doubted:
         _take_sides(belief, ctx, epoch, axes)
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
