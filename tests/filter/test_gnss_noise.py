@@ -90,7 +90,7 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
 
     The fixes of the standing vehicle scatter by 2 m about an error that stays.
     """
-    n, at, rng = 1200, 600, np.random.default_rng(seed)
+    at, rng = 600, np.random.default_rng(seed)
     stood, rows = brake(BESIDE, at - 10, 6000, goes_on=True)
     fix = gnss(BESIDE, sigma=4.0 * under, seed=seed)[rows]
     fix[:, 2:4] = 4.0

@@ -6,7 +6,7 @@ import pytest
 from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
-from whichroad.filter.sources import ARC, COURSE, SOURCES, SPEED, TURN
+from whichroad.filter.sources import COURSE, SOURCES, SPEED
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
 from whichroad.filter.vetting import mode_of, vet
 
@@ -187,29 +187,3 @@ def test_odometry_that_is_silent_no_longer_moves_the_vehicle():
     drive = Drive()
     drive.valid[-10:] = False
     assert mode_of(drive.vetted(), WHEELS) == CLOCK
-
-
-def test_a_wheel_that_becomes_larger_is_found_as_a_drift():
-    """By 3 %: the heading drifts by 0.02 rad a metre."""
-    drive = Drive(seconds=200)
-    drive.columns = False
-    drive.turn[AT:] -= 0.02 * drive.odometer[AT:]
-    found = []
-    vetting = new_belief().state[0].vetting
-    epochs = new_epochs(1)
-    for k in range(len(drive.time)):
-        epoch = epochs[0]
-        epoch.time = BEGIN + drive.time[k]
-        epoch.arc, epoch.turn = drive.odometer[k] / RATE, drive.turn[k] / RATE
-        epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
-        epoch.odometry_valid, epoch.has_fix = 1, k % RATE == 0
-        epoch.fix[:] = [*drive.fix[k], 3.0, 3.0, 0.0]
-        epoch.speed_sigma = epoch.course_sigma = np.inf
-        vet(vetting, epoch, 1.0 / RATE if k else 0.0, WHEELS, 1.0)
-        if vetting.found and vetting.found_drift_sigma > 0.0:
-            found.append((drive.time[k], float(vetting.found_drift)))
-            vetting.drift = vetting.found_drift  # as the filter would
-    assert found
-    assert found[0][0] > 60.0
-    assert found[-1][1] == pytest.approx(0.02, abs=0.006)
-    assert vetting.refused[ARC] == vetting.refused[TURN] == 0

@@ -96,6 +96,8 @@ def weigh_distances(
     by_odometer = _differ(fixes, odometer, seen.sigma) if rolls else 0
     by_speed = _differ(fixes, seen.receiver, seen.sigma) if reported else 0
     both = _differ(odometer, seen.receiver, precise) if rolls and reported else 0
+    if sensors == WHEELS and by_odometer > 0 and _differ(fixes, abs(seen.arc), seen.sigma) <= 0:
+        by_odometer = 0  # its turns are wrong, and not its distance
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
     elif reported and by_speed > 0:
@@ -196,7 +198,8 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * turned.others
-    if vetting.reported[TURN] > _TURNED and vetting.seen[TURN] < -_OPPOSITE * vetting.reported[TURN]:
+    told = vetting.reported[TURN]
+    if told > _TURNED and vetting.seen[TURN] < -_OPPOSITE * told:
         vetting.score[TURN] = _MOST  # all turns together go the other way
         vetting.wavers = 1
     off = abs(_off(vetting, turned))

@@ -12,6 +12,7 @@ from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
 from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
 from .state import (
+    CAPACITY,
     GX,
     GY,
     MOTION,
@@ -277,7 +278,7 @@ def _fork(belief: Belief, share: float) -> None:
     for i in range(state.count):
         hyp = belief.hyp[i]
         hyp.blames = RECEIVER
-        if hyp.weight < _OF_WEIGHT or state.count + 2 > len(belief.hyp):
+        if hyp.weight < _OF_WEIGHT or state.count + 2 > CAPACITY:
             continue
         move_row(belief, i, state.count)
         moved = belief.hyp[state.count]

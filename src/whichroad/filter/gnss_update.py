@@ -39,7 +39,9 @@ _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before t
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
-_MOVED_SHARE, _JUMPED_SHARE = 0.5, 0.95  # P(the motion was wrong), and P(the receiver) if it jumped
+_SIDES = 1.6  # times the gate: one sound fix in a thousand
+_BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
+_MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
@@ -187,8 +189,15 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None
         for i in range(state.count):
             belief.hyp[i].blames = NOTHING
     jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
-    share = 1.0 - _JUMPED_SHARE if jumped else _MOVED_SHARE
-    gate = 0.0 if vetting.wavers == 1 else ctx.par[0].gnss_gate
+    share = _MOVED_SHARE
+    young = state.learnt_time < _YOUNG
+    if jumped and young:
+        return
+    if young:
+        share = _BEGAN_SHARE
+    elif jumped:
+        share = ctx.par[0].gnss_lost
+    gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
     if take_sides(belief, ctx, epoch.fix, axes, gate, share):
         if epoch.time - vetting.forked_at > _FORGOTTEN:
             vetting.undecided_at = epoch.time

@@ -11,6 +11,7 @@ _FIRM = 5.0  # m/s², more than most drives have
 _SPEED_SLACK = 1.0  # m/s
 _COUNTS = 0.3  # m/s
 _UNUSUAL = 4.0  # times the usual jitter of the odometer's own speed or turn rate
+_MOST_SPEED, _MOST_TURN = 10.0, 1.0  # m/s, rad/s of that at most
 _NEW = 0.02  # share of a look in what is usual
 _LATERAL = 12.0  # m/s², more than tyres hold
 _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
@@ -39,10 +40,12 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
     look.time += dt
     look.amount += epoch.arc
     possible = True
-    if look.time >= _LOOK:
+    if look.time >= _LOOK and epoch.odometry_valid == 1:
         arc = look.amount
-        change, limit = _take(look, _UNUSUAL)
-        possible = change <= _BRAKES * look.lasted + _SPEED_SLACK + limit
+        change, limit = _take(look, _MOST_SPEED)
+        possible = (
+            abs(look.rate) <= _FASTEST and change <= _BRAKES * look.lasted + _SPEED_SLACK + limit
+        )
         if change > _FIRM * look.lasted + _COUNTS + limit:
             vetting.suspect_at = epoch.time
         if possible:
@@ -62,9 +65,9 @@ def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
     look = vetting.turn_look
     look.time += dt
     look.amount += epoch.turn
-    if look.time < _TURN_LOOK:
+    if look.time < _TURN_LOOK or epoch.odometry_valid != 1:
         return True
-    change, limit = _take(look, _UNUSUAL)
+    change, limit = _take(look, _MOST_TURN)
     size = abs(vetting.look.rate)
     rate = abs(look.rate)
     possible = size * rate <= _LATERAL + (_LATERAL_SLACK + limit) * size
@@ -75,15 +78,15 @@ def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
 
 
 @kernel
-def _take(look: Record, times: float) -> tuple[float, float]:
+def _take(look: Record, most: float) -> tuple[float, float]:
     """Take what was summed up as a rate.
 
     Returns:
-        By how much the rate changed, and so many times by how much it usually jitters.
+        By how much the rate changed, and what of that its usual jitter may be, `most` at most.
     """
     rate = look.amount / look.time
     change = rate - look.rate if look.count > 0 else 0.0
-    limit = times * look.jitter
+    limit = min(_UNUSUAL * look.jitter, most)
     if look.count > 1:
         jitter = abs(change - look.change)
         look.jitter += _NEW * (min(jitter, limit + 0.5) - look.jitter)

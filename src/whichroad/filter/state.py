@@ -149,7 +149,7 @@ EPOCH = np.dtype(
         ("speed_sigma", "f8"),  # inf: not reported
         ("course", "f8"),  # heading over ground, rad
         ("course_sigma", "f8"),  # inf: not reported
-        ("odometry_valid", "u1"),  # 1: measured; 0: extrapolated
+        ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
         ("has_fix", "u1"),
     ],
     align=True,

@@ -247,7 +247,7 @@ def pieces_of(arc: float) -> int:
 @kernel(inline=True)
 def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
     """Process noise of an increment, more where the odometer did not measure it."""
-    if mode == CLOCK or epoch.odometry_valid == 1:
+    if mode == CLOCK or epoch.odometry_valid != 0:
         state.unmeasured = 0.0
         return noise
     before = state.unmeasured

@@ -49,7 +49,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     windows = vetting.windows
     vetting.news = 0
     vetting.wavers = 0
-    measured = sensors != CLOCK and epoch.odometry_valid == 1
+    measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
         if measured:
