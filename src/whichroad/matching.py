@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from .diagnosis.findings import Finding
+from .diagnosis.finding import Finding
 from .epochs import Timeline, build_timeline, check_mask
 from .errors import DriveError, MapError, SettingError
 from .filter.estimate import Output

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .diagnosis.findings import Finding, findings_of
+from .diagnosis.finding import Finding
+from .diagnosis.findings import findings_of
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -108,7 +109,8 @@ def localize_recorded(
             path = tidied(path, *entries_in_use(belief, history))
         if progress is not None:
             progress(done)
-    diagnose = partial(findings_of, epochs, output, timeline.mode, settings, vehicle)
+    vetting = belief.state.vetting[0].copy()
+    diagnose = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
     heaviest = heaviest_chain(path, belief)
     if lag is None or not history.count[0].steps:
         workspace.give_back()

@@ -44,7 +44,7 @@ class Workspace:
     def belief(self, lineage: bool) -> Belief:
         """An empty belief, with lineage where its history is stored."""
         belief = self._beliefs[lineage]
-        belief.state.fill(0)
+        belief.state[:] = self._empty.state
         return belief
 
     def path(self) -> Path:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import whichroad
 from laws.public import CAR, GNSS, START, WHEELS, degrees, geo_fixes, metres, readings, road_map
-from scenes import Truth, drive_along
+from scenes import Truth, brake, drive_along
 
 Array = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def foot(lon: float, lat: float, line: Array) -> Foot:
 
 BEFORE = 20  # epochs of wheels before the first fix
 OUTAGE = (330.0, 470.0)  # m driven
-STOP = 700.0  # m driven, for 5 s
+STOP = 700.0  # m driven, for 3 s, and 2 s of braking before and starting behind
 FALSE = 6  # outliers at the end, one a second
 
 
@@ -102,9 +102,8 @@ def truth() -> Truth:
     way = np.vstack([lines[0], lines[1][::-1][1:], lines[2][1:3], field])
     way = np.array(shapely.LineString(way).offset_curve(-1.75, join_style="mitre").coords)
     moving = drive_along(way, radius=15.0)
-    stop = int(np.searchsorted(moving.s, STOP))
-    rows = np.concatenate([np.arange(stop), np.full(50, stop), np.arange(stop, len(moving.s))])
-    return Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in moving[1:]))
+    at = int(np.searchsorted(moving.s, STOP))
+    return brake(moving, at, 30, goes_on=True)[0]
 
 
 @cache

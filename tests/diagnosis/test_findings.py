@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import whichroad
-from whichroad.diagnosis.findings import Finding, findings
+from whichroad.diagnosis.finding import Finding
+from whichroad.diagnosis.findings import findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
 from whichroad.observations import Array
 from whichroad.settings import Settings, Vehicle

@@ -56,7 +56,7 @@ from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 
 SET = Settings()
-START = Start(1.0, 0.5, 0.0, math.inf, 1.0, 0.012, SET.drift_sigma, True)
+START = Start(1.0, 0.5, 0.0, math.inf, 1.0, 0.012, 0.0, SET.drift_sigma, True)
 
 
 def start(

@@ -7,6 +7,7 @@ import pytest
 
 from scenes import (
     Truth,
+    brake,
     column,
     drive_along,
     epochs_of,
@@ -89,9 +90,8 @@ def stop(seed: int, under: float, mode: int) -> tuple[np.ndarray, int]:
 
     The fixes of the standing vehicle scatter by 2 m about an error that stays.
     """
-    n, at, rng = 1200, 600, np.random.default_rng(seed)
-    rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
-    stood = Truth(np.arange(len(rows)) * 0.1, *(part[rows] for part in BESIDE[1:]))
+    at, rng = 600, np.random.default_rng(seed)
+    stood, rows = brake(BESIDE, at - 10, 6000, goes_on=True)
     fix = gnss(BESIDE, sigma=4.0 * under, seed=seed)[rows]
     fix[:, 2:4] = 4.0
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))

@@ -8,6 +8,7 @@ import pytest
 from oracles.one_road import OneRoad
 from scenes import (
     Truth,
+    brake,
     column,
     columns,
     drive_along,
@@ -224,9 +225,8 @@ def test_nodes_on_one_of_two_parallel_roads_change_its_probability_by_a_hundredt
 @pytest.mark.parametrize("seed", range(2))
 def test_ten_minutes_of_standing_teach_nothing(seed: int, mode: int):
     """Compared from ten seconds after the stop; with GNSS alone, which reports a speed of 0."""
-    n, at, rng = len(BESIDE.time), 600, np.random.default_rng(seed)
-    rows = np.concatenate([np.arange(at), np.full(6000, at), np.arange(at, n)])
-    stood = Truth(np.arange(len(rows)) * 0.1, *(part[rows] for part in BESIDE[1:]))
+    at, rng = 600, np.random.default_rng(seed)
+    stood, rows = brake(BESIDE, at - 10, 6000, goes_on=True)
     fix = gnss(BESIDE, sigma=4.0, seed=seed)[rows]
     fix[at : at + 6000, :2] += rng.normal(0.0, 2.0, (6000, 2))
     epochs = epochs_of(stood, fix, second(stood), course=0.1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 from laws.drives import law, said, sensed, way_through
-from scenes import Truth, drive_along, gnss, grid_town, network
+from scenes import Truth, brake, drive_along, gnss, grid_town, network
 from strategies import seeds
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 
@@ -18,8 +18,8 @@ CROSS = [[[0.0, 0.0], [900.0, 0.0]], [[900.0, 0.0], [2000.0, 0.0]], [[900.0, 0.0
 
 def standing_at(truth: Truth, fix: np.ndarray, where: int, seed: int, mode: int):
     """The drive up to an epoch and ten minutes there, its fixes jumping about; two rows."""
-    rows = np.concatenate([np.arange(where), np.full(STANDING, where)])
-    stood = Truth(np.arange(len(rows)) * 0.1, *(column[rows] for column in truth[1:]))
+    stood, rows = brake(truth, where, STANDING)
+    where += 10  # braking takes twice the time
     seen = fix[rows]
     seen[where:, :2] += np.random.default_rng(seed).normal(0.0, 2.0, (STANDING, 2))
     epochs = sensed(stood, seen, np.arange(0, len(rows), 10), mode)

@@ -10,7 +10,7 @@ from .beliefs import (
     untouched,
     weights,
 )
-from .drives import Truth, drive_along, epochs_of, gnss
+from .drives import Truth, brake, drive_along, epochs_of, gnss
 from .filter import Town, column, columns, localize, steps
 from .kernels import context
 from .networks import grid_town, network, parallel_roads, straight_road
@@ -20,6 +20,7 @@ __all__ = [
     "Town",
     "Truth",
     "belief_on",
+    "brake",
     "column",
     "columns",
     "context",

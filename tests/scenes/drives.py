@@ -66,6 +66,30 @@ def drive_along(
     return Truth(np.arange(len(s)) * interval, *pose.T, s - s[0])
 
 
+def brake(
+    truth: Truth, at: int, standing: int, *, goes_on: bool = False
+) -> tuple[Truth, NDArray[np.int64]]:
+    """Brake by 5 m/s² until an epoch of a drive at 10 m/s, ten a second, and stand there.
+
+    Args:
+        truth: The drive.
+        at: Where it stops; 10 or more.
+        standing: Epochs for which it stands.
+        goes_on: Whether it then starts by as much and drives on.
+
+    Returns:
+        The drive with the stop, and for each of its epochs the nearest one of the drive before.
+    """
+    braking = np.arange(20) - 0.025 * np.arange(20) ** 2
+    parts = [np.arange(at - 10), at - 10 + braking, np.full(standing, at)]
+    if goes_on:
+        parts += [(at + 10 - braking)[::-1], np.arange(at + 11, len(truth.time))]
+    rows = np.concatenate(parts)
+    every_row = np.arange(len(truth.time))
+    columns = [np.interp(rows, every_row, column) for column in truth[1:]]
+    return Truth(np.arange(len(rows)) * 0.1, *columns), np.rint(rows).astype(int)
+
+
 def _advance(x: float, y: float, h: float, size: float, bend: float) -> tuple[float, float, float]:
     half = 0.5 * size * bend
     chord = size * float(np.sinc(half / math.pi))

@@ -109,6 +109,7 @@ class Link:
         belief.hyp["mu"][0], belief.hyp["cov"][0] = mean, cov
         state = belief.state[0]
         state.count, state.started, state.scale, state.speed = 1, 1, self.scale, 10.0
+        state.mode = self.mode
         if self.course:
             state.course_time = 0.0
         history, path = new_history(64), new_path(1 << 12)

@@ -229,7 +229,7 @@ def print_summary(result: "Result") -> None:
 
 def _finding_line(finding: dict[str, Any]) -> str:
     """One setting that does not fit, as a line."""
-    from ..diagnosis.findings import Finding
+    from ..diagnosis.finding import Finding
 
     found = Finding(**finding)
     return f"{found.level}: {found}"

@@ -5,13 +5,14 @@ found by simulation; the bands leave fewer than one in a hundred of such drives 
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
-from .._compile import Records
+from .._compile import Record, Records
 from ..filter.estimate import Output
 from ..filter.state import CLOCK
 from ..settings import Settings, Vehicle
+from .finding import Finding as Finding
+from .sensors import sensor_findings
 from .statistics import ConsistencyStatistics, rows_of
 
 _ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
@@ -29,25 +30,6 @@ _SURE = 4.0  # significance of a measured offset, in sigmas
 _MAP = 1.1  # largest mean square map error over that of the settings
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """A setting, or a sensor, that does not fit the data."""
-
-    what: str  # `gnss sigma`, `gnss_time`, `map_sigma`, `wheels: scale`, ...
-    level: str  # "warning": answers may be wrong; "information": they are only too careful
-    statistic: float
-    low: float  # where settings that fit are expected
-    high: float
-    advice: str
-
-    def __str__(self) -> str:
-        """One line for people."""
-        return (
-            f"{self.what}: {self.statistic:.3g}, {self.low:.3g} to {self.high:.3g} was expected; "
-            f"{self.advice}"
-        )
-
-
 def diagnose(answer: Any) -> list[Finding]:
     """Find the settings that do not fit the data.
 
@@ -61,14 +43,17 @@ def diagnose(answer: Any) -> list[Finding]:
     return list(answer.diagnosis)
 
 
-def findings(statistics: ConsistencyStatistics) -> tuple[Finding, ...]:
-    """What does not fit, so far.
+def findings(
+    statistics: ConsistencyStatistics, vetting: Record | None = None
+) -> tuple[Finding, ...]:
+    """What does not fit, so far: sensors that the filter withheld, else settings.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
     by those before, so that it is not judged as long as those do not fit.
     """
-    if statistics.moving < _LEAST:
-        return ()
+    withheld = () if vetting is None else sensor_findings(vetting)
+    if withheld or statistics.moving < _LEAST:
+        return withheld
     return tuple(_wheels(statistics) or _shift(statistics) or _map(statistics) or _gnss(statistics))
 
 
@@ -199,11 +184,21 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
 
 
 def findings_of(
-    epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle
-) -> tuple[Finding, ...]:
-    """What does not fit in a recorded drive; none in clock mode."""
+    epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle,
+    vetting: Record,
+) -> tuple[Finding, ...]:  # fmt: skip
+    """What does not fit in a recorded drive; in clock mode the receiver's own columns alone.
+
+    Args:
+        epochs: (n,) EPOCH.
+        output: (n,) the filter's estimates.
+        mode: WHEELS, DISTANCE or CLOCK.
+        settings: The model's numbers.
+        vehicle: The car.
+        vetting: What the filter withheld, `filter.vetting.VETTING`.
+    """
     if mode == CLOCK:
-        return ()
+        return sensor_findings(vetting)
     statistics = ConsistencyStatistics(settings, vehicle)
     statistics.take(rows_of(epochs, output))
-    return findings(statistics)
+    return findings(statistics, vetting)

@@ -55,7 +55,8 @@ class Start(NamedTuple):
     heading_sigma: float  # infinite: unknown, that of each road is taken
     rate: float  # κ
     rate_sigma: float
-    drift_sigma: float  # of b
+    drift: float  # b
+    drift_sigma: float
     at_antenna: bool  # whether the position is the antenna's; else M's
 
 
@@ -77,6 +78,7 @@ def _fill_start(
     mean[Y] = fix[1] - scale * ly
     mean[H] = wrap(heading)
     mean[K] = start.rate
+    mean[B] = start.drift
     mean[D] = lane_mean(ctx, hyp.edge)
     c = math.cos(fix[4])
     s = math.sin(fix[4])
@@ -318,7 +320,7 @@ def _spawn_opposite(belief: Belief, ctx: Context, i: int, share: float) -> None:
     redraw(child, D, lane_mean(ctx, other), lane_sigma(ctx, other) ** 2)
     child.cov[X, X] += 4.0
     child.cov[Y, Y] += 4.0
-    if ctx.par[0].mode == CLOCK:
+    if belief.state[0].mode == CLOCK:
         redraw(child, K, 3.0, 16.0)
         child.mu[H] = wrap(child.mu[H] + math.pi)
 
@@ -346,7 +348,7 @@ def turn_round(belief: Belief, ctx: Context, dt: float) -> bool:
         part = share
         if part * hyp.weight <= _TURNS:
             continue
-        if par.mode == CLOCK:
+        if belief.state[0].mode == CLOCK:
             part *= math.exp(-0.5 * (hyp.mu[K] / speed_scale) ** 2)
         if ctx.roads.edges[ctx.roads.edges[hyp.edge].opposite].rule & AGAINST_ONE_WAY:
             part *= 0.01

@@ -147,7 +147,7 @@ def _take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) -
     """Redraw the lane of hypothesis i, which has just left an edge with a turn."""
     hyp = belief.hyp[i]
     old, new, sigma = lane_mean(ctx, before), lane_mean(ctx, hyp.edge), lane_sigma(ctx, hyp.edge)
-    if ctx.par[0].mode == WHEELS:
+    if belief.state[0].mode == WHEELS:
         redraw_lane(hyp.mu, hyp.cov, turn, old, new, sigma)
         return
     x = hyp.mu[X] + belief.state[0].scale * hyp.mu[MX]
@@ -256,7 +256,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if arc < 0.0:
             hyp.p_not_passed = now
             continue
-        if ctx.par[0].mode != WHEELS:
+        if belief.state[0].mode != WHEELS:
             edge = hyp.edge
             after, _ = run_on(belief, path, ctx, i, hyp.along)
             if hyp.edge != edge:

@@ -115,7 +115,7 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.live = state.count
     hypotheses = int(state.count)
-    if ctx.par[0].mode != WHEELS and not ctx.par[0].paper:
+    if state.mode != WHEELS and not ctx.par[0].paper:
         share_out(belief, ctx)
     _rank(belief, output, k, unknown)
     edge = out.alt_edge[0]

@@ -14,6 +14,7 @@ from .state import (
     GX,
     GY,
     OFF_ROAD,
+    RECEIVER,
     WHEELS,
     Belief,
     Context,
@@ -22,6 +23,7 @@ from .state import (
     most_probable,
 )
 
+_WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed
 _FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost lock
 _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
 _SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
@@ -49,13 +51,19 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
 
     A bias far beyond its sigma is a receiver that has lost lock: it recovers by
     re-acquisition, and not as small errors do.  That it is still lost costs the hypothesis
-    exp(−time / fault_time).
+    exp(−time / fault_time).  The error of a receiver that is blamed for fixes that fitted nothing
+    may wander anywhere; its fixes then say little of the position.
     """
     par = ctx.par[0]
     time = belief.state[0].moving
+    root = belief.state[0].bias_root
+    wanders = _WANDERS**2 * time / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
     usual = math.exp(-time / par.gnss_time)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
+        if hyp.blames == RECEIVER:
+            hyp.cov[GX, GX] += wanders
+            hyp.cov[GY, GY] += wanders
         square = hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2
         if square <= 9.0:
             age_bias(hyp.mu, hyp.cov, usual)
@@ -67,9 +75,9 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
 
 
 @kernel
-def is_vouched(par: Record, epoch: Record) -> bool:
+def is_vouched(state: Record, epoch: Record) -> bool:
     """Whether motion in the plane is measured without positions: wheels, or Doppler."""
-    return bool(par.mode == WHEELS or epoch.speed_sigma < 1.0)
+    return bool(state.mode == WHEELS or epoch.speed_sigma < 1.0)
 
 
 @kernel(inline=True)
@@ -169,7 +177,7 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
-    if not is_vouched(par, epoch):
+    if not is_vouched(state, epoch):
         state.innovation_factor += gain * (1.0 - state.innovation_factor)
         state.gnss_factor = max(state.innovation_factor, 1.0)
         return

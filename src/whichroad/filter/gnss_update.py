@@ -4,10 +4,19 @@ import math
 
 from .._compile import Record, kernel
 from .births import Start, cold_start
-from .gnss import Axes, has_course, observe_position, observe_rate, observe_state
+from .gnss import (
+    Axes,
+    has_course,
+    loosen,
+    observe_position,
+    observe_rate,
+    observe_state,
+    take_sides,
+)
 from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
 from .state import (
     CLOCK,
+    NOTHING,
     OFF_ROAD,
     WHEELS,
     Belief,
@@ -28,7 +37,32 @@ _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
+_JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
+_FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
+_SIDES = 1.6  # times the gate: one sound fix in a thousand
+_BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
+_MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
+_DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
+
+
+@kernel
+def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, float, float, float]:
+    """κ and b at a start, each with its sigma: as last known, the speed without odometry."""
+    rate = 1.0
+    rate_sigma = par.scale_sigma
+    drift = 0.0
+    drift_sigma = par.drift_sigma if state.mode == WHEELS else 0.0
+    if state.mode == CLOCK:
+        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
+        rate_sigma = min(epoch.speed_sigma, 8.0)
+    elif state.known_rate[1] > 0.0:
+        rate = state.known_rate[0]
+        rate_sigma = math.sqrt(state.known_rate[1])
+    if state.mode == WHEELS and state.known_drift[1] > 0.0:
+        drift = state.known_drift[0]
+        drift_sigma = math.sqrt(state.known_drift[1])
+    return rate, rate_sigma, drift, drift_sigma
 
 
 @kernel(inline=True)
@@ -39,11 +73,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     heading_sigma = math.inf
     if has_course(epoch, 0.5):
         heading_sigma = epoch.course_sigma + 0.03
-    rate = 1.0
-    rate_sigma = par.scale_sigma
-    if par.mode == CLOCK:
-        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
-        rate_sigma = min(epoch.speed_sigma, 8.0)
+    rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
     if state.gnss_factor == 0.0:
         least = 1.0 / (1.0 + par.gnss_white_ratio**2)
         state.gnss_factor = least * par.gnss_start**2
@@ -53,7 +83,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     sigmas = math.sqrt(state.gnss_factor)
     start = Start(
         sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
-        par.drift_sigma if par.mode == WHEELS else 0.0, True,
+        drift, drift_sigma, True,
     )  # fmt: skip
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
     state.started = 1
@@ -125,7 +155,7 @@ def _add_restarts(
         start = Start(
             math.sqrt(belief.state[0].gnss_factor), white, mean[H],
             math.inf if lost else math.sqrt(top.cov[H, H]) + 0.03, mean[K],
-            math.sqrt(top.cov[K, K]), par.drift_sigma, True,
+            math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
         )  # fmt: skip
         cold_start(belief, path, ctx, fix, start, par.gnss_lost)
 
@@ -140,14 +170,38 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
         variance = (epoch.course_sigma**2 + 0.0025) * thin
         observe_state(belief, ctx, H, epoch.course - swing, variance)
         state.course_time = epoch.time
-    if par.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
+    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
             late = _LATENCY * state.odometer_acceleration
             variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
             observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
-    if par.mode == CLOCK and epoch.speed_sigma < 20.0:
+    if state.mode == CLOCK and epoch.speed_sigma < 20.0:
         observe_state(belief, ctx, K, epoch.speed, (epoch.speed_sigma**2 + 0.04) * thin)
+
+
+@kernel(inline=True)
+def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None:
+    """A misfit with sound motion and a receiver that works: either may be wrong."""
+    state = belief.state[0]
+    vetting = state.vetting
+    if epoch.time - vetting.forked_at > _FORGOTTEN:
+        for i in range(state.count):
+            belief.hyp[i].blames = NOTHING
+    jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
+    share = _MOVED_SHARE
+    young = state.learnt_time < _YOUNG
+    if jumped and young:
+        return
+    if young:
+        share = _BEGAN_SHARE
+    elif jumped:
+        share = ctx.par[0].gnss_lost
+    gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
+    if take_sides(belief, ctx, epoch.fix, axes, gate, share):
+        if epoch.time - vetting.forked_at > _FORGOTTEN:
+            vetting.undecided_at = epoch.time
+        vetting.forked_at = epoch.time
 
 
 @kernel(inline=True)
@@ -164,16 +218,25 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state = belief.state[0]
     fix = epoch.fix
     interval = epoch.time - state.last_fix
-    if par.mode == CLOCK:
+    if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
     age_receiver(belief, ctx)
     factor = state.gnss_factor
     white = math.sqrt(factor) * par.gnss_white_ratio
-    if par.mode == CLOCK:
+    if state.mode == CLOCK:
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
-    learn_factor(belief, ctx, epoch, white, state.moving)
+    doubted = epoch.time - state.vetting.suspect_at < _DOUBTED
+    doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
+    undecided = epoch.time - state.vetting.undecided_at < _DOUBTED
+    if (
+        state.vetting.apart == 0 and not doubted and not undecided
+    ):  # else the receiver is not to blame yet
+        learn_factor(belief, ctx, epoch, white, state.moving)
+    else:
+        state.factor_time = epoch.time
+        state.unlearnt = 0.0
     state.moving = 0.0
     state.since_fix = 0.0
     state.unmeasured = 0.0
@@ -183,13 +246,17 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
         (white * fix[3]) ** 2 * thin,
     )  # fmt: skip
-    jumps = is_vouched(par, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
+    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    if state.mode == WHEELS and since < _RECENT and not doubted:
+        _take_sides(belief, ctx, epoch, axes)
     chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
-    lost = par.mode == WHEELS and _is_lost(belief)
-    if par.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
+    lost = state.mode == WHEELS and _is_lost(belief)
+    if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
         _add_restarts(belief, path, ctx, epoch, white, lost)
     _observe_motion(belief, ctx, epoch, thin)
+    state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if misfit:
         state.misfits += 1.0
     else:

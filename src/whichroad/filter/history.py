@@ -36,6 +36,8 @@ MOTION = np.dtype(
         ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
         ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
         ("drawn", "u1"),  # 1: the heading was drawn anew from the road's
+        ("mode", "u1"),  # what moved the vehicle: WHEELS, DISTANCE or CLOCK
+        ("switched", "u1"),  # 1: something else did before
         ("jumped", "u1"),  # 1: by a sparse transition, whose route gives a new position
     ],
     align=True,
@@ -188,6 +190,7 @@ def accumulate_motion(
     since.arc += arc
     since.metres += abs(speed) * moving if mode == CLOCK else abs(arc)
     since.turn += epoch.turn
+    since.mode = mode
 
 
 @kernel
@@ -313,6 +316,7 @@ def _clear_motion(since: Record) -> None:
     since.gnss_aged = 0.0
     since.drawn = 0
     since.jumped = 0
+    since.switched = 0
     for a in range(3):
         since.road_noise[a] = 0.0
 

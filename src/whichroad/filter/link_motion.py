@@ -187,7 +187,9 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     par = ctx.par[0]
     mean = model.then_mean
     motion = history.steps[link.step].motion
-    if par.mode == WHEELS:
+    if motion.switched > 0:
+        return False
+    if motion.mode == WHEELS:
         step = Increment(motion.arc, motion.turn, motion.forward, motion.left)
         _move_in_plane(model, motion, step)
         return True

@@ -10,7 +10,7 @@ from .state import Belief, X, Y
 # twice the logarithm of its weight over the risk, and the root of that
 _AWAY, _SIGMA, _ODDS, _OWN = 0, 3, 6, 7
 _NEGLIGIBLE = -20.0  # twice the logarithm of a part over the risk that does not count
-_SMALL = 0.12  # sigmas; a step of Newton's method that need not be followed by another one
+_SMALL = 0.06  # sigmas; a step of Newton's method that need not be followed by another one
 _LARGE = 1.0  # sigmas; one that goes too far
 _STEPS, _MOST_STEPS = 3, 24  # of it at most, free, and between limits
 _NEARLY = 2e-4  # of the risk: near enough

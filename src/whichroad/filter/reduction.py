@@ -217,7 +217,7 @@ def reduce(belief: Belief, path: Path, ctx: Context) -> None:
     state = belief.state[0]
     limit = par.merge
     most = int(par.components)
-    if par.mode != WHEELS:  # without a heading there is less to keep apart
+    if state.mode != WHEELS:  # without a heading there is less to keep apart
         limit *= _BLIND
         most = (most + 1) // 2
     normalise(belief)

@@ -259,7 +259,7 @@ def _add_link(model: Record, later: Record, node: Record, share: float) -> None:
 
 
 @kernel
-def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int, mode: int) -> None:
+def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) -> None:
     """Make the belief of the buffers the mixture of a smoothed step."""
     belief = buffers.belief
     state = belief.state[0]
@@ -283,7 +283,8 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int, 
         speed += node.p * node.mu[K]
         state.count += 1
     state.time = then.time
-    state.speed = speed if mode == CLOCK else then.speed
+    state.mode = then.motion.mode
+    state.speed = speed if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
     state.misfits = then.misfits
     state.standing = then.standing
@@ -301,7 +302,6 @@ def _estimate_until(
     """
     belief = buffers.belief
     state = belief.state[0]
-    mode = ctx.par[0].mode
     x = filtered.rows[start].x
     y = filtered.rows[start].y
     heading = filtered.rows[start].heading
@@ -321,7 +321,7 @@ def _estimate_until(
         if abs(row.speed) > _STANDS:
             state.standing = 0.0
         state.time = epochs[k].time
-        if mode != CLOCK:
+        if state.mode != CLOCK:
             state.speed = row.speed
         summarise(belief, ctx, output, k, row.chi2)
 
@@ -356,7 +356,7 @@ def smooth_span(
             until = len(epochs)
             if at + 1 < history.count[0].steps:
                 until = history.steps[at + 1].epoch
-            as_belief(buffers, history, at, slot, ctx.par[0].mode)
+            as_belief(buffers, history, at, slot)
             _estimate_until(buffers, ctx, epochs, filtered, output, step.epoch, until)
 
 
@@ -406,7 +406,7 @@ def smooth_step(
             decided = at
         if at == step:
             belief = buffers.belief
-            as_belief(buffers, history, at, slot, ctx.par[0].mode)
+            as_belief(buffers, history, at, slot)
             mean = belief.hyp[0].mu
             belief.state[0].scale = plane_scale(ctx.roads, mean[X], mean[Y])
             summarise(belief, ctx, output, 0, 0.0)

@@ -28,16 +28,19 @@ from ..graph.network import Roads, lane_sigma_of, records
 from ..graph.search import Search, new_search
 from ._simd import N as N
 from ._simd import copy_record
+from .sources import VETTING, clear
+from .windows import CLOCK as CLOCK
+from .windows import DISTANCE as DISTANCE
+from .windows import WHEELS as WHEELS
 
 X, Y, H, K, B, D, MX, MY, GX, GY, U, V = range(N)
 
 OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
-WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
-
 # how an epoch's motion is predicted: not yet; anew from a fix; by wheels in the plane; along the
 # road; not at all; by routes between sparse fixes
+NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
@@ -62,6 +65,7 @@ HYPOTHESIS = np.dtype(
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
+        ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
     ],
     align=True,
@@ -71,6 +75,10 @@ FILTER = np.dtype(
     [
         ("count", "i8"),  # hypotheses
         ("parents", "i8"),  # hypotheses of the history's last step; 0: nothing is stored
+        ("mode", "i8"),  # what moves the vehicle now: WHEELS, DISTANCE or CLOCK
+        ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
+        ("known_drift", "f8", (2,)),  # the same of b
+        ("vetting", VETTING),  # which sensors are believed
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
@@ -141,7 +149,7 @@ EPOCH = np.dtype(
         ("speed_sigma", "f8"),  # inf: not reported
         ("course", "f8"),  # heading over ground, rad
         ("course_sigma", "f8"),  # inf: not reported
-        ("odometry_valid", "u1"),  # 1: measured; 0: extrapolated
+        ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
         ("has_fix", "u1"),
     ],
     align=True,
@@ -166,7 +174,7 @@ PARAMETERS = np.dtype(
         *((name, "f8") for name in _SETTINGS),  # SI; `settings.Settings` has units and reasons
         ("lever", "f8", (2,)),  # antenna ahead and left of M, m
         ("side", "f8"),  # 1 where one drives on the right, -1 on the left
-        ("mode", "i8"),  # WHEELS, DISTANCE or CLOCK
+        ("mode", "i8"),  # WHEELS, DISTANCE or CLOCK: the sensors there are
         ("paper", "u1"),  # 1: the paper's literal form (filter.paper)
     ],
     align=True,
@@ -207,6 +215,7 @@ class Work(NamedTuple):
     """Buffers of the kernels, allocated once per thread."""
 
     row: Vector  # (N,) observation row
+    reading: Epochs  # (1,) what is believed of an epoch
     successor: Annotated[Records, Array(SUCCESSOR, 1)]  # (SUCCESSORS,)
     near: Annotated[Records, Array(CANDIDATE, 1)]  # (CANDIDATES,)
     search: Search  # routes between sparse fixes
@@ -230,6 +239,7 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp.path_entry = -1
     state = records(1, FILTER)
     state.course_time = -math.inf
+    clear(state[0].vetting)
     return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 
@@ -254,8 +264,8 @@ def new_parameters() -> Records:
 def new_work(paper: bool = False) -> Work:
     """Buffers for one thread."""
     return Work(
-        np.zeros(N), records(SUCCESSORS, SUCCESSOR), records(CANDIDATES, CANDIDATE), new_search(),
-        records(CANDIDATES if paper else 0, HYPOTHESIS),
+        np.zeros(N), new_epochs(1), records(SUCCESSORS, SUCCESSOR), records(CANDIDATES, CANDIDATE),
+        new_search(), records(CANDIDATES if paper else 0, HYPOTHESIS),
     )  # fmt: skip
 
 
@@ -342,6 +352,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
+    hyp.blames = NOTHING
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment

@@ -17,6 +17,7 @@ from .estimate import Output, summarise
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
 from .history import History, accumulate_motion, accumulate_noise, is_full, store
+from .modes import believed
 from .motion import (
     Increment,
     Noise,
@@ -115,7 +116,8 @@ def run(
             return k
         if len(history.steps) > 0 and is_full(history):
             return k
-        step(belief, path, history, epochs[k], output, ctx, k)
+        reading = believed(belief, history, ctx, epochs[k])  # less what is withheld
+        step(belief, path, history, reading, output, ctx, k)
     return last
 
 
@@ -134,18 +136,18 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
     x = belief.hyp[0].mu[X] if state.started else epoch.fix[0]
     y = belief.hyp[0].mu[Y] if state.started else epoch.fix[1]
     state.scale = plane_scale(ctx.roads, x, y)
-    gap = dt > _LONGEST if par.mode == CLOCK else abs(epoch.arc) > _FARTHEST
+    gap = dt > _LONGEST if state.mode == CLOCK else abs(epoch.arc) > _FARTHEST
     lost = gap or state.misfits >= par.lost_after
     if epoch.has_fix and (not state.started or (lost and not par.paper)):
         state.motion = START
         state.changed = 1
         return 0.0
     stands = epoch.speed_sigma < 1.0 and epoch.speed < _STANDING and state.speed < 3.0 * _STANDING
-    if par.mode == WHEELS:
+    if state.mode == WHEELS:
         state.motion = PLANE
-    elif par.mode == CLOCK and stands:
+    elif state.mode == CLOCK and stands:
         state.motion = STAND
-    elif par.mode == CLOCK and epoch.has_fix and dt > SPARSE:
+    elif state.mode == CLOCK and epoch.has_fix and dt > SPARSE:
         state.motion = ROUTES
     else:
         state.motion = ROAD
@@ -170,8 +172,8 @@ def _predict(
     belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
 ) -> None:
     """The process model, for the epoch's kind of motion."""
-    mode = ctx.par[0].mode
     state = belief.state[0]
+    mode = state.mode
     heard = state.motion != ROUTES and epoch.time - state.course_time < _COURSE_KEPT
     state.knows_heading = mode == WHEELS or heard
     if ctx.par[0].paper:
@@ -245,7 +247,7 @@ def pieces_of(arc: float) -> int:
 @kernel(inline=True)
 def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
     """Process noise of an increment, more where the odometer did not measure it."""
-    if mode == CLOCK or epoch.odometry_valid == 1:
+    if mode == CLOCK or epoch.odometry_valid != 0:
         state.unmeasured = 0.0
         return noise
     before = state.unmeasured
@@ -274,7 +276,7 @@ def _observe_gnss(
     state = belief.state[0]
     if ctx.par[0].paper:
         return paper.observe_gnss(belief, ctx, epoch)
-    still = ctx.par[0].mode != CLOCK and state.since_fix <= _STILL
+    still = state.mode != CLOCK and state.since_fix <= _STILL
     if state.motion == STAND or still:
         observe_standing(belief, ctx, epoch)
         return 0.0
@@ -283,7 +285,10 @@ def _observe_gnss(
     history.since[0].gnss_aged += state.moving
     state.changed = 1
     state.observed = 1
-    return observe_fix(belief, path, ctx, epoch)
+    chi2 = observe_fix(belief, path, ctx, epoch)
+    if state.vetting.moved == 1:
+        history.since[0].switched = 1
+    return chi2
 
 
 @kernel(inline=True)
@@ -354,7 +359,7 @@ def _exchange(belief: Belief, ctx: Context) -> None:
         matters = matters or (hyp.edge == OFF_ROAD and hyp.weight > 1e-3)
     if state.since_exit >= _EXCHANGE or matters:
         exchange_off_road(belief, ctx)
-    if ctx.par[0].mode == WHEELS:
+    if state.mode == WHEELS:
         turn_with_heading(belief, ctx)
 
 
@@ -368,7 +373,7 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
     rate = 0.0
     for i in range(state.count):
         rate += belief.hyp[i].weight * belief.hyp[i].mu[K]
-    if ctx.par[0].mode == CLOCK:
+    if state.mode == CLOCK:
         state.speed = rate
     elif dt > 1e-6:
         state.speed = rate * epoch.arc / dt

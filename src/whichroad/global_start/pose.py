@@ -51,9 +51,8 @@ def start_at(
         time: s.
         settings: The model's numbers.
     """
-    par = ctx.par.copy()
-    mode = int(par.mode[0])
-    par.mode = WHEELS  # a pose includes the heading: hypotheses are merged as with wheels
+    mode = int(ctx.par.mode[0])
+    belief.state.mode = WHEELS  # a pose includes the heading: merged as with wheels
     x, y = roads.plane.from_geodetic(np.array([start.lat_deg]), np.array([start.lon_deg]))
     turn = roads.plane.convergence(x, y)
     known = Start(
@@ -62,14 +61,14 @@ def start_at(
         heading=heading_of(start.bearing_deg, float(turn[0])),
         heading_sigma=radians(start.sigma_bearing_deg),
         rate=_BLIND_SPEED if mode == CLOCK else 1.0,
-        rate_sigma=_BLIND_SPEED_SIGMA if mode == CLOCK else float(par.scale_sigma[0]),
-        drift_sigma=float(par.drift_sigma[0]) if mode == WHEELS else 0.0,
+        rate_sigma=_BLIND_SPEED_SIGMA if mode == CLOCK else float(ctx.par.scale_sigma[0]),
+        drift=0.0,
+        drift_sigma=float(ctx.par.drift_sigma[0]) if mode == WHEELS else 0.0,
         at_antenna=False,
     )
     fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
     belief.state.scale = plane_scale(ctx.roads, float(x[0]), float(y[0]))
-    own = ctx._replace(par=par)
-    cold_start(belief, path, own, fix, known, 1.0)
+    cold_start(belief, path, ctx, fix, known, 1.0)
     n = int(belief.state[0].count)
     cov = belief.hyp["cov"]
     for state in (GX, GY):  # the pose owes nothing to the GNSS bias of later fixes
@@ -77,5 +76,6 @@ def start_at(
         cov[:n, :, state] = 0.0
         cov[:n, state, state] = 1.0
     normalise(belief)
-    reduce(belief, path, own)
+    reduce(belief, path, ctx)
+    belief.state.mode = mode
     initial_state(belief, time, settings)

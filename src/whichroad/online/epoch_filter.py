@@ -275,14 +275,14 @@ class EpochFilter:
         if path is not self.path or history is not self.history:
             self.path, self.history, self._call = path, history, None
 
-    def fill(self, time: float, arc: float, turn: float, valid: bool) -> None:
+    def fill(self, time: float, arc: float, turn: float, valid: int) -> None:
         """Write an epoch without a fix.
 
         Args:
             time: s.
             arc: Odometer metres since the epoch before.
             turn: rad.
-            valid: Whether they were measured.
+            valid: 1: measured; 2: expected until the next reading; 0: extrapolated.
         """
         epoch = self.epoch
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))

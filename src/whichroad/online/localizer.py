@@ -40,6 +40,7 @@ from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 
 _LATE = 1.0  # s; an observation later than this is refused
+_EXPECTED = 2  # motion until the next reading, see EPOCH.odometry_valid
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -151,8 +152,8 @@ class Localizer:
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Settings that do not fit the data so far; nothing without odometry."""
-        return findings(self._statistics)
+        """Sensors that were withheld, else settings that do not fit the data so far."""
+        return findings(self._statistics, self._filter.belief.state[0].vetting)
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.
@@ -168,7 +169,7 @@ class Localizer:
             self._ahead = EpochFilter(now.ctx)
         double, ahead = self._ahead, max(time - now.time, 0.0)
         double.copy_from(now)
-        double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), False)
+        double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), 0)
         double.run()
         return self._estimate(double.time, double.estimate, double.living())
 
@@ -176,7 +177,7 @@ class Localizer:
         arc, turn = self._increment(reading)
         self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, True)
+        self._filter.fill(reading.time, arc, turn, 1)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
@@ -220,7 +221,8 @@ class Localizer:
         if self._odometer is not None:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
-        now.fill(time, arc, turn, now.mode != CLOCK and not silent)
+        known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
+        now.fill(time, arc, turn, (_EXPECTED if ahead > 0.0 else 1) if known else 0)
         (x, y, major, minor, axis), course, sigma = fix_row(
             fix, self.roads.plane, self.settings.default_sigma_m
         )
@@ -387,12 +389,12 @@ class Localizer:
         if age <= 0.0 or not now.started:
             return
         speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
-        now.fill(time, speed * age, turn * min(age, _TURNING), False)
+        now.fill(time, speed * age, turn * min(age, _TURNING), 0)
         self._run()
         away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
         now.widen_along(away)
         self._reading, self._odometer, self._began = None, None, None
-        now.fill(time, 0.0, 0.0, False)
+        now.fill(time, 0.0, 0.0, 0)
         self._run()
 
     def _fingerprint(self) -> str:

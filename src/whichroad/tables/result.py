@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ..diagnosis.findings import Finding
+from ..diagnosis.finding import Finding
 from ..errors import SettingError
 from ..path import Alternative, Route, best_routes
 from ..wording import counted

@@ -1,0 +1,22 @@
+"""What a diagnosis says."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A setting, or a sensor, that does not fit the data."""
+
+    what: str  # `gnss sigma`, `gnss_time`, `map_sigma`, `wheels: scale`, ...
+    level: str  # "warning": answers may be wrong; "information": they are only too careful
+    statistic: float
+    low: float  # where settings that fit are expected
+    high: float
+    advice: str
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return (
+            f"{self.what}: {self.statistic:.3g}, {self.low:.3g} to {self.high:.3g} was expected; "
+            f"{self.advice}"
+        )

@@ -1,0 +1,120 @@
+"""Which sensor does not measure what it should, and how: what the filter withheld, by its name."""
+
+import math
+from datetime import UTC, datetime
+
+from .._compile import Record
+from ..filter.sources import ARC, COURSE, SPEED, TURN
+from ..geodesy.angles import degrees
+from .finding import Finding
+
+_LEAST = 3.0  # s for which a source was withheld, to be named
+_LEAST_IMPOSSIBLE = 10.0  # s, the same of odometry that did what no car can do
+_IMPOSSIBLE = 4  # its place in what is counted
+_UNITS = {3.6: "km/h", 1.944: "knots", 2.237: "mph", 3.281: "feet/s"}
+_NEAR = 0.08  # of the ratio of a unit
+_STANDS = 0.1  # ratio below which a source stands still
+_OPPOSITE = -0.5  # ratio of turns below which they have the other sign
+_DEGREES = 0.1  # and above that, below which they may be in degrees
+_STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
+_ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
+
+
+def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
+    """Sensors that were withheld, named.
+
+    Args:
+        vetting: `filter.vetting.VETTING` at the end of a drive, or now.
+    """
+    found = []
+    if vetting.seconds[ARC] >= _LEAST:
+        found.append(_distance(vetting))
+    elif vetting.seconds[_IMPOSSIBLE] >= _LEAST_IMPOSSIBLE:
+        found.append(
+            Finding(
+                "odometry: impossible", "warning", float(vetting.seconds[_IMPOSSIBLE]), 0.0,
+                _LEAST_IMPOSSIBLE,
+                f"it measured what no car can do{_when(vetting, _IMPOSSIBLE)}, and was withheld; "
+                "look for a counter that stands still, jumps or wraps (counter_bits), and for the "
+                "yaw rate's unit",
+            )
+        )  # fmt: skip
+    if vetting.seconds[TURN] >= _LEAST:
+        found.append(_turns(vetting))
+    if vetting.seconds[SPEED] >= _LEAST:
+        found.append(_speed(vetting))
+    if vetting.seconds[COURSE] >= _LEAST:
+        found.append(_course(vetting))
+    return tuple(found)
+
+
+def _when(vetting: Record, source: int) -> str:
+    """From when on, and for how long, a source was withheld."""
+    begin = datetime.fromtimestamp(float(vetting.since[source]), UTC)
+    return f" from {begin:%H:%M:%S} UTC on, for {float(vetting.seconds[source]):,.0f} s in all"
+
+
+def _ratio(vetting: Record, source: int) -> float:
+    """What a source said over what the others did, while it was withheld."""
+    return float(vetting.reported[source] / max(vetting.seen[source], 1e-9))
+
+
+def _distance(vetting: Record) -> Finding:
+    ratio, when = _ratio(vetting, ARC), _when(vetting, ARC)
+    if ratio < _STANDS:
+        return Finding(
+            "odometry: stands still", "warning", ratio, 0.9, 1.1,
+            f"it measured no motion{when}, while the fixes moved on; it was withheld; look at the "
+            "counters (a vehicle that is carried looks the same)",
+        )  # fmt: skip
+    return Finding(
+        "odometry: distance", "warning", ratio, 0.9, 1.1,
+        f"it measured {ratio:.2f} of the way of the fixes{when}; it was withheld; check "
+        "metres_per_tick and the unit of the speed",
+    )  # fmt: skip
+
+
+def _turns(vetting: Record) -> Finding:
+    told = float(vetting.reported[TURN])
+    gain = float(vetting.seen[TURN]) / told if told > 0.0 else 1.0
+    when = _when(vetting, TURN)
+    if gain < _OPPOSITE:
+        return Finding(
+            "odometry: sign of turns", "warning", gain, 0.9, 1.1,
+            f"it turned the other way{when}; turns were withheld; left and right wheel are "
+            "swapped, or the yaw rate has the other sign",
+        )  # fmt: skip
+    if 0.0 <= gain < _DEGREES:
+        return Finding(
+            "odometry: unit of turns", "warning", gain, 0.9, 1.1,
+            f"the vehicle turned by {gain:.3f} of what was measured{when}; turns were withheld; "
+            "is the yaw rate in degrees a second?",
+        )  # fmt: skip
+    return Finding(
+        "odometry: turns", "warning", gain, 0.9, 1.1,
+        f"they did not agree with the fixes{when}, and were withheld; look for a wheel that "
+        "stands still or has another size",
+    )  # fmt: skip
+
+
+def _speed(vetting: Record) -> Finding:
+    ratio, when = _ratio(vetting, SPEED), _when(vetting, SPEED)
+    if ratio < _STANDS:
+        text = f"the receiver's speed stood at 0{when}, while its positions moved on"
+    else:
+        unit = next((name for by, name in _UNITS.items() if abs(ratio / by - 1.0) < _NEAR), None)
+        text = f"the receiver's speed was {ratio:.2f} times that of its positions{when}"
+        text += f"; it looks like {unit}" if unit else ""
+    return Finding("gnss speed", "warning", ratio, 0.9, 1.1, f"{text}; it was withheld")
+
+
+def _course(vetting: Record) -> Finding:
+    count = max(float(vetting.reported[COURSE]), 1.0)
+    c, s = (float(x) / count for x in vetting.offs)
+    off, when = float(degrees(math.atan2(s, c))), _when(vetting, COURSE)
+    text = f"courses did not agree with the way of the positions{when}"
+    if math.hypot(c, s) > _ALIKE:
+        text = f"courses were {abs(off):.0f} degrees off the way of the positions{when}"
+    elif float(vetting.seen[COURSE]) / count < _STUCK:
+        text = f"the course hardly changed{when}, while the vehicle turned"
+    return Finding("gnss course", "warning", off, -20.0, 20.0, f"{text}; they were withheld")

@@ -1,0 +1,141 @@
+"""From one way of moving to another: what the state means by κ and b changes with it."""
+
+import math
+
+from .._compile import Record, kernel
+from ._simd import copy_record
+from .history import History
+from .sources import ARC, COURSE, SPEED
+from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
+from .vetting import mode_of, vet
+
+_LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
+_OF_SPEED = 0.1  # and share of it
+_OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
+_UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
+_FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
+
+
+@kernel(inline=True)
+def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
+    """Let the vehicle be moved by other sensors from now on.
+
+    Without odometry κ is the speed, and what was learnt of the odometer is kept until it comes
+    back.
+
+    Args:
+        belief: In place; its state has the mode until now.
+        history: The link over this moment knows neither position nor rate.
+        ctx: The drive's constants.
+        mode: WHEELS, DISTANCE or CLOCK.
+    """
+    state = belief.state[0]
+    par = ctx.par[0]
+    before = state.mode
+    state.mode = mode
+    state.turn_rate = 0.0
+    history.since[0].switched = 1
+    if before != CLOCK:
+        _store_scale(belief, before)
+    if mode == CLOCK:
+        speed = abs(state.vetting.sound * state.known_rate[0])
+        if state.vetting.refused[ARC] == 1 and state.vetting.pace >= 0.0:
+            speed = state.vetting.pace
+        sigma = _LEAST_SPEED + _OF_SPEED * speed
+        for i in range(state.count):
+            redraw(belief.hyp[i], K, speed, sigma * sigma)
+            redraw(belief.hyp[i], B, 0.0, 0.0)
+        state.speed = speed
+        return
+    rate = (1.0, par.scale_sigma**2)
+    drift = (0.0, par.drift_sigma**2)
+    if state.known_rate[1] > 0.0:
+        rate = (state.known_rate[0], state.known_rate[1])
+    if state.known_drift[1] > 0.0:
+        drift = (state.known_drift[0], state.known_drift[1])
+    if abs(state.vetting.drift - drift[0]) > 3.0 * math.sqrt(drift[1]):
+        drift = (state.vetting.drift, (0.2 * state.vetting.drift) ** 2 + par.drift_sigma**2)
+    for i in range(state.count):
+        if before == CLOCK:
+            redraw(belief.hyp[i], K, rate[0], rate[1])
+            belief.hyp[i].cov[H, H] += _OF_ROAD**2
+        if mode == WHEELS:
+            redraw(belief.hyp[i], B, drift[0], drift[1])
+        else:
+            redraw(belief.hyp[i], B, 0.0, 0.0)
+
+
+@kernel
+def _store_scale(belief: Belief, mode: int) -> None:
+    """Keep what was learnt of the odometer's scale, and of the drift."""
+    state = belief.state[0]
+    top = belief.hyp[most_probable(belief)]
+    state.known_rate[0] = top.mu[K]
+    state.known_rate[1] = top.cov[K, K]
+    if mode == WHEELS:
+        state.known_drift[0] = top.mu[B]
+        state.known_drift[1] = top.cov[B, B]
+
+
+@kernel
+def is_elsewhere(belief: Belief, epoch: Record) -> bool:
+    """Whether a fix is far from where the vehicle was thought to be."""
+    state = belief.state[0]
+    top = belief.hyp[most_probable(belief)]
+    away = math.hypot(epoch.fix[0] - top.mu[X], epoch.fix[1] - top.mu[Y]) / state.scale
+    variance = epoch.fix[2] ** 2 + top.cov[X, X] + top.cov[Y, Y]
+    return bool(away > 2.0 * math.sqrt(variance) + _FAR)
+
+
+@kernel
+def pass_calibration(belief: Belief) -> None:
+    """Tell the vetting what was learnt of the odometer."""
+    state = belief.state[0]
+    if state.mode == CLOCK or state.count == 0:
+        return
+    top = belief.hyp[most_probable(belief)]
+    if state.mode == WHEELS:
+        state.vetting.drift = top.mu[B]
+
+
+@kernel(inline=True)
+def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
+    """Vet an epoch, and let the vehicle be moved by what is believed.
+
+    Args:
+        belief: In place.
+        history: The link over a change knows neither position nor rate.
+        ctx: The drive's constants.
+        epoch: What the sensors measured.
+
+    Returns:
+        The epoch less what is withheld, a buffer of the context.
+    """
+    reading = ctx.work.reading[0]
+    state = belief.state[0]
+    par = ctx.par[0]
+    copy_record(reading, epoch)
+    if par.paper:
+        state.mode = par.mode
+        return reading
+    vetting = state.vetting
+    dt = epoch.time - state.time if vetting.begun == 1 else 0.0
+    vetting.begun = 1
+    if epoch.has_fix:
+        pass_calibration(belief)
+    vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
+    if vetting.refused[SPEED] == 1 or vetting.odd > 0:
+        reading.speed_sigma = math.inf
+    if vetting.refused[COURSE] == 1:
+        reading.course_sigma = math.inf
+    if epoch.time - vetting.suspect_at < _UNSURE:
+        reading.odometry_valid = 0
+    mode = mode_of(vetting, par.mode)
+    if state.count == 0:
+        state.mode = mode
+    elif mode != state.mode:
+        switch(belief, history, ctx, mode)
+    if vetting.news == 1 and epoch.has_fix and is_elsewhere(belief, epoch):
+        state.misfits = par.lost_after
+        state.gnss_factor = 0.0
+    return reading

@@ -1,0 +1,189 @@
+"""Which sensors are believed: on a drive through bends, each fault by its own name and no other."""
+
+import numpy as np
+import pytest
+
+from whichroad._compile import Record
+from whichroad.diagnosis.sensors import sensor_findings
+from whichroad.filter.motion import arc_chord
+from whichroad.filter.sources import COURSE, SOURCES, SPEED
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
+from whichroad.filter.vetting import mode_of, vet
+
+RATE = 4  # epochs a second; a fix with every fourth
+BEGIN = 1_780_300_800.0
+AT = 60 * RATE  # epoch of 60 s
+
+
+class Drive:
+    """Two minutes through bends of 60 degrees, in sensors that can be spoilt."""
+
+    def __init__(self, seed: int = 1, seconds: int = 120, speed: float = 12.0) -> None:
+        random = np.random.default_rng(seed)
+        n = seconds * RATE
+        self.time = np.arange(n) / RATE
+        self.speed = speed * np.minimum(1.0, self.time / 8.0)
+        phase = (self.time % 20.0) - 10.0
+        self.rate = np.where(
+            np.abs(phase) < 3.0, 0.18 * np.sign(np.sin(self.time / 20.0 * np.pi)), 0
+        )
+        heading = np.cumsum(self.rate) / RATE
+        self.x = np.cumsum(self.speed * np.cos(heading)) / RATE
+        self.y = np.cumsum(self.speed * np.sin(heading)) / RATE
+        slow = np.cumsum(random.normal(0.0, 0.1, (n, 2)), axis=0) * 0.5
+        self.fix = np.column_stack([self.x, self.y]) + slow + random.normal(0.0, 0.7, (n, 2))
+        self.told_speed = self.speed + random.normal(0.0, 0.1, n)
+        self.course = heading + random.normal(0.0, 0.03, n)
+        self.odometer, self.turn = self.speed.copy(), self.rate.copy()
+        self.columns = True  # whether the receiver tells speed and course
+        self.valid = np.ones(n, bool)
+
+    def vetted(self, sensors: int = WHEELS) -> Record:
+        """What is believed at the end."""
+        vetting = new_belief().state[0].vetting
+        epochs = new_epochs(len(self.time))
+        for k in range(len(self.time)):
+            epoch = epochs[k]
+            epoch.time = BEGIN + self.time[k]
+            epoch.arc, epoch.turn = self.odometer[k] / RATE, self.turn[k] / RATE
+            epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
+            epoch.odometry_valid = self.valid[k] and sensors != CLOCK
+            epoch.has_fix = k % RATE == 0
+            epoch.fix[:] = [*self.fix[k], 3.0, 3.0, 0.0]
+            epoch.speed, epoch.course = self.told_speed[k], self.course[k]
+            told = self.columns and self.speed[k] > 1.0
+            epoch.speed_sigma = 0.2 if self.columns else np.inf
+            epoch.course_sigma = 0.05 if told else np.inf
+            vet(vetting, epoch, 1.0 / RATE if k else 0.0, sensors, 1.0)
+        return vetting
+
+
+def withheld(vetting: Record) -> set[int]:
+    """Sources that are not believed at the end."""
+    return {source for source in range(SOURCES) if vetting.refused[source]}
+
+
+def names(vetting: Record) -> list[str]:
+    """What a diagnosis says of it."""
+    return [finding.what for finding in sensor_findings(vetting)]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("columns", [True, False])
+def test_sound_sensors_are_believed(seed: int, columns: bool):
+    drive = Drive(seed)
+    drive.columns = columns
+    vetting = drive.vetted()
+    assert withheld(vetting) == set()
+    assert vetting.seconds.sum() == 0.0
+    assert mode_of(vetting, WHEELS) == WHEELS
+    assert names(vetting) == []
+
+
+@pytest.mark.parametrize("columns", [True, False])
+def test_counters_that_stand_still_while_fixes_move_on_are_withheld(columns: bool):
+    drive = Drive()
+    drive.columns = columns
+    drive.odometer[AT:] = drive.turn[AT:] = 0.0
+    vetting = drive.vetted()
+    assert mode_of(vetting, WHEELS) == CLOCK
+    assert names(vetting)[0] == "odometry: stands still"
+
+
+def test_a_stop_that_no_brake_makes_is_withheld_at_once():
+    drive = Drive()
+    drive.odometer[AT:] = drive.turn[AT:] = 0.0
+    for log in (drive.time, drive.fix):
+        assert len(log) > AT
+    drive.time = drive.time[: AT + 3]
+    assert mode_of(drive.vetted(), WHEELS) == CLOCK
+
+
+def test_one_wheel_that_stands_is_what_no_car_does():
+    drive = Drive()
+    drive.columns = False
+    drive.odometer[AT:] *= 0.5
+    drive.turn[AT:] += 2.0 * drive.odometer[AT:] / 1.5
+    vetting = drive.vetted()
+    assert mode_of(vetting, WHEELS) == CLOCK
+    assert vetting.seconds[SOURCES] > 50.0
+
+
+@pytest.mark.parametrize("columns", [True, False])
+@pytest.mark.parametrize(
+    ("factor", "name"),
+    [(-1.0, "odometry: sign of turns"), (180.0 / np.pi, "odometry: unit of turns")],
+)
+def test_turns_of_the_other_sign_or_unit_are_withheld(columns: bool, factor: float, name: str):
+    drive = Drive(seconds=180)
+    drive.columns = columns
+    drive.turn *= factor
+    vetting = drive.vetted()
+    assert mode_of(vetting, WHEELS) in (DISTANCE, CLOCK)  # no car turns as fast as degrees say
+    named = names(vetting)
+    assert named[0] in (name, "odometry: impossible")
+    assert factor > 0.0 or named == [name]
+
+
+@pytest.mark.parametrize("sensors", [WHEELS, CLOCK])
+@pytest.mark.parametrize(
+    ("factor", "word"), [(3.6, "km/h"), (1.944, "knots"), (2.237, "mph"), (0.0, "stood at 0")]
+)
+def test_a_speed_in_another_unit_is_named(sensors: int, factor: float, word: str):
+    drive = Drive()
+    drive.told_speed *= factor
+    vetting = drive.vetted(sensors)
+    assert withheld(vetting) == {SPEED}
+    (finding,) = sensor_findings(vetting)
+    assert finding.what == "gnss speed"
+    assert word in finding.advice
+
+
+@pytest.mark.parametrize("sensors", [WHEELS, CLOCK])
+def test_a_reversed_course_is_named(sensors: int):
+    drive = Drive()
+    drive.course += np.pi
+    vetting = drive.vetted(sensors)
+    assert withheld(vetting) == {COURSE}
+    (finding,) = sensor_findings(vetting)
+    assert "180 degrees off" in finding.advice or "179 degrees off" in finding.advice
+
+
+def test_a_course_that_never_changes_is_withheld():
+    drive = Drive()
+    drive.course[:] = np.pi / 2.0
+    assert withheld(drive.vetted()) == {COURSE}
+
+
+def test_one_impossible_speed_is_passed_over():
+    drive = Drive()
+    drive.told_speed[AT] = 171.0
+    vetting = drive.vetted(CLOCK)
+    assert withheld(vetting) == set()
+    assert vetting.windows.speed == pytest.approx(12.0, abs=1.0)
+
+
+def test_a_receiver_that_jumps_costs_the_odometry_nothing():
+    drive = Drive()
+    drive.columns = False
+    drive.fix[AT:] += [60.0, -40.0]
+    vetting = drive.vetted()
+    assert withheld(vetting) == set()
+    assert vetting.windows.jumped_at == BEGIN + 60.0
+
+
+def test_fixes_that_wander_about_a_standing_car_cost_the_odometry_nothing():
+    drive = Drive()
+    drive.columns = False
+    drive.odometer[AT:] = drive.turn[AT:] = 0.0
+    drive.odometer[AT - 16 : AT] *= np.linspace(1.0, 0.0, 16)
+    still = drive.fix[AT].copy()
+    drift = np.linspace(0.0, 60.0, len(drive.time) - AT)
+    drive.fix[AT:] = still + np.column_stack([drift, 0.3 * drift])
+    assert withheld(drive.vetted()) == set()
+
+
+def test_odometry_that_is_silent_no_longer_moves_the_vehicle():
+    drive = Drive()
+    drive.valid[-10:] = False
+    assert mode_of(drive.vetted(), WHEELS) == CLOCK
