@@ -9,6 +9,7 @@ import shapely
 import whichroad
 from scenes import (
     Town,
+    brake,
     column,
     drive_along,
     epochs_of,
@@ -213,11 +214,10 @@ def test_its_probability_of_a_road_depends_on_how_it_is_drawn_and_ours_does_not(
 
 def test_standing_still_makes_it_surer_and_not_ours():
     roads = network(parallel_roads(12.0))
-    truth, epochs = straight_drive(400.0)
-    stand = np.arange(len(truth.time)) > 200
-    for name in ("arc", "turn", "forward", "left"):
-        epochs[name][stand] = 0.0
-    epochs.fix[stand, :2] = epochs.fix[200, :2]
+    truth = drive_along([(0.0, 0.0), (400.0, 0.0)])
+    stood, rows = brake(truth, 190, 190)
+    fix = gnss(truth, seed=3)[rows]
+    epochs = epochs_of(stood, fix, np.arange(len(rows))[::10], course=0.05)
     theirs, ours = literal(roads, epochs).output, localize(roads, epochs).output
     trace = [column(output, "xx") + column(output, "yy") for output in (theirs, ours)]
     assert trace[0][-1] < 0.7 * trace[0][210]

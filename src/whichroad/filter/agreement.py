@@ -198,8 +198,8 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * turned.others
-    told = vetting.reported[TURN]
-    if told > _TURNED and vetting.seen[TURN] < -_OPPOSITE * told:
+    squares = vetting.reported[TURN]
+    if squares > _TURNED and vetting.seen[TURN] < -_OPPOSITE * squares:
         vetting.score[TURN] = _MOST  # all turns together go the other way
         vetting.wavers = 1
     off = abs(_off(vetting, turned))

@@ -12,14 +12,9 @@ from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
 from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
 from .state import (
-    CAPACITY,
     GX,
     GY,
-    MOTION,
     OFF_ROAD,
-    RECEIVER,
-    WHEELS,
-    B,
     Belief,
     Context,
     H,
@@ -30,14 +25,8 @@ from .state import (
     heaviest,
     most_probable,
     move_row,
-    rescale,
 )
 
-_OF_SIDE = 1e-3  # of one for which a side is alive
-_OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
-_OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
-_SCALED = 0.05  # by which its scale may be wrong
-_TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 
@@ -50,7 +39,7 @@ class Axes(NamedTuple):
     r1: float  # and across it
 
 
-_NU0, _NU1, _V00, _V01, _V11 = range(5)  # scratch: innovations and their covariance, no white part
+NU0, NU1, V00, V01, V11 = range(5)  # scratch: innovations and their covariance, no white part
 
 
 @kernel
@@ -105,7 +94,7 @@ def _product(row: Vector, g: Vector) -> float:
 
 
 @kernel(inline=True)
-def _innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
+def innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
     """Innovations of every hypothesis along the axes of the ellipse, and their covariance.
 
     The covariance is without the white noise.
@@ -119,11 +108,11 @@ def _innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
         hyp = belief.hyp[i]
         to = hyp.scratch
         arm = lever_arm(hyp.mu[H], lever)
-        to[_NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
-        to[_NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
-        to[_V00] = _gain(hyp.cov, row, g)
-        to[_V01] = _product(second, g)
-        to[_V11] = _gain(hyp.cov, second, g)
+        to[NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
+        to[NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
+        to[V00] = _gain(hyp.cov, row, g)
+        to[V01] = _product(second, g)
+        to[V11] = _gain(hyp.cov, second, g)
 
 
 @kernel(inline=True)
@@ -147,153 +136,17 @@ def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes
     """Condition a hypothesis on both axes of a fix, the second one given the first."""
     row = ctx.work.row
     arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
-    s0 = hyp.scratch[_V00]
-    s1 = hyp.scratch[_V11]
+    s0 = hyp.scratch[V00]
+    s1 = hyp.scratch[V11]
     g = new_row()
     second = new_row()
     fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
     _gain(hyp.cov, row, g)
     fix_row(hyp.mu, row, fix, state, arm, -axes.s, axes.c)
     _gain(hyp.cov, row, second)
-    add_times(second, -hyp.scratch[_V01] / s0, g)
-    gains = (hyp.scratch[_NU0] / s0, hyp.scratch[_NU1] / s1)
+    add_times(second, -hyp.scratch[V01] / s0, g)
+    gains = (hyp.scratch[NU0] / s0, hyp.scratch[NU1] / s1)
     update_pair(hyp.mu, hyp.cov, g, second, gains, (s0, s1), state.scale)
-
-
-@kernel
-def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
-    """Chi-square under the hypothesis of weight that fits best, and the distance from it, m².
-
-    Args:
-        belief: With the innovations.
-        axes: Of the fix.
-        side: Only hypotheses that blame this; negative: all.
-    """
-    best = math.inf
-    square = 0.0
-    for i in range(belief.state[0].count):
-        hyp = belief.hyp[i]
-        if hyp.weight < (_OF_WEIGHT if side < 0 else _OF_SIDE) or 0 <= side != hyp.blames:
-            continue
-        first = hyp.scratch[_NU0] ** 2
-        second = hyp.scratch[_NU1] ** 2
-        chi2 = first / (hyp.scratch[_V00] + axes.r0) + second / (hyp.scratch[_V11] + axes.r1)
-        if chi2 < best:
-            best = chi2
-            square = first + second
-    return best, square
-
-
-@kernel
-def _explain(belief: Belief, square: float, side: int) -> None:
-    """Let a misfit be what hypotheses blame: more variance of bias, or of position.
-
-    Args:
-        belief: In place.
-        square: The misfit, m².
-        side: RECEIVER or MOTION; hypotheses that blame it.
-    """
-    state = belief.state[0]
-    root = state.bias_root
-    more = square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        if hyp.blames != side:
-            continue
-        if side == RECEIVER:
-            hyp.cov[GX, GX] += more
-            hyp.cov[GY, GY] += more
-        else:
-            hyp.cov[X, X] += square
-            hyp.cov[Y, Y] += square
-
-
-@kernel(inline=True)
-def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -> bool:
-    """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
-
-    Args:
-        belief: The position's covariance grows by the misfit, alike for all.
-        ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
-        axes: Its axes and white noise.
-        gate: Chi-square (two degrees) of a fix that fits.
-
-    Returns:
-        Whether it did not fit.
-    """
-    _innovations(belief, ctx, fix, axes)
-    best, square = _misfit(belief, axes, -1)
-    if best <= gate:
-        return False
-    for i in range(belief.state[0].count):
-        belief.hyp[i].blames = MOTION
-    _explain(belief, square, MOTION)
-    return True
-
-
-@kernel(inline=True)
-def take_sides(
-    belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, share: float
-) -> bool:  # fmt: skip
-    """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
-
-    Each hypothesis of weight becomes three.  One believes that the receiver's error has changed,
-    one that the distance was another one, and one that the turns were as well.  While both sides
-    live, each explains what does not fit it in its own way, and roads and fixes decide.
-
-    Args:
-        belief: In place.
-        ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
-        axes: Its axes and white noise.
-        gate: Chi-square (two degrees) of a fix that fits.
-        share: P(the motion was wrong), where sides are taken anew.
-
-    Returns:
-        Whether it did not fit.
-    """
-    _innovations(belief, ctx, fix, axes)
-    receiver, of_receiver = _misfit(belief, axes, RECEIVER)
-    motion, of_motion = _misfit(belief, axes, MOTION)
-    if receiver < math.inf and motion < math.inf:  # both live
-        if receiver > gate:
-            _explain(belief, of_receiver, RECEIVER)
-        if motion > gate:
-            _explain(belief, of_motion, MOTION)
-        return bool(receiver > gate and motion > gate)
-    best, square = _misfit(belief, axes, -1)
-    if best <= gate:
-        return False
-    _fork(belief, share)
-    _explain(belief, square, RECEIVER)
-    _explain(belief, square, MOTION)
-    return True
-
-
-@kernel(inline=True)
-def _fork(belief: Belief, share: float) -> None:
-    """Make each hypothesis of weight three, see `take_sides`."""
-    state = belief.state[0]
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        hyp.blames = RECEIVER
-        if hyp.weight < _OF_WEIGHT or state.count + 2 > CAPACITY:
-            continue
-        move_row(belief, i, state.count)
-        moved = belief.hyp[state.count]
-        moved.blames = MOTION
-        moved.cov[K, K] += _SCALED * _SCALED
-        rescale(moved, share)
-        move_row(belief, state.count, state.count + 1)
-        turned = belief.hyp[state.count + 1]
-        turned.cov[H, H] += _TURNED * _TURNED
-        if state.mode == WHEELS:
-            turned.cov[B, B] += _DRIFTED * _DRIFTED
-        rescale(moved, _OF_TURNS)
-        rescale(turned, 1.0 - _OF_TURNS)
-        rescale(hyp, 1.0 - share)
-        state.count += 2
 
 
 @kernel(inline=True)
@@ -323,16 +176,14 @@ def observe_position(
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
-    _innovations(belief, ctx, fix, axes)
+    innovations(belief, ctx, fix, axes)
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.weight < 0.01:
             continue
-        s0 = hyp.scratch[_V00] + axes.r0
-        s1 = hyp.scratch[_V11] + axes.r1
-        chi2 = (
-            hyp.scratch[_NU0] * hyp.scratch[_NU0] / s0 + hyp.scratch[_NU1] * hyp.scratch[_NU1] / s1
-        )
+        s0 = hyp.scratch[V00] + axes.r0
+        s1 = hyp.scratch[V11] + axes.r1
+        chi2 = hyp.scratch[NU0] * hyp.scratch[NU0] / s0 + hyp.scratch[NU1] * hyp.scratch[NU1] / s1
         if chi2 < best:
             best = chi2
             over = max(chi2 / gate - 1.0, 0.0)
@@ -344,19 +195,19 @@ def observe_position(
         for i in range(state.count):
             belief.hyp[i].cov[GX, GX] += more
             belief.hyp[i].cov[GY, GY] += more
-        _innovations(belief, ctx, fix, axes)
+        innovations(belief, ctx, fix, axes)
         extra0 = 0.0
         extra1 = 0.0
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
-        s0 = to[_V00] + axes.r0 + extra0
-        to[_NU1] -= to[_NU0] * to[_V01] / s0
-        s1 = to[_V11] - to[_V01] * to[_V01] / s0 + axes.r1 + extra1
-        misfit = to[_NU0] * to[_NU0] / s0 + to[_NU1] * to[_NU1] / s1
+        s0 = to[V00] + axes.r0 + extra0
+        to[NU1] -= to[NU0] * to[V01] / s0
+        s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + extra1
+        misfit = to[NU0] * to[NU0] / s0 + to[NU1] * to[NU1] / s1
         hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
-        to[_V00] = s0
-        to[_V11] = s1
+        to[V00] = s0
+        to[V11] = s1
     if refuted > 0.0:
         _drop_refuted(belief, refuted)
     for i in range(state.count):

@@ -7,13 +7,12 @@ from .births import Start, cold_start
 from .gnss import (
     Axes,
     has_course,
-    loosen,
     observe_position,
     observe_rate,
     observe_state,
-    take_sides,
 )
 from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
+from .sides import loosen, take_sides
 from .state import (
     CLOCK,
     NOTHING,
@@ -205,6 +204,22 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None
 
 
 @kernel(inline=True)
+def _learn(belief: Belief, ctx: Context, epoch: Record, white: float) -> bool:
+    """Learn the receiver's factor, unless something else may be wrong; whether odometry is."""
+    state = belief.state[0]
+    vetting = state.vetting
+    doubted = epoch.time - vetting.suspect_at < _DOUBTED
+    doubted = doubted and epoch.time - vetting.windows.jumped_at > _JUMPED
+    undecided = epoch.time - vetting.undecided_at < _DOUBTED
+    if vetting.apart == 0 and not doubted and not undecided:
+        learn_factor(belief, ctx, epoch, white, state.moving)
+    else:
+        state.factor_time = epoch.time
+        state.unlearnt = 0.0
+    return bool(doubted)
+
+
+@kernel(inline=True)
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
 
@@ -227,16 +242,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
-    doubted = epoch.time - state.vetting.suspect_at < _DOUBTED
-    doubted = doubted and epoch.time - state.vetting.windows.jumped_at > _JUMPED
-    undecided = epoch.time - state.vetting.undecided_at < _DOUBTED
-    if (
-        state.vetting.apart == 0 and not doubted and not undecided
-    ):  # else the receiver is not to blame yet
-        learn_factor(belief, ctx, epoch, white, state.moving)
-    else:
-        state.factor_time = epoch.time
-        state.unlearnt = 0.0
+    doubted = _learn(belief, ctx, epoch, white)
     state.moving = 0.0
     state.since_fix = 0.0
     state.unmeasured = 0.0

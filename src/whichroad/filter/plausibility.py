@@ -4,15 +4,15 @@ from .._compile import Record, kernel
 from .sources import ARC, blame, is_possible
 from .windows import WHEELS
 
-_LOOK = 0.095  # s of odometry, at least, of which the speed is taken,
-_TURN_LOOK = 0.38  # and the turn rate
+_SPEED_INTERVAL = 0.095  # s of odometry, at least, of which the speed is taken,
+_TURN_INTERVAL = 0.38  # and the turn rate
 _BRAKES = 12.0  # m/s², more than any car's acceleration
 _FIRM = 5.0  # m/s², more than most drives have
 _SPEED_SLACK = 1.0  # m/s
 _COUNTS = 0.3  # m/s
 _UNUSUAL = 4.0  # times the usual jitter of the odometer's own speed or turn rate
 _MOST_SPEED, _MOST_TURN = 10.0, 1.0  # m/s, rad/s of that at most
-_NEW = 0.02  # share of a look in what is usual
+_NEW = 0.02  # share of a sample in what is usual
 _LATERAL = 12.0  # m/s², more than tyres hold
 _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
 _CURVATURE = 0.4  # 1/m, more than a car's steering
@@ -36,22 +36,21 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
         sensors: WHEELS or DISTANCE.
     """
     vetting.windows.now.time = epoch.time
-    look = vetting.look
-    look.time += dt
-    look.amount += epoch.arc
+    sample = vetting.speed_sample
+    sample.time += dt
+    sample.amount += epoch.arc
     possible = True
-    if look.time >= _LOOK and epoch.odometry_valid == 1:
-        arc = look.amount
-        change, limit = _take(look, _MOST_SPEED)
-        possible = (
-            abs(look.rate) <= _FASTEST and change <= _BRAKES * look.lasted + _SPEED_SLACK + limit
-        )
-        if change > _FIRM * look.lasted + _COUNTS + limit:
+    if sample.time >= _SPEED_INTERVAL and epoch.odometry_valid == 1:
+        arc = sample.amount
+        change, limit = _take(sample, _MOST_SPEED)
+        possible = abs(sample.rate) <= _FASTEST
+        possible = possible and change <= _BRAKES * sample.lasted + _SPEED_SLACK + limit
+        if change > _FIRM * sample.lasted + _COUNTS + limit:
             vetting.suspect_at = epoch.time
         if possible:
             vetting.rolled += abs(arc)
             if vetting.refused[ARC] == 0 and is_possible(vetting):
-                vetting.sound = look.rate
+                vetting.sound = sample.rate
     if sensors == WHEELS:
         possible = _check_turn(vetting, epoch, dt) and possible
     if not possible:
@@ -62,40 +61,40 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
 @kernel
 def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
     """Whether a car can turn so, at its speed."""
-    look = vetting.turn_look
-    look.time += dt
-    look.amount += epoch.turn
-    if look.time < _TURN_LOOK or epoch.odometry_valid != 1:
+    sample = vetting.turn_sample
+    sample.time += dt
+    sample.amount += epoch.turn
+    if sample.time < _TURN_INTERVAL or epoch.odometry_valid != 1:
         return True
-    change, limit = _take(look, _MOST_TURN)
-    size = abs(vetting.look.rate)
-    rate = abs(look.rate)
+    change, limit = _take(sample, _MOST_TURN)
+    size = abs(vetting.speed_sample.rate)
+    rate = abs(sample.rate)
     possible = size * rate <= _LATERAL + (_LATERAL_SLACK + limit) * size
     possible = possible and rate <= _CURVATURE * size + _ON_THE_SPOT + limit
     if size > _ROLLS:
-        possible = possible and change <= _TURN_ACCELERATION * look.lasted + _RATE_SLACK + limit
+        possible = possible and change <= _TURN_ACCELERATION * sample.lasted + _RATE_SLACK + limit
     return bool(possible)
 
 
 @kernel
-def _take(look: Record, most: float) -> tuple[float, float]:
+def _take(sample: Record, most: float) -> tuple[float, float]:
     """Take what was summed up as a rate.
 
     Returns:
         By how much the rate changed, and what of that its usual jitter may be, `most` at most.
     """
-    rate = look.amount / look.time
-    change = rate - look.rate if look.count > 0 else 0.0
-    limit = min(_UNUSUAL * look.jitter, most)
-    if look.count > 1:
-        jitter = abs(change - look.change)
-        look.jitter += _NEW * (min(jitter, limit + 0.5) - look.jitter)
-    look.change = change
-    look.rate = rate
-    look.lasted = look.time
-    look.count = min(look.count + 1, 2)
-    look.time = 0.0
-    look.amount = 0.0
+    rate = sample.amount / sample.time
+    change = rate - sample.rate if sample.count > 0 else 0.0
+    limit = min(_UNUSUAL * sample.jitter, most)
+    if sample.count > 1:
+        jitter = abs(change - sample.change)
+        sample.jitter += _NEW * (min(jitter, limit + 0.5) - sample.jitter)
+    sample.change = change
+    sample.rate = rate
+    sample.lasted = sample.time
+    sample.count = min(sample.count + 1, 2)
+    sample.time = 0.0
+    sample.amount = 0.0
     return abs(change), limit
 
 

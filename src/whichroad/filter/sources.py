@@ -10,15 +10,15 @@ from .windows import WINDOWS
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
 SOURCES = 4
 
-LOOK = np.dtype(
+SAMPLE = np.dtype(
     [
-        ("time", "f8"),  # since the last look, s,
+        ("time", "f8"),  # since the last sample, s,
         ("amount", "f8"),  # and what was measured since
-        ("rate", "f8"),  # of the last look, 1/s
+        ("rate", "f8"),  # of the last sample, 1/s
         ("change", "f8"),  # from the one before, 1/s
         ("jitter", "f8"),  # by how much such changes usually differ, 1/s
-        ("lasted", "f8"),  # s, of the last look
-        ("count", "i8"),  # of looks without a pause, 2 at most
+        ("lasted", "f8"),  # s, of the last sample
+        ("count", "i8"),  # of samples without a pause, 2 at most
     ],
     align=True,
 )
@@ -29,8 +29,8 @@ VETTING = np.dtype(
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
-        ("look", LOOK),  # at the odometer's distance, m
-        ("turn_look", LOOK),  # at its turns, rad
+        ("speed_sample", SAMPLE),  # at the odometer's distance, m
+        ("turn_sample", SAMPLE),  # at its turns, rad
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
         ("forked_at", "f8"),  # when a fix last fitted nothing, s,
         ("undecided_at", "f8"),  # and when the first one of such fixes did
@@ -70,8 +70,8 @@ def clear(vetting: Record) -> None:
     vetting.pace = -1.0
     vetting.forked_at = -math.inf
     vetting.undecided_at = -math.inf
-    vetting.look.jitter = 0.3
-    vetting.turn_look.jitter = 0.1
+    vetting.speed_sample.jitter = 0.3
+    vetting.turn_sample.jitter = 0.1
     vetting.suspect_at = -math.inf
     vetting.since[:] = math.inf
     vetting.windows.jitter = 2.0

@@ -60,8 +60,8 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         if measured and dt > 0.0:
             check_odometry(vetting, epoch, dt, sensors)
         elif not measured:
-            _pause(vetting.look)
-            _pause(vetting.turn_look)
+            _pause(vetting.speed_sample)
+            _pause(vetting.turn_sample)
     if not epoch.has_fix:
         return
     odd = is_odd(vetting, epoch)
@@ -83,11 +83,11 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
 
 
 @kernel
-def _pause(look: Record) -> None:
-    """Begin to look anew."""
-    look.count = 0
-    look.time = 0.0
-    look.amount = 0.0
+def _pause(sample: Record) -> None:
+    """Begin a sample anew."""
+    sample.count = 0
+    sample.time = 0.0
+    sample.amount = 0.0
 
 
 @kernel

@@ -40,7 +40,6 @@ from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 
 _LATE = 1.0  # s; an observation later than this is refused
-_EXPECTED = 2  # motion until the next reading, see EPOCH.odometry_valid
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -215,14 +214,13 @@ class Localizer:
         ahead = time - now.time if now.started else 0.0
         silent = self._reading is not None and self._is_silent(time - self._reading.time)
         if silent:
-            on = fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0]
-            self._rate = (on, 0.0)
+            self._rate = (fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0], 0.0)
         arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
         if self._odometer is not None:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
         known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
-        now.fill(time, arc, turn, (_EXPECTED if ahead > 0.0 else 1) if known else 0)
+        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1))  # 2: expected
         (x, y, major, minor, axis), course, sigma = fix_row(
             fix, self.roads.plane, self.settings.default_sigma_m
         )
