@@ -52,6 +52,9 @@ FAULTS = {
     "speed_stuck": Fault("receiver", 0.02, WHOLE, 1, "speed always 0", "wheels gnss fast"),
     "course_stuck": Fault("receiver", 0.02, WHOLE, 1, "course always 0", "wheels gnss fast"),
     "course_reversed": Fault("receiver", 0.02, WHOLE, 1, "course + 180", "wheels gnss fast"),
+    "pulled": Fault(
+        "receiver", 0.0, (60, 60), 1, "pulled away by 1 to 10 m/s, then back", "wheels yaw"
+    ),
     # wheels and gyros
     "slip": Fault("odometry", 0.3, (0.5, 3), 4, "a wheel or both 10 to 60 % too fast", "wheels"),
     "tyre": Fault("odometry", 0.05, (1e9, 1e9), 1, "left wheel 0.5 to 5 % off from now", "wheels"),
@@ -109,6 +112,8 @@ def draw_events(
     """
     events = []
     for name, fault in FAULTS.items():
+        if fault.share == 0.0 and name not in (chosen or ()):
+            continue  # only by its name; nothing is drawn, so that all others stay as they are
         drawn = random.random(fault.times + 1), random.uniform(*_finite(fault.seconds), fault.times)
         if fault.part != part or (fault.suites and suite and suite not in fault.suites.split()):
             continue

@@ -58,6 +58,7 @@ def receive(
             error, cov = _replay(time, replayed(name, data), faulty)
     error += _canyon(time, heading, speed, events, faulty)
     error += _pulled_in(time, events, faulty) + _standstill(time, speed, events, faulty)
+    error += _pulled_away(time, events, faulty)
     velocity = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     velocity += random.normal(0.0, 0.08, velocity.shape)
     measured = position + error
@@ -164,6 +165,17 @@ def _pulled_in(time: np.ndarray, events: list[Event], random: np.random.Generato
             lasts = (e.end - e.begin) / 3.0  # at the end 5 % are left
             fade = np.where((after > 0) & (time <= e.end), np.exp(-after / lasts), 0.0)
             error += size * fade[:, None] * np.array([np.cos(course), np.sin(course)])
+    return error
+
+
+def _pulled_away(time: np.ndarray, events: list[Event], random: np.random.Generator) -> np.ndarray:
+    """A receiver that follows false signals, at a constant speed, until they end."""
+    error = np.zeros((len(time), 2))
+    for e in events:
+        if e.name == "pulled":
+            speed, course = np.exp(random.uniform(0.0, np.log(10.0))), random.uniform(0, 2 * np.pi)
+            way = np.where(time <= e.end, speed * (time - e.begin).clip(0.0), 0.0)
+            error += way[:, None] * np.array([np.cos(course), np.sin(course)])
     return error
 
 

@@ -79,8 +79,8 @@ def test_without_the_extra_a_command_says_what_to_install(
     )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.strip().splitlines()[-1] == (
-        f"error: {command}: the package {package} is missing; this command needs it; install "
-        'it by pip install "whichroad[live]", or ".[live]" in the source folder'
+        f"error: {command}: the package {package} is missing; it was expected for this; "
+        'install it by pip install "whichroad[live]", or ".[live]" in the source folder'
     )
 
 

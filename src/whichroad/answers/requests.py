@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl, unquote
 
 import numpy as np
 
-from ..errors import WhichroadError
+from ..errors import MapError, WhichroadError
 from ..geodesy.angles import wrap_degrees
 from ..matching import tuned_by
 from ..observations import Array
@@ -133,8 +133,6 @@ def _matched(
     try:
         return match_trace(trace, roads, vehicle or Vehicle(), tuned_by(settings, vehicle))
     except WhichroadError as error:
-        from ..errors import MapError
-
         away = isinstance(error, MapError)
         if osrm and away:
             text = "Could not find a matching segment for any coordinate."

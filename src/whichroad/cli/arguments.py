@@ -1,16 +1,12 @@
 """What several commands ask for, and how its text is understood."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-
-from ..errors import SettingError
 
 if TYPE_CHECKING:
     from ..observations import StartPose
@@ -170,23 +166,3 @@ def check_token(host: str, token: str | None) -> None:
         raise typer.BadParameter(
             f"--host {host} lets other machines connect; a --token was expected"
         )
-
-
-@contextmanager
-def extra_live(command: str) -> Iterator[None]:
-    """What is imported within comes with the extra `live`.
-
-    Args:
-        command: Which needs it.
-
-    Raises:
-        SettingError: One of the packages is not installed.
-    """
-    try:
-        yield
-    except ImportError as error:
-        package = str(error.name).partition(".")[0]
-        raise SettingError(
-            f"{command}: the package {package} is missing; this command needs it; install it by "
-            'pip install "whichroad[live]", or ".[live]" in the source folder'
-        ) from None

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import SettingError
+from ..errors import SettingError, comes_with
 from .arguments import (
     DbcOption,
     MapOption,
     Token,
     VehicleOption,
     check_token,
-    extra_live,
     read_start,
 )
 from .console import progress_line
@@ -117,7 +116,7 @@ def live(
     read = [roads, dbc, vehicle, can, *(play or ()), *(nmea or ())]
     check_apart({"--record": recorded, "--state": state}, read)
     nmea_outputs = [_sink(text) for text in nmea_out or ()]
-    with extra_live("live"):
+    with comes_with("live", "live"):
         check_token(host, token)
     with progress_line() as progress:
         progress("reading the map", 0, 0)
@@ -140,7 +139,7 @@ def live(
 
 def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "Plan":
     """The filter on its map, warm."""
-    with extra_live("live"):
+    with comes_with("live", "live"):
         from ..live.server import Plan
     from ..online import Localizer
     from ..readers import read_vehicle
@@ -209,7 +208,7 @@ def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | 
 
     plan.nmea = [nmea_address(one) for one in nmea or ()]
     if any(address.kind == "serial" for address in plan.nmea):
-        with extra_live("live"):
+        with comes_with("live", "live"):
             import serial  # noqa: F401
     if can is not None:
         if dbc is None:

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .arguments import MapOption, Token, VehicleOption, check_token, extra_live
+from ..errors import comes_with
+from .arguments import MapOption, Token, VehicleOption, check_token
 from .console import progress_line
 
 
@@ -25,7 +26,7 @@ def serve(
     token: Token = None,
 ) -> None:
     """Answer many callers in the words of OSRM (/match/v1) and Valhalla (/trace_route, ...)."""
-    with extra_live("serve"):
+    with comes_with("live", "serve"):
         from ..serving.run_service import Plan
         from ..serving.run_service import serve as run
 

@@ -6,6 +6,7 @@ from urllib.parse import quote
 
 import typer
 
+from ..errors import comes_with
 from .arguments import (
     CanOption,
     DbcOption,
@@ -14,7 +15,6 @@ from .arguments import (
     Token,
     VehicleOption,
     check_token,
-    extra_live,
     read_start,
     read_window,
 )
@@ -70,13 +70,13 @@ def replay(
 ) -> None:
     """Replay a drive or a result in the browser, and mask GNSS while it plays."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
-    with extra_live("replay"):
+    with comes_with("live", "replay"):
         check_token(host, token)
     from ..readers import read_drive, read_vehicle
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..roadmap import open_map
 
-    with extra_live("replay"):
+    with comes_with("live", "replay"):
         import uvicorn  # noqa: F401  # now, not when the drive has been answered
         import websockets  # noqa: F401  # uvicorn would do without, and the page would be mute
 

@@ -30,7 +30,7 @@ _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
 
 @kernel
 def _differ(a: float, b: float, sigma: float) -> int:
-    """Whether two distances agree (−1), or do not (1), or it cannot be reported (0)."""
+    """Whether two distances agree (−1), or do not (1), or nothing can be said (0)."""
     larger = max(a, b)
     apart = abs(a - b)
     if apart > 4.0 * sigma + 0.2 * larger:

@@ -172,11 +172,19 @@ def observe_position(
     Returns:
         The smallest chi-square, before variance was added.
     """
+    innovations(belief, ctx, fix, axes)
+    return observe_given(belief, ctx, fix, axes, gate, jumps, refuted)
+
+
+@kernel(inline=True)
+def observe_given(
+    belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, jumps: bool, refuted: float
+) -> float:
+    """`observe_position` where the innovations are known already."""
     state = belief.state[0]
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
-    innovations(belief, ctx, fix, axes)
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.weight < 0.01:

@@ -7,7 +7,8 @@ from .births import Start, cold_start
 from .gnss import (
     Axes,
     has_course,
-    observe_position,
+    innovations,
+    observe_given,
     observe_rate,
     observe_state,
 )
@@ -180,7 +181,7 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
 
 
 @kernel(inline=True)
-def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None:
+def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool:
     """A misfit with sound motion and a receiver that works: either may be wrong."""
     state = belief.state[0]
     vetting = state.vetting
@@ -191,16 +192,34 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> None
     share = _MOVED_SHARE
     young = state.learnt_time < _YOUNG
     if jumped and young:
-        return
+        return False
     if young:
         share = _BEGAN_SHARE
     elif jumped:
         share = ctx.par[0].gnss_lost
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
-    if take_sides(belief, ctx, epoch.fix, axes, gate, share):
+    changed, undecided = take_sides(belief, axes, gate, share)
+    if undecided:
         if epoch.time - vetting.forked_at > _FORGOTTEN:
             vetting.undecided_at = epoch.time
         vetting.forked_at = epoch.time
+    return changed
+
+
+@kernel(inline=True)
+def _settle(
+    belief: Belief, ctx: Context, epoch: Record, axes: Axes, doubted: bool, since: float
+) -> None:
+    """Find the innovations; where the fix fits nothing, let motion or receiver be wrong first."""
+    state = belief.state[0]
+    fix = epoch.fix
+    innovations(belief, ctx, fix, axes)
+    changed = doubted and loosen(belief, axes, ctx.par[0].gnss_gate)
+    state.vetting.moved = changed
+    if state.mode == WHEELS and since < _RECENT and not doubted:
+        changed = _take_sides(belief, ctx, epoch, axes)
+    if changed:
+        innovations(belief, ctx, fix, axes)
 
 
 @kernel(inline=True)
@@ -252,11 +271,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
         (white * fix[3]) ** 2 * thin,
     )  # fmt: skip
-    state.vetting.moved = doubted and loosen(belief, ctx, fix, axes, par.gnss_gate)
+    _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    if state.mode == WHEELS and since < _RECENT and not doubted:
-        _take_sides(belief, ctx, epoch, axes)
-    chi2 = observe_position(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
+    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
     lost = state.mode == WHEELS and _is_lost(belief)
     if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):

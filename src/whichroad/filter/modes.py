@@ -89,13 +89,10 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 @kernel
 def pass_calibration(belief: Belief) -> None:
-    """Tell the vetting what was learnt of the odometer."""
+    """Tell the vetting what was learnt of the odometry's drift."""
     state = belief.state[0]
-    if state.mode == CLOCK or state.count == 0:
-        return
-    top = belief.hyp[most_probable(belief)]
-    if state.mode == WHEELS:
-        state.vetting.drift = top.mu[B]
+    if state.mode == WHEELS and state.count > 0:
+        state.vetting.drift = belief.hyp[most_probable(belief)].mu[B]
 
 
 @kernel(inline=True)

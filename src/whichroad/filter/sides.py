@@ -2,8 +2,8 @@
 
 import math
 
-from .._compile import Vector, kernel
-from .gnss import NU0, NU1, V00, V11, Axes, innovations
+from .._compile import kernel
+from .gnss import NU0, NU1, V00, V11, Axes
 from .state import (
     CAPACITY,
     GX,
@@ -13,7 +13,6 @@ from .state import (
     WHEELS,
     B,
     Belief,
-    Context,
     H,
     K,
     X,
@@ -78,20 +77,18 @@ def _explain(belief: Belief, square: float, side: int) -> None:
 
 
 @kernel(inline=True)
-def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -> bool:
+def loosen(belief: Belief, axes: Axes, gate: float) -> bool:
     """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
 
     Args:
-        belief: The position's covariance grows by the misfit, alike for all.
-        ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
-        axes: Its axes and white noise.
+        belief: With its innovations (`gnss.innovations`); the position's covariance grows by the
+            misfit, alike for all.
+        axes: Of the fix, and its white noise.
         gate: Chi-square (two degrees) of a fix that fits.
 
     Returns:
         Whether it did not fit.
     """
-    innovations(belief, ctx, fix, axes)
     best, square = _misfit(belief, axes, -1)
     if best <= gate:
         return False
@@ -102,9 +99,7 @@ def loosen(belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float) -
 
 
 @kernel(inline=True)
-def take_sides(
-    belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, share: float
-) -> bool:  # fmt: skip
+def take_sides(belief: Belief, axes: Axes, gate: float, share: float) -> tuple[bool, bool]:
     """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
 
     Each hypothesis of weight becomes three.  One believes that the receiver's error has changed,
@@ -112,17 +107,15 @@ def take_sides(
     live, each explains what does not fit it in its own way, and roads and fixes decide.
 
     Args:
-        belief: In place.
-        ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
-        axes: Its axes and white noise.
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
         gate: Chi-square (two degrees) of a fix that fits.
         share: P(the motion was wrong), where sides are taken anew.
 
     Returns:
-        Whether it did not fit.
+        Whether the belief has changed, so that innovations have to be found again; and whether
+        the fix fitted neither side.
     """
-    innovations(belief, ctx, fix, axes)
     receiver, of_receiver = _misfit(belief, axes, RECEIVER)
     motion, of_motion = _misfit(belief, axes, MOTION)
     if receiver < math.inf and motion < math.inf:  # both live
@@ -130,14 +123,14 @@ def take_sides(
             _explain(belief, of_receiver, RECEIVER)
         if motion > gate:
             _explain(belief, of_motion, MOTION)
-        return bool(receiver > gate and motion > gate)
+        return bool(receiver > gate or motion > gate), bool(receiver > gate and motion > gate)
     best, square = _misfit(belief, axes, -1)
     if best <= gate:
-        return False
+        return False, False
     _fork(belief, share)
     _explain(belief, square, RECEIVER)
     _explain(belief, square, MOTION)
-    return True
+    return True, True
 
 
 @kernel(inline=True)

@@ -8,6 +8,7 @@ import importlib
 import json
 import math
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -89,16 +90,7 @@ def write_bag(table: pa.Table, path: Path) -> None:
     store = types.get_typestore(types.Stores.ROS1_NOETIC)
     path.unlink(missing_ok=True)  # the package makes new files alone
     with bags.Writer(path) as writer:
-        for drive in drives:
-            make = _Messages(store, drive)
-            built = {"odometry": ("nav_msgs/msg/Odometry", make.odometry),
-                     "fix": ("sensor_msgs/msg/NavSatFix", make.fix)}  # fmt: skip
-            for name, (kind, build) in built.items():
-                topic = f"{_prefix(drive, drives)}/{name}"
-                connection = writer.add_connection(topic, kind, typestore=store)
-                for k in range(len(drive.time)):
-                    stamp = _stamp(drive, k)
-                    writer.write(connection, stamp, store.serialize_ros1(build(k, stamp), kind))
+        _write_messages(writer, store, store.serialize_ros1, drives)
 
 
 def write_ros2(table: pa.Table, path: Path) -> None:
@@ -113,18 +105,25 @@ def write_ros2(table: pa.Table, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         bag = Path(folder) / "bag"
         with bags.Writer(bag, version=8) as writer:
-            for drive in drives:
-                make = _Messages(store, drive)
-                built = {"odometry": ("nav_msgs/msg/Odometry", make.odometry),
-                         "fix": ("sensor_msgs/msg/NavSatFix", make.fix)}  # fmt: skip
-                for name, (kind, build) in built.items():
-                    topic = f"{_prefix(drive, drives)}/{name}"
-                    connection = writer.add_connection(topic, kind, typestore=store)
-                    for k in range(len(drive.time)):
-                        stamp = _stamp(drive, k)
-                        writer.write(connection, stamp, store.serialize_cdr(build(k, stamp), kind))
+            _write_messages(writer, store, store.serialize_cdr, drives)
         (file,) = bag.glob("*.db3")
         file.replace(path)
+
+
+def _write_messages(
+    writer: Any, store: Any, serialize: Callable[[Any, str], Any], drives: list[Positions]
+) -> None:
+    """Two topics for each drive: its poses, and its positions on the globe."""
+    for drive in drives:
+        make = _Messages(store, drive)
+        built = {"odometry": ("nav_msgs/msg/Odometry", make.odometry),
+                 "fix": ("sensor_msgs/msg/NavSatFix", make.fix)}  # fmt: skip
+        for name, (kind, build) in built.items():
+            topic = f"{_prefix(drive, drives)}/{name}"
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for k in range(len(drive.time)):
+                stamp = _stamp(drive, k)
+                writer.write(connection, stamp, serialize(build(k, stamp), kind))
 
 
 def _package(name: str, path: Path) -> Any:

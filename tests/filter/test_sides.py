@@ -1,0 +1,117 @@
+"""Fixes that fit nothing: the receiver is wrong, or the motion, until roads and fixes decide."""
+
+import math
+
+import numpy as np
+import pytest
+
+from scenes import (
+    On,
+    Truth,
+    belief_on,
+    context,
+    drive_along,
+    epochs_of,
+    gnss,
+    localize,
+    network,
+    straight_road,
+)
+from whichroad._compile import jit
+from whichroad.filter import gnss as rows
+from whichroad.filter import sides
+from whichroad.filter.estimate import Output
+from whichroad.filter.gnss import Axes
+from whichroad.filter.state import GX, MOTION, RECEIVER, B, Belief, H, X, Y, normalise
+
+ROAD = network(straight_road())
+CTX = context(ROAD)
+GATE, SHARE, SIGMA = 14.4, 0.1, 3.0
+AXES = Axes(1.0, 0.0, (0.5 * SIGMA) ** 2, (0.5 * SIGMA) ** 2)
+
+innovations, take_sides = jit(rows.innovations), jit(sides.take_sides)
+observe_given = jit(rows.observe_given)
+
+
+def met(belief: Belief, away: float) -> tuple[bool, bool]:
+    """A fix so many metres ahead of where the vehicle is thought to be (at 500 m) is observed."""
+    fix = np.array([500.0 + away, 0.0, SIGMA, SIGMA, 0.0])
+    innovations(belief, CTX, fix, AXES)
+    told = take_sides(belief, AXES, GATE, SHARE)
+    innovations(belief, CTX, fix, AXES)
+    observe_given(belief, CTX, fix, AXES, 9.0, True, 0.0)
+    normalise(belief)
+    return told
+
+
+def believing() -> Belief:
+    """A vehicle at 500 m, known to a metre, and its receiver."""
+    belief = belief_on(ROAD, [On(0, 500.0, sigma=1.0)])
+    belief.state.bias_root[0] = SIGMA, 0.0, SIGMA
+    normalise(belief)
+    return belief
+
+
+def test_a_fix_that_fits_leaves_one_hypothesis():
+    belief = believing()
+    assert met(belief, 3.0) == (False, False)
+    assert belief.state[0].count == 1
+
+
+def test_a_fix_that_fits_nothing_makes_three_of_which_one_keeps_its_place():
+    belief = believing()
+    assert met(belief, 40.0) == (True, True)
+    state, hyp = belief.state[0], belief.hyp[:3]
+    assert state.count == 3
+    assert hyp.blames.tolist() == [RECEIVER, MOTION, MOTION]
+    assert hyp.weight.sum() == pytest.approx(1.0)
+    assert abs(hyp["mu"][0, X] - 500.0) < 3.0
+    assert hyp["mu"][0, GX] > 10.0
+    assert (np.abs(hyp["mu"][1:, X] - 540.0) < 6.0).all()
+    assert hyp["cov"][2, H, H] > hyp["cov"][1, H, H] + 0.05
+    assert hyp["cov"][2, B, B] > hyp["cov"][1, B, B]
+    assert hyp["cov"][1, X, X] < 0.1 * 40.0**2
+    assert hyp["cov"][1, Y, Y] < 0.1 * 40.0**2
+
+
+def test_while_both_sides_live_each_explains_what_comes_and_nothing_is_forked():
+    belief = believing()
+    met(belief, 40.0)
+    assert met(belief, 80.0) == (True, True)
+    assert belief.state[0].count == 3
+    assert abs(belief.hyp["mu"][0, X] - 500.0) < 3.0
+    assert (np.abs(belief.hyp["mu"][1:3, X] - 580.0) < 8.0).all()
+
+
+def away(output: Output, truth: Truth) -> np.ndarray:
+    return np.hypot(output.rows.x - truth.x, output.rows.y - truth.y)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("larger", [0.03, -0.03])
+def test_a_wheel_that_becomes_larger_is_learnt_within_a_hundred_metres(seed: int, larger: float):
+    """From 45 s on turns are wrong by 0.3 rad a second; ten seconds later all is well again."""
+    road = drive_along([[500.0, -1.75], [2500.0, -1.75]])
+    fix = gnss(road, sigma=2.0, seed=seed)
+    epochs = epochs_of(road, fix, np.arange(0, len(road.time), 10), course=0.1)
+    epochs.course_sigma = math.inf
+    epochs.turn[450:] += larger * epochs.arc[450:]
+    output = localize(network(straight_road(9000.0)), epochs).output
+    assert away(output, road)[550:].max() < 12.0
+    assert (away(output, road)[550:] <= output.rows.protection_level[550:]).mean() > 0.99
+    assert (output.rows.p_off_road[600:] < 0.5).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("pull", [3.0, 8.0])
+def test_fixes_that_are_pulled_away_take_nobody_with_them(seed: int, pull: float):
+    """From 45 s on, by so many metres a second, across a road that the wheels know well."""
+    road = drive_along([[500.0, -1.75], [1400.0, -1.75]])
+    fix = gnss(road, sigma=2.0, seed=seed)
+    fix[450:, 1] += pull * (road.time[450:] - road.time[450])
+    epochs = epochs_of(road, fix, np.arange(0, len(road.time), 10), course=0.1)
+    epochs.course_sigma = math.inf
+    output = localize(network(straight_road(9000.0)), epochs).output
+    error = away(output, road)
+    assert (error <= output.rows.protection_level).mean() > 0.99
+    assert np.median(error[450:]) < 10.0
