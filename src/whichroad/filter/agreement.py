@@ -23,6 +23,7 @@ _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
+_ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
 _STANDS = 0.1  # m/s by the odometer
 _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
@@ -98,6 +99,8 @@ def weigh_distances(
     both = _differ(odometer, seen.receiver, precise) if rolls and reported else 0
     if sensors == WHEELS and by_odometer > 0 and _differ(fixes, abs(seen.arc), seen.sigma) <= 0:
         by_odometer = 0  # its turns are wrong, and not its distance
+    if by_odometer > 0 and by_speed > 0 and both < 0:
+        vetting.windows.jumped_at = now  # the positions differ from both others, which agree
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
     elif reported and by_speed > 0:
@@ -113,15 +116,32 @@ def weigh_distances(
 
 
 @kernel
-def weigh_courses(vetting: Record, first: int, last: int, seen: Seen, since: float) -> float:
-    """Courses against the direction of the fixes; returns the turn by those believed, rad."""
+def weigh_courses(
+    vetting: Record, first: int, last: int, seen: Seen, steered: bool, since: float
+) -> float:
+    """Courses against the direction of the fixes; returns the turn by those believed, rad.
+
+    Where a course that has agreed for long suddenly does not, but turns as the odometry does,
+    it is the positions that have jumped.
+
+    Args:
+        vetting: In place.
+        first: An anchor.
+        last: The newest one.
+        seen: Motion between the two.
+        steered: Whether the odometry's turns are measured, and believed.
+        since: s since they were compared last.
+    """
     course, turn, reported = course_between(vetting.windows, first, last)
     if not reported:
         return 0.0
     wide = 3.0 * seen.sigma / max(seen.fixes, 1e-3)
     if seen.fixes >= needed(seen.sigma) and abs(turn) < 1.5:
         off = abs(wrap(seen.heading - course))
-        if off > 0.6 + wide:
+        alike = steered and abs(wrap(turn - seen.turn)) < _ALIKE
+        if off > 0.6 + wide and alike and vetting.score[COURSE] <= _LEAST:
+            vetting.windows.jumped_at = vetting.windows.now.time
+        elif off > 0.6 + wide:
             vetting.offs[0] += math.cos(seen.heading - course)
             vetting.offs[1] += math.sin(seen.heading - course)
             vetting.reported[COURSE] += 1.0

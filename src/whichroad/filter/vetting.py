@@ -73,7 +73,8 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     if first < 0:
         return
     seen = between(windows, first, last, scale)
-    turn = weigh_courses(vetting, first, last, seen, since)
+    steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
+    turn = weigh_courses(vetting, first, last, seen, steered, since)
     if sensors == WHEELS and seen.odometry:
         weigh_turns(vetting, first, last, scale, since)
         turn = seen.turn if vetting.refused[TURN] == 0 else turn
