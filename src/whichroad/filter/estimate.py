@@ -34,6 +34,8 @@ LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of the
 _MISFITS = 3.0  # in a row, from which on that is so
 _ALONE = 0.999  # P of an edge beside which the others do not matter
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
+_ANY_HEADING = math.pi**2 / 3.0  # rad², of a heading that is not known
+_WIDEST = 4.0  # sigmas, of a level where the vehicle may be elsewhere
 _ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
 
 ESTIMATE = np.dtype(
@@ -108,6 +110,9 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
         unknown = max(unknown, LOST_UNKNOWN)
     out = output.rows[k]
     off = _moments(belief, ctx, out)
+    if state.elsewhere > 0.0:
+        unknown = max(unknown, state.elsewhere)
+        _widen(out, state.elsewhere, state.elsewhere_sigma)
     off += unknown * (1.0 - off)
     out.p_off_road = off
     out.speed = state.speed
@@ -141,6 +146,20 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.p_way = way_share(belief, ctx, out, p_edge)
     take_back(belief, hypotheses)
     out.status = _status(state, ctx.par[0], off, out.p_way)
+
+
+@kernel
+def _widen(out: Record, share: float, sigma: float) -> None:
+    """Widen an estimate by what is elsewhere with a probability, within so many metres."""
+    out.cov[0] += share * sigma * sigma
+    out.map_cov[0] += share * sigma * sigma
+    out.cov[3] += share * sigma * sigma
+    out.map_cov[2] += share * sigma * sigma
+    out.cov[5] += share * _ANY_HEADING
+    least = _WIDEST * sigma
+    out.protection_level = max(out.protection_level, least)
+    out.level_along = max(out.level_along, least)
+    out.level_across = max(out.level_across, least)
 
 
 @kernel

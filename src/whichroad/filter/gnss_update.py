@@ -65,26 +65,34 @@ def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, floa
     return rate, rate_sigma, drift, drift_sigma
 
 
-@kernel(inline=True)
-def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
-    """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
+@kernel
+def start_of(belief: Belief, ctx: Context, epoch: Record) -> Start:
+    """What is known at a start at the epoch's fix."""
     par = ctx.par[0]
     state = belief.state[0]
     heading_sigma = math.inf
     if has_course(epoch, 0.5):
         heading_sigma = epoch.course_sigma + 0.03
     rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
+    sigmas = math.sqrt(state.gnss_factor)
+    return Start(
+        sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
+        drift, drift_sigma, True,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
+    """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
+    par = ctx.par[0]
+    state = belief.state[0]
     if state.gnss_factor == 0.0:
         least = 1.0 / (1.0 + par.gnss_white_ratio**2)
         state.gnss_factor = least * par.gnss_start**2
         state.innovation_factor = least * par.gnss_start**2
         state.windowed_factor = least
         state.bias_factor = least
-    sigmas = math.sqrt(state.gnss_factor)
-    start = Start(
-        sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
-        drift, drift_sigma, True,
-    )  # fmt: skip
+    start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
     state.started = 1
     state.misfits = 0.0
@@ -100,10 +108,11 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.fix_1[2] = -math.inf
     state.fix_2[2] = -math.inf
     state.across_time = -math.inf
-    state.course_time = epoch.time if heading_sigma < 10.0 else -math.inf
+    known = start.heading_sigma < 10.0
+    state.course_time = epoch.time if known else -math.inf
     state.forward_time = -math.inf
-    update_root(belief, epoch.fix, sigmas * sigmas, -1.0)
-    return bool(heading_sigma < 10.0)
+    update_root(belief, epoch.fix, start.bias**2, -1.0)
+    return bool(known)
 
 
 @kernel(inline=True)

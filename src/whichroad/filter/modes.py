@@ -5,6 +5,7 @@ import math
 from .._compile import Record, kernel
 from ._simd import copy_record
 from .history import History
+from .silence import SILENT, may_have_moved
 from .sources import ARC, COURSE, SPEED
 from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
@@ -95,6 +96,26 @@ def pass_calibration(belief: Belief) -> None:
         state.vetting.drift = belief.hyp[most_probable(belief)].mu[B]
 
 
+@kernel
+def _heed_silence(belief: Belief, history: History, reading: Record, dt: float) -> None:
+    """After a long pause of all sensors nothing is known of the motion meanwhile."""
+    state = belief.state[0]
+    quiet = reading.time - state.heard if dt > 0.0 else 0.0
+    if quiet > SILENT and reading.odometry_valid != 1 and state.count > 0:
+        may_have_moved(state, reading.arc, quiet)
+        if state.mode != CLOCK:
+            _store_scale(belief, state.mode)
+        history.since[0].switched = 1
+        reading.arc = 0.0
+        reading.turn = 0.0
+        reading.forward = 0.0
+        reading.left = 0.0
+        state.vetting.missed = 0
+        state.vetting.silent = 0.0
+    if reading.has_fix or reading.odometry_valid == 1 or quiet > SILENT or dt <= 0.0:
+        state.heard = reading.time
+
+
 @kernel(inline=True)
 def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
     """Vet an epoch, and let the vehicle be moved by what is believed.
@@ -121,6 +142,8 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if epoch.has_fix:
         pass_calibration(belief)
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
+    if par.mode != CLOCK:
+        _heed_silence(belief, history, reading, dt)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1:

@@ -29,6 +29,7 @@ from .motion import (
 )
 from .reduction import reduce
 from .road import observe_map
+from .silence import observe_after_silence
 from .sparse import transit, truncate_to_edges
 from .state import (
     CLOCK,
@@ -276,6 +277,10 @@ def _observe_gnss(
     state = belief.state[0]
     if ctx.par[0].paper:
         return paper.observe_gnss(belief, ctx, epoch)
+    if state.elsewhere > 0.0:
+        state.changed = 1
+        state.observed = 1
+        return observe_after_silence(belief, path, ctx, epoch)
     still = state.mode != CLOCK and state.since_fix <= _STILL
     if state.motion == STAND or still:
         observe_standing(belief, ctx, epoch)
@@ -294,9 +299,9 @@ def _observe_gnss(
 @kernel(inline=True)
 def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
     """Weigh by what was observed, and pass on what has left its edge."""
-    if ctx.par[0].paper:  # its candidates are drawn anew with the map
-        return
     state = belief.state[0]
+    if ctx.par[0].paper or state.motion == START:  # candidates are drawn anew
+        return
     if state.motion == ROUTES:
         truncate_to_edges(belief, ctx.roads)
         forward_only(belief, ctx)

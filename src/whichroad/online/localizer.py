@@ -15,6 +15,7 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import SettingError
 from ..filter.estimate import Output
+from ..filter.silence import SILENT
 from ..filter.state import (
     CLOCK,
     DISTANCE,
@@ -173,10 +174,12 @@ class Localizer:
         return self._estimate(double.time, double.estimate, double.living())
 
     def _take_odometry(self, reading: Reading) -> None:
+        before = self._filter.time if self._filter.started else reading.time
+        paused = reading.time - before > SILENT and not isinstance(reading, Distance)
         arc, turn = self._increment(reading)
         self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, 1)
+        self._filter.fill(reading.time, arc, turn, not paused)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
