@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import Phase, settings
 from numpy.typing import ArrayLike, NDArray
 
-from scenes import Truth, columns, drive_along, epochs_of, gnss, living, steps
+from scenes import Truth, columns, drive_along, epochs_of, gnss, steps
 from whichroad._compile import Records
 from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS
@@ -65,8 +65,11 @@ def said(
     member[-1, OFF_ROAD] = 1.0
     p = np.zeros((len(epochs), len(groups) + 1))
     for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):  # noqa: B007
-        alive = living(belief)
-        p[k] = member[:, alive.edge] @ alive.weight
+        if k == 0:  # views of the belief: it is the same one in every epoch
+            hyp, count = belief.hyp.view(np.ndarray), belief.state.view(np.ndarray)["count"]
+            edge, weight = hyp["edge"], hyp["weight"]
+        n = count[0]
+        p[k] = member[:, edge[:n]] @ weight[:n]
     return Said(p[:, :-1], p[:, -1], output)
 
 

@@ -49,8 +49,9 @@ def steps(
     ctx = Context(par, roads, new_work())
     belief, path, history = roomy_belief(), new_path(1 << 15), new_history(0)
     output = new_output(n, False)
+    run_epochs = run.bind(belief, path, history, epochs, output, ctx, ..., ...)
     for k in range(n):
-        run(belief, path, history, epochs, output, ctx, k, k + 1)
+        run_epochs(k, k + 1)
         yield k, belief, output
 
 
