@@ -137,7 +137,8 @@ def _read(table: Path, net: Net) -> list[Truth]:
         numbers = np.array([r[:4] for r in one])
         code = _codes([r[4].rpartition("_")[0] for r in one], net)
         part = _whole_part(numbers, code)
-        if (part.stop - part.start) * STEP < _SHORTEST:
+        short = (part.stop - part.start) * STEP < _SHORTEST
+        if short or _length(numbers[part, 1:3]) < 0.5 * _LEAST:
             continue
         route = _route(code[part], net)
         heading = np.radians(90.0 - numbers[part.start, 3])

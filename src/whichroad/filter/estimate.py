@@ -105,14 +105,9 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
         chi2: Of its fix, 0 without.
     """
     state = belief.state[0]
-    unknown = ctx.par[0].unknown
-    if state.misfits >= _MISFITS:
-        unknown = max(unknown, LOST_UNKNOWN)
     out = output.rows[k]
     off = _moments(belief, ctx, out)
-    if state.elsewhere > 0.0:
-        unknown = max(unknown, state.elsewhere)
-        _widen(out, state.elsewhere, state.elsewhere_sigma)
+    unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
     out.speed = state.speed
@@ -146,6 +141,15 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.p_way = way_share(belief, ctx, out, p_edge)
     take_back(belief, hypotheses)
     out.status = _status(state, ctx.par[0], off, out.p_way)
+
+
+@kernel
+def _unknown(state: Record, out: Record, least: float) -> float:
+    """P of what no hypothesis knows; where the vehicle may be elsewhere the estimate is wider."""
+    if state.elsewhere[0] > 0.0:
+        _widen(out, state.elsewhere[0], state.elsewhere[1])
+    lost = LOST_UNKNOWN if state.misfits >= _MISFITS else 0.0
+    return float(max(least, state.elsewhere[0], lost))
 
 
 @kernel

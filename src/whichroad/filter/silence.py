@@ -12,8 +12,11 @@ from .births import cold_start
 from .gnss import NU0, NU1, V00, V01, V11, Axes, innovations
 from .gnss_noise import update_root
 from .gnss_update import observe_fix, start_at_fix, start_of
-from .state import START, Belief, Context, Path, normalise
+from .state import START, Belief, Context, Path, X, Y, most_probable, normalise
 
+SPARSE = 2.5  # s; fixes farther apart are joined by routes
+_STANDING = 0.5  # m/s; a receiver that reports less stands
+_STOOD = 30.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
@@ -35,9 +38,22 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
         quiet: Its duration, s.
     """
     moved = _DRIVEN if abs(arc) > _ROLLED else _CARRIED
-    state.elsewhere = max(state.elsewhere, moved)
-    state.elsewhere_sigma = min(state.elsewhere_sigma + _SPEED * quiet, _FARTHEST)
+    state.elsewhere[0] = max(state.elsewhere[0], moved)
+    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * quiet, _FARTHEST)
     state.moving = min(max(state.moving, quiet), _LONGEST)
+
+
+@kernel(inline=True)
+def stands(belief: Belief, epoch: Record, dt: float) -> bool:
+    """Whether the receiver's speed says that the vehicle stands, and has stood since its last."""
+    state = belief.state[0]
+    if epoch.speed_sigma >= 1.0 or epoch.speed >= _STANDING or state.speed >= 3.0 * _STANDING:
+        return False
+    if dt <= SPARSE:
+        return True
+    top = belief.hyp[most_probable(belief)].mu
+    away = math.hypot(epoch.fix[0] - top[X], epoch.fix[1] - top[Y]) / state.scale
+    return bool(away < _STOOD + 4.0 * epoch.fix[2])
 
 
 @kernel
@@ -63,9 +79,9 @@ def _share_elsewhere(belief: Belief, ctx: Context, epoch: Record) -> float:
         stayed += hyp.weight * math.exp(-0.5 * chi2) / math.sqrt(det)
         if hyp.weight > 0.01:
             away = min(away, first + second)
-    area = max(away, _NEAREST**2) * math.log(max(state.elsewhere_sigma / _NEAREST, math.e))
-    moved = state.elsewhere / area
-    return float(moved / (moved + (1.0 - state.elsewhere) * stayed))
+    area = max(away, _NEAREST**2) * math.log(max(state.elsewhere[1] / _NEAREST, math.e))
+    moved = state.elsewhere[0] / area
+    return float(moved / (moved + (1.0 - state.elsewhere[0]) * stayed))
 
 
 @kernel(inline=True)
@@ -78,8 +94,8 @@ def observe_after_silence(belief: Belief, path: Path, ctx: Context, epoch: Recor
     state = belief.state[0]
     update_root(belief, epoch.fix, state.gnss_factor, _LONGEST)
     share = _share_elsewhere(belief, ctx, epoch)
-    state.elsewhere = 0.0
-    state.elsewhere_sigma = 0.0
+    state.elsewhere[0] = 0.0
+    state.elsewhere[1] = 0.0
     if share > _MOVED:
         start_at_fix(belief, path, ctx, epoch)
         normalise(belief)

@@ -102,8 +102,7 @@ FILTER = np.dtype(
         ("last_fix", "f8"),  # time of the last fix, s
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
         ("heard", "f8"),  # time of the last fix or measured odometry, s
-        ("elsewhere", "f8"),  # P(it was moved while nothing was heard), until the next fix,
-        ("elsewhere_sigma", "f8"),  # and how far, m
+        ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m
         ("map_time", "f8"),  # time of the last map observation, s (paper preset)
         ("on_road_at", "f8"),  # time of the last fix at which the roads had half of the weight, s
         # the receiver's noise, as learnt (filter.gnss_noise)

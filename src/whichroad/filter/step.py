@@ -29,7 +29,7 @@ from .motion import (
 )
 from .reduction import reduce
 from .road import observe_map
-from .silence import observe_after_silence
+from .silence import SPARSE, observe_after_silence, stands
 from .sparse import transit, truncate_to_edges
 from .state import (
     CLOCK,
@@ -48,16 +48,12 @@ from .state import (
     Path,
     X,
     Y,
-    most_probable,
     normalise,
 )
 
-SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
-_STANDING = 0.5  # m/s; a receiver that reports less stands
-_STOOD = 30.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _COURSE_KEPT = 3.0  # s, for which a course over ground keeps the heading the vehicle's own
 _LONGEST = 1800.0  # s; a longer pause without odometry starts anew
@@ -147,26 +143,13 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
         return 0.0
     if state.mode == WHEELS:
         state.motion = PLANE
-    elif state.mode == CLOCK and _stands(belief, epoch, dt):
+    elif state.mode == CLOCK and stands(belief, epoch, dt):
         state.motion = STAND
     elif state.mode == CLOCK and epoch.has_fix and dt > SPARSE:
         state.motion = ROUTES
     else:
         state.motion = ROAD
     return float(dt)
-
-
-@kernel(inline=True)
-def _stands(belief: Belief, epoch: Record, dt: float) -> bool:
-    """Whether the receiver's speed says that the vehicle stands, and has stood since its last."""
-    state = belief.state[0]
-    if epoch.speed_sigma >= 1.0 or epoch.speed >= _STANDING or state.speed >= 3.0 * _STANDING:
-        return False
-    if dt <= SPARSE:
-        return True
-    top = belief.hyp[most_probable(belief)].mu
-    away = math.hypot(epoch.fix[0] - top[X], epoch.fix[1] - top[Y]) / state.scale
-    return bool(away < _STOOD + 4.0 * epoch.fix[2])
 
 
 @kernel(inline=True)
@@ -291,7 +274,7 @@ def _observe_gnss(
     state = belief.state[0]
     if ctx.par[0].paper:
         return paper.observe_gnss(belief, ctx, epoch)
-    if state.elsewhere > 0.0:
+    if state.elsewhere[0] > 0.0:
         state.changed = 1
         state.observed = 1
         return observe_after_silence(belief, path, ctx, epoch)

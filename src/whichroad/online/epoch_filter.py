@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..filter.estimate import ESTIMATE, new_output
 from ..filter.history import History, new_history
 from ..filter.motion import arc_chord
+from ..filter.silence import SILENT
 from ..filter.state import (
     EPOCH,
     FILTER,
@@ -288,6 +289,10 @@ class EpochFilter:
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
         epoch[_ODOMETRY_VALID] = valid
         epoch[_HAS_FIX] = 0
+
+    def is_silent(self, time: float) -> bool:
+        """Whether it was for so long without a reading, at a time (s), that the car may be away."""
+        return self.started and time - self.time > SILENT
 
     def add_fix(self, fix: Sequence[float]) -> None:
         """Add a fix to the epoch.

@@ -1,7 +1,6 @@
 """The filter on line: one observation in, one estimate out.
 
-It runs `filter.step.run`, which is the method in the paper's order (its Figure 7), for one
-epoch at a time.  The localizer owns the belief; nothing else remembers.
+It runs `filter.step.run`, the paper's Figure 7, for one epoch at a time, and owns the belief.
 """
 
 import math
@@ -15,7 +14,6 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import SettingError
 from ..filter.estimate import Output
-from ..filter.silence import SILENT
 from ..filter.state import (
     CLOCK,
     DISTANCE,
@@ -174,12 +172,11 @@ class Localizer:
         return self._estimate(double.time, double.estimate, double.living())
 
     def _take_odometry(self, reading: Reading) -> None:
-        before = self._filter.time if self._filter.started else reading.time
-        paused = reading.time - before > SILENT and not isinstance(reading, Distance)
+        measured = isinstance(reading, Distance) or not self._filter.is_silent(reading.time)
         arc, turn = self._increment(reading)
         self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, not paused)
+        self._filter.fill(reading.time, arc, turn, measured)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
