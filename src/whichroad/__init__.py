@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         StartPose,
         WheelSpeed,
         WheelTicks,
+        YawRate,
     )
     from .online import Estimate, Localizer
     from .readers import read_drive, read_vehicle
@@ -51,7 +52,7 @@ _MODULES = {
     "readers": ("read_drive", "read_vehicle"),
     "observations": (
         "Distance", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
-        "WheelSpeed", "WheelTicks",
+        "WheelSpeed", "WheelTicks", "YawRate",
     ),
     "tables.result": ("Result",),
     "tables.provenance": ("map_of",),
@@ -65,8 +66,8 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by module, in the order of use
     "match", "match_many", "map_of", "speeds", "RoadMap", "Localizer", "Result", "Estimate",
-    "Hypothesis", "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "StartPose",
-    "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
+    "Hypothesis", "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "YawRate",
+    "StartPose", "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 

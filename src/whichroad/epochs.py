@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ._compile import Records
 from .errors import DriveError, SettingError
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
+from .filter.windows import BY_GYRO, BY_WHEELS
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes
 from .sensors.gnss import fix_rows
@@ -126,6 +127,7 @@ def build_timeline(
     epochs.time, epochs.arc, epochs.turn, epochs.odometry_valid = time, arc, turn, valid
     epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
     epochs.speed_sigma = epochs.course_sigma = np.inf
+    epochs.gyro = BY_GYRO if motion is not None and motion.gyro else BY_WHEELS
     masked = 0
     if fixes is not None:
         at = _nearest(time, fixes.time)

@@ -74,7 +74,28 @@ class SpeedYawRate:
     yaw_rate: Array  # rad/s
 
 
-OdometryLog = WheelCounts | WheelSpeeds | Odometer | SpeedYawRate
+@dataclass(frozen=True, slots=True)
+class YawRates:
+    """Readings of a gyro, counter-clockwise positive."""
+
+    time: Array
+    rate: Array  # rad/s
+
+
+@dataclass(frozen=True, slots=True)
+class WithGyro:
+    """An odometer and a gyro beside it, each at its own times."""
+
+    distance: Odometer
+    gyro: YawRates
+
+    @property
+    def time(self) -> Array:
+        """Of the readings of distance."""
+        return self.distance.time
+
+
+OdometryLog = WheelCounts | WheelSpeeds | Odometer | SpeedYawRate | WithGyro
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +161,15 @@ class SpeedYaw:
     yaw_rate: float
 
 
-Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw
+@dataclass(frozen=True, slots=True)
+class YawRate:
+    """One reading of a gyro (rad/s, counter-clockwise), beside an odometer."""
+
+    time: float
+    yaw_rate: float
+
+
+Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate
 
 
 @dataclass(frozen=True, slots=True)

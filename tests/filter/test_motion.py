@@ -50,7 +50,7 @@ turns = st.floats(-0.6, 0.6)
 
 
 def move(g: Gaussian, arc: float, turn: float, scale: float = 1.0, noise: Noise = QUIET) -> None:
-    predict_plane(g.mean, g.cov, Increment(arc, turn, *arc_chord(arc, turn)), scale, noise)
+    predict_plane(g.mean, g.cov, Increment(arc, turn, *arc_chord(arc, turn), arc), scale, noise)
 
 
 def moved_mean(mean: np.ndarray, arc: float, turn: float, scale: float = 1.0) -> np.ndarray:

@@ -43,6 +43,7 @@ from whichroad.filter.state import (
     new_epochs,
     new_path,
 )  # fmt: skip
+from whichroad.filter.windows import BY_GYRO, BY_WHEELS
 from whichroad.graph.geometry import wrap
 
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)
@@ -166,8 +167,9 @@ def link_model(history: History, mean: np.ndarray, cov: np.ndarray) -> Record:
     return model
 
 
+@pytest.mark.parametrize("gyro", [BY_WHEELS, BY_GYRO])
 @given(seeds)
-def test_the_motion_of_a_link_is_that_of_the_filter_over_its_epochs(seed: int):
+def test_the_motion_of_a_link_is_that_of_the_filter_over_its_epochs(gyro: int, seed: int):
     """Many small movements at once, by the equations of each, to second order in their noise."""
     rng = np.random.default_rng(seed)
     mean, cov = random_state(rng)
@@ -179,7 +181,8 @@ def test_the_motion_of_a_link_is_that_of_the_filter_over_its_epochs(seed: int):
     for epoch in epochs:
         epoch.arc, epoch.turn = rng.uniform(0.0, 1.5), rng.normal(0.0, 0.05)
         epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
-        move = increment_of(epoch, 1)
+        epoch.gyro = gyro
+        move = increment_of(epoch, 1, 0.1)
         noise = wheel_noise(CTX.par[0], epoch.arc, epoch.turn)
         accumulate_motion(history, epoch, 0.1, 10.0, WHEELS)
         accumulate_noise(history, move, noise)

@@ -165,7 +165,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
             end = length
         _move_to(belief, ctx, i, to, noise, -1e9, end)
         hyp.p_not_passed = max(hyp.p_not_passed, owed)
-    straight = Increment(odometer, 0.0, odometer, 0.0)
+    straight = Increment(odometer, 0.0, odometer, 0.0, odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:

@@ -14,7 +14,7 @@ import numpy as np
 from .._compile import Array, Matrix, Record, Records, Vector, kernel
 from ..graph.network import records
 from ._simd import N, copy_record
-from .motion import Increment, Noise, predict_plane
+from .motion import Increment, Noise, drift_clock, predict_plane
 from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, D, H, K, X, Y
 
 PACKED = N * (N + 1) // 2
@@ -26,6 +26,7 @@ MOTION = np.dtype(
     [
         ("arc", "f8"),  # Σ δs, odometer metres; without odometry the time, s
         ("metres", "f8"),  # distance driven, m
+        ("clock", "f8"),  # Σ δc of the heading drift, m
         ("turn", "f8"),  # Σ δθ, rad
         ("forward", "f8"),  # displacement in the frame of the step before, odometer metres
         ("left", "f8"),
@@ -167,7 +168,7 @@ def accumulate_motion(
     """Add an epoch's motion to the motion since the last step.
 
     Displacements are composed in the frame of that step.  Their derivative by the heading
-    drift b is Σ R(T) J u (A + ½ δs), with the turn T and the arc A before.
+    drift b is Σ R(T) J u (C + ½ δc), with the turn T and the drift's clock C before.
 
     Args:
         history: Its `since` is added to.
@@ -182,12 +183,14 @@ def accumulate_motion(
     s = math.sin(since.turn)
     forward = c * epoch.forward - s * epoch.left
     left = s * epoch.forward + c * epoch.left
-    lever = since.arc + 0.5 * arc
+    clock = drift_clock(epoch, moving)
+    lever = since.clock + 0.5 * clock
     since.forward += forward
     since.left += left
     since.lever_forward -= lever * left
     since.lever_left += lever * forward
     since.arc += arc
+    since.clock += clock
     since.metres += abs(speed) * moving if mode == CLOCK else abs(arc)
     since.turn += epoch.turn
     since.mode = mode
@@ -306,6 +309,7 @@ def _clear_reference(reference: Record, belief: Belief) -> None:
 def _clear_motion(since: Record) -> None:
     """Let the motion start anew."""
     since.arc = 0.0
+    since.clock = 0.0
     since.metres = 0.0
     since.turn = 0.0
     since.forward = 0.0

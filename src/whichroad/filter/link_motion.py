@@ -190,7 +190,9 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     if motion.switched > 0:
         return False
     if motion.mode == WHEELS:
-        step = Increment(motion.arc, motion.turn, motion.forward, motion.left)
+        step = Increment(
+            motion.arc, motion.turn, motion.forward, motion.left, motion.clock
+        )  # fmt: skip
         _move_in_plane(model, motion, step)
         return True
     odometer = motion.arc
@@ -199,7 +201,7 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     edge = history.nodes[link.j].edge
     then = history.nodes[link.i]
     if then.edge == OFF_ROAD:
-        _move_in_plane(model, motion, Increment(odometer, 0.0, odometer, 0.0))
+        _move_in_plane(model, motion, Increment(odometer, 0.0, odometer, 0.0, odometer))
         return True
     skipped = -1.0
     if edge != OFF_ROAD:
@@ -246,10 +248,10 @@ def _move_in_plane(model: Record, motion: Record, step: Increment) -> None:
     f[Y, K] = ry
     f[X, B] = bx
     f[Y, B] = by
-    f[H, B] = step.arc
+    f[H, B] = step.clock
     model.mu[X] = mean[X] + model.scale * dx
     model.mu[Y] = mean[Y] + model.scale * dy
-    model.mu[H] = wrap(mean[H] + step.turn + mean[B] * step.arc)
+    model.mu[H] = wrap(mean[H] + step.turn + mean[B] * step.clock)
     model.mu[K] = mean[K]
     unpack_noise(motion.plane_noise, c, s, model.cov)
 

@@ -5,6 +5,7 @@ import math
 from .._compile import Record, kernel
 from ._simd import copy_record
 from .history import History
+from .motion import GYRO_PACE
 from .silence import SILENT, may_have_moved
 from .sources import ARC, COURSE, SPEED
 from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
@@ -14,6 +15,7 @@ _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
 _OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
 _UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
+_LEAST_PACE = 3.0  # m/s
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
@@ -89,11 +91,14 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
-def pass_calibration(belief: Belief) -> None:
+def pass_calibration(belief: Belief, gyro: int) -> None:
     """Tell the vetting what was learnt of the odometry's drift."""
     state = belief.state[0]
     if state.mode == WHEELS and state.count > 0:
-        state.vetting.drift = belief.hyp[most_probable(belief)].mu[B]
+        drift = belief.hyp[most_probable(belief)].mu[B]
+        if gyro == 1:  # a metre of its clock is a time
+            drift *= GYRO_PACE / max(abs(state.odometer_speed), _LEAST_PACE)
+        state.vetting.drift = drift
 
 
 @kernel
@@ -140,7 +145,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     dt = epoch.time - state.time if vetting.begun == 1 else 0.0
     vetting.begun = 1
     if epoch.has_fix:
-        pass_calibration(belief)
+        pass_calibration(belief, epoch.gyro)
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
     if par.mode != CLOCK:
         _heed_silence(belief, history, reading, dt)

@@ -11,6 +11,7 @@ from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
+from .windows import BY_GYRO, BY_WHEELS
 
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
@@ -19,6 +20,7 @@ _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
 _STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
+GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
 
 
@@ -29,6 +31,7 @@ class Increment(NamedTuple):
     turn: float  # δθ, rad
     forward: float  # u
     left: float
+    clock: float  # m by which the drift b turns it, see `drift_clock`
 
 
 class Noise(NamedTuple):
@@ -63,7 +66,19 @@ def arc_chord(arc: float, turn: float) -> tuple[float, float]:
 
 
 @kernel
-def increment_of(epoch: Record, pieces: int) -> Increment:
+def drift_clock(epoch: Record, dt: float) -> float:
+    """By how much b turns the vehicle: the arc of wheels, the time of a gyro, m.
+
+    What is wrong with wheels lasts for a distance, the bias of a gyro for a time.  A gyro's
+    clock counts `GYRO_PACE` metres a second; it stands where the vehicle's standing was used.
+    """
+    if epoch.gyro == BY_WHEELS:
+        return float(epoch.arc)
+    return GYRO_PACE * dt if epoch.gyro == BY_GYRO else 0.0
+
+
+@kernel
+def increment_of(epoch: Record, pieces: int, dt: float = 0.0) -> Increment:
     """One of equal pieces of an epoch's odometry, on the same circle."""
     part = 1.0 / pieces
     turn = epoch.turn * part
@@ -71,7 +86,7 @@ def increment_of(epoch: Record, pieces: int) -> Increment:
     left = epoch.left
     if pieces > 1:
         forward, left = arc_chord(epoch.arc * part, turn)
-    return Increment(epoch.arc * part, turn, forward, left)
+    return Increment(epoch.arc * part, turn, forward, left, drift_clock(epoch, dt) * part)
 
 
 @kernel
@@ -124,9 +139,9 @@ def blind_noise(par: Record, odometer: float, mode: int) -> Noise:
 def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: Noise) -> None:
     """Move a hypothesis by an increment in its own frame (equation 1, with calibration).
 
-        v   = u + (b δs / 2) J u            drift turns the increment by half
+        v   = u + (b δc / 2) J u            drift turns the increment by half; its clock c
         p⁺  = p + κ R(θ) v
-        θ⁺  = θ + δθ + b δs
+        θ⁺  = θ + δθ + b δc
         P⁺  = F P Fᵀ + Q
 
     Args:
@@ -138,27 +153,27 @@ def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: N
     """
     c = math.cos(mean[H])
     s = math.sin(mean[H])
-    arc = step.arc
+    clock = step.clock
     kappa = mean[K]
-    half_drift = 0.5 * mean[B] * arc
+    half_drift = 0.5 * mean[B] * clock
     vx = step.forward - half_drift * step.left
     vy = step.left + half_drift * step.forward
     rx = c * vx - s * vy
     ry = s * vx + c * vy
     dx = kappa * rx
     dy = kappa * ry
-    bx = -0.5 * kappa * arc * (c * step.left + s * step.forward)
-    by = 0.5 * kappa * arc * (c * step.forward - s * step.left)
+    bx = -0.5 * kappa * clock * (c * step.left + s * step.forward)
+    by = 0.5 * kappa * clock * (c * step.forward - s * step.left)
     mean[X] += scale * dx
     mean[Y] += scale * dy
-    mean[H] = wrap(mean[H] + step.turn + mean[B] * arc)
+    mean[H] = wrap(mean[H] + step.turn + mean[B] * clock)
     add_times(cov[X], -dy, cov[H])
     add_times(cov[X], rx, cov[K])
     add_times(cov[X], bx, cov[B])
     add_times(cov[Y], dx, cov[H])
     add_times(cov[Y], ry, cov[K])
     add_times(cov[Y], by, cov[B])
-    add_times(cov[H], arc, cov[B])
+    add_times(cov[H], clock, cov[B])
     for j in range(K, N):
         cov[j, X] = cov[X, j]
         cov[j, Y] = cov[Y, j]
@@ -169,7 +184,7 @@ def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: N
         pb = cov[i, B]
         cov[i, X] += -dy * ph + rx * pk + bx * pb
         cov[i, Y] += dx * ph + ry * pk + by * pb
-        cov[i, H] = ph + arc * pb
+        cov[i, H] = ph + clock * pb
     qxy = (q.along - q.across) * c * s
     cov[X, X] += q.along * c * c + q.across * s * s
     cov[Y, Y] += q.along * s * s + q.across * c * c

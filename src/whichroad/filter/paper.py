@@ -65,14 +65,14 @@ def predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     par = ctx.par[0]
     state = belief.state[0]
     metres = abs(epoch.arc)
-    move = Increment(epoch.arc, epoch.turn, epoch.forward, epoch.left)
+    move = Increment(epoch.arc, epoch.turn, epoch.forward, epoch.left, epoch.arc)
     wheels = wheel_noise(par, metres, 0.0)
     if par.mode == WHEELS and epoch.odometry_valid == 0:
         wheels = extrapolated(wheels, 0.0, metres)
     heading = wheels.heading + (par.turn_noise * epoch.turn) ** 2
     q = Noise(wheels.along, wheels.across, heading, 0.0, 0.0, 0.0)
     if par.mode == CLOCK:
-        move = Increment(dt, epoch.turn, dt, 0.0)
+        move = Increment(dt, epoch.turn, dt, 0.0, dt)
         blind = blind_noise(par, dt, CLOCK)
         q = Noise(blind.along, blind.across, blind.heading, blind.rate, 0.0, 0.0)
     elif par.mode == DISTANCE:

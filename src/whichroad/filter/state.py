@@ -38,9 +38,8 @@ X, Y, H, K, B, D, MX, MY, GX, GY, U, V = range(N)
 OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
-# how an epoch's motion is predicted: not yet; anew from a fix; by wheels in the plane; along the
-# road; not at all; by routes between sparse fixes
 NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
+# motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
@@ -153,6 +152,7 @@ EPOCH = np.dtype(
         ("course_sigma", "f8"),  # inf: not reported
         ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
         ("has_fix", "u1"),
+        ("gyro", "u1"),  # what measures the turn: BY_WHEELS, BY_GYRO, or AT_REST
     ],
     align=True,
 )

@@ -16,6 +16,7 @@ from .branching import BRANCH_THRESHOLD, branch
 from .estimate import Output, summarise
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
+from .gyro import rest
 from .history import History, accumulate_motion, accumulate_noise, is_full, store
 from .modes import believed
 from .motion import (
@@ -50,6 +51,7 @@ from .state import (
     Y,
     normalise,
 )
+from .windows import BY_GYRO
 
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
@@ -177,6 +179,8 @@ def _predict(
     if ctx.par[0].paper:
         paper.predict(belief, ctx, epoch, dt)
         return
+    if epoch.gyro == BY_GYRO and state.motion == PLANE:
+        rest(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
@@ -195,7 +199,7 @@ def _predict(
         q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), metres, mode)
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading
-            accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0), q)
+            accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)
         turned = turn_round(belief, ctx, dt)
         branched = advance_along(belief, path, ctx, odometer, q)
         weighed = mode == CLOCK and forward_only(belief, ctx)
@@ -215,7 +219,7 @@ def _predict_wheels(
     """Equation (1) in equal pieces of the arc, branching between them."""
     state = belief.state[0]
     pieces = pieces_of(epoch.arc)
-    move = increment_of(epoch, pieces)
+    move = increment_of(epoch, pieces, dt)
     metres = abs(epoch.arc) * (1.0 / pieces)
     for piece in range(pieces):
         if piece > 0:

@@ -16,6 +16,8 @@ from ._simd import copy_record
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
+BY_WHEELS, BY_GYRO, AT_REST = range(3)  # what measures its turn; a gyro's rest has been used
+
 ANCHORS = 32
 _EVERY = 0.95  # s between anchors, at least
 _PAUSE = 6.0  # s without a fix, after which the windows begin anew

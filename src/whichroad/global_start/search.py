@@ -204,7 +204,7 @@ class _Search:
 
     def step(self, step: Step) -> None:
         """Predict, branch, observe the map, weigh, merge, prune."""
-        move = Increment(step.arc, step.turn, step.forward, step.left)
+        move = Increment(step.arc, step.turn, step.forward, step.left, step.arc)
         predict_all(self.mixture, self.ctx, move, step.measured)
         self._branch(step.arc)
         self.state["since_map"] += step.metres

@@ -17,6 +17,7 @@ from ..observations import (
     SpeedYawRate,
     WheelCounts,
     WheelSpeeds,
+    WithGyro,
 )
 from ..readers.names import Column, normal
 from ..settings import Settings
@@ -118,10 +119,17 @@ def _driven(lat: Array, lon: Array) -> float:
     return float(np.hypot(north, east).sum())
 
 
+def _named(log: OdometryLog) -> str:
+    """What odometry measures, and how often."""
+    if isinstance(log, WithGyro):
+        return f"{_named(log.distance)}, and a yaw rate: {rate(log.gyro.time)}"
+    return f"{_ODOMETRY[type(log)]}: {rate(log.time)}"
+
+
 def _of_odometry(log: OdometryLog | None, fixes: Fixes | None) -> list[tuple[str, str]]:
     if log is None or not len(log.time):
         return [("odometry", "none")]
-    rows = [("odometry", f"{_ODOMETRY[type(log)]}: {rate(log.time)}")]
+    rows = [("odometry", _named(log))]
     if fixes is not None and len(fixes) > 1 and fixes.time[-1] > fixes.time[0]:
         overlap = min(log.time[-1], fixes.time[-1]) - max(log.time[0], fixes.time[0])
         share = max(float(overlap), 0.0) / float(fixes.time[-1] - fixes.time[0])

@@ -22,6 +22,8 @@ from ..observations import (
     WheelSpeed,
     WheelSpeeds,
     WheelTicks,
+    WithGyro,
+    YawRate,
 )
 from ..online import State
 from .filter_loop import FilterLoop
@@ -53,6 +55,9 @@ class RecordedObservations:
         self._columns: list[tuple[Callable[..., Observation], list[Any]]] = []
         times, kinds, rows = [], [], []
         log, fixes = drive.odometry, drive.fixes
+        if isinstance(log, WithGyro):
+            self._columns.append((YawRate, [log.gyro.time, log.gyro.rate]))
+            log = log.distance
         if log is not None and len(log.time):
             columns = [getattr(log, field.name) for field in fields(log)]
             self._columns.append((_KINDS[type(log)], columns))

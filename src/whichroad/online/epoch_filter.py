@@ -33,6 +33,8 @@ from ..filter.state import (
     new_path,
 )
 from ..filter.step import run
+from ..filter.windows import BY_GYRO, BY_WHEELS
+from ..tables.status import far_off
 
 _NO_HISTORY = new_history(0)
 _CODES = {"f8": "d", "f4": "f", "i8": "q", "i4": "i", "u1": "B"}
@@ -127,6 +129,7 @@ _FIXED = packed(EPOCH, "fix", "speed", "speed_sigma", "course", "course_sigma")
 _FIX_AT = offset_of(EPOCH, "fix")
 _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
 _HAS_FIX = offset_of(EPOCH, "has_fix")
+_GYRO = offset_of(EPOCH, "gyro")
 _COUNT, _TIME = at_word(FILTER, "count"), at_word(FILTER, "time")
 _SPEED = at_word(FILTER, "speed")
 _STARTED = offset_of(FILTER, "started")
@@ -276,7 +279,7 @@ class EpochFilter:
         if path is not self.path or history is not self.history:
             self.path, self.history, self._call = path, history, None
 
-    def fill(self, time: float, arc: float, turn: float, valid: int) -> None:
+    def fill(self, time: float, arc: float, turn: float, valid: int, gyro: bool = False) -> None:
         """Write an epoch without a fix.
 
         Args:
@@ -284,10 +287,12 @@ class EpochFilter:
             arc: Odometer metres since the epoch before.
             turn: rad.
             valid: 1: measured; 2: expected until the next reading; 0: extrapolated.
+            gyro: Whether a gyro alone measures the turn.
         """
         epoch = self.epoch
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
         epoch[_ODOMETRY_VALID] = valid
+        epoch[_GYRO] = BY_GYRO if gyro else BY_WHEELS
         epoch[_HAS_FIX] = 0
 
     def is_silent(self, time: float) -> bool:
@@ -303,6 +308,13 @@ class EpochFilter:
         epoch = self.epoch
         _FIXED.pack_into(epoch, _FIX_AT, *fix)
         epoch[_HAS_FIX] = 1
+
+    def disbelieved(self, x: float, y: float, sigma: float) -> float:
+        """How far away (m) a fix of this epoch (plane m) lies, if it is not believed, else 0."""
+        row = row_of(self.estimate)
+        away = math.hypot(x - row.x, y - row.y)
+        variance = (sigma * max(row.gnss_scale, 1.0)) ** 2 + row.xx + row.yy
+        return away if far_off(away, math.sqrt(variance)) else 0.0
 
     def run(self) -> bool:
         """Take the epoch; False: it was not, as the tables of the past have no room for it."""

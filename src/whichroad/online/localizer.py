@@ -25,16 +25,16 @@ from ..filter.state import (
     new_work,
 )  # fmt: skip
 from ..global_start import start_at
-from ..observations import Distance, GeoFix, Observation, StartPose
+from ..observations import Distance, GeoFix, Observation, StartPose, YawRate
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors.gnss import fix_row
 from ..sensors.odometry import bridged_step
+from ..sensors.turns import GyroTurns
 from ..sensors.validation import validated
 from ..settings import Settings, Vehicle, parameters
 from ..smoothing import Window
-from ..tables.status import far_off
-from .epoch_filter import EpochFilter, bytes_of, living_words, row_of, words_of
+from .epoch_filter import EpochFilter, bytes_of, living_words, words_of
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 
@@ -90,6 +90,7 @@ class Localizer:
         self._ahead: EpochFilter | None = None  # of `predict`
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._gyro = GyroTurns()
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
@@ -135,6 +136,9 @@ class Localizer:
         if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
             self.skipped["late"] = self.skipped.get("late", 0) + 1
             return False
+        if isinstance(possible, YawRate):
+            self._gyro.take(possible, self._reading, self.skipped)
+            return True
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(late, 0.0))
         else:
@@ -172,11 +176,12 @@ class Localizer:
         return self._estimate(double.time, double.estimate, double.living())
 
     def _take_odometry(self, reading: Reading) -> None:
-        measured = isinstance(reading, Distance) or not self._filter.is_silent(reading.time)
+        odometer = isinstance(reading, Distance)
+        measured = odometer or not self._filter.is_silent(reading.time)
         arc, turn = self._increment(reading)
-        self._filter.set_mode(DISTANCE if isinstance(reading, Distance) else WHEELS)
+        self._filter.set_mode(DISTANCE if odometer and not self._gyro.alone else WHEELS)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, measured)
+        self._filter.fill(reading.time, arc, turn, measured, self._gyro.alone)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
@@ -187,6 +192,7 @@ class Localizer:
             return 0.0, 0.0
         dt = reading.time - before.time
         arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
+        turn = self._gyro.steered(before, reading, turn)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes since then have moved it
@@ -220,7 +226,7 @@ class Localizer:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
         known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
-        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1))  # 2: expected
+        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), self._gyro.alone)
         (x, y, major, minor, axis), course, sigma = fix_row(
             fix, self.roads.plane, self.settings.default_sigma_m
         )
@@ -230,14 +236,7 @@ class Localizer:
             y += now.speed * late * math.sin(heading)
         now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
         self._run()
-        self._far_fix = (time, self._disbelieved(x, y, major))
-
-    def _disbelieved(self, x: float, y: float, sigma: float) -> float:
-        """How far away (m) the fix of this epoch lies, if it is not believed, else 0."""
-        row = row_of(self._filter.estimate)
-        away = math.hypot(x - row.x, y - row.y)
-        variance = (sigma * max(row.gnss_scale, 1.0)) ** 2 + row.xx + row.yy
-        return away if far_off(away, math.sqrt(variance)) else 0.0
+        self._far_fix = (time, self._filter.disbelieved(x, y, major))
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._filter.started:
@@ -339,7 +338,7 @@ class Localizer:
         now = self._filter
         odometry = Odometry(
             self._odometer, self._rate, self._interval, self._began, self._reading, self._far_fix,
-            now.mode,
+            now.mode, self._gyro.kept(),
         )  # fmt: skip
         made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
         return State(
@@ -364,6 +363,7 @@ class Localizer:
         now, known = self._filter, state.odometry
         now.set_tables(state.tables)
         now.set_mode(known.mode)
+        self._gyro.restore(known.gyro)
         self._odometer, self._rate, self._interval = known.odometer, known.rate, known.interval
         self._began, self._reading, self._far_fix = known.began, known.reading, known.far_fix
         if self._past is not None:

@@ -59,6 +59,7 @@ class Odometry(NamedTuple):
     reading: Reading | None  # the last one
     far_fix: tuple[float, float]  # time of the last fix, m it is away if not believed
     mode: int  # WHEELS, DISTANCE or CLOCK
+    gyro: list[list[float]]  # what `sensors.turns.GyroTurns` keeps
 
 
 @dataclass(frozen=True, slots=True)

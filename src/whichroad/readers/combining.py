@@ -17,6 +17,8 @@ from ..observations import (
     SpeedYawRate,
     WheelCounts,
     WheelSpeeds,
+    WithGyro,
+    YawRates,
 )
 from ..settings import Vehicle
 from ..wording import moment
@@ -277,6 +279,18 @@ def _join_odometry(
     """Logs of the best kind, one behind the other; other kinds are left out and noted."""
     if len(logs) < 2:
         return logs[0] if logs else None
+    gyros = [log.gyro for log in logs if isinstance(log, WithGyro)]
+    if gyros:
+        plain: list[OdometryLog] = [
+            log.distance if isinstance(log, WithGyro) else log for log in logs
+        ]
+        joined = _join_odometry(plain, vehicle, skipped, notes, name)
+        if not isinstance(joined, Odometer):
+            return joined
+        time = np.concatenate([gyro.time for gyro in gyros])
+        rows = in_order(time, skipped)
+        rate = np.concatenate([gyro.rate for gyro in gyros])
+        return WithGyro(joined, YawRates(time[rows], rate[rows]))
     kind = next(k for k in _PREFERRED if any(isinstance(log, k) for log in logs))
     others = sorted({type(log).__name__ for log in logs if not isinstance(log, kind)})
     if others:

@@ -12,6 +12,8 @@ from ..observations import (
     SpeedYawRate,
     WheelCounts,
     WheelSpeeds,
+    WithGyro,
+    YawRates,
 )
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
@@ -29,6 +31,7 @@ _USED: dict[type, frozenset[str]] = {
     WheelSpeeds: frozenset(("wheel_rl", "wheel_rr")),
     SpeedYawRate: frozenset(("yaw_rate",)),
 }
+_COVERED = 0.9  # share of the odometry's time that a yaw rate beside it covers, at least
 _STALE = 0.5  # s, largest age of what one sensor says beside the reading of another
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
@@ -114,7 +117,28 @@ def _odometry(
     skipped: Skipped,
     notes: list[str],
 ) -> OdometryLog | None:
-    """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance."""
+    """The best odometry that the columns offer, and a yaw rate beside it."""
+    log = _distance_and_turn(columns, has_position, vehicle, skipped, notes)
+    if "yaw_rate" not in columns or not isinstance(log, Odometer):
+        return log
+    gyro = yaw_rates(columns["time"], columns["yaw_rate"], skipped)
+    if gyro is None:
+        return log
+    common = min(gyro.time[-1], log.time[-1]) - max(gyro.time[0], log.time[0])
+    if common < _COVERED * (log.time[-1] - log.time[0]):
+        notes.append("yaw rate not used: it covers a part of the time of the odometry")
+        return log
+    return WithGyro(log, gyro)
+
+
+def _distance_and_turn(
+    columns: Columns,
+    has_position: bool,
+    vehicle: Vehicle,
+    skipped: Skipped,
+    notes: list[str],
+) -> OdometryLog | None:
+    """Counters, wheel speeds, an odometer with a yaw rate, speed and yaw rate, distance."""
     time, has = columns["time"], columns.keys()
     reversing = _reversing(columns)
     if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
@@ -125,6 +149,8 @@ def _odometry(
         left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
         speeds = wheel_speeds(left, right, skipped, reversing=reversing)
         return speeds if len(speeds.time) else None
+    if {"odometer", "yaw_rate"} <= has and np.isfinite(columns["odometer"]).any():
+        return odometer(time, columns["odometer"], skipped)
     if {"speed", "yaw_rate"} <= has:
         return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
     if "odometer" in has:
@@ -143,6 +169,8 @@ def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
         odometry: What was made of them.
     """
     used = _USED.get(type(odometry), frozenset())
+    if isinstance(odometry, WithGyro):
+        used = frozenset(("yaw_rate",))
     left = sorted((has & _MOTION) - used)
     if not left:
         return []
@@ -166,6 +194,15 @@ def speed_yaw_rate(
     rows = np.flatnonzero(known)
     rows = rows[in_order(time[rows], skipped)]
     return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None
+
+
+def yaw_rates(time: Array, rate: Array, skipped: Skipped) -> YawRates | None:
+    """The possible readings of a gyro, in order; None where there are less than two."""
+    known = np.isfinite(rate) & np.isfinite(time)
+    known &= keep(~known | (np.abs(rate) <= SPINNING), _TOO_TURNING, skipped)
+    rows = np.flatnonzero(known)
+    rows = rows[in_order(time[rows], skipped)]
+    return YawRates(time[rows], rate[rows]) if len(rows) > 1 else None
 
 
 def odometer(time: Array, distance: Array, skipped: Skipped) -> Odometer | None:

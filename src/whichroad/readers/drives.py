@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReadError, SettingError
-from ..observations import Drive
+from ..observations import Drive, OdometryLog, WithGyro
 from ..settings import Settings, Vehicle
 from ..wording import by_reason
 from .can import read_can
@@ -329,6 +329,14 @@ def _holds_anything(drive: Drive) -> bool:
     return bool(drive.fixes is not None and len(drive.fixes)) or drive.odometry is not None
 
 
+def _later(log: OdometryLog, seconds: float) -> OdometryLog:
+    """Odometry on another clock."""
+    if isinstance(log, WithGyro):
+        distance = replace(log.distance, time=log.distance.time + seconds)
+        return WithGyro(distance, replace(log.gyro, time=log.gyro.time + seconds))
+    return replace(log, time=log.time + seconds)
+
+
 def _on_our_clock(part: Part, vehicle: Vehicle) -> Part:
     """Add the vehicle's clock offsets: that of the file, else that of the role."""
     offsets = vehicle.clock_offset
@@ -343,6 +351,6 @@ def _on_our_clock(part: Part, vehicle: Vehicle) -> Part:
         if fixes is not None:
             fixes = replace(fixes, time=fixes.time + for_fixes)
         if odometry is not None:
-            odometry = replace(odometry, time=odometry.time + for_odometry)
+            odometry = _later(odometry, for_odometry)
         drives.append(replace(drive, fixes=fixes, odometry=odometry))
     return part._replace(drives=drives)

@@ -1,7 +1,7 @@
 """A recorded drive from single observations, as the on-line filter takes them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -21,13 +21,16 @@ from ..observations import (
     WheelSpeed,
     WheelSpeeds,
     WheelTicks,
+    WithGyro,
+    YawRate,
+    YawRates,
 )
 from ..sensors.validation import validated
 from ..settings import Settings
 from .checks import Skipped, in_order
 from .reported_fixes import Reported, make_fixes
 
-_LOGS: dict[type, type[OdometryLog]] = {
+_LOGS: dict[type, Callable[..., OdometryLog]] = {
     WheelTicks: WheelCounts, WheelSpeed: WheelSpeeds, SpeedYaw: SpeedYawRate, Distance: Odometer
 }  # fmt: skip
 
@@ -38,7 +41,7 @@ def drive_of_observations(
     """The drive that consists of these observations, in any order.
 
     Args:
-        observations: Fixes and readings of one kind of odometry.
+        observations: Fixes, readings of one kind of odometry, and of a gyro beside an odometer.
         settings: Gives the sigma of fixes that report none.
 
     Raises:
@@ -46,21 +49,29 @@ def drive_of_observations(
     """
     skipped: Skipped = Counter()
     possible = [o for o in (validated(one, skipped) for one in observations) if o is not None]
-    kinds = {type(o) for o in possible} - {GeoFix}
+    kinds = {type(o) for o in possible} - {GeoFix, YawRate}
     if len(kinds) > 1:
         raise ReadError(
             f"observations: {', '.join(sorted(kind.__name__ for kind in kinds))} together; one "
             "kind of odometry was expected; leave the others out"
         )
     fixes = [o for o in possible if isinstance(o, GeoFix)]
-    odometry = None
+    odometry: OdometryLog | None = None
     for kind in kinds:
-        columns = _columns(kind, [o for o in possible if type(o) is kind])
-        rows = in_order(columns["time"], skipped)
-        odometry = _LOGS[kind](*(values[rows] for values in columns.values()))
+        odometry = _LOGS[kind](*_in_order(kind, possible, skipped))
+    if isinstance(odometry, Odometer):
+        time, rate = _in_order(YawRate, possible, skipped)
+        odometry = WithGyro(odometry, YawRates(time, rate)) if len(time) > 1 else odometry
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     return Drive("drive", located, odometry, skipped=dict(skipped))
+
+
+def _in_order(kind: type, observations: Sequence[Observation], skipped: Skipped) -> list[Array]:
+    """Columns of the readings of a kind, in the order of time."""
+    columns = _columns(kind, [o for o in observations if type(o) is kind])
+    rows = in_order(columns["time"], skipped)
+    return [values[rows] for values in columns.values()]
 
 
 def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array]:

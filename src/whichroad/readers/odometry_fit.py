@@ -8,7 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..observations import Array, Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
+from ..observations import (
+    Array,
+    Drive,
+    Fixes,
+    Odometer,
+    OdometryLog,
+    SpeedYawRate,
+    WheelCounts,
+    WithGyro,
+)
 from ..settings import Vehicle
 from .units_by_places import (
     Track,
@@ -92,6 +101,8 @@ def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
 
 def _way(odometry: OdometryLog, vehicle: Vehicle) -> tuple[Array, Array]:
     """Times and distance driven so far, m."""
+    if isinstance(odometry, WithGyro):
+        odometry = odometry.distance
     if isinstance(odometry, Odometer):
         return odometry.time, odometry.distance
     if isinstance(odometry, WheelCounts):

@@ -22,8 +22,11 @@ from ..observations import (
     WheelSpeed,
     WheelSpeeds,
     WheelTicks,
+    WithGyro,
+    YawRates,
 )
 from ..settings import Vehicle
+from .turns import turns_at
 from .validation import FASTEST, Skipped
 
 _JITTER = 0.02  # s, by which readings come too close together
@@ -36,6 +39,7 @@ class Motion(NamedTuple):
     time: Array  # s
     distance: Array  # m, falling in reverse
     turn: Array | None  # rad, counter-clockwise; None where nothing measures it
+    gyro: bool = False  # whether a gyro alone measures it: its drift runs in time
 
 
 def _integral(time: Array, rate: Array) -> Array:
@@ -66,10 +70,22 @@ def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
         case Odometer():
             return Motion(log.time, log.distance - log.distance[0], None)
         case SpeedYawRate():
-            return Motion(
-                log.time, _integral(log.time, log.speed), _integral(log.time, log.yaw_rate)
-            )
+            distance, turn = (_integral(log.time, v) for v in (log.speed, log.yaw_rate))
+            return Motion(log.time, distance, turn, gyro=True)
+        case WithGyro():
+            return _with_gyro(motion_of(log.distance, vehicle), log.gyro)
     return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
+
+
+def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
+    """An odometer's distance, and the turn by the gyro at its readings, where both are known.
+
+    Distance is not interpolated to a quicker gyro: the speed would jump at every reading.
+    """
+    turned, near = turns_at(motion.time, gyro)
+    if near.sum() < 2:
+        return motion
+    return Motion(motion.time[near], motion.distance[near], turned[near], gyro=True)
 
 
 def step_between(before: Observation, reading: Observation, car: Vehicle) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from ..observations import (
     SpeedYaw,
     WheelSpeed,
     WheelTicks,
+    YawRate,
 )
 
 FASTEST = 90.0  # m/s, of a vehicle and of its wheels
@@ -53,7 +54,7 @@ def validated(observation: Observation, skipped: Skipped) -> Observation | None:
     except (AttributeError, TypeError):
         raise ReadError(
             f"observation: {str(observation)[:80]} was given; a GeoFix, WheelTicks, WheelSpeed, "
-            "SpeedYaw or Distance of numbers was expected, its time in seconds since 1970 "
+            "SpeedYaw, Distance or YawRate of numbers was expected, its time in seconds since 1970 "
             "(datetime.timestamp())"
         ) from None
 
@@ -85,13 +86,13 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
     return fix
 
 
-def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance) -> str | None:
+def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance | YawRate) -> str | None:
     """Why an odometry reading is impossible; None: it is valid."""
     if isinstance(observation, WheelSpeed):
         if not (abs(observation.left) <= FASTEST and abs(observation.right) <= FASTEST):
             return f"wheel speed beyond {FASTEST:g} m/s"
-    elif isinstance(observation, SpeedYaw):
-        if not abs(observation.speed) <= FASTEST:
+    elif isinstance(observation, SpeedYaw | YawRate):
+        if isinstance(observation, SpeedYaw) and not abs(observation.speed) <= FASTEST:
             return f"speed beyond {FASTEST:g} m/s"
         if not abs(observation.yaw_rate) <= SPINNING:
             return f"yaw rate beyond {SPINNING:g} rad/s"
