@@ -175,6 +175,43 @@ def run(monkeypatch, capsys, tmp_path):
     return call
 
 
+def _sum_by(limit, parts) -> dict:
+    sums: dict = {}
+    for edge, p in parts:
+        sums[limit(edge)] = sums.get(limit(edge), 0.0) + p
+    return sums
+
+
+def test_a_speed_limit_has_the_probability_of_all_roads_that_have_it(fixes, edges):
+    roads = whichroad.RoadMap.from_edges(edges.assign(maxspeed=["50", "50", "30", "50"]))
+
+    def limit(edge: int) -> float | None:
+        return roads.attributes(edge)["speed_limit_kmh"]
+
+    result = whichroad.match(fixes, roads)
+    told = result.attribute("maxspeed").to_pandas()
+    for _, point in result.points.iterrows():
+        here = told[told.time == point.time]
+        assert here.p.sum() == pytest.approx(1.0, abs=1e-6)
+        assert here.p.is_monotonic_decreasing
+        asked = _sum_by(limit, ((a["edge_id"], a["p"]) for a in point.alternatives))
+        for value, p in asked.items():
+            assert here.p[here.value == value].sum() == pytest.approx(p, abs=1e-6)
+    with pytest.raises(SettingError, match="is none of this map"):
+        result.attribute("colour")
+    with pytest.raises(SettingError, match="has no map"):
+        pickle.loads(pickle.dumps(result)).attribute("maxspeed")
+
+    localizer = whichroad.Localizer(roads)
+    for fix in observed(fixes):
+        estimate = localizer.update(fix)
+        parts = [(h.edge, h.p) for h in estimate.hypotheses if h.edge is not None]
+        shares = dict(estimate.attribute("maxspeed"))
+        assert sum(shares.values()) == pytest.approx(1.0)
+        for value, p in _sum_by(limit, parts).items():
+            assert shares[value] == pytest.approx(p, abs=1e-9)
+
+
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])  # of many trips, each its own way
 def test_a_path_is_told_by_source_roads_where_that_is_asked(run, fixes, roads, suffix: str):
     roads.save("town.map")

@@ -1,7 +1,7 @@
 """The estimate of one epoch: its record is copied at once, and decoded when a property is read."""
 
 import math
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from ..filter.state import OFF_ROAD
 from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
 from ..roadmap import RoadMap
+from ..roadmap.attribute_shares import attribute_name, shares_by_value
 from ..tables.status import RECENT, STATUS, reason
 from .epoch_filter import Living, Row, living, row_of
 
@@ -197,6 +198,23 @@ class Estimate:
         if found and self._known_to_none and pose is not None and cov is not None:
             found.append(Hypothesis(self._known_to_none, None, pose, cov, 0.0, 0.0))
         return tuple(sorted(found, key=lambda one: -one.p))
+
+    def attribute(self, name: str) -> list[tuple[Any, float]]:
+        """Values of an attribute of my road, such as "maxspeed", each with its probability.
+
+        Args:
+            name: A column of the points with attributes; "maxspeed" is `speed_limit_kmh`.
+
+        Returns:
+            The most probable first, summed over hypotheses.  None is for roads without a
+            value, off the roads, and what no hypothesis knows.
+
+        Raises:
+            SettingError: The map has no such attribute.
+        """
+        column = attribute_name(self._roads, name)
+        places = ((h.edge, h.abscissa, h.p) for h in self.hypotheses if h.edge is not None)
+        return shares_by_value(self._roads, column, places)
 
     @property
     def map_pose(self) -> Pose | None:

@@ -265,9 +265,13 @@ class RoadMap(EdgeGeometry):
             edge: The edge.
             s: True m from its start; None: the edge's longest piece.
         """
-        way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
         names = [n for n in self.ways if n not in ("back_id", "paired")]
-        return {name: self._values(name, np.array([way]))[0] for name in names}
+        return {name: self.attribute(name, edge, s) for name in names}
+
+    def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
+        """One of these."""
+        way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
+        return self._values(name, np.array([way]))[0]
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""

@@ -176,6 +176,31 @@ class Result:
             )
         return self._find_lineage()
 
+    def attribute(self, name: str) -> pa.Table:
+        """Values of an attribute of the road, such as "maxspeed", each with its probability.
+
+        The roads are those of `alternatives` of the points: six at most an epoch.  On the most
+        probable edge the value is that at the place; on others, of their longest piece.
+
+        Args:
+            name: A column of the points with attributes; "maxspeed" is `speed_limit_kmh`.
+
+        Returns:
+            Columns `drive_id, time, value, p`; a row for each value of each epoch, the most
+            probable first.  The null value has the rest: off the roads, or no value known.
+
+        Raises:
+            SettingError: The map has no such attribute, or the result was pickled.
+        """
+        if self._roads is None:
+            raise SettingError(
+                "attribute: this result has no map, as one out of a pickle; the result that "
+                "match gave was expected; ask before it is pickled"
+            )
+        from .attribute import attribute_table
+
+        return attribute_table(self.to_arrow(), self._roads, name)
+
     def routes(self, k: int = 3) -> list[Route]:
         """The k most probable routes from the drive's start to its end, connected edges with P.
 
