@@ -33,6 +33,7 @@ PUBLIC = [
     "WheelSpeed",
     "Distance",
     "SpeedYaw",
+    "YawRate",
     "StartPose",
     "Settings",
     "Vehicle",

@@ -10,6 +10,8 @@ import pytest
 import shapely
 
 import whichroad
+from laws.public import geo_fixes, road_map
+from scenes import drive_along
 from whichroad import cli
 from whichroad.errors import DriveError, MapError, ReadError, SettingError
 from whichroad.geodesy.plane import Plane
@@ -243,3 +245,22 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
     assert err.count("covariance not positive definite (settings' default used)") == 1
     assert "skipped: covariance not positive definite (settings' default used): 240\n" in err
     assert "skipped: far: none of its 40 fixes is within 1 km of a road" in err
+
+
+def test_two_limits_share_the_probability_of_their_roads():
+    """Parallel streets, and fixes between them: the limit is as undecided as the street."""
+    lines = [[[0.0, y], [600.0, y]] for y in (0.0, 8.0)]
+    roads = road_map(lines, maxspeed=["50", "30"], oneway=["yes", "yes"])
+    truth = drive_along([[20.0, 4.0], [580.0, 4.0]])
+    fix = np.column_stack([truth.x, truth.y, np.full((len(truth.x), 2), 3.0), 0.0 * truth.x])
+    result = whichroad.match(geo_fixes(truth, fix, np.arange(0, len(truth.x), 10)), roads)
+    limits = result.attribute("maxspeed").to_pandas()
+    last = limits[limits.time == limits.time.max()].set_index("value").p
+    by_street = {
+        roads.attribute("speed_limit_kmh", road["edge_id"]): road["p"]
+        for road in result.to_arrow()["alternatives"][-1].as_py()
+    }
+    assert set(by_street) == {50.0, 30.0}
+    assert min(by_street.values()) > 0.05
+    for limit, p in by_street.items():
+        assert last[limit] == pytest.approx(p, abs=1e-6)

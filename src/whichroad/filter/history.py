@@ -92,7 +92,6 @@ LINK = np.dtype(
 
 COUNT = np.dtype([("steps", "i8"), ("nodes", "i8"), ("links", "i8")], align=True)
 
-
 REFERENCE = np.dtype([("mu", "f8", (N,)), ("cov", "f8", (N, N))], align=True)
 
 
