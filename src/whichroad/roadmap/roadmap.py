@@ -269,7 +269,16 @@ class RoadMap(EdgeGeometry):
         return {name: self.attribute(name, edge, s) for name in names}
 
     def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
-        """One of these."""
+        """One attribute of the road at a place; None where it is absent.
+
+        Args:
+            name: Of the attribute, as in `attributes`.
+            edge: The edge.
+            s: True m from its start; None: the edge's longest piece.
+
+        Returns:
+            Its value.
+        """
         way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
         return self._values(name, np.array([way]))[0]
 
