@@ -49,6 +49,7 @@ class Recorded(NamedTuple):
     chain: Chain  # edges of the most probable path, OFF_ROAD between
     diagnose: Callable[[], tuple[Finding, ...]] = tuple
     past: Past | None = None  # what it can be smoothed with, where that was asked for
+    evidence: float = math.nan  # nats, log-likelihood of all observations
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -111,10 +112,10 @@ def localize_recorded(
             progress(done)
     vetting = belief.state.vetting[0].copy()
     diagnose = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
-    heaviest = heaviest_chain(path, belief)
+    heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose)
+        return Recorded(output, heaviest, diagnose, evidence=evidence)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
@@ -122,7 +123,7 @@ def localize_recorded(
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past)
+    return Recorded(smoothed, chain, diagnose, past, evidence)
 
 
 def localize_by_paper(

@@ -132,6 +132,10 @@ class Vehicle:
     metres_per_tick_left: float = 0.0404
     metres_per_tick_right: float = 0.0404
     counter_bits: int = 0  # 0: counters do not wrap
+    odometer_scale: float = 1.0  # metres for each metre of speeds and odometers; not of counts
+    right_over_left: float = 1.0  # true metres for each metre of wheel speeds, right over left
+    gyro_scale: float = 1.0  # radians for each radian of a yaw rate
+    gyro_bias: float = 0.0  # rad/s of a yaw rate while the vehicle does not turn
     antenna_forward: float = 0.0  # m, antenna ahead of the rear axle's middle
     antenna_left: float = 0.0  # m
     clock_offset: dict[str, float] = field(default_factory=dict)  # s added to a source's times
@@ -144,6 +148,15 @@ class Vehicle:
             hint = "; is it in millimetres?" if self.track_width > 5.0 else ""
             raise SettingError(
                 f"track_width is {self.track_width} m; more than 0, at most 5 m was expected{hint}"
+            )
+        for name in ("odometer_scale", "right_over_left", "gyro_scale"):
+            value = getattr(self, name)
+            if not 0.1 <= abs(value) <= 10.0 or (value < 0.0 and name != "gyro_scale"):
+                raise SettingError(f"{name} is {value}; 0.1 to 10 was expected")
+        if not abs(self.gyro_bias) <= 1.0:
+            raise SettingError(
+                f"gyro_bias is {self.gyro_bias} rad/s; within 1 rad/s was expected; is it in "
+                "degrees a second?"
             )
         for name in ("antenna_forward", "antenna_left"):
             value = getattr(self, name)
@@ -201,9 +214,16 @@ def to_toml(vehicle: Vehicle) -> str:
         "metres_per_tick_right": vehicle.metres_per_tick_right,
         "counter_bits": vehicle.counter_bits,
     }
+    for name in ("odometer_scale", "right_over_left"):
+        if getattr(vehicle, name) != 1.0:
+            wheels[name] = getattr(vehicle, name)
+    gyro = {}
+    if (vehicle.gyro_scale, vehicle.gyro_bias) != (1.0, 0.0):
+        gyro = {"scale": vehicle.gyro_scale, "bias_rad_s": vehicle.gyro_bias}
     antenna = {"forward_m": vehicle.antenna_forward, "left_m": vehicle.antenna_left}
     lines = [f"driving_side = {text(vehicle.driving_side)}"]
-    lines += section("wheels", wheels) + section("antenna", antenna)
+    lines += section("wheels", wheels) + section("gyro", gyro)
+    lines += section("antenna", antenna)
     lines += section("clock", vehicle.clock_offset) + section("signals", vehicle.signals)
     lines += section("noise", vehicle.noise)
     return "\n".join(lines) + "\n"

@@ -63,6 +63,7 @@ class Row(NamedTuple):
 
 _ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
 _ROW = struct.Struct(f"={len(Row._fields)}d")
+_SUMS = ("_state", "_pairs", "_turning", "_shifting", "_errors", "_metres")  # of a drive
 _BLOCK = 2048  # epochs that are accumulated together on line
 
 
@@ -102,6 +103,7 @@ class _Fixes(NamedTuple):
     turn: Array  # rad by the odometer
     arc: Array  # m
     breaks: Array  # how often the heading was thought to be another
+    clock: Array  # s, also while standing
 
 
 class ConsistencyStatistics:
@@ -110,16 +112,17 @@ class ConsistencyStatistics:
     Args:
         settings: What is to be judged.
         vehicle: For its antenna.
+        by_time: Whether the heading drifts by the second, as a gyro's does, not by the metre.
     """
 
-    def __init__(self, settings: Settings, vehicle: Vehicle) -> None:
-        self.settings, self.vehicle = settings, vehicle
+    def __init__(self, settings: Settings, vehicle: Vehicle, *, by_time: bool = False) -> None:
+        self.settings, self.vehicle, self.by_time = settings, vehicle, by_time
         self._antenna = complex(vehicle.antenna_forward, vehicle.antenna_left)
         self._block, self._waiting = np.zeros((_BLOCK, len(Row._fields))), 0
         self._last: Array | None = None  # row
         self._driven = 0j  # m, by the odometer as the filter corrects it
-        self._state = np.zeros(5)  # moving s, heading, turn, arc, breaks
-        self._recent = _Fixes(*(np.zeros(0, complex if i in (1, 2) else float) for i in range(8)))
+        self._state = np.zeros(6)  # moving s, heading, turn, arc, breaks, clock s
+        self._recent = _Fixes(*(np.zeros(0, complex if i in (1, 2) else float) for i in range(9)))
         self._pairs = np.zeros((len(LAGS), 4))  # number, D, m driven over variance, lag
         self._turning = np.zeros(5)  # sums of turn², turn arc, arc², turn heading, arc heading
         self._shifting = np.zeros(7, complex)  # v²+, v+u, u²+, v+e, u+e, e²+; +: weighted; pairs
@@ -152,6 +155,19 @@ class ConsistencyStatistics:
         """Forget the last epochs that wait, so that no more than so many do."""
         self._waiting = min(max(waiting, 0), self._waiting)
 
+    def together(self, others: "Sequence[ConsistencyStatistics]") -> "ConsistencyStatistics":
+        """The sums of several drives of one car, these included.
+
+        Args:
+            others: Of the same settings and car.
+        """
+        out = ConsistencyStatistics(self.settings, self.vehicle, by_time=self.by_time)
+        for one in (self, *others):
+            one._flush()
+            for name in _SUMS:
+                setattr(out, name, getattr(out, name) + getattr(one, name))
+        return out
+
     def _flush(self) -> None:
         waiting, self._waiting = self._waiting, 0
         self.take(self._block[:waiting])
@@ -173,7 +189,7 @@ class ConsistencyStatistics:
         change = np.column_stack(
             [
                 since * (np.abs(table.speed) > 0.05), swing, table.turn, np.abs(table.arc),
-                np.abs(swing - table.turn) > limit,
+                np.abs(swing - table.turn) > limit, since,
             ]
         )  # fmt: skip
         state = self._state + np.cumsum(change, axis=0)
@@ -209,7 +225,8 @@ class ConsistencyStatistics:
                 len(a), np.minimum(seen, _MOST * expected).sum(), driven.sum(), apart[near].sum(),
             ]  # fmt: skip
             if number == _MIDDLE:
-                swing, turn, arc = (x[b] - x[a] for x in (every.heading, every.turn, every.arc))
+                over = every.clock if self.by_time else every.arc
+                swing, turn, arc = (x[b] - x[a] for x in (every.heading, every.turn, over))
                 self._turning += [turn @ turn, turn @ arc, arc @ arc, turn @ swing, arc @ swing]
                 self._add_shift(every, a, b, variance, seen < _MOST * expected)
         off = 0.5 * ((table.map_x - table.x) ** 2 + (table.map_y - table.y) ** 2)
@@ -295,7 +312,10 @@ class ConsistencyStatistics:
         return np.asarray(0.5 * variance * self._pairs[:, 2])
 
     def turns(self) -> tuple[float, float]:
-        """Turns as the filter corrects them over those of the odometer, and drift, rad/m."""
+        """Turns as the filter corrects them over those of the odometer, and drift.
+
+        Drift is in rad/m, or in rad/s where it is by time.
+        """
         tt, ta, aa, th, ah = self._turning
         if tt < _FEW_TURNS or tt * aa <= ta * ta:
             return 1.0, 0.0

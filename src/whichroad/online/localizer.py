@@ -4,6 +4,7 @@ It runs `filter.step.run`, the paper's Figure 7, for one epoch at a time, and ow
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from ..observations import Distance, GeoFix, Observation, StartPose, YawRate
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors.gnss import fix_row
-from ..sensors.odometry import bridged_step
+from ..sensors.odometry import bridged_step, true_rate
 from ..sensors.turns import GyroTurns
 from ..sensors.validation import validated
 from ..settings import Settings, Vehicle, parameters
@@ -137,7 +138,8 @@ class Localizer:
             self.skipped["late"] = self.skipped.get("late", 0) + 1
             return False
         if isinstance(possible, YawRate):
-            self._gyro.take(possible, self._reading, self.skipped)
+            rate = true_rate(possible.yaw_rate, self.vehicle)
+            self._gyro.take(replace(possible, yaw_rate=rate), self._reading, self.skipped)
             return True
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(late, 0.0))

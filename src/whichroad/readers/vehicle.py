@@ -30,9 +30,12 @@ _WHEELS = {
     "metres_per_tick_left": ("metres_per_tick_left",),
     "metres_per_tick_right": ("metres_per_tick_right",),
     "counter_bits": ("counter_bits",),
+    "odometer_scale": ("odometer_scale",),
+    "right_over_left": ("right_over_left",),
 }
+_GYRO = {"scale": ("gyro_scale",), "bias_rad_s": ("gyro_bias",)}
 _ANTENNA = {"forward_m": ("antenna_forward",), "left_m": ("antenna_left",)}
-_SECTIONS = ("wheels", "antenna", "clock", "signals", "noise", "driving_side")
+_SECTIONS = ("wheels", "gyro", "antenna", "clock", "signals", "noise", "driving_side")
 
 
 def read_vehicle(path: str | PathLike[str]) -> Vehicle:
@@ -57,7 +60,7 @@ def vehicle_from(content: Mapping[str, Any], where: str = "vehicle") -> Vehicle:
     """The car that parsed TOML describes; `where` names the source in errors."""
     _known(content, _SECTIONS, where)
     given: dict[str, Any] = {}
-    for name, meaning in (("wheels", _WHEELS), ("antenna", _ANTENNA)):
+    for name, meaning in (("wheels", _WHEELS), ("gyro", _GYRO), ("antenna", _ANTENNA)):
         for key, value in _section(content, name, meaning, where).items():
             for target in meaning[key]:
                 given[target] = _number(value, f"{where}: [{name}] {key}")

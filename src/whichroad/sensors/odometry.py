@@ -5,7 +5,8 @@ instead of piling up as white noise per step.
 """
 
 import math
-from typing import NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from ..observations import (
 from ..settings import Vehicle
 from .turns import turns_at
 from .validation import FASTEST, Skipped
+
+Rate = TypeVar("Rate", float, Array)
 
 _JITTER = 0.02  # s, by which readings come too close together
 _JUMP = "odometry jumped (bridged)"
@@ -65,16 +68,32 @@ def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
             left = (log.left - log.left[0]) * vehicle.metres_per_tick_left
             right = (log.right - log.right[0]) * vehicle.metres_per_tick_right
         case WheelSpeeds():
-            left = _integral(log.time, log.left)
-            right = _integral(log.time, log.right)
+            by_left, by_right = wheel_scales(vehicle)
+            left = by_left * _integral(log.time, log.left)
+            right = by_right * _integral(log.time, log.right)
         case Odometer():
-            return Motion(log.time, log.distance - log.distance[0], None)
+            distance = vehicle.odometer_scale * (log.distance - log.distance[0])
+            return Motion(log.time, distance, None)
         case SpeedYawRate():
-            distance, turn = (_integral(log.time, v) for v in (log.speed, log.yaw_rate))
+            distance = vehicle.odometer_scale * _integral(log.time, log.speed)
+            turn = _integral(log.time, true_rate(log.yaw_rate, vehicle))
             return Motion(log.time, distance, turn, gyro=True)
         case WithGyro():
-            return _with_gyro(motion_of(log.distance, vehicle), log.gyro)
+            gyro = replace(log.gyro, rate=true_rate(log.gyro.rate, vehicle))
+            return _with_gyro(motion_of(log.distance, vehicle), gyro)
     return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
+
+
+def true_rate(rate: Rate, vehicle: Vehicle) -> Rate:
+    """A yaw rate as the gyro measured it, rad/s, less its bias and by its scale."""
+    return vehicle.gyro_scale * (rate - vehicle.gyro_bias)
+
+
+def wheel_scales(vehicle: Vehicle) -> tuple[float, float]:
+    """Metres of the left and of the right wheel for each that its speed says."""
+    ratio = vehicle.right_over_left
+    left = 2.0 * vehicle.odometer_scale / (1.0 + ratio)
+    return left, ratio * left
 
 
 def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
@@ -106,13 +125,15 @@ def step_between(before: Observation, reading: Observation, car: Vehicle) -> tup
             left = (reading.left - before.left) * car.metres_per_tick_left
             right = (reading.right - before.right) * car.metres_per_tick_right
         case WheelSpeed(), WheelSpeed():
-            left = 0.5 * (reading.left + before.left) * dt
-            right = 0.5 * (reading.right + before.right) * dt
+            by_left, by_right = wheel_scales(car)
+            left = by_left * 0.5 * (reading.left + before.left) * dt
+            right = by_right * 0.5 * (reading.right + before.right) * dt
         case Distance(), Distance():
-            left = right = reading.distance - before.distance
+            left = right = car.odometer_scale * (reading.distance - before.distance)
         case SpeedYaw(), SpeedYaw():
-            half = 0.25 * (reading.yaw_rate + before.yaw_rate) * dt * car.track_width
-            middle = 0.5 * (reading.speed + before.speed) * dt
+            rate = true_rate(0.5 * (reading.yaw_rate + before.yaw_rate), car)
+            half = 0.5 * rate * dt * car.track_width
+            middle = 0.5 * car.odometer_scale * (reading.speed + before.speed) * dt
             left, right = middle - half, middle + half
         case _:
             return 0.0, 0.0
