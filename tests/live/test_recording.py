@@ -102,3 +102,15 @@ def test_a_recording_of_nothing_says_so(town, tmp_path):
     Recorder(tmp_path / "rec", town, {}).close()
     with pytest.raises(whichroad.ReadError, match="nothing was recorded"):
         read_drive(tmp_path / "rec")
+
+
+def test_a_recording_holds_the_turns_of_a_gyro(town, tmp_path):
+    gyro = [whichroad.YawRate(1.6e9 + 0.1 * k, 0.1) for k in range(20)]
+    wheel = [whichroad.Distance(1.6e9 + 0.1 * k + 0.05, 2.0 * k) for k in range(20)]
+    recorder = Recorder(tmp_path / "rec", town, {})
+    for one in sorted(gyro + wheel, key=lambda o: o.time):
+        recorder.observe(one)
+    recorder.close()
+    (drive,) = read_drive(tmp_path / "rec")
+    assert drive.odometry.gyro.rate == pytest.approx(np.full(20, 0.1))
+    assert drive.odometry.distance.distance == pytest.approx(2.0 * np.arange(20))

@@ -132,13 +132,12 @@ class Localizer:
         """
         if (possible := validated(observation, self.skipped)) is None:
             return False
+        if isinstance(possible, YawRate):
+            return self._gyro.take(possible, self._reading, self.skipped)
         late = self._filter.time - possible.time
         if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
             self.skipped["late"] = self.skipped.get("late", 0) + 1
             return False
-        if isinstance(possible, YawRate):
-            self._gyro.take(possible, self._reading, self.skipped)
-            return True
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(late, 0.0))
         else:
@@ -176,12 +175,11 @@ class Localizer:
         return self._estimate(double.time, double.estimate, double.living())
 
     def _take_odometry(self, reading: Reading) -> None:
-        odometer = isinstance(reading, Distance)
-        measured = odometer or not self._filter.is_silent(reading.time)
         arc, turn = self._increment(reading)
-        self._filter.set_mode(DISTANCE if odometer and not self._gyro.alone else WHEELS)
+        steered = self._gyro.alone or not isinstance(reading, Distance)
+        self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, measured, self._gyro.alone)
+        self._filter.fill(reading.time, arc, turn, 1, self._gyro.alone)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:

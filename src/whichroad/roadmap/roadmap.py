@@ -265,8 +265,9 @@ class RoadMap(EdgeGeometry):
             edge: The edge.
             s: True m from its start; None: the edge's longest piece.
         """
+        way = self._way_at(edge, s)
         names = [n for n in self.ways if n not in ("back_id", "paired")]
-        return {name: self.attribute(name, edge, s) for name in names}
+        return {name: self._values(name, way)[0] for name in names}
 
     def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
         """One attribute of the road at a place; None where it is absent.
@@ -279,8 +280,11 @@ class RoadMap(EdgeGeometry):
         Returns:
             Its value.
         """
-        way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
-        return self._values(name, np.array([way]))[0]
+        return self._values(name, self._way_at(edge, s))[0]
+
+    def _way_at(self, edge: int, s: float | None) -> NDArray[Any]:
+        """The street of an edge at a place, (1,)."""
+        return np.array([self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]])
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""
