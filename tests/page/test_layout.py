@@ -76,7 +76,7 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, t
     page.wait_for_selector("#drive:not([hidden])")
     for act in ("unmask", "mask"):
         page.evaluate(POST, {"action": act})
-        page.wait_for_function("m => whichroad.state.frame.gnss_masked === m", arg=act == "mask")
+        page.wait_for_selector(f"#mask[aria-pressed={str(act == 'mask').lower()}]")
         assert page.evaluate(OUTSIDE) == []
         assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
         assert page.evaluate("() => document.getElementById('p').getClientRects().length") == 1

@@ -5,7 +5,7 @@ from ..observations import Distance, GeoFix, Observation, YawRate
 from ..online import Estimate
 from ..sensors.odometry import dead_reckoned, step_between
 from ..settings import Vehicle
-from .messages import ReckoningMessage
+from .message_types import ReckoningMessage
 
 
 class DeadReckoning:

@@ -18,6 +18,8 @@ from ..readers.ubx import UbxParser
 from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
+from .message_types import ReceiverStatus
+from .receiver_status import StatusReader
 
 _JITTER = 0.02  # s, tolerance of time stamps
 _STALE = 0.5  # s, largest age of a signal combined with another
@@ -37,6 +39,7 @@ class NmeaStream:
     def __init__(self, settings: Settings | None = None, offset: float = 0.0) -> None:
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
         self._ubx = UbxParser(Reading.of(settings=settings))
+        self._status = StatusReader()
 
     @property
     def skipped(self) -> int:
@@ -45,10 +48,16 @@ class NmeaStream:
 
     def feed(self, data: bytes) -> list[GeoFix]:
         """Take bytes; returns the fixes that they complete."""
+        self._status.feed(data)
         fixes, sentences = self._ubx.feed(data)
         if self._ubx.seen:
             return self._shifted(fixes)
         return self._shifted(self._parser.feed(sentences))
+
+    @property
+    def receiver(self) -> ReceiverStatus:
+        """What the receiver said last of its satellites and its height."""
+        return self._status.now
 
     def flush(self) -> list[GeoFix]:
         """The line is silent: the fix of the burst that has ended."""

@@ -1,7 +1,8 @@
 """The page's addresses, for any Starlette application."""
 
+import gzip
 import json
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -12,6 +13,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..errors import SettingError
+from .compressed import compressed, takes_gzip
 from .layer import RoadLayer, edge_of
 from .static_files import STATIC, maplibre_folder
 
@@ -25,6 +27,7 @@ _KINDS = {
     ".svg": "image/svg+xml",
 }
 _KEPT = "public, max-age=31536000, immutable"  # cache header of versioned files
+_FILE_LEVEL = 6  # of files that are compressed once
 _EDGES = 64  # edges in one request, at most
 
 
@@ -81,13 +84,14 @@ def _policy(tiles_url: str | None) -> str:
     )
 
 
-async def _page(path: Path, about: dict[str, object], policy: str, _: Request) -> Response:
+async def _page(path: Path, about: dict[str, object], policy: str, request: Request) -> Response:
     text = path.read_text("utf-8")
     encoded = json.dumps(about).replace("<", "\\u003c")
-    return Response(
-        text.replace("{{about}}", encoded),
-        media_type="text/html",
-        headers={
+    return await compressed(
+        request,
+        text.replace("{{about}}", encoded).encode(),
+        "text/html; charset=utf-8",
+        {
             "Content-Security-Policy": policy,
             "Cache-Control": "no-cache",
             "X-Content-Type-Options": "nosniff",
@@ -100,11 +104,22 @@ async def _file(files: dict[str, Path], name: str | None, request: Request) -> R
     path = files.get(name or request.path_params["name"])
     if path is None:
         return JSONResponse({"error": "there is no such file"}, 404)
-    return FileResponse(
-        path,
-        media_type=_KINDS[path.suffix],
-        headers={"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"},
-    )
+    headers = {"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"}
+    kind, found = _KINDS[path.suffix], path.stat()
+    if not takes_gzip(request.headers.get("accept-encoding", "")):
+        return FileResponse(path, media_type=kind, headers=headers)
+    packed = await run_in_threadpool(_packed, path, found.st_mtime_ns, found.st_size)
+    etag = f'"{found.st_mtime_ns:x}-{found.st_size:x}-gzip"'
+    headers |= {"Content-Encoding": "gzip", "Vary": "Accept-Encoding", "ETag": etag}
+    if request.headers.get("if-none-match") == etag:
+        return Response(status_code=304, headers=headers)
+    return Response(packed, media_type=kind, headers=headers)
+
+
+@lru_cache(maxsize=64)
+def _packed(path: Path, stamp: int, size: int) -> bytes:
+    """A file in gzip, compressed once for each state of it."""
+    return gzip.compress(path.read_bytes(), _FILE_LEVEL, mtime=0)
 
 
 async def _tile(layer: RoadLayer, request: Request) -> Response:
@@ -115,9 +130,10 @@ async def _tile(layer: RoadLayer, request: Request) -> Response:
         tile = await run_in_threadpool(layer.tile, at["z"], at["x"], at["y"])
     except ValueError as error:
         return JSONResponse({"error": str(error)}, 404)
-    return Response(
-        tile, 200 if tile else 204, {"Cache-Control": _KEPT}, "application/vnd.mapbox-vector-tile"
-    )
+    if not tile:
+        return Response(status_code=204, headers={"Cache-Control": _KEPT})
+    kind = "application/vnd.mapbox-vector-tile"
+    return await compressed(request, tile, kind, {"Cache-Control": _KEPT})
 
 
 async def _edges(layer: RoadLayer, request: Request) -> Response:
@@ -126,4 +142,5 @@ async def _edges(layer: RoadLayer, request: Request) -> Response:
     if len(texts) > _EDGES or not all(text.isdecimal() and len(text) < 12 for text in texts):
         return JSONResponse({"error": f"ids: 1 to {_EDGES} numbers were expected"}, 400)
     known = [int(text) for text in texts if int(text) < len(layer.roads)]
-    return JSONResponse([edge_of(layer.roads, edge) for edge in known])
+    text = json.dumps([edge_of(layer.roads, edge) for edge in known], ensure_ascii=False)
+    return await compressed(request, text.encode(), "application/json")

@@ -9,7 +9,7 @@ import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
-from ..live.messages import EstimateMessage, PlayMessage
+from ..live.message_types import EstimateMessage, PlayMessage
 from .recorded_messages import RecordedMessages, Window
 from .timeline import timeline
 

@@ -13,7 +13,7 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -21,6 +21,7 @@ from ..live.access import AccessControl, is_local
 from ..live.refusals import HANDLERS, asked_of
 from ..live.web_server import listen, web_server
 from ..page import page_routes
+from ..page.compressed import compressed
 from .player import Player, Refused
 
 if TYPE_CHECKING:
@@ -63,10 +64,9 @@ def replay_app(
     async def control(request: Request) -> JSONResponse:
         return await _control(request, player)
 
-    async def columns(_: Request) -> JSONResponse:
-        return JSONResponse(
-            await asyncio.to_thread(player.timeline), headers={"Cache-Control": "no-store"}
-        )
+    async def columns(request: Request) -> Response:
+        body = await asyncio.to_thread(lambda: json.dumps(player.timeline()).encode())
+        return await compressed(request, body, "application/json", {"Cache-Control": "no-store"})
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:

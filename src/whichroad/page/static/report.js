@@ -285,5 +285,5 @@ now.t = series.begin;
 map.fit();
 goToLink();
 addEventListener("hashchange", goToLink);
-refresh();
+draw(); // at once: the page is ready when its first moment is drawn
 document.documentElement.dataset.ready = "report";
