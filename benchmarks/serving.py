@@ -33,7 +33,7 @@ _CODE = "from whichroad.cli import main; main()"
 Rows = list[tuple[float, float, float]]  # time, lat, lon
 
 
-def _traces(roads: whichroad.RoadMap) -> list[Rows]:
+def traces_of(roads: whichroad.RoadMap) -> list[Rows]:
     found: list[Rows] = []
     seed = 0
     while len(found) < TRACES:
@@ -156,7 +156,7 @@ def run(options: Options) -> list[Figure]:
         map_file = str(Path(folder) / "roads.map")
         roads = whichroad.RoadMap.from_osm(source)
         roads.save(map_file)
-        traces = _traces(roads)
+        traces = traces_of(roads)
         full = in_processes(workers, map_file, traces, "full")
         plain = in_processes(workers, map_file, traces, None)
         huge = json.dumps(_huge(traces))

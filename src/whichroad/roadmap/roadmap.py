@@ -290,6 +290,13 @@ class RoadMap(EdgeGeometry):
         """`name` of (n,) edges as an Arrow column, null where there is none."""
         return cast(Texts, self.ways["name"]).column(self.way[edge])
 
+    def words(self, name: str, piece: Ints) -> list[str]:
+        """An attribute of (n,) of the `pieces` that is text; empty where it is not known."""
+        column = self.ways.get(name)
+        if not isinstance(column, Texts):
+            return [""] * len(piece)
+        return column.words(self.pieces.way[piece])
+
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
         return self._values(name, self.way)
