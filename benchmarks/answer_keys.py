@@ -91,7 +91,7 @@ def osrm_answers(extract: Path, folder: Path, traces: list[Rows]) -> list[Any]:
 
 
 def plain(value: Any) -> Any:
-    """osrm's objects as dicts, lists and numbers."""
+    """Objects of osrm as dicts, lists and numbers."""
     import osrm
 
     if isinstance(value, osrm.Object):

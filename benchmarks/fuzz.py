@@ -308,6 +308,7 @@ def readers(folder: Path) -> list[Reader]:
         Reader("candump", can_short.read_bytes(), with_dbc, ".log"),
         Reader("asc", _by_library(can_short, folder / "log.asc"), with_dbc, ".asc"),
         Reader("blf", _by_library(can_short, folder / "log.blf"), with_dbc, ".blf"),
+        Reader("mf4", _by_library(can_short, folder / "log.mf4"), with_dbc, ".mf4"),
         Reader("dbc", dbc.read_bytes(), by_dbc, ".dbc"),
         Reader(
             "vehicle.toml",
@@ -335,7 +336,7 @@ def _mutations(reader: Reader) -> tuple[Mutation, ...]:
         return (*_TEXT, _sealed, _sealed)
     if reader.suffix == ".ubx":
         return (*_BINARY, _sealed_ubx, _sealed_ubx)
-    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap", ".db3")
+    binary = (".parquet", ".blf", ".mf4", ".map", ".gpkg", ".bag", ".mcap", ".db3")
     return _BINARY if reader.suffix in binary else _TEXT
 
 

@@ -379,3 +379,33 @@ def test_a_damaged_mf4_file_is_refused_in_one_sentence_and_nothing_is_printed(tm
         with pytest.raises(ReadError, match=r"log\.mf4"):
             read_drive([], can=log, dbc=put("car.dbc", DBC), vehicle=vehicle())
     assert capfd.readouterr() == ("", "")
+
+
+def test_an_mf4_file_that_leads_its_reader_in_a_circle_is_refused_in_time(tmp_path, monkeypatch):
+    import struct
+    from collections import Counter
+
+    from whichroad.readers import mf4
+
+    log = tmp_path / "log.mf4"
+    with can.Logger(str(log)) as writer:
+        for k in range(20):
+            writer(can.Message(T0 + 0.1 * k, 928, is_extended_id=False, data=ticks(k), channel=1))
+    assert len(list(mf4.messages(log, Counter()))) == 20
+    content = bytearray(log.read_bytes())
+    group = content.index(b"##DG")
+    struct.pack_into("<Q", content, group + 24, group)  # the next group of data is this one
+    log.write_bytes(content)
+    monkeypatch.setattr(mf4, "LEAST_TIME", 3.0)
+    with pytest.raises(ReadError, match=r"log\.mf4: asammdf came to no end within 3 s"):
+        list(mf4.messages(log, Counter()))
+
+
+def test_without_asammdf_the_remedy_is_named(tmp_path, monkeypatch):
+    from collections import Counter
+
+    from whichroad.readers import mf4
+
+    monkeypatch.setitem(__import__("sys").modules, "asammdf", None)
+    with pytest.raises(ReadError, match=r'asammdf is needed.*pip install "whichroad\[mf4\]"'):
+        list(mf4.messages(tmp_path / "log.mf4", Counter()))

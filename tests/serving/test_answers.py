@@ -271,5 +271,3 @@ def test_a_polyline_comes_back_and_damage_is_refused():
     for damaged in ("_p~iF", "_p~iF~ps|", "é", "~" * 50):
         with pytest.raises(ValueError, match="polyline"):
             decoded(damaged)
-
-

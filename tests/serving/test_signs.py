@@ -17,7 +17,10 @@ def roads():
                        ("f", 150, 200)):  # fmt: skip
         town.node(name, x, y)
     town.way(["a", "b"], "primary", name="Main")
-    lanes = {"turn:lanes:forward": "left|through|through;right", "turn:lanes:backward": "left|through"}
+    lanes = {
+        "turn:lanes:forward": "left|through|through;right",
+        "turn:lanes:backward": "left|through",
+    }
     town.way(["b", "c"], "primary", name="Main", ref="B 3", **lanes)
     town.way(["c", "d"], "primary", name="Main", ref="B 3")
     signed = {"destination:forward": "Harbour;Old Town"}
@@ -32,8 +35,8 @@ def shape():
     x = np.concatenate([np.arange(5.0, 300.0, 10.0), np.full(29, 300.0)])
     y = np.concatenate([np.zeros(30), -np.arange(5.0, 291.0, 10.0)])
     lat, lon = Plane(*ORIGIN).to_geodetic(x, y)
-    return [{"time": 1.78e9 + k, "lat": a, "lon": o} for k, (a, o) in enumerate(zip(lat, lon,
-                                                                              strict=True))]  # fmt: skip
+    places = zip(lat, lon, strict=True)
+    return [{"time": 1.78e9 + k, "lat": a, "lon": o} for k, (a, o) in enumerate(places)]
 
 
 def steps(roads, shape, **options):

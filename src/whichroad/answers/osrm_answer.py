@@ -16,7 +16,6 @@ from ..tables.status import STATUS
 from .matched_trace import Matched, Piece, Run
 from .polylines import encoded, pairs, rounded
 from .refusal import osrm_error
-from .signs import lanes_for, signs_of
 from .route_steps import (
     HALF_TURN,
     Lengths,
@@ -30,6 +29,7 @@ from .route_steps import (
     steps_of,
     whole,
 )  # fmt: skip
+from .signs import lanes_for, signs_of
 
 ANNOTATIONS = ("nodes", "distance", "duration", "datasources", "weight", "speed")
 _DETAIL = 1000.0  # extent of a simplified line over what may be left out

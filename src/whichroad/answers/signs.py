@@ -38,7 +38,9 @@ def signs_of(matched: Matched, pieces: list[Piece]) -> Signs:
     edge = np.array([piece.edge for piece in pieces], np.int64)
     start = np.array([piece.start for piece in pieces], np.float64)
     end = np.array([piece.end for piece in pieces], np.float64)
-    middle, last = (roads.piece(edge, s) for s in (0.5 * (start + end), np.maximum(end - _INSIDE, start)))
+    middle, last = (
+        roads.piece(edge, s) for s in (0.5 * (start + end), np.maximum(end - _INSIDE, start))
+    )
 
     def driven(name: str, rows: Any) -> list[str]:
         _, forward = roads.drawn_as(rows)

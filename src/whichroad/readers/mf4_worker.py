@@ -69,8 +69,7 @@ def main(path: str) -> None:
         first = (str(error).splitlines() or [""])[0][:200]
         content = json.dumps([type(error).__name__, first]).encode()
     answer.write(content)
-    answer.flush()
-    os._exit(0)  # files that asammdf has half opened fail once more when they are deleted
+    answer.close()
 
 
 if __name__ == "__main__":

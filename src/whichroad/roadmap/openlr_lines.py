@@ -31,7 +31,7 @@ _WHOLE = 1.0  # m, offsets below which are none
 _LEG = 100.0  # m, least length of the first and the last leg; an offset is told to 1/256 of it
 _KNOWN = 40.0  # m, length of an edge that decoders know by its bearing
 _STEPS = 256  # of an offset
-_WITHIN = 2.0  # m from the end of an edge at which an offset is on it in spite of rounded places
+_WITHIN = 1.0  # m from the end of an edge at which an offset is on it in spite of rounded places
 _FURTHER = 4  # edges at most by which a reference is longer than the route, on either side
 
 
@@ -83,9 +83,7 @@ class LineEncoder:
         self._leaving = order
         self._first = np.searchsorted(edges.from_node[order], np.arange(len(roads.node_id) + 1))
         self._coming = legal[np.argsort(edges.to_node[legal], kind="stable")]
-        self._last = np.searchsorted(
-            edges.to_node[self._coming], np.arange(len(roads.node_id) + 1)
-        )
+        self._last = np.searchsorted(edges.to_node[self._coming], np.arange(len(roads.node_id) + 1))
         self._from, self._to = edges.from_node.tolist(), edges.to_node.tolist()
         self._length: list[float] = edges.length.tolist()
         words = [str(word or "") for word in roads.column("highway")]
@@ -133,28 +131,29 @@ class LineEncoder:
     def _beyond(self, route: list[int], before: bool) -> list[int]:
         """Edges in front of a route, or behind it, up to one that decoders know; none if they do.
 
-        None as well where there is no such edge: then the reference is that of the route itself.
+        Without one the longest is taken, if it is longer than where the route ends itself.
         """
         found: list[int] = []
         used, end = set(route), route[0 if before else -1]
         if self._is_loop(end):
             return []
-        while not self._is_known(end):
+        order, first = (self._coming, self._last) if before else (self._leaving, self._first)
+        lengths = [self._length[end]]
+        while not self._is_known(end) and len(found) < _FURTHER:
             node = self._from[end] if before else self._to[end]
-            order, first = (self._coming, self._last) if before else (self._leaving, self._first)
             there = [
                 e for e in order[first[node] : first[node + 1]].tolist()
                 if e not in used and self._opposite[e] != end and not self._is_loop(e)
                 and self._length[e] <= _FARTHEST
             ]  # fmt: skip
-            if not there or len(found) == _FURTHER:
-                return []
+            if not there:
+                break
             known = [e for e in there if self._is_known(e)]
-            end = min(known, key=self._length.__getitem__) if known else max(
-                there, key=self._length.__getitem__
-            )  # fmt: skip
+            end = (min if known else max)(known or there, key=self._length.__getitem__)
             used.add(end)
             found.append(end)
+            lengths.append(self._length[end])
+        found = found[: int(np.argmax(lengths))] if not self._is_known(end) else found
         return found[::-1] if before else found
 
     def _legs_of(self, route: list[int], before: float, behind: float) -> _Legs:
@@ -210,9 +209,7 @@ class LineEncoder:
             starts.append(self._known_place(route, low, high))
         if later and starts[-1] > last:
             return None
-        return _Legs(
-            route, starts, begin, float(lengths[-1]) - end, before - begin, behind - end
-        )
+        return _Legs(route, starts, begin, float(lengths[-1]) - end, before - begin, behind - end)
 
     def _points(self, legs: _Legs) -> list[_Point]:
         """The reference points between legs."""

@@ -291,7 +291,12 @@ class RoadMap(EdgeGeometry):
         return cast(Texts, self.ways["name"]).column(self.way[edge])
 
     def words(self, name: str, piece: Ints) -> list[str]:
-        """An attribute of (n,) of the `pieces` that is text; empty where it is not known."""
+        """An attribute that is text, of some of the `pieces`; empty where it is not known.
+
+        Args:
+            name: Of the attribute, such as `ref`; one that the map lacks is nowhere known.
+            piece: (n,) rows of `pieces`.
+        """
         column = self.ways.get(name)
         if not isinstance(column, Texts):
             return [""] * len(piece)
