@@ -429,3 +429,9 @@ def test_any_cells_give_records_or_a_read_error(rows):
     except ReadError:
         return
     check_records(drive)
+
+
+def test_a_table_of_places_alone_without_one_that_can_be_understood_is_refused(put):
+    table = put("places.txt", "lat lon\nnorth east\n49.4 <8\n")
+    with pytest.raises(ReadError, match=r"places\.txt: no row has both a latitude and a longitude"):
+        read_drive(table)

@@ -217,6 +217,11 @@ def _invented(
 
 
 def _no_time(seen: Seen, where: str) -> str:
+    if "time" not in seen.found:  # times were to be invented, for places
+        return (
+            f"{where}: no row has both a latitude and a longitude that can be understood; "
+            "degrees, such as 49.4093 and 8.6937, were expected"
+        )
     column = seen.found["time"]
     first = next((c for c in strings(seen.table.column(column.place)) if c), "")
     return (
