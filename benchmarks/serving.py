@@ -197,8 +197,9 @@ def _huge(traces: list[Rows]) -> dict[str, Any]:
 
 
 def _figures(
-    full: float, plain: float, alone: list[float], few: list[float], many: list[float], paced: list[float],
-    beside_bad: list[float], beside_huge: list[float], bad: list[int], large: list[int],
+    full: float, plain: float, alone: list[float], few: list[float], many: list[float],
+    paced: list[float], beside_bad: list[float], beside_huge: list[float],
+    bad: list[int], large: list[int],
 ) -> list[Figure]:  # fmt: skip
     rate = len(many) / _SECONDS
     return [
