@@ -21,7 +21,7 @@ FILES = {
     "maplibre-gl.css": "package/dist/maplibre-gl.css",
     "LICENSE.txt": "package/LICENSE.txt",
 }
-SECONDS = 60.0  # that npm may take
+SECONDS = 30.0  # that npm may take; builds without a connection wait as long
 
 
 def unpacked(archive: bytes) -> dict[str, bytes]:
@@ -55,7 +55,7 @@ def fetched() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         try:
             done = subprocess.run(
-                [npm, "pack", "--silent", f"maplibre-gl@{VERSION}"],
+                [npm, "pack", "--silent", "--fetch-retries=0", f"maplibre-gl@{VERSION}"],
                 cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:

@@ -311,7 +311,7 @@ def test_a_reverse_flag_turns_speeds_round():
     [
         (["P", "D", "R", "R", "D"], "R"),
         ([0, 1, -1, -1, 2], "-1"),
-        (["neutral", "drive", "Reverse", "reverse ", None], "Reverse, reverse"),
+        (["neutral", "drive", "Reverse", None, "park"], "Reverse"),  # holds until the next
         (["GearShifter.park", "D3", "GearShifter.reverse", "R1", "S"], "GearShifter.reverse, R1"),
     ],
 )
