@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
-from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
+from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds, WithGyro
 from whichroad.readers import read_drive
 from whichroad.readers.can import decode
 from whichroad.settings import Vehicle
@@ -248,6 +248,19 @@ def test_without_wheels_speed_yaw_rate_or_an_odometer_will_do(read, sound, signa
     else:
         assert drive.odometry.speed == pytest.approx(10.0)
         assert drive.odometry.yaw_rate == pytest.approx(np.radians(9.0))
+
+
+def test_a_yaw_rate_in_another_frame_turns_an_odometer(read, sound):
+    signals = {"odometer": "Odometer", "yaw_rate": "YawRate"}
+    log = "".join(motion(k) for k in range(20))
+    drive = read(log, vehicle(signals))
+    sound(drive)
+    assert isinstance(drive.odometry, WithGyro)
+    assert np.diff(drive.odometry.distance.distance) == pytest.approx(1.0, abs=1e-5)
+    assert drive.odometry.gyro.rate == pytest.approx(np.radians(9.0))
+    assert not any("not used" in note for note in drive.notes)
+    also = read(log, vehicle(signals | {"speed": "Speed"}))  # a finer step than most odometers'
+    assert isinstance(also.odometry, SpeedYawRate)
 
 
 def test_long_identifiers_are_theirs_alone_and_strange_units_are_noted(read):

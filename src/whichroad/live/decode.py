@@ -10,7 +10,15 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
-from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelSpeed,
+    WheelTicks,
+    YawRate,
+)
 from ..readers.can import Signal, find_signals, si_factor
 from ..readers.nmea import NmeaParser
 from ..readers.reading import Reading
@@ -78,7 +86,8 @@ class CanStream:
     """CAN frames in, odometry out.
 
     The signals that vehicle.toml names choose what comes out: rear wheel counters, else wheel
-    speeds, else speed with yaw rate, else an odometer, else the speed alone.
+    speeds, else speed with yaw rate, else an odometer (with a yaw rate if there is one), else the
+    speed alone.
 
     Args:
         dbc: The database of the signals.
@@ -182,13 +191,15 @@ class CanStream:
             return self._pair(role, "wheel_rl_ticks", "wheel_rr_ticks", before, WheelTicks)
         if {"wheel_rl", "wheel_rr"} <= self._roles:
             return self._pair(role, "wheel_rl", "wheel_rr", before, WheelSpeed)
-        if role == "speed" and "yaw_rate" in self._roles:
+        if {"speed", "yaw_rate"} <= self._roles:
             turning = self._last.get("yaw_rate")
-            if turning is None or abs(stamp - turning[0]) > _STALE:
+            if role != "speed" or turning is None or abs(stamp - turning[0]) > _STALE:
                 return []
             return [SpeedYaw(stamp, value, turning[1])]
-        if role == "odometer" and "speed" not in self._roles:
-            return [Distance(stamp, value)]
+        if "odometer" in self._roles:
+            if role == "yaw_rate":
+                return [YawRate(stamp, value)]
+            return [Distance(stamp, value)] if role == "odometer" else []
         if role == "speed":
             if before is not None:
                 self._distance += 0.5 * (value + before[1]) * (stamp - before[0])

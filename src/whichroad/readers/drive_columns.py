@@ -121,7 +121,14 @@ def _odometry(
     log = _distance_and_turn(columns, has_position, vehicle, skipped, notes)
     if "yaw_rate" not in columns or not isinstance(log, Odometer):
         return log
-    gyro = yaw_rates(columns["time"], columns["yaw_rate"], skipped)
+    return with_gyro(log, columns["time"], columns["yaw_rate"], skipped, notes)
+
+
+def with_gyro(
+    log: Odometer, time: Array, rate: Array, skipped: Skipped, notes: list[str]
+) -> Odometer | WithGyro:
+    """An odometer and the yaw rate beside it, unless that covers a part of its time only."""
+    gyro = yaw_rates(time, rate, skipped)
     if gyro is None:
         return log
     common = min(gyro.time[-1], log.time[-1]) - max(gyro.time[0], log.time[0])

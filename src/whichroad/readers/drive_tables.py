@@ -32,6 +32,7 @@ from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
 _WHEELS = frozenset(("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks"))
+_MOTION = _WHEELS | {"yaw_rate", "odometer"}
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
 _NO_TIMES = frozenset(
@@ -181,7 +182,8 @@ def _values(seen: Seen, skipped: Skipped, notes: list[str]) -> Columns:
         gear = seen.found["gear"]
         cells = strings(seen.table.column(gear.place))
         columns["reverse"] = reversing(cells, gear.name, notes)
-    return columns
+    empty = [name for name in _MOTION & columns.keys() if np.isnan(columns[name]).all()]
+    return {name: values for name, values in columns.items() if name not in empty}
 
 
 def _times(
