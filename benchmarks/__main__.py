@@ -50,6 +50,7 @@ BENCHMARKS = {
     ),
     "serve": ("serving.run", "whichroad serve: rate and time among callers, bad, huge requests"),
     "keys": ("answer_keys.run", "keys and types of OSRM's and Valhalla's own answers, beside ours"),
+    "overture": ("overture.run", "a city as Overture's segments, beside OpenStreetMap's ways"),
     "openlr": ("openlr_paths.run", "OpenLR references, followed by another decoder"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
     "routes": ("routes.run", "points against path, sure edges between fixes, turning round"),

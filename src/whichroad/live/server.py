@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -205,8 +206,13 @@ class Run:
             health = filter_loop.sensor(_name(address), "gnss")
             offset = car.clock_offset.get("gnss", 0.0)
 
-            def make(health: Any = health, offset: float = offset) -> NmeaInput:
-                return NmeaInput(health, NmeaStream(settings, offset), deliver)
+            def make(
+                health: Any = health, offset: float = offset, name: str = _name(address)
+            ) -> NmeaInput:
+                wheels = None if plan.can else car  # those of a bus come first
+                stream = NmeaStream(settings, offset, wheels)
+                sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
+                return NmeaInput(health, stream, deliver, sensor)
 
             inputs.append(READERS[address.kind](address, health, make))
         for address, dbc in plan.can:

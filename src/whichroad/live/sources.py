@@ -86,13 +86,22 @@ class NmeaInput:
         health: Of the input.
         stream: A decoder of its own.
         deliver: Takes the fixes.
+        sensors: Gives the health of the wheels and the gyro that a receiver reads, once there are
+            any.
 
     Attributes:
         useful: When a fix came out last, on the clock of `time.perf_counter`.
     """
 
-    def __init__(self, health: Health, stream: NmeaStream, deliver: Deliver) -> None:
+    def __init__(
+        self,
+        health: Health,
+        stream: NmeaStream,
+        deliver: Deliver,
+        sensors: Callable[[], Health] | None = None,
+    ) -> None:
         self.useful = 0.0
+        self._sensors = sensors or (lambda: health)
         self._health, self._stream, self._deliver = health, stream, deliver
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
@@ -112,6 +121,10 @@ class NmeaInput:
         before = self._stream.skipped
         fixes = self._stream.feed(data)
         self._health.skipped += self._stream.skipped - before
+        if sensed := self._stream.sensed():
+            wheels = self._sensors()
+            wheels.link = "open"
+            self._deliver(wheels, sensed, self._arrival)
         self._pass_on(fixes)
         if self._quiet is not None:
             self._quiet.cancel()
