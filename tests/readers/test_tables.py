@@ -306,6 +306,29 @@ def test_a_reverse_flag_turns_speeds_round():
     assert one(columns).odometry.left.tolist() == [2, 2, -2, -2, 2]
 
 
+@pytest.mark.parametrize(
+    ("gear", "told"),
+    [
+        (["P", "D", "R", "R", "D"], "R"),
+        ([0, 1, -1, -1, 2], "-1"),
+        (["neutral", "drive", "Reverse", None, "park"], "Reverse"),  # holds until the next
+        (["GearShifter.park", "D3", "GearShifter.reverse", "R1", "S"], "GearShifter.reverse, R1"),
+    ],
+)
+def test_a_gear_turns_speeds_round(gear, told):
+    columns = {"time": T0 + np.arange(N), "wheel_rl_mps": [2.0] * N, "wheel_rr_mps": [2.0] * N}
+    drive = one(pd.DataFrame({**columns, "Gear": gear}))
+    assert drive.odometry.left.tolist() == [2, 2, -2, -2, 2]
+    assert f"column 'Gear': {told} taken as going backwards" in drive.notes
+
+
+def test_gears_by_the_codes_of_a_maker_are_not_guessed_at():
+    columns = {"time": T0 + np.arange(N), "wheel_rl_mps": [2.0] * N, "wheel_rr_mps": [2.0] * N}
+    drive = one({**columns, "gear": [1, 4, 2, 2, 4]})
+    assert drive.odometry.left.tolist() == [2.0] * N
+    assert any("no value is known to mean backwards" in note for note in drive.notes)
+
+
 def test_impossible_speeds_are_counted(sound):
     columns = {
         "time": T0 + np.arange(N),
@@ -429,3 +452,9 @@ def test_any_cells_give_records_or_a_read_error(rows):
     except ReadError:
         return
     check_records(drive)
+
+
+def test_a_table_of_places_alone_without_one_that_can_be_understood_is_refused(put):
+    table = put("places.txt", "lat lon\nnorth east\n49.4 <8\n")
+    with pytest.raises(ReadError, match=r"places\.txt: no row has both a latitude and a longitude"):
+        read_drive(table)

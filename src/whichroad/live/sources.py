@@ -87,15 +87,24 @@ class NmeaInput:
         health: Of the input.
         stream: A decoder of its own.
         deliver: Takes the fixes.
+        sensors: Gives the health of the wheels and the gyro that a receiver reads, once there are
+            any.
 
     Attributes:
         useful: When a fix came out last, on the clock of `time.perf_counter`.
         port: Decides which sender of its port is listened to; None: it has a port of its own.
     """
 
-    def __init__(self, health: Health, stream: NmeaStream, deliver: Deliver) -> None:
+    def __init__(
+        self,
+        health: Health,
+        stream: NmeaStream,
+        deliver: Deliver,
+        sensors: Callable[[], Health] | None = None,
+    ) -> None:
         self.useful = 0.0
         self.port: OneSender | None = None
+        self._sensors = sensors or (lambda: health)
         self._health, self._stream, self._deliver = health, stream, deliver
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
@@ -115,6 +124,10 @@ class NmeaInput:
         before = self._stream.skipped
         fixes = self._stream.feed(data)
         self._health.skipped += self._stream.skipped - before
+        if sensed := self._stream.sensed():
+            wheels = self._sensors()
+            wheels.link = "open"
+            self._deliver(wheels, sensed, self._arrival)
         self._pass_on(fixes)
         if self._quiet is not None:
             self._quiet.cancel()

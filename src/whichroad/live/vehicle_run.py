@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +94,13 @@ class VehicleRun:
             health = filter_loop.sensor(name_of(address), "gnss")
             offset = car.clock_offset.get("gnss", 0.0)
 
-            def make(health: Any = health, offset: float = offset) -> NmeaInput:
-                return NmeaInput(health, NmeaStream(settings, offset), deliver)
+            def make(
+                health: Any = health, offset: float = offset, name: str = name_of(address)
+            ) -> NmeaInput:
+                wheels = None if fitted.can else car  # those of a bus come first
+                stream = NmeaStream(settings, offset, wheels)
+                sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
+                return NmeaInput(health, stream, deliver, sensor)
 
             inputs.append(READERS[address.kind](address, health, make))
         for address, dbc in fitted.can:

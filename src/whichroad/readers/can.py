@@ -1,7 +1,7 @@
 """CAN logs to odometry, by the user's .dbc and the signals that vehicle.toml names.
 
 Rear-wheel counters come first, as in the paper; then wheel speeds, speed with yaw rate,
-an odometer, speed alone.
+an odometer with yaw rate, an odometer, speed alone.
 """
 
 import difflib
@@ -20,7 +20,7 @@ from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
-from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, unused
+from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, steered, unused, yaw_rates
 from .table_units import possible_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
@@ -275,7 +275,8 @@ def _odometry(
         if "yaw_rate" in series:
             return speed_yaw_rate(time, speed, _at(time, *series["yaw_rate"]), skipped)
     if "odometer" in series:
-        return odometer(*series["odometer"], skipped)
+        gyro = yaw_rates(*series["yaw_rate"], skipped) if "yaw_rate" in series else None
+        return steered(odometer(*series["odometer"], skipped), gyro)
     return odometer_from_speed(time, speed, skipped) if "speed" in series else None
 
 

@@ -294,6 +294,18 @@ class RoadMap(EdgeGeometry):
         """`name` of (n,) edges as an Arrow column, null where there is none."""
         return cast(Texts, self.ways["name"]).column(self.way[edge])
 
+    def words(self, name: str, piece: Ints) -> list[str]:
+        """An attribute that is text, of some of the `pieces`; empty where it is not known.
+
+        Args:
+            name: Of the attribute, such as `ref`; one that the map lacks is nowhere known.
+            piece: (n,) rows of `pieces`.
+        """
+        column = self.ways.get(name)
+        if not isinstance(column, Texts):
+            return [""] * len(piece)
+        return column.words(self.pieces.way[piece])
+
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
         return self._values(name, self.way)
