@@ -40,15 +40,7 @@ class RoadMap(EdgeGeometry):
         node_id: (J,) the source's ids of the junctions, see `node_ids`.
     """
 
-    __slots__ = (
-        "_about",
-        "_fingerprint",
-        "node_id",
-        "pieces",
-        "plane",
-        "way",
-        "ways",
-    )
+    __slots__ = ("_about", "_fingerprint", "node_id", "pieces", "plane", "way", "ways")
 
     def __init__(
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
@@ -197,10 +189,8 @@ class RoadMap(EdgeGeometry):
         """
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
         along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
-        found = np.empty(len(edges), np.int64)
-        topology.find_pieces(
-            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(along), found
-        )
+        found, pieces = np.empty(len(edges), np.int64), self.pieces
+        topology.find_pieces(pieces.first, pieces.start, edges, np.ascontiguousarray(along), found)
         return found
 
     def source(self, edge: int, s: float) -> tuple[int | str, bool]:
@@ -266,8 +256,8 @@ class RoadMap(EdgeGeometry):
             s: True m from its start; None: the edge's longest piece.
         """
         way = self._way_at(edge, s)
-        names = [n for n in self.ways if n not in ("back_id", "paired")]
-        return {name: self._values(name, way)[0] for name in names}
+        hidden = ("back_id", "paired")
+        return {name: self._values(name, way)[0] for name in self.ways if name not in hidden}
 
     def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
         """One attribute of the road at a place; None where it is absent.
@@ -302,9 +292,8 @@ class RoadMap(EdgeGeometry):
             piece: (n,) rows of `pieces`.
         """
         column = self.ways.get(name)
-        if not isinstance(column, Texts):
-            return [""] * len(piece)
-        return column.words(self.pieces.way[piece])
+        absent = [""] * len(piece)
+        return column.words(self.pieces.way[piece]) if isinstance(column, Texts) else absent
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
