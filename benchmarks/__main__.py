@@ -42,6 +42,8 @@ BENCHMARKS = {
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
+    "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
+    "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (

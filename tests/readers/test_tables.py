@@ -276,6 +276,30 @@ def test_fixes_and_counters_may_share_a_table(sound):
     assert drive.skipped == {}
 
 
+@pytest.mark.parametrize("told", [0, 16])
+@pytest.mark.parametrize("bits", [8, 12])
+def test_counters_that_wrap_at_another_width_are_taken_at_it(told: int, bits: int, sound):
+    driven = np.cumsum(np.full(2000, 12.0))
+    columns = {
+        "time": T0 + 0.1 * np.arange(2000),
+        "wheel_rl_ticks": (driven + 100) % 2**bits,
+        "wheel_rr_ticks": driven % 2**bits,
+    }
+    drive = one(columns, vehicle=Vehicle(counter_bits=told))
+    sound(drive)
+    assert np.diff(drive.odometry.left) == pytest.approx(np.diff(driven))
+    assert any(f"taken as {bits} bits" in note for note in drive.notes)
+    assert drive.skipped == {}
+
+
+def test_counters_that_go_back_and_forth_do_not_wrap():
+    swing = 120.0 + 119.0 * np.sin(0.05 * np.arange(2000))
+    columns = {"time": T0 + 0.1 * np.arange(2000), "wheel_rl_ticks": swing, "wheel_rr_ticks": swing}
+    drive = one(columns, vehicle=Vehicle(counter_bits=16))
+    assert not any("wrap" in note for note in drive.notes)
+    assert drive.odometry.left == pytest.approx(swing)
+
+
 @pytest.mark.parametrize(
     ("columns", "kind"),
     [

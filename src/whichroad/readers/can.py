@@ -88,7 +88,7 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
         for role, signal in signals.items()
         if signal.frame in frames
     }
-    log = _odometry(series, signals, vehicle, skipped)
+    log = _odometry(series, signals, vehicle, skipped, notes)
     if log is None:
         silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
         raise ReadError(
@@ -254,7 +254,11 @@ def _reversing(
 
 
 def _odometry(
-    series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle, skipped: Skipped
+    series: dict[str, Series],
+    signals: dict[str, Signal],
+    vehicle: Vehicle,
+    skipped: Skipped,
+    notes: list[str],
 ) -> OdometryLog | None:
     """The best odometry among the signals that came."""
     reversing = _reversing(series, signals, vehicle)
@@ -262,7 +266,9 @@ def _odometry(
         left, right = series["wheel_rl_ticks"], series["wheel_rr_ticks"]
         about = signals["wheel_rl_ticks"].about
         bits = vehicle.counter_bits or (0 if about.is_float else about.length)
-        counts = wheel_counts(left, right, vehicle, skipped, bits=bits, reversing=reversing)
+        counts = wheel_counts(
+            left, right, vehicle, skipped, bits=bits, reversing=reversing, notes=notes
+        )
         return counts if len(counts.time) else None
     if {"wheel_rl", "wheel_rr"} <= series.keys():
         left, right = series["wheel_rl"], series["wheel_rr"]

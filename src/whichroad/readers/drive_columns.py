@@ -124,7 +124,7 @@ def _odometry(
     reversing = _reversing(columns)
     if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
         left, right = (time, columns["wheel_rl_ticks"]), (time, columns["wheel_rr_ticks"])
-        counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing)
+        counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing, notes=notes)
         return counts if len(counts.time) else None
     if {"wheel_rl", "wheel_rr"} <= has:
         left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
