@@ -10,6 +10,7 @@ const EARTH = 6371008.8;
 const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
 const STEPS = 40; // points of an ellipse
 const LOOK_FROM = 30; // m; where they are smaller than a dozen pixels roads have no labels
+const SHIFTS = [0, -21, 21, -42, 42, -63, 63]; // pixels by which a label makes room for another
 const AHEAD = 58; // pixels from the vehicle to the label of its road
 
 /** Draws everything of one moment.
@@ -341,14 +342,16 @@ function walked(from, line) {
   return { x, y, left };
 }
 
-/** Labels, the most probable first; one that would hide another is left out. */
+/** Labels, the most probable first; one that would hide another stands above or below it. */
 function drawPills(ctx, labels, look) {
   const taken = [];
   ctx.font = "600 11px system-ui, sans-serif";
   for (const label of labels) {
-    if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 20)) continue;
-    taken.push(label);
-    drawPill(ctx, label, look);
+    const free = (shift) => !taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y - shift) < 20);
+    const shift = SHIFTS.find(free);
+    if (shift === undefined) continue;
+    taken.push({ ...label, y: label.y + shift });
+    drawPill(ctx, taken[taken.length - 1], look);
   }
 }
 
