@@ -40,7 +40,7 @@ _FEED = """async ([from, count, edges]) => {
   const frame = structuredClone(whichroad.state.frame);
   if (from === 0) {
     whichroad.state.recording = null;
-    whichroad.state.series.clear();
+    whichroad.state.series = new whichroad.state.series.constructor(40000); // as of a live page
   } else {
     frame.epoch_s = whichroad.state.frame.epoch_s;
   }
