@@ -55,6 +55,7 @@ BENCHMARKS = {
     "overture": ("overture.run", "a city as Overture's segments, beside OpenStreetMap's ways"),
     "openlr": ("openlr_paths.run", "OpenLR references, followed by another decoder"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
+    "day": ("day.run", "a day at 10 Hz, time compressed: memory of the service and of its page"),
     "routes": ("routes.run", "points against path, sure edges between fixes, turning round"),
     "doubt": ("doubt.run", "how long P says ambiguous where no road competes"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),

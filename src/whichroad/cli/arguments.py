@@ -43,6 +43,9 @@ Token = Annotated[
     str | None,
     typer.Option(envvar="WHICHROAD_TOKEN", help="Token that every client must send."),
 ]
+TilesBy = Annotated[
+    str | None, typer.Option(metavar="TEXT", help="Whose --tiles they are, as the map says.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output files.")]
 MapOption = Annotated[
     Path,

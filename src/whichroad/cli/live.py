@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError, comes_with
-from .arguments import MapOption, Token, check_token, read_start
+from .arguments import MapOption, TilesBy, Token, check_token, read_start
 from .console import progress_line
 from .live_vehicles import Fittings, named, own_file
 
@@ -109,6 +109,7 @@ def live(
     tiles: Annotated[
         str | None, typer.Option(metavar="URL", help="Raster tiles to draw under the roads.")
     ] = None,
+    tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
@@ -135,7 +136,7 @@ def live(
         if plan.recording is None:
             plan.nmea, plan.can = _inputs(fittings, first)
         plan.others = [_other(plan, fittings, name, lag) for name in names[1:]]
-        plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
+        plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
         vehicles: list[Plan | Fitted] = [plan, *plan.others]
         for one in vehicles:
             one.nmea_outputs = _nmea_outputs(sinks[one.name])
@@ -262,12 +263,12 @@ def _path(text: str | None) -> Path | None:
     return None if text is None else Path(text)
 
 
-def _pages(roads: "RoadMap", tiles: str | None) -> Any:
+def _pages(roads: "RoadMap", tiles: str | None, tiles_by: str | None) -> Any:
     """The page's routes; without MapLibre the service runs without them, with a notice."""
     from ..page import page_routes
 
     try:
-        return page_routes(roads, tiles_url=tiles)
+        return page_routes(roads, tiles_url=tiles, tiles_by=tiles_by)
     except SettingError as error:
         if tiles is not None:
             raise

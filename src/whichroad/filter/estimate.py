@@ -140,7 +140,8 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.p_edge = p_edge
     out.p_way = way_share(belief, ctx, out, p_edge)
     take_back(belief, hypotheses)
-    out.status = _status(state, ctx.par[0], off, out.p_way)
+    facing = out.p_way + _facing_back(ctx, out)
+    out.status = _status(state, ctx.par[0], off, out.p_way, facing)
 
 
 @kernel
@@ -167,18 +168,36 @@ def _widen(out: Record, share: float, sigma: float) -> None:
 
 
 @kernel
-def _status(state: Record, par: Record, off: float, p_way: float) -> int:
-    """Status of an epoch, the gravest first."""
+def _facing_back(ctx: Context, out: Record) -> float:
+    """P of the most probable edge's opposite direction: the same street, faced the other way."""
+    if out.edge < 0:
+        return 0.0
+    opposite = ctx.roads.edges[out.edge].opposite
+    p = 0.0
+    for a in range(len(out.alt_edge)):
+        if out.alt_edge[a] >= 0 and out.alt_edge[a] == opposite:
+            p += float(out.alt_p[a])
+    return p
+
+
+@kernel
+def _status(state: Record, par: Record, off: float, p_way: float, facing: float) -> int:
+    """Status of an epoch, the gravest first.
+
+    Two directions of one street compete only once the vehicle moves: `facing` is P(way) and
+    that of the direction opposite to it.
+    """
     if state.misfits >= _MISFITS:
         return LOST
     silent = state.time - state.last_fix > par.outage_after
     if off > 0.5:
         return OUTAGE if silent else OFF
-    if p_way < par.ambiguous_below:
+    stands = state.standing > 1.0
+    if (facing if stands else p_way) < par.ambiguous_below:
         return AMBIGUOUS
     if silent:
         return OUTAGE
-    return STOPPED if state.standing > 1.0 else ON_ROAD
+    return STOPPED if stands else ON_ROAD
 
 
 @kernel(inline=True)

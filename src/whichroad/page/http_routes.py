@@ -2,7 +2,9 @@
 
 import gzip
 import json
+import math
 from functools import lru_cache, partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -32,7 +34,11 @@ _EDGES = 64  # edges in one request, at most
 
 
 def page_routes(
-    roads: "RoadMap", *, tiles_url: str | None = None, timeline: bool = False
+    roads: "RoadMap",
+    *,
+    tiles_url: str | None = None,
+    tiles_by: str | None = None,
+    timeline: bool = False,
 ) -> list[BaseRoute]:
     """The page itself, MapLibre's files, and the roads that the page draws.
 
@@ -42,6 +48,7 @@ def page_routes(
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
+        tiles_by: Whose tiles they are, as the map says; None: the host's name.
         timeline: Whether a whole recorded drive is served at `/timeline`.
 
     Returns:
@@ -55,12 +62,15 @@ def page_routes(
     parts = {name: library / name for name in ("maplibre-gl.js", "maplibre-gl.css")}
     policy = _policy(tiles_url)
     about = {**layer.about(), "tiles_url": tiles_url, "timeline": timeline}
+    if tiles_url is not None:
+        about["tiles_by"] = escape(tiles_by or f"tiles: {urlsplit(tiles_url).hostname}")
     return [
         Route("/", partial(_page, files["page.html"], about, policy)),
         Route("/favicon.ico", partial(_file, files, "icon.svg")),
         Route("/static/{name}", partial(_file, files, None)),
         Route("/maplibre/{name}", partial(_file, parts, None)),
         Route("/roads/edges", partial(_edges, layer)),
+        Route("/roads/near", partial(_near, layer)),
         Route("/roads/{version}/{z:int}/{x:int}/{y:int}.mvt", partial(_tile, layer)),
     ]
 
@@ -144,3 +154,15 @@ async def _edges(layer: RoadLayer, request: Request) -> Response:
     known = [int(text) for text in texts if int(text) < len(layer.roads)]
     text = json.dumps([edge_of(layer.roads, edge) for edge in known], ensure_ascii=False)
     return await compressed(request, text.encode(), "application/json")
+
+
+async def _near(layer: RoadLayer, request: Request) -> Response:
+    """`?lat=49.4&lon=2.7`: the street nearest to a place, as `/roads/edges` gives it."""
+    try:
+        lat, lon = (float(request.query_params[name]) for name in ("lat", "lon"))
+        known = math.isfinite(lon) and abs(lon) <= 180.0 and abs(lat) < 85.0
+    except (KeyError, ValueError):
+        known = False
+    if not known:
+        return JSONResponse({"error": "lat and lon, degrees, were expected"}, 400)
+    return JSONResponse(edge_of(layer.roads, await run_in_threadpool(layer.near, lat, lon)))
