@@ -41,6 +41,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
+    "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
