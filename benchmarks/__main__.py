@@ -112,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes: only these")
+    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes, places: only these")
     command.add_argument(
         "--intervals", metavar="1,10", help="sparse, routes: seconds between fixes"
     )
@@ -122,7 +122,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
     )
-    command.add_argument("--out", metavar="DIR", help="worlds: tables and pictures go here")
+    command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
 

@@ -2,8 +2,8 @@
 
 Drives in Heidelberg with a random map error, half of them with 1.5 km without GNSS in every 4 km.
 About each lie points at random, half of them in the map's frame and half where they truly are.
-Every 100 m the places within 500 m ahead and within 50 m are asked for.  An *approach* is a place
-of a drive, at one of these questions, drawn at random.
+Every 100 m the places within 500 m ahead and within 50 m are asked for.  Of the answers a fifth is
+kept, drawn whatever came of it: about one for each place that is approached.
 
 The drivers of `priors` turn as the map's priors say; those of `others` avoid service roads,
 streets where they have been, and dead ends.
@@ -31,60 +31,77 @@ from whichroad.tables.relative_places import stances_of
 
 from . import Figure, Options, interval, seeds_text, town
 
-SEEDS = range(9000, 9060)
+SEEDS = range(9000, 9300)
 LENGTH_M = 6000.0
 AHEAD_M, NEAR_M = 500.0, 50.0
+_KEPT = 0.2  # of the answers, so that there is about one for a place and a drive
 _EVERY_M = 100.0  # driven, between two questions
 _WARM_UP_S = 20.0
 _PLACES = 2000  # about each drive
 _ABOUT_M = 700.0  # from the route, on either axis
 _MANY = 10_000  # places of which the time of a question is measured
 _SHARPEST = 2.3  # rad, turns that the simulated car cannot take
+_COLOURS = ("#1b6ca8", "#d1495b", "#5b8e7d", "#e8963c")
 _SHARES = {1: 68.27, 2: 95.45, 3: 99.73}  # % of a Gaussian within so many sigmas
 
-Rows = list[tuple[float, float, float, float]]  # p, came true, distance less truth, sigma
+# p, came true, distance less m driven, sigma, distance
+Rows = list[tuple[float, float, float, float, float]]
 
 
 class Answer(NamedTuple):
-    """What was asked of one drive: rows of each kind of question, one a place."""
+    """What was asked of one drive: rows of each kind of question."""
 
     rows: dict[str, Rows]
 
 
-def route_by_priors(
-    roads: Any, start: int, length_m: float, draw: np.random.Generator
-) -> list[int]:
-    """A drive that turns as the priors say, until it is long enough or no legal turn is left."""
-    edges, route, driven = roads.edges, [start], 0.0
+class Drive(NamedTuple):
+    """A simulated drive, and the edges that it would have driven on."""
+
+    simulated: SimulatedDrive
+    route: list[int]  # from its first edge, beyond its end
+
+
+def route_by_priors(roads: Any, start: int, length_m: float, draw: Any) -> tuple[list[int], int]:
+    """A way that turns as the priors say, and how many of its edges the simulated car can drive.
+
+    It cannot turn round, nor break a rule, which the priors allow.
+    """
+    edges, route, driven, possible = roads.edges, [start], 0.0, 0
     while driven < length_m:
         row = edges[route[-1]]
         turns = roads.turns[row["first_turn"] : row["end_turn"]]
-        p = turns.prior * (turns.rule == 0) * (edges.rule[turns.edge] == 0)
-        p = p * (turns.edge != row["opposite"]) * (np.abs(turns.angle) < _SHARPEST)
-        if not p.sum() > 0:
+        if not len(turns):
             break
-        route.append(int(draw.choice(turns.edge, p=p / p.sum())))
+        p = turns.prior.astype(float)
+        turn = turns[int(draw.choice(len(p), p=p / p.sum()))]
+        steerable = turn.edge != row["opposite"] and abs(turn.angle) < _SHARPEST
+        if not possible and not (steerable and turn.rule == 0 and edges.rule[turn.edge] == 0):
+            possible, length_m = len(route), driven + 2.0 * AHEAD_M
+        route.append(int(turn.edge))
         driven += float(edges.length[route[-1]])
-    return route
+        if not possible and driven > length_m - 2.0 * AHEAD_M:
+            possible = len(route)
+    return route, possible or len(route)
 
 
-def simulated(seed: int, drivers: str) -> SimulatedDrive:
+def simulated(seed: int, drivers: str) -> Drive:
     """The drive of a seed."""
     roads, allowed = town._world["roads"], town._world["allowed"]
     scenario = ("good", "outage")[seed % 2]
     draw = np.random.default_rng([seed, 91])
     field = draw_map_error(PRESETS[scenario], draw)
-    route = None
+    route, possible = None, 0
     if drivers == "priors":
         starts = np.flatnonzero(allowed)
         length = roads.arrays.edges.length[starts]
-        while route is None or len(route) < 4:
+        while route is None or possible < 4:
             start = int(draw.choice(starts, p=length / length.sum()))
-            route = route_by_priors(roads.arrays, start, LENGTH_M, draw)
-    return simulate_drive(
-        roads, seed=seed, length_m=LENGTH_M, scenario=scenario, route=route, allowed=allowed,
-        error_field=field,
+            route, possible = route_by_priors(roads.arrays, start, LENGTH_M + 2.0 * AHEAD_M, draw)
+    drive = simulate_drive(
+        roads, seed=seed, length_m=LENGTH_M + AHEAD_M, scenario=scenario, allowed=allowed,
+        route=None if route is None else route[:possible], error_field=field,
     )  # fmt: skip
+    return Drive(drive, drive.route.tolist() if route is None else route)
 
 
 def places_about(drive: SimulatedDrive) -> tuple[Places, list[tuple[int, float]], np.ndarray]:
@@ -107,13 +124,16 @@ def places_about(drive: SimulatedDrive) -> tuple[Places, list[tuple[int, float]]
     return Places(table, roads), list(zip(edge.tolist(), s.tolist(), strict=True)), world
 
 
-def passages(drive: SimulatedDrive, where: list[tuple[int, float]]) -> tuple[np.ndarray, Any]:
-    """Metres along the route at each truth, and those at which each place is passed."""
-    edges, truth = town._world["roads"].arrays.edges, drive.truth
-    starts = np.flatnonzero(np.diff(truth.edge, prepend=-9))
-    length = edges.length[truth.edge[starts]]
+def passages(drive: Drive, where: list[tuple[int, float]]) -> tuple[np.ndarray, Any]:
+    """Map metres along the route at each truth, and those at which each place is passed."""
+    edges, truth = town._world["roads"].arrays.edges, drive.simulated.truth
+    length = edges.length[drive.route]
     begin = np.concatenate([[0.0], np.cumsum(length)[:-1]])
-    at = begin[np.searchsorted(starts, np.arange(len(truth)), side="right") - 1] + truth.along
+    at, row = np.empty(len(truth)), 0
+    for k, edge in enumerate(truth.edge.tolist()):
+        while drive.route[row] != edge:  # an edge may be shorter than a step of the truth
+            row += 1
+        at[k] = begin[row] + truth.along[k]
     on: dict[int, list[tuple[int, float]]] = defaultdict(list)
     for place, (edge, s) in enumerate(where):
         on[edge].append((place, s))
@@ -121,42 +141,44 @@ def passages(drive: SimulatedDrive, where: list[tuple[int, float]]) -> tuple[np.
         if back >= 0:
             on[back].append((place, float(edges.length[back]) - s))
     passed: dict[int, list[float]] = defaultdict(list)
-    for edge, first in zip(truth.edge[starts].tolist(), begin.tolist(), strict=True):
+    for edge, first in zip(drive.route, begin.tolist(), strict=True):
         for place, s in on[edge]:
-            if first + s <= at[-1]:
-                passed[place].append(first + s)
+            passed[place].append(first + s)
     return at, {place: np.array(found) for place, found in passed.items()}
 
 
 def one(seed: int, drivers: str = "priors") -> Answer:
     """Ask about one drive."""
     roads = town._world["roads"]
-    drive = simulated(seed, drivers)
+    whole = simulated(seed, drivers)
+    drive = whole.simulated
     places, where, world = places_about(drive)
-    at, passed = passages(drive, where)
+    at, passed = passages(whole, where)
     timeline = build_timeline(drive.drive, roads.plane, drive.vehicle)
     recorded = localize_recorded(roads, timeline, vehicle=drive.vehicle, poses=True)
     stances = stances_of(recorded.output, places)
     truth = drive.truth
     epoch = np.searchsorted(timeline.epochs.time, truth.time - 1e-3)
-    at_dead_end = at[-1] < LENGTH_M - 2.0 * AHEAD_M  # nothing is passed any more: all is known
-    last = at[-1] - (0.0 if at_dead_end else AHEAD_M)
+    last = at[-1] - (AHEAD_M if drivers == "others" else 0.0)  # as far as the way on is known
     asked = np.searchsorted(at, np.arange(0.0, last, _EVERY_M) + 1e-6)
     asked = asked[(asked < len(at)) & (recorded.output.rows.live[epoch[asked % len(at)]] > 0)]
     asked = asked[truth.time[asked] > truth.time[0] + _WARM_UP_S]
-    found: dict[str, dict[int, Rows]] = {
-        f"{what}, {frame}": defaultdict(list)
+    draw = np.random.default_rng([seed, 93])
+    found: dict[str, Rows] = {
+        f"{what}, {frame}": []
         for what in ("ahead", "near") for frame in ("on the map", "in the world")
     }  # fmt: skip
 
     def note(what: str, answers: list[RelativePlace], came: dict[int, float]) -> None:
         listed = {int(a.id): a for a in answers}
-        for place in listed.keys() | came.keys():
+        for place in sorted(listed.keys() | came.keys()):
+            if draw.random() > _KEPT:
+                continue
             answer = listed.get(place, RelativePlace(place, np.nan, np.nan, 0.0))
             error = answer.distance_m - came[place] if place in came else np.nan
             frame = "on the map" if place % 2 == 0 else "in the world"
-            row = (answer.p, float(place in came), error, answer.sigma_m)
-            found[f"{what}, {frame}"][place].append(row)
+            row = (answer.p, float(place in came), error, answer.sigma_m, answer.distance_m)
+            found[f"{what}, {frame}"].append(row)
 
     for k in asked.tolist():
         stance = stances[epoch[k]].tobytes()
@@ -164,17 +186,14 @@ def one(seed: int, drivers: str = "priors") -> Answer:
         for place, metres in passed.items():
             to_come = metres[(metres > at[k]) & (metres <= at[k] + AHEAD_M)]
             if len(to_come):
-                come[place] = float(to_come[0] - at[k])
+                driven = np.interp(to_come[0], at, truth.travelled, right=np.nan)
+                come[place] = float(driven - truth.travelled[k])
         note("ahead", places.ahead(stance, AHEAD_M), come)
         scale = float(roads.plane.scale(truth.x[k], truth.y[k]))
         away = np.hypot(*(world - [truth.x[k], truth.y[k]]).T) / scale
         near = np.flatnonzero(away <= NEAR_M)
         note("near", places.nearby(stance, NEAR_M), {int(i): float(away[i]) for i in near})
-    draw = np.random.default_rng([seed, 93])
-    return Answer({
-        kind: [rows[int(draw.integers(len(rows)))] for _, rows in sorted(of_place.items())]
-        for kind, of_place in found.items()
-    })  # fmt: skip
+    return Answer(found)
 
 
 def calibration_error(table: np.ndarray) -> float:
@@ -212,8 +231,39 @@ def _figures(options: Options) -> Iterator[Figure]:
         for seed, answer in zip(seeds, _spread(drivers, map_file, seeds, options), strict=True):
             answers.append(answer)
             options.say(f"{drivers}, seed {seed}: {sum(map(len, answer.rows.values()))} places")
+        if "out" in options.more:
+            draw_picture(answers, Path(options.more["out"]) / f"places-{drivers}.png")
         for kind in answers[0].rows:
             yield from _of_kind(f"{drivers}: {kind}", [a.rows[kind] for a in answers], seeds)
+
+
+def draw_picture(answers: list[Answer], file: Path) -> None:
+    """P against what came true, and the errors of the distance in sigmas."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.2, 3.9), layout="constrained")
+    left.plot([0, 1], [0, 1], color="#b0b0b0", lw=1)
+    edges = np.linspace(-4.0, 4.0, 33)
+    normal = np.exp(-0.5 * edges**2) / np.sqrt(2.0 * np.pi)
+    right.plot(edges, normal, color="#b0b0b0", lw=1, label="Gaussian")
+    for kind, colour in zip(answers[0].rows, _COLOURS, strict=True):
+        table = np.array([row for answer in answers for row in answer.rows[kind]])
+        which = np.minimum((10 * table[:, 0]).astype(int), 9)
+        size = np.maximum(np.bincount(which, minlength=10), 1)
+        p, true = (np.bincount(which, table[:, k], 10) / size for k in (0, 1))
+        left.plot(p, true, "o-", ms=4, lw=1, color=colour, label=kind)
+        known = table[np.isfinite(table[:, 2]) & (table[:, 0] > 0.5)]
+        right.hist(known[:, 2] / known[:, 3], edges, density=True, histtype="step", color=colour)
+    left.set(xlabel="P that was told", ylabel="share that came true", xlim=(0, 1), ylim=(0, 1))
+    right.set(xlabel="error of the distance, sigmas", ylabel="density")
+    left.legend(fontsize=8, frameon=False)
+    right.legend(fontsize=8, frameon=False)
+    for axis in (left, right):
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(labelsize=8)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=80, metadata={"Software": None})
+    plt.close(figure)
 
 
 def _spread(drivers: str, map_file: Path, seeds: range, options: Options) -> Iterator[Answer]:
@@ -238,13 +288,13 @@ def _of_kind(title: str, drives: list[Rows], seeds: range) -> Iterator[Figure]:
         if len(part):
             name = f"{title}: P {low:g} to {min(high, 1.0):g}, mean P {part[:, 0].mean():.3f}, true"
             yield Figure(name, float(part[:, 1].mean()), "", "", len(part), None, text)
-    known = table[(table[:, 1] > 0) & (table[:, 0] > 0.5)]
+    known = table[np.isfinite(table[:, 2]) & (table[:, 0] > 0.5)]
     off = np.abs(known[:, 2])
     for k, usual in _SHARES.items():
         name = f"{title}: distance within {k} sigma ({usual} % of a Gaussian)"
         each = [
             (sum(abs(r[2]) <= k * r[3] for r in sure), len(sure))
-            for rows in drives if (sure := [r for r in rows if r[1] > 0 and r[0] > 0.5])
+            for rows in drives if (sure := [r for r in rows if np.isfinite(r[2]) and r[0] > 0.5])
         ]  # fmt: skip
 
         def pooled(t: np.ndarray) -> float:
@@ -261,7 +311,7 @@ def _times(map_file: Path) -> Iterator[Figure]:
     """On line, 10,000 places on the map: a question, and an update with places and without."""
     town._open(map_file)
     roads = town._world["roads"]
-    drive = simulated(9001, "others")
+    drive = simulated(9001, "others").simulated
     draw = np.random.default_rng(94)
     edges = roads.arrays.edges
     edge = draw.choice(len(roads), _MANY, p=edges.length / edges.length.sum())

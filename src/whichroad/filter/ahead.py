@@ -16,6 +16,7 @@ from .gaussian import normal_cdf, truncated_moments
 from .point_objects import LEAST, REACH, Findings, Places, add, finish, first_passage
 
 _NOTHING = 1e-3  # share of a Gaussian within its edge below which it is not cut
+_DRAWN = 0.02  # m² a metre: a line as it is drawn is longer or shorter than what is driven
 _BACK = 16  # edges behind, at most
 
 
@@ -114,7 +115,7 @@ def _pass(along: _Along, places: Places, work: Findings, count: int, k: int, wit
         if p > 0.0:
             p *= _not_yet(along, places, work, k, j)
         if p > 0.0:
-            count = add(work, count, place, p, mean, variance)
+            count = add(work, count, place, p, mean, variance + _DRAWN * mean)
         j += 1
     return count
 

@@ -24,9 +24,9 @@ def within_circle(dx: float, dy: float, xx: float, xy: float, yy: float, radius:
         radius: In the same unit.
     """
     middle = 0.5 * (xx + yy)
-    spread = math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-    major = math.sqrt(max(middle + spread, 1e-12))
-    minor = math.sqrt(max(middle - spread, 1e-12))
+    half_width = math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    major = math.sqrt(max(middle + half_width, 1e-12))
+    minor = math.sqrt(max(middle - half_width, 1e-12))
     away = math.sqrt(dx * dx + dy * dy)
     if away + REACH * major < radius:
         return 1.0
