@@ -41,6 +41,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
+    "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
@@ -114,7 +115,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes: only these")
+    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes, places: only these")
     command.add_argument(
         "--intervals", metavar="1,10", help="sparse, routes: seconds between fixes"
     )
@@ -124,7 +125,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
     )
-    command.add_argument("--out", metavar="DIR", help="worlds: tables and pictures go here")
+    command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
 

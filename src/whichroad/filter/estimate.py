@@ -29,6 +29,7 @@ from .way import way_share
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
 ALTERNATIVES = 6
+POSE = 13  # numbers of the pose of one, see `Output`
 
 LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
 _MISFITS = 3.0  # in a row, from which on that is so
@@ -77,7 +78,9 @@ class Output(NamedTuple):
     """Estimates, one row an epoch."""
 
     rows: Estimates  # (n,)
-    alt_pose: Cube  # (n or 0, ALTERNATIVES, 6) x, y, heading, cov xx, xy, yy
+    # (n or 0, ALTERNATIVES, POSE) x, y, heading, cov xx, xy, yy; abscissa and its sigma; map error
+    # x, y, cov xx, xy, yy of the position in the map's frame
+    alt_pose: Cube
 
 
 def new_output(n: int, poses: bool) -> Output:
@@ -87,7 +90,7 @@ def new_output(n: int, poses: bool) -> Output:
     row.status = LOST
     row.alt_edge = NO_EDGE
     rows = np.repeat(row, n)
-    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, 6)))
+    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, POSE)))
 
 
 @entry
@@ -390,11 +393,17 @@ def _insert(hyp: Record, output: Output, k: int, slot: int, filled: int, p: floa
         edges[a] = edges[a - 1]
         ps[a] = ps[a - 1]
         if poses:
-            for v in range(6):
+            for v in range(POSE):
                 output.alt_pose[k, a, v] = output.alt_pose[k, a - 1, v]
     edges[slot] = hyp.edge
     ps[slot] = p
     if poses:
         pose = output.alt_pose[k, slot]
         pose[0], pose[1], pose[2] = hyp.mu[X], hyp.mu[Y], hyp.mu[H]
-        pose[3], pose[4], pose[5] = hyp.cov[X, X], hyp.cov[X, Y], hyp.cov[Y, Y]
+        cov = hyp.cov
+        pose[3], pose[4], pose[5] = cov[X, X], cov[X, Y], cov[Y, Y]
+        pose[6], pose[7] = hyp.along, hyp.along_sigma
+        pose[8], pose[9] = hyp.mu[MX], hyp.mu[MY]
+        pose[10] = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+        pose[11] = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+        pose[12] = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
