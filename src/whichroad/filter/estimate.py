@@ -6,11 +6,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from .._compile import Array, Cube, Record, Records, entry, kernel
-from ..graph.geometry import locate, project, wrap
+from ..graph.geometry import wrap
 from ..graph.network import records
+from .matched_pose import match_pose
 from .node_shares import share_out, take_back
 from .protection import Centre, set_levels
-from .road import track
 from .state import (
     MX,
     MY,
@@ -33,11 +33,9 @@ POSE = 13  # numbers of the pose of one, see `Output`
 
 LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
 _MISFITS = 3.0  # in a row, from which on that is so
-_ALONE = 0.999  # P of an edge beside which the others do not matter
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ANY_HEADING = math.pi**2 / 3.0  # rad², of a heading that is not known
 _WIDEST = 4.0  # sigmas, of a level where the vehicle may be elsewhere
-_ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
 
 ESTIMATE = np.dtype(
     [
@@ -133,7 +131,7 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
                 p_edge += belief.hyp[i].weight
                 if best < 0 or belief.hyp[i].log_weight > belief.hyp[best].log_weight:
                     best = i
-        _match(belief, ctx, out, best, p_edge)
+        match_pose(belief, ctx, out, best, p_edge)
         p_edge *= 1.0 - unknown
     else:
         out.match_x = out.x
@@ -299,53 +297,6 @@ def _covariances(belief: Belief, out: Record, mid: Centre) -> None:
     out.cov[0], out.cov[1], out.cov[2] = xx, xy, xh
     out.cov[3], out.cov[4], out.cov[5] = yy, yh, hh
     out.map_cov[0], out.map_cov[1], out.map_cov[2] = map_xx, map_xy, map_yy
-
-
-@kernel(inline=True)
-def _match(belief: Belief, ctx: Context, out: Record, best: int, p_edge: float) -> None:
-    """Project the pose in the map's frame on the edge of hypothesis `best`.
-
-    The pose is the mean of the hypotheses about that one, so that near the end of an edge
-    it is not drawn to the middle because the next edge has hypotheses of its own.
-    """
-    roads = ctx.roads
-    scale = belief.state[0].scale
-    hyp = belief.hyp[best]
-    lateral, tx, ty = track(belief, roads, best)
-    s = hyp.along
-    length = roads.edges[hyp.edge].length
-    x = hyp.mu[X] + scale * hyp.mu[MX]
-    y = hyp.mu[Y] + scale * hyp.mu[MY]
-    if p_edge > _ALONE:
-        across = lateral * scale
-        inside = min(max(s, 0.0), length)
-        out.match_x = x - across * ty + (inside - s) * scale * tx
-        out.match_y = y + across * tx + (inside - s) * scale * ty
-        out.s = inside
-        out.lateral = lateral
-        return
-    total = 0.0
-    dx = 0.0
-    dy = 0.0
-    for i in range(belief.state[0].count):
-        other = belief.hyp[i]
-        if other.edge < 0:
-            continue
-        track(belief, roads, i)
-        ax = other.mu[X] + scale * other.mu[MX] - x
-        ay = other.mu[Y] + scale * other.mu[MY] - y
-        reach = _ABOUT * (hyp.along_sigma + other.along_sigma) * scale
-        if ax * ax + ay * ay < reach * reach:
-            total += other.weight
-            dx += other.weight * ax
-            dy += other.weight * ay
-    segment, s, _, _, _ = project(roads, hyp.edge, hyp.segment, x + dx / total, y + dy / total)
-    inside = min(max(s, 0.0), length)
-    _, px, py, _, _ = locate(roads, hyp.edge, segment, inside)
-    out.match_x = px
-    out.match_y = py
-    out.s = inside
-    out.lateral = lateral
 
 
 @kernel(inline=True)
