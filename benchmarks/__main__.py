@@ -41,7 +41,10 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
+    "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
+    "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
+    "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (
@@ -49,7 +52,11 @@ BENCHMARKS = {
         "the service: latency, throughput, clients, kill -9, rubbish, /match, memory",
     ),
     "serve": ("serving.run", "whichroad serve: rate and time among callers, bad, huge requests"),
+    "keys": ("answer_keys.run", "keys and types of OSRM's and Valhalla's own answers, beside ours"),
+    "overture": ("overture.run", "a city as Overture's segments, beside OpenStreetMap's ways"),
+    "openlr": ("openlr_paths.run", "OpenLR references, followed by another decoder"),
     "page": ("page.run", "the page in Chromium: first road drawn, long tasks, memory"),
+    "day": ("day.run", "a day at 10 Hz, time compressed: memory of the service and of its page"),
     "routes": ("routes.run", "points against path, sure edges between fixes, turning round"),
     "doubt": ("doubt.run", "how long P says ambiguous where no road competes"),
     "fuzz": ("fuzz.run", "random and mutated input to every reader"),
@@ -108,7 +115,7 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes: only these")
+    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes, places: only these")
     command.add_argument(
         "--intervals", metavar="1,10", help="sparse, routes: seconds between fixes"
     )
@@ -118,7 +125,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
     )
-    command.add_argument("--out", metavar="DIR", help="worlds: tables and pictures go here")
+    command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
 

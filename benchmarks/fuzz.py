@@ -18,7 +18,7 @@ import numpy as np
 
 from whichroad.answers import AnswerError, osrm_match, trace_attributes, trace_route
 from whichroad.errors import MapError, ReadError
-from whichroad.observations import Drive
+from whichroad.observations import Drive, WithGyro
 from whichroad.readers import NmeaParser, read_drive, read_vehicle
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Vehicle
@@ -159,7 +159,9 @@ def _records(drives: Sequence[Drive]) -> int:
     """How many records; complains where they are not what observations.py promises."""
     count = 0
     for drive in drives:
-        for log in (drive.fixes, drive.odometry):
+        odometry = drive.odometry
+        two = isinstance(odometry, WithGyro)
+        for log in (drive.fixes, *((odometry.distance, odometry.gyro) if two else (odometry,))):
             if log is None:
                 continue
             count += len(log.time)
@@ -225,6 +227,8 @@ def _tables(drive: SimulatedDrive, folder: Path) -> dict[str, bytes]:
     circles = table.drop(["cov_ee_m2", "cov_en_m2", "cov_nn_m2", "wheel_rl_ticks"])
     circles = circles.append_column("sigma_m", [fixes.cov_ee[rows] ** 0.5])
     circles = circles.append_column("yaw_rate_radps", [np.zeros(len(stamps))])
+    circles = circles.append_column("odometer_m", [10.0 * np.arange(len(stamps))])
+    circles = circles.append_column("gear", [["R" if k < 20 else "D" for k in range(len(stamps))]])
     circles = circles.set_column(0, "time_ms", [1e3 * fixes.time[rows]])
     pyarrow.csv.write_csv(circles, folder / "c.csv")
     return formats(stamps, fixes.lat_deg[rows], fixes.lon_deg[rows], folder) | {
@@ -293,7 +297,7 @@ def readers(folder: Path) -> list[Reader]:
         Reader("ros 2 bag", for_robots(tables["parquet"], folder / "d.db3"), drives, ".db3"),
         Reader("mcap", for_robots(tables["parquet"], folder / "d.mcap"), drives, ".mcap"),
         Reader("csv", tables["csv"], drives, ".csv"),
-        Reader("csv, sigma and yaw", tables["sigma"], drives, ".csv"),
+        Reader("csv, odometer and gyro", tables["sigma"], drives, ".csv"),
         Reader("parquet", tables["parquet"], drives, ".parquet"),
         Reader("gpx", tables["gpx"], drives, ".gpx"),
         Reader("pos", tables["pos"], drives, ".pos"),
@@ -308,6 +312,7 @@ def readers(folder: Path) -> list[Reader]:
         Reader("candump", can_short.read_bytes(), with_dbc, ".log"),
         Reader("asc", _by_library(can_short, folder / "log.asc"), with_dbc, ".asc"),
         Reader("blf", _by_library(can_short, folder / "log.blf"), with_dbc, ".blf"),
+        Reader("mf4", _by_library(can_short, folder / "log.mf4"), with_dbc, ".mf4"),
         Reader("dbc", dbc.read_bytes(), by_dbc, ".dbc"),
         Reader(
             "vehicle.toml",
@@ -335,7 +340,7 @@ def _mutations(reader: Reader) -> tuple[Mutation, ...]:
         return (*_TEXT, _sealed, _sealed)
     if reader.suffix == ".ubx":
         return (*_BINARY, _sealed_ubx, _sealed_ubx)
-    binary = (".parquet", ".blf", ".map", ".gpkg", ".bag", ".mcap", ".db3")
+    binary = (".parquet", ".blf", ".mf4", ".map", ".gpkg", ".bag", ".mcap", ".db3")
     return _BINARY if reader.suffix in binary else _TEXT
 
 

@@ -72,7 +72,7 @@ def run(options: Options) -> list[Figure]:
         raise Skipped("no Chromium is on the PATH")
     roads = RoadMap.from_osm(options.need("maps", "heidelberg.osm.pbf"))
     with (
-        _replayed(roads) as address,
+        replayed(roads) as address,
         sync_playwright() as driver,
     ):
         browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)
@@ -113,14 +113,14 @@ def _opened(browser: Any, address: str) -> float:
 
 
 @contextmanager
-def _replayed(roads: RoadMap) -> Iterator[str]:
+def replayed(roads: RoadMap, length_m: float = 12_000.0) -> Iterator[str]:
     """A simulated drive, replayed on a free port."""
     import uvicorn
 
     from whichroad.replay.open_replay import Remaking, play_drive
     from whichroad.replay.replay_server import listen, replay_app
 
-    drive = simulate_drive(roads, seed=3, length_m=12_000.0, scenario="outage").drive
+    drive = simulate_drive(roads, seed=3, length_m=length_m, scenario="outage").drive
     door = listen("127.0.0.1", 0)
     app = replay_app(play_drive(Remaking(drive, roads)), roads)
     server = uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="on"))

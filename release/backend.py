@@ -1,8 +1,9 @@
-"""Build backend: setuptools, and into each wheel the library of compiled kernels.
+"""Build backend: setuptools, and into each wheel the compiled kernels and MapLibre GL.
 
 `pip install .` builds the library for the machine itself, or takes the one that an earlier
 install of the same kernels left in the user's cache.  An editable install builds none: that
-happens at first use.  WHICHROAD_KERNELS=jit builds a wheel without a library.
+happens at first use.  WHICHROAD_KERNELS=jit builds a wheel without a library.  MapLibre comes by
+npm (`maplibre_gl.py`); without npm the wheel says at use how to get it.
 """
 
 import os
@@ -50,7 +51,9 @@ def build_wheel(
 ) -> str:
     """A wheel for this machine."""
     if _without_library():
-        return str(build_meta.build_wheel(wheel_directory, config_settings, metadata_directory))
+        name = str(build_meta.build_wheel(wheel_directory, config_settings, metadata_directory))
+        _with_maplibre(Path(wheel_directory) / name)
+        return name
     _package()
     from whichroad.errors import WhichroadError
     from whichroad.native import progress, wheel
@@ -61,7 +64,44 @@ def build_wheel(
         raise SystemExit(str(error)) from None
     with tempfile.TemporaryDirectory() as folder:
         name = build_meta.build_wheel(folder, config_settings, metadata_directory)
+        _with_maplibre(Path(folder) / name)
         made = wheel.with_library(
             Path(folder) / name, library, wheel.own_tag(), Path(wheel_directory)
         )
     return made.name
+
+
+def build_editable(
+    wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
+) -> str:
+    """A wheel that points to this folder; MapLibre goes to the user's cache."""
+    _maplibre()
+    return str(build_meta.build_editable(wheel_directory, config_settings, metadata_directory))
+
+
+def _maplibre() -> dict[str, bytes]:
+    """MapLibre's files by name; none where they cannot be had, which is said."""
+    _package()
+    sys.path.insert(0, str(Path(__file__).parent))
+    import maplibre_gl
+
+    from whichroad.page.static_files import kept_folder
+
+    with tempfile.TemporaryDirectory() as spare:
+        try:
+            place = maplibre_gl.bring(kept_folder() or Path(spare))
+            return {name: (place / name).read_bytes() for name in maplibre_gl.FILES}
+        except (OSError, ValueError) as error:
+            print(f"the page is built without MapLibre GL: {error}", file=sys.stderr)
+            return {}
+        finally:
+            sys.path.remove(str(Path(__file__).parent))
+
+
+def _with_maplibre(path: Path) -> None:
+    """Add MapLibre to a wheel."""
+    files = {f"whichroad/page/maplibre/{name}": data for name, data in _maplibre().items()}
+    if files:
+        from whichroad.native import wheel
+
+        wheel.with_files(path, files)

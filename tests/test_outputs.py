@@ -99,3 +99,8 @@ def test_a_link_to_itself_is_no_reason_to_fail(files):
     check_apart({"-o": "loop"}, ["in.csv"])
     with pytest.raises(WriteError, match="-o"):
         check_apart({"-o": "in.csv"}, ["loop", "in.csv"])
+
+
+def test_results_are_not_written_to_standard_output():
+    with pytest.raises(WriteError, match="-o -: results are not written to standard output"):
+        check_apart({"-o": "-"}, ["-"])

@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from whichroad import plots
 from whichroad.errors import DriveError
 from whichroad.geodesy.plane import Plane
-from whichroad.plots import panels
+from whichroad.plots import hypotheses
 from whichroad.plots.scene import CHI2_95, Window, ambiguous_windows, make_scene
 from whichroad.tables import schema
 from whichroad.tables.result import Result
@@ -87,6 +87,46 @@ def test_a_drive_becomes_four_pictures(result, roads, truth, tmp_path):
     for path in written:
         picture = imread(path)
         assert picture.std() > 0.01  # something is drawn
+        assert path.with_suffix(".svg").read_text("utf-8").rstrip().endswith("</svg>")
+
+
+def test_two_answers_are_drawn_one_above_the_other_as_png_and_svg(result, roads, truth, tmp_path):
+    other = Result(result.to_arrow(), schema.PATH.empty_table(), {}, dict(result.hypotheses))
+    windows = [Window("left", 5.0, 12.0), Window("right", 16.0, 24.0)]
+    written = [
+        plots.plot_methods(
+            [("ours", result), ("theirs", other)], roads, truth, out=tmp_path / name,
+            windows=windows, title="Both",
+        )
+        for name in ("one", "two")
+    ]  # fmt: skip
+    assert [path.name for path in written[0]] == ["methods.png", "methods.svg"]
+    text = written[0][1].read_text("utf-8")
+    assert text == written[1][1].read_text("utf-8")  # the same picture is the same file
+    for word in ("ours", "theirs", "Main Street (0)", "Side Lane (1)", "Both"):
+        assert f">{word}</text>" in text
+
+
+def test_the_ellipses_of_a_stretch_are_apart_and_fill_the_frame(result, roads, truth):
+    scene = scene_of(result, roads, truth)
+    window = Window("", 5.0, 35.0)
+    axes = Figure(figsize=(6, 2)).subplots()
+    hypotheses.draw_zoom(axes, scene, window)
+    rows = hypotheses.drawn_of(scene, window)
+    east = np.unique(rows["x"])
+    assert np.diff(east).min() > 2 * np.sqrt(CHI2_95 * (9 + 4) / 2)
+    west, right = axes.get_xlim()
+    reach = np.sqrt(CHI2_95 * 9)
+    assert west < east[0] - reach
+    assert right > east[-1] + reach
+    assert (east[-1] - east[0] + 2 * reach) / (right - west) > 0.75
+
+
+def test_a_road_has_one_colour_in_the_zooms_of_two_answers(result, roads):
+    scene, window = scene_of(result, roads), Window("", 18.0, 22.0)
+    colours = hypotheses.road_colours([scene, scene], window)
+    assert set(colours) == {-1, 0, 1}
+    assert len(set(colours.values())) == 3
 
 
 def test_truth_and_fixes_may_be_unknown(result, roads, tmp_path):
@@ -143,7 +183,7 @@ def test_an_ellipse_has_the_axes_of_its_covariance():
     axes = Figure().subplots()
     shown = {"x": [5.0], "y": [6.0], "p": np.array([0.7])}
     shown |= {"cov_xx": cov[0, :1], "cov_xy": cov[0, 1:], "cov_yy": cov[1, 1:]}
-    panels._ellipses(axes, shown)
+    hypotheses.draw_ellipses(axes, shown, {})
     (ellipse,) = (child for child in axes.collections if isinstance(child, EllipseCollection))
     assert ellipse.get_widths() == pytest.approx([2 * 3 * np.sqrt(CHI2_95)])
     assert ellipse.get_heights() == pytest.approx([2 * 1 * np.sqrt(CHI2_95)])

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         YawRate,
     )
     from .online import Estimate, Localizer
+    from .places import Places, RelativePlace
     from .readers import read_drive, read_vehicle
     from .roadmap import RoadMap
     from .settings import Settings, Vehicle
@@ -56,6 +57,7 @@ _MODULES = {
     ),
     "tables.result": ("Result",),
     "tables.provenance": ("map_of",),
+    "places": ("Places", "RelativePlace"),
     "roadmap": ("RoadMap",),
     "matching": ("match",),
     "settings": ("Settings", "Vehicle"),
@@ -66,8 +68,9 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 __version__ = "0.1.0"
 __all__ = [  # noqa: RUF022 - by module, in the order of use
     "match", "match_many", "map_of", "speeds", "RoadMap", "Localizer", "Result", "Estimate",
-    "Hypothesis", "Pose", "GeoFix", "WheelTicks", "WheelSpeed", "Distance", "SpeedYaw", "YawRate",
-    "StartPose", "Settings", "Vehicle", "read_drive", "read_vehicle", "simulate_drive", "diagnose",
+    "Hypothesis", "Pose", "Places", "RelativePlace", "GeoFix", "WheelTicks", "WheelSpeed",
+    "Distance", "SpeedYaw", "YawRate", "StartPose", "Settings", "Vehicle", "read_drive",
+    "read_vehicle", "simulate_drive", "diagnose",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 

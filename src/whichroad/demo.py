@@ -8,6 +8,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,8 @@ import numpy as np
 from .errors import WriteError
 from .evaluate import evaluate
 from .matching import match
-from .plots import Window, plot_drive
+from .observations import Odometer
+from .plots import Window, plot_drive, plot_methods
 from .readers import read_drive, read_vehicle
 from .roadmap import RoadMap
 from .sensors.odometry import motion_of
@@ -85,6 +87,7 @@ def run_demo(
         result, roads, truth, drive.fixes, out=out, windows=_windows(truth, roads), masked=masked,
         reckoning=alone, title=_title(truth, figures),
     )  # fmt: skip
+    pictures[:0] = _methods(drive, car, roads, truth, masked, out)
     stopwatch("")
     summary = {
         "made_by": _MADE_BY,
@@ -164,6 +167,39 @@ def _windows(truth: "pa.Table", roads: RoadMap) -> list[Window]:
         Window("A side lane begins; then GPS is back, and nearer to it", beside - 8, beside + 7),
         Window("A fork of 10 degrees without GPS", split - 2, split + 5),
     ]
+
+
+def _methods(
+    drive: "Drive", car: Vehicle, roads: RoadMap, truth: "pa.Table",
+    masked: list[tuple[float, float]], out: Path,
+) -> list[Path]:  # fmt: skip
+    """Our method above the paper's, both from fixes and the distance driven.
+
+    Both wheels would tell the roads apart within two seconds.  Without their difference
+    hypotheses stay alive until GPS is back, as in the paper's Figures 10 and 11.
+    """
+    assert drive.odometry is not None
+    motion = motion_of(drive.odometry, car)
+    plain = replace(drive, odometry=Odometer(motion.time, motion.distance))
+    answers = [
+        (name, match(plain, roads, vehicle=car, hypotheses=True, model=model))
+        for name, model in (("whichroad", "default"), ("the paper's method", "paper"))
+    ]
+    return plot_methods(
+        answers, roads, truth, drive.fixes, out=out, windows=_stretches(truth, roads),
+        masked=masked,
+        title="The same drive from GPS and distance alone: each road keeps its hypothesis",
+    )  # fmt: skip
+
+
+def _stretches(truth: "pa.Table", roads: RoadMap) -> list[Window]:
+    """Where these hypotheses lie beside each other: a parallel road, and behind a fork."""
+    scenes = demo_scenes(roads)
+    fork = scenes.junction[0] + 60.0
+    ends = [scenes.parallel[0] + 110, scenes.parallel[0] + 210, fork - 10, fork + 110]
+    since = _seconds(truth) - _seconds(truth)[0]
+    a, b, c, d = np.interp(ends, truth["travelled_m"].to_numpy(), since).tolist()
+    return [Window("Parallel roads, fixes between them", a, b), Window("A fork without GPS", c, d)]
 
 
 def _wheels_alone(

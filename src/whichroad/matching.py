@@ -19,6 +19,7 @@ from .filter.state import NO_EDGE, OFF_ROAD
 from .global_start import MAP
 from .lineage import lineage_of
 from .observations import Drive, Observation, StartPose
+from .places import Places, places_on
 from .readers import (
     drive_from_table,
     drive_of_observations,
@@ -34,6 +35,7 @@ from .settings import Settings, Vehicle
 from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
 from .tables.provenance import with_map
+from .tables.relative_places import Surroundings
 from .tables.result import Result
 from .traversals import Traversals, traversals
 
@@ -115,6 +117,7 @@ def match(
     lag: float | str | None = None,
     attributes: bool = False,
     hypotheses: bool = False,
+    places: Any = None,
     crs: Any = None,
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
@@ -141,6 +144,8 @@ def match(
             None: filter, as on line.
         attributes: Whether the road's name, class and speed limit are added to the points.
         hypotheses: Whether the alternatives' poses are kept for pictures.
+        places: Point objects for `Result.ahead` and `nearby`: `Places`, or a table or path as
+            that takes it.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
@@ -167,6 +172,9 @@ def match(
     road_map = open_map(roads)
     tuned = tuned_by(settings, vehicle)
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
+    about = places_on(places, road_map)
+    if about is not None and model == "paper":
+        raise SettingError("places: given; none were expected with the paper's method")
     parts: list[Result] = []
     failed: list[str] = []
     if isinstance(pose, StartPose):
@@ -180,7 +188,7 @@ def match(
             parts.append(
                 _match_one(
                     one, road_map, vehicle or _A_CAR, tuned, model, pose, windows,
-                    attributes, hypotheses, progress, later,
+                    attributes, hypotheses, progress, later, about,
                 )
             )  # fmt: skip
         except (DriveError, MapError) as error:
@@ -201,6 +209,7 @@ def _match_one(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
     hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
+    places: Places | None,
 ) -> Result:  # fmt: skip
     outside, drive = _outside(drive, roads), _with_start_note(drive, start)
     timeline = build_timeline(drive, roads.plane, vehicle, mask)
@@ -210,7 +219,8 @@ def _match_one(
     )
     try:
         recorded = localize(
-            roads, timeline, vehicle=vehicle, settings=settings, start=start, poses=hypotheses,
+            roads, timeline, vehicle=vehicle, settings=settings, start=start,
+            poses=hypotheses or places is not None,
             progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
         )  # fmt: skip
     except DriveError as error:  # what a reader noted may be why
@@ -236,6 +246,9 @@ def _match_one(
             lineage_of, drive.drive_id, roads, timeline, vehicle=vehicle, settings=settings,
             start=start, model=model,
         ),
+        [] if places is None else [
+            Surroundings(drive.drive_id, timeline.epochs, recorded.output, places)
+        ],
     )  # fmt: skip
 
 
@@ -320,6 +333,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         parts[0]._find_alternatives if len(parts) == 1 else None,
         parts[0]._roads,
         parts[0]._find_lineage if len(parts) == 1 else None,
+        [one for p in parts for one in p._surroundings],
     )
 
 

@@ -16,7 +16,7 @@ import pytest
 import whichroad
 
 MAIN = "from whichroad.cli import main; main()"
-OUTPUTS = {"-o", "--out", "--path-out", "--report", "--lineage"}
+OUTPUTS = {"-o", "--out", "--path-out", "--report", "--lineage", "--ahead", "--nearby"}
 
 
 @pytest.fixture(scope="session")

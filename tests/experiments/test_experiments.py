@@ -7,6 +7,8 @@ import sys
 import numpy as np
 import pytest
 
+from page.test_browser import browser  # noqa: F401
+from page.test_layout import SIZES, THEMES, violations
 from whichroad import cli
 from whichroad.cli.arguments import Scene
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
@@ -61,6 +63,18 @@ def test_the_report_stands_alone(done):
     sources = re.findall(r'src="([^"]{0,30})', page)
     assert sources
     assert all(source.startswith("data:image/png;base64,") for source in sources)
+
+
+def test_the_report_fits_and_can_be_read_at_every_size(done, browser):  # noqa: F811
+    for width, height in SIZES.values():
+        for theme in THEMES:
+            page = browser.new_page(
+                viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
+            )
+            page.goto((done[0] / REPORT).as_uri())
+            assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+            assert violations(page) == []
+            page.close()
 
 
 def test_the_json_has_a_row_for_every_number(done):

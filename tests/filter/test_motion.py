@@ -94,7 +94,7 @@ def test_the_pieces_of_an_epoch_lie_on_its_arc(g: Gaussian, arc, turn, pieces):
     epoch.forward, epoch.left = arc_chord(arc, turn)
     cut = g.copy()
     move(g, arc, turn)
-    piece = increment_of(epoch, pieces)
+    piece = increment_of(epoch, pieces, 0.0)
     for _ in range(pieces):
         predict_plane(cut.mean, cut.cov, piece, 1.0, QUIET)
     apart = cut.mean - g.mean

@@ -225,7 +225,7 @@ def test_one_link_is_smoothed_as_the_textbook_does(seed: int):
     store(belief, history, 0, True, 0.0)
     epochs.arc[0] = epochs.forward[0] = 5.0
     accumulate_motion(history, epochs[0], 0.5, 10.0, WHEELS)
-    accumulate_noise(history, increment_of(epochs[0], 1), wheel_noise(CTX.par[0], 5.0, 0.0))
+    accumulate_noise(history, increment_of(epochs[0], 1, 0.5), wheel_noise(CTX.par[0], 5.0, 0.0))
     hyp = belief.hyp[0]
     hyp["mu"][X] += 5.0 * np.cos(mean[H])
     hyp["mu"][Y] += 5.0 * np.sin(mean[H])

@@ -9,7 +9,7 @@ from hypothesis import given
 from scenes import On, belief_on, context, grid_town, network
 from strategies import seeds
 from whichroad._compile import Record
-from whichroad.filter.estimate import AMBIGUOUS, new_output, summarise
+from whichroad.filter.estimate import AMBIGUOUS, STOPPED, new_output, summarise
 from whichroad.filter.state import OFF_ROAD
 from whichroad.graph.network import Roads
 
@@ -51,6 +51,23 @@ def test_the_other_direction_is_another_way():
     assert said.p_way == pytest.approx(0.5 * KNOWN)
     said = estimate(CROSSING, [On(TO, 50.0, 0.5), On(BACK, 50.0, 0.5)])
     assert said.p_way == pytest.approx(0.5 * KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("standing", "one", "other", "status"),
+    [(0.5, TO, BACK, AMBIGUOUS), (2.0, TO, BACK, STOPPED), (2.0, ON, ASIDE, AMBIGUOUS)],
+)
+def test_a_standing_vehicle_that_may_face_either_way_is_on_one_street(
+    standing: float, one: int, other: int, status: int
+):
+    belief, output = (
+        belief_on(CROSSING, [On(one, 50.0, 0.5), On(other, 50.0, 0.5)]),
+        new_output(1, False),
+    )
+    belief.state[0].standing = standing
+    summarise(belief, context(CROSSING), output, 0, 0.0)
+    assert output.rows[0].status == status
+    assert output.rows[0].p_way == pytest.approx(0.5 * KNOWN)
 
 
 def test_off_road_is_on_no_way():

@@ -8,8 +8,9 @@ import can
 import numpy as np
 import pytest
 
-from whichroad import GeoFix, WheelTicks, read_drive, read_vehicle
+from whichroad import GeoFix, Vehicle, WheelTicks, YawRate, read_drive, read_vehicle
 from whichroad.live.decode import CanStream, NmeaStream
+from whichroad.live.playback import RecordedObservations
 from whichroad.readers.can_frames import key, read_frames
 from whichroad.readers.nmea import NmeaParser
 from whichroad.simulate.drive_files import nmea_text, write_drive
@@ -154,8 +155,6 @@ BO_ 257 R: 8 A
 def test_wheels_in_two_frames_are_brought_to_one_time(tmp_path):
     import cantools
 
-    from whichroad import Vehicle
-
     (tmp_path / "two.dbc").write_text(DBC)
     base = cantools.database.load_string(DBC)
     signals = {"wheel_rl": "Left", "wheel_rr": "Right"}
@@ -169,6 +168,46 @@ def test_wheels_in_two_frames_are_brought_to_one_time(tmp_path):
     assert [round(one.time - time, 6) for one in said] == [round(0.02 * i, 6) for i in range(1, 10)]
     assert [one.left for one in said] == pytest.approx([10.0 - i for i in range(1, 10)])
     assert [one.right for one in said] == pytest.approx([10.5 - i for i in range(1, 10)], abs=1e-4)
+
+
+MOTION = """VERSION ""
+BU_: A
+BO_ 258 Turns: 8 A
+ SG_ YawRate : 0|16@1- (0.01,0) [0|0] "deg/s" A
+BO_ 259 Way: 8 A
+ SG_ Odometer : 0|32@1+ (0.1,0) [0|0] "m" A
+ SG_ Speed : 32|16@1+ (0.01,0) [0|0] "km/h" A
+"""
+
+
+@pytest.mark.parametrize("roles", [("odometer", "yaw_rate"), ("odometer", "speed"), ("odometer",)])
+def test_an_odometer_comes_before_a_speed_and_with_its_yaw_rate(tmp_path, roles):
+    import cantools
+
+    base = cantools.database.load_string(MOTION)
+    dbc, log = tmp_path / "motion.dbc", tmp_path / "can.log"
+    dbc.write_text(MOTION)
+    names = {"odometer": "Odometer", "yaw_rate": "YawRate", "speed": "Speed"}
+    car = Vehicle(signals={role: names[role] for role in roles})
+    frames = [(1.7e9 + 0.02 * i, 258, base.encode_message("Turns", {"YawRate": 0.3 * i}))
+              for i in range(50)]  # fmt: skip
+    frames += [
+        (1.7e9 + 0.1 * i + 0.005, 259, base.encode_message("Way", {"Odometer": i, "Speed": 36.0}))
+        for i in range(10)
+    ]
+    log.write_text("".join(f"({t:.6f}) can0 {k:03X}#{d.hex()}\n" for t, k, d in sorted(frames)))
+    stream = CanStream(dbc, car)
+    ours = [one for t, k, d in sorted(frames) for one in stream.feed(key(k, False), t, d)]
+    [drive] = read_drive(log, vehicle=car, dbc=dbc)
+    recorded = RecordedObservations(drive)
+    theirs = [recorded[k] for k in range(len(recorded))]
+    assert [type(one) for one in ours] == [type(one) for one in theirs]
+    assert [one.time for one in ours] == pytest.approx([one.time for one in theirs], abs=1e-6)
+    values = [one.yaw_rate if isinstance(one, YawRate) else one.distance for one in theirs]
+    assert values == pytest.approx(
+        [one.yaw_rate if isinstance(one, YawRate) else one.distance for one in ours]
+    )
+    assert ("yaw_rate" in roles) == any(isinstance(one, YawRate) for one in ours)
 
 
 def test_frames_that_mean_nothing_are_counted_or_passed_over(files):

@@ -9,7 +9,8 @@ import pytest
 from whichroad import GeoFix, Localizer, Vehicle
 from whichroad.filter.state import new_path
 from whichroad.live.checkpoint import Checkpoint
-from whichroad.live.decode import CanStream, _Unwrapped
+from whichroad.live.counter_stream import CounterStream
+from whichroad.live.decode import CanStream
 from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.messages import EstimateMessage
 from whichroad.live.reorder_buffer import ReorderBuffer
@@ -156,10 +157,10 @@ def test_counters_that_wrapped_while_the_service_slept_go_on(town, stream, tmp_p
 
 
 def test_counts_of_another_clock_go_on_from_their_sum():
-    before, skipped = _Unwrapped(8, 0.02), Counter()
+    before, skipped = CounterStream(8, 0.02), Counter()
     for i in range(20):
         total = before.take(1e9 + 0.1 * i, 30 * i % 256, False, skipped)
-    after = _Unwrapped(8, 0.02)
+    after = CounterStream(8, 0.02)
     after.state = before.state
     assert after.take(5.0, 77.0, False, skipped) == total
     assert after.take(5.1, 107.0, False, skipped) == total + 30

@@ -98,7 +98,36 @@ def test_a_recording_without_wheels_reads_as_its_fixes(town, ride, observations,
     assert drive.odometry is None
 
 
+@pytest.mark.parametrize("kind", [whichroad.SpeedYaw, whichroad.Distance])
+def test_a_car_without_wheel_sensors_is_recorded_too(town, ride, tmp_path, kind):
+    values = (10.0, 0.1) if kind is whichroad.SpeedYaw else (5.0,)
+    record(tmp_path / "rec", town, ride, [kind(1.7e9 + 0.1 * k, *values) for k in range(20)])
+    (drive,) = read_drive(tmp_path / "rec", vehicle=ride.vehicle)
+    assert len(drive.odometry.time) == 20
+
+
+def test_an_odometer_and_a_gyro_are_recorded_each_at_its_own_times(town, ride, tmp_path):
+    readings = [whichroad.YawRate(1.7e9 + 0.02 * k, 0.1) for k in range(51)]
+    readings += [whichroad.Distance(1.7e9 + 0.1 * k, 0.5 * k) for k in range(11)]
+    record(tmp_path / "rec", town, ride, sorted(readings, key=lambda one: one.time))
+    (drive,) = read_drive(tmp_path / "rec", vehicle=ride.vehicle)
+    assert drive.odometry.distance.distance == pytest.approx(0.5 * np.arange(11))
+    assert drive.odometry.gyro.rate == pytest.approx(np.full(51, 0.1))
+
+
 def test_a_recording_of_nothing_says_so(town, tmp_path):
     Recorder(tmp_path / "rec", town, {}).close()
     with pytest.raises(whichroad.ReadError, match="nothing was recorded"):
         read_drive(tmp_path / "rec")
+
+
+def test_a_recording_holds_the_turns_of_a_gyro(town, tmp_path):
+    gyro = [whichroad.YawRate(1.6e9 + 0.1 * k, 0.1) for k in range(20)]
+    wheel = [whichroad.Distance(1.6e9 + 0.1 * k + 0.05, 2.0 * k) for k in range(20)]
+    recorder = Recorder(tmp_path / "rec", town, {})
+    for one in sorted(gyro + wheel, key=lambda o: o.time):
+        recorder.observe(one)
+    recorder.close()
+    (drive,) = read_drive(tmp_path / "rec")
+    assert drive.odometry.gyro.rate == pytest.approx(np.full(20, 0.1))
+    assert drive.odometry.distance.distance == pytest.approx(2.0 * np.arange(20))

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gzip
 import io
 import json
 import os
@@ -15,14 +16,17 @@ import time
 
 import httpx
 import numpy as np
+import pandas
 import pyarrow as pa
 import pytest
 import requests
+from jsonschema import Draft202012Validator
 
 from live.service import Served, drive_files
 from whichroad import match, read_vehicle
 from whichroad.errors import ReadError
 from whichroad.live import trace_worker, traces
+from whichroad.live.schemas import schemas
 from whichroad.live.trace_limits import (
     MOST_BYTES,
     MOST_ROWS,
@@ -64,6 +68,20 @@ def as_csv(columns):
 
 def as_json(columns):
     return json.dumps({name: values.tolist() for name, values in columns.items()}).encode()
+
+
+def path_as_json(path):
+    """GeoJSON whose times are written as those of the points."""
+    times = {
+        name: [
+            None
+            if pandas.isna(moment)
+            else f"{moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond // 1000:03d}Z"
+            for moment in path[name]
+        ]
+        for name in ("enter_time", "exit_time")
+    }
+    return json.loads(path.assign(**times).to_json(drop_id=True))
 
 
 # Limits, before anything is decoded
@@ -206,7 +224,7 @@ def test_an_answer_in_pieces_is_the_whole(town, ride, monkeypatch, rows):
     assert len(result.path) > 7
     points = result.points.drop(columns="geometry")
     assert said["points"] == json.loads(points.to_json(orient="records", date_format="iso"))
-    assert said["path"] == json.loads(result.path.to_json(drop_id=True, default=str))
+    assert said["path"] == path_as_json(result.path)
 
 
 @pytest.mark.slow
@@ -222,8 +240,9 @@ def test_an_answer_is_that_of_match(served, files, ride, town, make, kind):
     points = result.points.drop(columns="geometry").assign(drive_id=said["summary"]["drive_id"])
     assert said["points"] == json.loads(points.to_json(orient="records", date_format="iso"))
     path = result.path.assign(drive_id=said["summary"]["drive_id"])
-    assert said["path"] == json.loads(path.to_json(drop_id=True, default=str))
+    assert said["path"] == path_as_json(path)
     assert said["version"] == 1
+    Draft202012Validator(schemas()["match"]).validate(said)
     assert said["summary"]["epochs"] == 2500
 
 
@@ -467,3 +486,49 @@ def test_a_second_trace_may_begin_with_the_end_of_the_first(served, ride):
                 assert answer.status_code == 200
 
     asyncio.run(run())
+
+
+def as_geojson(columns, name):
+    """A LineString with the times of its vertices."""
+    line = [[lon, lat] for lat, lon in zip(columns["lat"], columns["lon"], strict=True)]
+    times = {name: [float(t) for t in columns["time"]]}
+    geometry = {"type": "LineString", "coordinates": line}
+    return json.dumps({"type": "Feature", "geometry": geometry, "properties": times}).encode()
+
+
+@pytest.mark.slow
+def test_a_line_with_times_is_smoothed_masked_and_answered_by_its_path_alone(
+    served, files, ride, town
+):
+    columns = {name: values[:90] for name, values in columns_of(ride, 100).items()}
+    car = read_vehicle(files / "drive" / "vehicle.toml")
+    result = match(
+        drive_from_table(pa.table(columns), vehicle=car), town, vehicle=car, lag="full",
+        mask=[(20.0, 40.0)],
+    )  # fmt: skip
+    for kind, name in (("application/geo+json", "coordTimes"), (JSON, "times")):
+        head = {"content-type": kind, "accept-encoding": "gzip"}
+        address = "/match?lag=full&mask=20:40&give=path"
+        status, body = served.ask("POST", address, as_geojson(columns, name), head)
+        assert (status, body[:2]) == (200, b"\x1f\x8b")  # compressed, as was asked
+        said = json.loads(gzip.decompress(body))
+        assert said.keys() == {"version", "path", "summary"}
+        assert said["summary"]["fixes_masked"] == result.summary["fixes_masked"] > 10
+        expected = path_as_json(result.path.assign(drive_id=said["summary"]["drive_id"]))
+        assert said["path"] == expected
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("lag=soon", "full"), ("mask=9:3", "ends before"), ("mask=now", "START:END"),
+        ("give=all of it", "points, path"), ("lags=3", "unknown"), ("mask=1:inf", "finite"),
+        ("vehicle=none", "no vehicle"),
+    ],
+)  # fmt: skip
+@pytest.mark.slow
+def test_an_option_that_is_none_is_told_before_the_body_is_read(served, query, words):
+    head = {"content-type": CSV}
+    status, said = served.ask("POST", f"/match?{query.replace(' ', '+')}", b"x", head)
+    assert status == (404 if "vehicle" in query else 400)
+    assert words in json.loads(said)["error"]

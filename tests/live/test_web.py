@@ -259,6 +259,15 @@ def test_names_and_addresses_of_this_machine_are_local():
         assert not is_local(host)
 
 
+def test_an_answer_does_not_wait_until_its_head_is_acknowledged():
+    with (
+        web_server.listen("127.0.0.1", 0) as door,
+        socket.create_connection(door.getsockname()),
+        door.accept()[0] as accepted,
+    ):
+        assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 @pytest.fixture(params=["live", "replay"])
 def hasty(request, town, ride, monkeypatch):
     """The port of an application whose timeouts are short."""

@@ -61,6 +61,28 @@ def test_a_wheel_holds_the_library_and_says_for_which_platform(pure, tmp_path):
     ]  # fmt: skip
 
 
+def test_files_are_added_to_a_wheel_and_recorded(pure):
+    wheel.with_files(pure, {"whichroad/page/maplibre/maplibre-gl.js": b"script"})
+    with zipfile.ZipFile(pure) as file:
+        assert file.read("whichroad/page/maplibre/maplibre-gl.js") == b"script"
+        assert "Root-Is-Purelib: true" in file.read(f"{ABOUT}/WHEEL").decode()
+        record = file.read(f"{ABOUT}/RECORD").decode().splitlines()
+        assert {line.split(",")[0] for line in record} == set(file.namelist())
+
+
+def test_another_archive_than_that_of_maplibre_is_refused():
+    maplibre = released("maplibre_gl")
+    with pytest.raises(ValueError, match="the digest is sha512-"):
+        maplibre.unpacked(b"another archive")
+
+
+def test_without_npm_maplibre_is_not_fetched(tmp_path, monkeypatch):
+    maplibre = released("maplibre_gl")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(OSError, match="npm was not found"):
+        maplibre.bring(tmp_path)
+
+
 def test_the_same_files_make_the_same_wheel(pure, tmp_path):
     first = made(pure, tmp_path, "win_amd64").read_bytes()
     assert made(pure, tmp_path, "win_amd64").read_bytes() == first

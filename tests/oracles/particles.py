@@ -51,7 +51,7 @@ _ROOM = 8  # rows for children, in units of the particles kept
 def _predict(crowd: Belief, ctx: Context, epoch: Record, pieces: int) -> None:
     """Move all particles by one of equal pieces of an epoch."""
     state = crowd.state[0]
-    move = increment_of(epoch, pieces)
+    move = increment_of(epoch, pieces, 0.0)
     q = wheel_noise(ctx.par[0], abs(move.arc), move.turn)
     for i in range(state.count):
         predict_plane(crowd.hyp[i].mu, crowd.hyp[i].cov, move, state.scale, q)

@@ -11,6 +11,7 @@ from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import Player
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import replay_app
+from whichroad.replay.truth import read_truth
 from whichroad.roadmap import RoadMap
 
 from .conftest import served
@@ -27,13 +28,15 @@ OUTSIDE = """() => [...document.querySelectorAll('button, summary, select, h1, .
     return r.left < -0.5 || r.right > innerWidth + 0.5; })
   .map((e) => e.id || e.textContent)"""
 PANELS = """(names) => { const found = names.map((n) => document.getElementById(n))
+  .concat([...document.querySelectorAll('.maplibregl-ctrl')])
   .filter((e) => e && e.checkVisibility());
   const over = [];
   found.forEach((a, i) => found.slice(0, i).forEach((b) => {
     const [p, q] = [a.getBoundingClientRect(), b.getBoundingClientRect()];
     const wide = Math.min(p.right, q.right) - Math.max(p.left, q.left);
     const high = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
-    if (wide > 1 && high > 1) over.push(`${a.id} over ${b.id}: ${wide} x ${high}`); }));
+    if (wide > 1 && high > 1) {
+      over.push(`${a.id || a.className} over ${b.id}: ${wide} x ${high}`); } }));
   return over; }"""
 MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
   document.getElementById(n).getBoundingClientRect());
@@ -42,8 +45,9 @@ MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
 
 
 @pytest.fixture(scope="module")
-def replayed(remaking: Remaking, recorded: RecordedMessages) -> Iterator[str]:
-    player = Player(recorded, remaking, position=80.0, paused=True)
+def replayed(remaking: Remaking, recorded: RecordedMessages, folder: Path) -> Iterator[str]:
+    truth = read_truth(folder / "truth.parquet")
+    player = Player(recorded, remaking, position=80.0, paused=True, truth=truth)
     with served(replay_app(player, remaking.roads)) as address:
         yield address
 
@@ -76,7 +80,7 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, t
     page.wait_for_selector("#drive:not([hidden])")
     for act in ("unmask", "mask"):
         page.evaluate(POST, {"action": act})
-        page.wait_for_function("m => whichroad.state.frame.gnss_masked === m", arg=act == "mask")
+        page.wait_for_selector(f"#mask[aria-pressed={str(act == 'mask').lower()}]")
         assert page.evaluate(OUTSIDE) == []
         assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
         assert page.evaluate("() => document.getElementById('p').getClientRects().length") == 1

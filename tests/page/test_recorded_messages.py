@@ -5,10 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 from whichroad import Settings
 from whichroad.errors import DriveError, ReadError
-from whichroad.live.messages import EstimateMessage, FixMessage, HypothesisMessage, RoadMessage
+from whichroad.live.message_types import (
+    EstimateMessage,
+    FixMessage,
+    HypothesisMessage,
+    RoadMessage,
+)
+from whichroad.live.schemas import schemas
 from whichroad.matching import match
 from whichroad.replay.open_replay import Remaking, is_points, one_of
 from whichroad.replay.points import read_points
@@ -28,6 +35,7 @@ def test_a_message_has_the_keys_of_the_live_service(recorded: RecordedMessages):
         assert set(said["fix"] or ()) <= set(FixMessage.__annotations__)
         for one in said["hypotheses"]:
             assert set(one) == set(HypothesisMessage.__annotations__)
+        Draft202012Validator(schemas()["estimate"]).validate(said)
 
 
 def test_a_message_says_what_the_points_say(recorded: RecordedMessages, remaking: Remaking):
@@ -107,6 +115,7 @@ def test_points_from_a_file_make_the_film_that_was_written(
         assert new["status"] == old["status"]
         roads_of = [{h["edge_id"]: h["p"] for h in m["hypotheses"]} for m in (old, new)]
         assert roads_of[1] == pytest.approx(roads_of[0], abs=1e-4)
+        Draft202012Validator(schemas()["estimate"]).validate(new)
 
 
 def test_a_log_is_no_table_of_points_and_is_told_so(folder: Path):

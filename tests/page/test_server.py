@@ -9,6 +9,7 @@ import pytest
 from websockets.sync.client import connect
 
 from whichroad.errors import SettingError
+from whichroad.page import static_files
 from whichroad.page.http_routes import page_routes
 from whichroad.page.static_files import STATIC, maplibre_folder
 from whichroad.replay.player import Player
@@ -63,6 +64,21 @@ def test_maplibre_is_found_without_being_imported():
 
     assert (maplibre_folder() / "maplibre-gl.js").is_file()
     assert "maplibre" not in sys.modules
+
+
+def test_maplibre_of_the_wheel_comes_before_the_cache_and_the_newest_before_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    packed, kept = tmp_path / "packed", tmp_path / "kept"
+    monkeypatch.setattr(static_files, "PACKED", packed)
+    monkeypatch.setattr(static_files, "kept_folder", lambda: kept)
+    monkeypatch.setattr(static_files.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SettingError, match=r'pip install "whichroad\[maplibre\]"'):
+        maplibre_folder()
+    for folder in (kept / "maplibre-gl-5.9.1", kept / "maplibre-gl-5.24.0", packed):
+        folder.mkdir(parents=True)
+        (folder / "maplibre-gl.js").touch()
+        assert maplibre_folder() == folder
 
 
 def test_lookers_on_get_messages_and_can_turn_the_clock(client: httpx.Client):

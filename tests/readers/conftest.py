@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from whichroad.observations import WithGyro
+
 
 def sealed(body: str) -> bytes:
     """An NMEA sentence with its frame and checksum."""
@@ -45,7 +47,9 @@ def burst(
 
 def check_records(drive) -> None:
     """What observations.py promises: times that increase, nothing but finite numbers."""
-    for log in (drive.fixes, drive.odometry):
+    odometry = drive.odometry
+    beside = (odometry.distance, odometry.gyro) if isinstance(odometry, WithGyro) else (odometry,)
+    for log in (drive.fixes, *beside):
         if log is None:
             continue
         assert (np.diff(log.time) > 0).all()

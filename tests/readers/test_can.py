@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
-from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds
+from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds, WithGyro
 from whichroad.readers import read_drive
 from whichroad.readers.can import decode
 from whichroad.settings import Vehicle
@@ -250,6 +250,19 @@ def test_without_wheels_speed_yaw_rate_or_an_odometer_will_do(read, sound, signa
         assert drive.odometry.yaw_rate == pytest.approx(np.radians(9.0))
 
 
+def test_a_yaw_rate_in_another_frame_turns_an_odometer(read, sound):
+    signals = {"odometer": "Odometer", "yaw_rate": "YawRate"}
+    log = "".join(motion(k) for k in range(20))
+    drive = read(log, vehicle(signals))
+    sound(drive)
+    assert isinstance(drive.odometry, WithGyro)
+    assert np.diff(drive.odometry.distance.distance) == pytest.approx(1.0, abs=1e-5)
+    assert drive.odometry.gyro.rate == pytest.approx(np.radians(9.0))
+    assert not any("not used" in note for note in drive.notes)
+    also = read(log, vehicle(signals | {"speed": "Speed"}))  # a finer step than most odometers'
+    assert isinstance(also.odometry, SpeedYawRate)
+
+
 def test_long_identifiers_are_theirs_alone_and_strange_units_are_noted(read):
     log = "".join(
         line(T0 + k, 2566834709 - 2**31, (3600).to_bytes(2, "little") + bytes(6)) for k in range(5)
@@ -379,3 +392,33 @@ def test_a_damaged_mf4_file_is_refused_in_one_sentence_and_nothing_is_printed(tm
         with pytest.raises(ReadError, match=r"log\.mf4"):
             read_drive([], can=log, dbc=put("car.dbc", DBC), vehicle=vehicle())
     assert capfd.readouterr() == ("", "")
+
+
+def test_an_mf4_file_that_leads_its_reader_in_a_circle_is_refused_in_time(tmp_path, monkeypatch):
+    import struct
+    from collections import Counter
+
+    from whichroad.readers import mf4
+
+    log = tmp_path / "log.mf4"
+    with can.Logger(str(log)) as writer:
+        for k in range(20):
+            writer(can.Message(T0 + 0.1 * k, 928, is_extended_id=False, data=ticks(k), channel=1))
+    assert len(list(mf4.messages(log, Counter()))) == 20
+    content = bytearray(log.read_bytes())
+    group = content.index(b"##DG")
+    struct.pack_into("<Q", content, group + 24, group)  # the next group of data is this one
+    log.write_bytes(content)
+    monkeypatch.setattr(mf4, "LEAST_TIME", 3.0)
+    with pytest.raises(ReadError, match=r"log\.mf4: asammdf came to no end within 3 s"):
+        list(mf4.messages(log, Counter()))
+
+
+def test_without_asammdf_the_remedy_is_named(tmp_path, monkeypatch):
+    from collections import Counter
+
+    from whichroad.readers import mf4
+
+    monkeypatch.setitem(__import__("sys").modules, "asammdf", None)
+    with pytest.raises(ReadError, match=r'asammdf is needed.*pip install "whichroad\[mf4\]"'):
+        list(mf4.messages(tmp_path / "log.mf4", Counter()))

@@ -276,6 +276,30 @@ def test_fixes_and_counters_may_share_a_table(sound):
     assert drive.skipped == {}
 
 
+@pytest.mark.parametrize("told", [0, 16])
+@pytest.mark.parametrize("bits", [8, 12])
+def test_counters_that_wrap_at_another_width_are_taken_at_it(told: int, bits: int, sound):
+    driven = np.cumsum(np.full(2000, 12.0))
+    columns = {
+        "time": T0 + 0.1 * np.arange(2000),
+        "wheel_rl_ticks": (driven + 100) % 2**bits,
+        "wheel_rr_ticks": driven % 2**bits,
+    }
+    drive = one(columns, vehicle=Vehicle(counter_bits=told))
+    sound(drive)
+    assert np.diff(drive.odometry.left) == pytest.approx(np.diff(driven))
+    assert any(f"taken as {bits} bits" in note for note in drive.notes)
+    assert drive.skipped == {}
+
+
+def test_counters_that_go_back_and_forth_do_not_wrap():
+    swing = 120.0 + 119.0 * np.sin(0.05 * np.arange(2000))
+    columns = {"time": T0 + 0.1 * np.arange(2000), "wheel_rl_ticks": swing, "wheel_rr_ticks": swing}
+    drive = one(columns, vehicle=Vehicle(counter_bits=16))
+    assert not any("wrap" in note for note in drive.notes)
+    assert drive.odometry.left == pytest.approx(swing)
+
+
 @pytest.mark.parametrize(
     ("columns", "kind"),
     [
@@ -304,6 +328,29 @@ def test_a_reverse_flag_turns_speeds_round():
         "reverse": [0, 0, 1, 1, 0],
     }
     assert one(columns).odometry.left.tolist() == [2, 2, -2, -2, 2]
+
+
+@pytest.mark.parametrize(
+    ("gear", "told"),
+    [
+        (["P", "D", "R", "R", "D"], "R"),
+        ([0, 1, -1, -1, 2], "-1"),
+        (["neutral", "drive", "Reverse", None, "park"], "Reverse"),  # holds until the next
+        (["GearShifter.park", "D3", "GearShifter.reverse", "R1", "S"], "GearShifter.reverse, R1"),
+    ],
+)
+def test_a_gear_turns_speeds_round(gear, told):
+    columns = {"time": T0 + np.arange(N), "wheel_rl_mps": [2.0] * N, "wheel_rr_mps": [2.0] * N}
+    drive = one(pd.DataFrame({**columns, "Gear": gear}))
+    assert drive.odometry.left.tolist() == [2, 2, -2, -2, 2]
+    assert f"column 'Gear': {told} taken as going backwards" in drive.notes
+
+
+def test_gears_by_the_codes_of_a_maker_are_not_guessed_at():
+    columns = {"time": T0 + np.arange(N), "wheel_rl_mps": [2.0] * N, "wheel_rr_mps": [2.0] * N}
+    drive = one({**columns, "gear": [1, 4, 2, 2, 4]})
+    assert drive.odometry.left.tolist() == [2.0] * N
+    assert any("no value is known to mean backwards" in note for note in drive.notes)
 
 
 def test_impossible_speeds_are_counted(sound):
@@ -429,3 +476,9 @@ def test_any_cells_give_records_or_a_read_error(rows):
     except ReadError:
         return
     check_records(drive)
+
+
+def test_a_table_of_places_alone_without_one_that_can_be_understood_is_refused(put):
+    table = put("places.txt", "lat lon\nnorth east\n49.4 <8\n")
+    with pytest.raises(ReadError, match=r"places\.txt: no row has both a latitude and a longitude"):
+        read_drive(table)

@@ -1,73 +1,13 @@
 """OpenLR references: read by `openlr`, followed by `openlr_dereferencer` to the same edges."""
 
-import numpy as np
 import openlr
-import openlr_dereferencer
 import pyarrow as pa
 import pytest
+from benchmarks.openlr_map import OurMap
+from benchmarks.openlr_paths import compare, followed, path_of
 
-from roadmap.openlr_map import OurMap
 from whichroad.errors import MapError
 from whichroad.roadmap import RoadMap
-
-CONFIG = openlr_dereferencer.Config(candidate_threshold=4)  # m; coordinates are told to 2.4 m
-
-
-def drives(roads, rng, most=40):
-    """A legal drive at random, without turning round, and where it begins and ends."""
-    edges, turns = roads.arrays.edges, roads.arrays.turns
-    legal = np.flatnonzero(edges.rule == 0)
-    route = [int(rng.choice(legal))]
-    for _ in range(int(rng.integers(0, most))):
-        e = route[-1]
-        onward = [int(turns.edge[k]) for k in range(edges.first_turn[e], edges.end_turn[e])
-                  if turns.rule[k] == 0 and turns.edge[k] != edges.opposite[e]]  # fmt: skip
-        onward = [x for x in onward if x not in route]
-        if not onward:
-            break
-        route.append(onward[int(rng.integers(len(onward)))])
-    length = edges.length[route]
-    enter = float(rng.uniform(0.0, 0.9) * length[0])
-    leave = float(rng.uniform(0.1, 1.0) * length[-1])
-    if len(route) == 1:
-        enter, leave = 0.1 * float(length[0]), 0.9 * float(length[0])
-    return route, enter, leave
-
-
-def path_of(roads, route, enter, leave):
-    length = roads.arrays.edges.length[route]
-    begin, end = np.zeros(len(route)), length.copy()
-    begin[0], end[-1] = enter, leave
-    return pa.table({"edge_id": route, "enter_m": begin, "exit_m": end})
-
-
-def followed(reader, code):
-    """Edges, and where on the first and the last one."""
-    found = openlr_dereferencer.decode(openlr.binary_decode(code), reader, config=CONFIG)
-    lines = [line.line_id for line in found.lines]
-    return lines, found.p_off, found.n_off
-
-
-def compare(roads, count, seed, most=40):
-    """How many references were made, and how many lead to the same edges."""
-    rng, reader = np.random.default_rng(seed), OurMap(roads)
-    made = same = exact = 0
-    while made < count:
-        route, enter, leave = drives(roads, rng, most)
-        [code] = set(roads.openlr(path_of(roads, route, enter, leave), by="stretch"))
-        if code is None:
-            assert len(route) == 1  # too short
-            continue
-        made += 1
-        try:
-            lines, before, behind = followed(reader, code)
-        except openlr_dereferencer.decoding.LRDecodeError:
-            continue
-        length = roads.arrays.edges.length[route]
-        same += lines == route
-        near = abs(before - enter) < 1.0 + length[0] / 200
-        exact += lines == route and near and abs(length[-1] - behind - leave) < 1 + length[-1] / 200
-    return made, same, exact
 
 
 @pytest.mark.data
@@ -75,9 +15,9 @@ def compare(roads, count, seed, most=40):
 def test_paths_of_a_city_are_followed_to_the_same_edges(data_folder):
     roads = RoadMap.from_osm(data_folder / "maps" / "heidelberg.osm.pbf",
                              bbox=(8.66, 49.39, 8.72, 49.43))  # fmt: skip
-    made, same, exact = compare(roads, 100, seed=2)
-    # edges of a few metres are shorter than the step of coordinates in the bytes
-    assert same >= 0.93 * made
+    made, same, exact, stubs = compare(roads, 100, seed=2)
+    assert same >= made - stubs - 1  # stubs are shorter than the step of coordinates in the bytes
+    assert same >= 0.98 * made
     assert exact >= 0.93 * same
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from benchmarks.overture import compare
+from benchmarks.overture_segments import segment, table, write
 
-from roadmap.overture_segments import of_osm, segment, table, write
 from whichroad.errors import MapError
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED
@@ -207,33 +208,8 @@ def test_a_saved_map_and_a_frame_say_the_same(tmp_path):
 @pytest.mark.data
 @pytest.mark.slow
 def test_a_city_has_the_same_legal_directions_levels_and_limits_from_both_sources(data_folder):
-    path = data_folder / "maps" / "heidelberg.osm.pbf"
-    rows = of_osm(path)
-    osm, ours = RoadMap.from_osm(path), RoadMap.from_edges(table(rows))
-    written = {r["id"]: r["speed_limits"][0]["max_speed"] for r in rows if "speed_limits" in r}
-    edges = osm.arrays.edges
-    middle = 0.5 * edges.length
-    ids, forward = osm.sources(np.arange(len(osm)), middle)
-    alike, same, levels, limits = 0, 0, 0, 0
-    rng = np.random.default_rng(1)
-    chosen = rng.choice(len(osm), 4000, replace=False)
-    for e in chosen.tolist():
-        x, y, _ = osm.at(e, middle[e])
-        lat, lon = osm.plane.to_geodetic(np.array([x]), np.array([y]))
-        px, py = ours.plane.from_geodetic(lat, lon)
-        near = ours.near(float(px[0]), float(py[0]), 1.0)
-        for edge, s in zip(near.edge.tolist(), near.s.tolist(), strict=True):
-            if ours.source(edge, s) == (f"w{ids[e]}", bool(forward[e])):
-                a, b = osm.attributes(e, middle[e]), ours.attributes(edge, s)
-                alike += 1
-                same += edges.rule[e] == ours.arrays.edges.rule[edge]
-                levels += [a[n] for n in ("layer", "bridge", "tunnel")] == [
-                    b[n] for n in ("layer", "bridge", "tunnel")
-                ]
-                limit = written.get(b["source_id"], {"value": None})["value"]
-                limits += limit == b["speed_limit_kmh"] and limit in (None, a["speed_limit_kmh"])
-                break
-    assert alike >= 0.995 * len(chosen)
-    assert same >= 0.995 * alike
-    assert levels == alike
-    assert limits == alike
+    told = compare(data_folder / "maps" / "heidelberg.osm.pbf")
+    assert told["found"] >= 0.995 * told["chosen"]
+    assert told["rule"] >= 0.995 * told["found"]
+    assert told["levels"] == told["found"]
+    assert told["limits"] == told["found"]

@@ -5,8 +5,8 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
+from benchmarks.overture_segments import segment, table
 
-from roadmap.overture_segments import segment, table
 from whichroad.roadmap import RoadMap
 
 GEOD = pyproj.Geod(ellps="WGS84")

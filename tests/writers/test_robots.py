@@ -155,7 +155,7 @@ def test_routes_are_the_edges_driven_and_a_gap_begins_a_vehicle(tmp_path):
 
 
 def test_a_path_that_is_not_by_source_is_no_route_and_a_path_has_no_positions(path, tmp_path):
-    with pytest.raises(WriteError, match="--by-source"):
+    with pytest.raises(WriteError, match=r"/out\.rou\.xml: .*--by-source"):
         write_table(path, tmp_path / "out.rou.xml")
     for suffix in OF_POINTS:
         with pytest.raises(WriteError, match="no positions with times"):

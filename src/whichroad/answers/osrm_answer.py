@@ -29,6 +29,7 @@ from .route_steps import (
     steps_of,
     whole,
 )  # fmt: skip
+from .signs import lanes_for, signs_of
 
 ANNOTATIONS = ("nodes", "distance", "duration", "datasources", "weight", "speed")
 _DETAIL = 1000.0  # extent of a simplified line over what may be left out
@@ -122,6 +123,7 @@ class _Legs:
         if options.steps:
             self._line: Line = drawn(matched, pieces)
             self._begins, self._ends = bearings(self._line)
+            self._signs = signs_of(matched, pieces)
             of = {e: _classes(matched.roads.attributes(e)) for e in set(edge.tolist())}
             self._classes = [of[piece.edge] for piece in pieces]
 
@@ -184,7 +186,10 @@ class _Legs:
             manoeuvre |= {"type": kind, "modifier": word}
         if self._options.by_valhalla:
             manoeuvre["instruction"] = instruction(step, index)
-        return {
+        ref, towards = self._signs.ref[low], self._signs.destinations[low]
+        more = {"ref": ref} if ref else {}
+        more |= {"destinations": towards} if towards else {}
+        return more | {
             "intersections": [self._intersection(k, first=k == low and not index)
                               for k in range(low, high)],
             "driving_side": self._side(), "geometry": self._geometry(lat, lon),
@@ -206,6 +211,10 @@ class _Legs:
                 "in": order.index((back, False)), "out": order.index((out, True)),
                 "entry": [enters for _, enters in order], "bearings": [b for b, _ in order],
             }  # fmt: skip
+            turn = float(out - self._ends[k - 1])
+            lanes = self._signs.lanes[k - 1]
+            told = lanes_for(lanes, turn, by_valhalla=self._options.by_valhalla)
+            found |= {"lanes": told} if told else {}
         if self._classes[k]:
             found["classes"] = self._classes[k]
         if self._options.by_valhalla:

@@ -13,6 +13,7 @@ from .osrm_answer import ARRIVED, Options, estimates, instruction, osrm_answer
 from .polylines import encoded
 from .refusal import valhalla_error
 from .route_steps import Step, bearings, drawn, lengths, modifier, names_of, steps_of
+from .signs import both_names, signs_of
 from .valhalla_edges import Edges, reached, use_of
 
 UNITS = {"kilometers": 1000.0, "miles": 1609.344}
@@ -191,10 +192,11 @@ def _leg(matched: Matched, a: int, b: int, wish: Wish) -> dict[str, Any]:
     unit = UNITS[wish.units]
     manoeuvres = []
     steps = steps_of(names, begins, ends, 0, len(pieces))
+    refs = signs_of(matched, pieces).ref
     for index, step in enumerate(steps):
         span = slice(step.low, step.high)
         seconds, far = sum(size.seconds[span]), sum(size.metres[span])
-        told = _manoeuvre(step, index, far, wish)
+        told = _manoeuvre(step, index, far, wish) | _streets(step, refs)
         told |= {
             "bearing_after": step.after, "time": round(seconds, 3),
             "length": round(far / unit, 3), "cost": round(seconds, 3),
@@ -229,9 +231,16 @@ def _manoeuvre(step: Step, index: int, metres: float, wish: Wish) -> dict[str, A
             told["verbal_transition_alert_instruction"] = text
         far = f"{metres / 1000.0:.1f} kilometers" if metres >= 950 else f"{metres:.0f} meters"
         told["verbal_post_transition_instruction"] = f"Continue for {far}."
-    if step.name:
-        told["street_names"] = [step.name]
     return told | ({"bearing_before": step.before} if index else {})
+
+
+def _streets(step: Step, refs: list[str]) -> dict[str, Any]:
+    """What the street is called on all of a step; what at its start, if that is more."""
+    first = both_names(step.name, refs[step.low])
+    same = len(set(refs[step.low : step.high])) == 1
+    always = first if same else both_names(step.name, "")
+    told = {"street_names": always} if always else {}
+    return told | ({"begin_street_names": first} if first != always else {})
 
 
 def _arrival(before: int, vertex: int, wish: Wish) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from ..geodesy.units import KMH
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .matched_trace import Matched, Piece
 from .route_steps import Lengths, Line, whole
+from .signs import both_names
 
 KILOMETRE = 1000.0  # m
 _NO_GRADE = -500  # Valhalla's mark
@@ -103,8 +104,9 @@ class Edges:
             found["source_percent_along"] = round(piece.start / length, 3)
         if piece.end < length - 1e-3:
             found["target_percent_along"] = round(piece.end / length, 3)
-        if of.get("name"):
-            found["names"] = [of["name"]]
+        names = both_names(of.get("name"), of.get("ref"))
+        if names:
+            found["names"] = names
         if found["use"] == "ramp":
             found["sign"] = {}
         return found

@@ -1,17 +1,17 @@
 """What several commands ask for, and how its text is understood."""
 
 import math
-from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import SettingError
+from ..moments import Moment, parse_window
+
 if TYPE_CHECKING:
     from ..observations import StartPose
-
-Moment = float | datetime
 
 
 class Model(StrEnum):
@@ -42,6 +42,9 @@ class Preset(StrEnum):
 Token = Annotated[
     str | None,
     typer.Option(envvar="WHICHROAD_TOKEN", help="Token that every client must send."),
+]
+TilesBy = Annotated[
+    str | None, typer.Option(metavar="TEXT", help="Whose --tiles they are, as the map says.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output files.")]
 MapOption = Annotated[
@@ -125,33 +128,11 @@ def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | st
 
 
 def read_window(text: str) -> tuple[Moment, Moment]:
-    """`START:END` as two moments; ISO times hold colons themselves."""
-    for index, letter in enumerate(text):
-        if letter == ":":
-            begin, end = _moment(text[:index]), _moment(text[index + 1 :])
-            if begin is not None and end is not None and type(begin) is type(end):
-                if begin < end:  # type: ignore[operator]
-                    return begin, end
-                raise typer.BadParameter(f"--mask {text!r} ends before it starts")
-    raise typer.BadParameter(
-        f"--mask is {text!r}; START:END in seconds from the drive's start (120:240) or in ISO "
-        "times (2026-06-01T08:02:00Z:2026-06-01T08:04:00Z) was expected"
-    )
-
-
-def _moment(text: str) -> Moment | None:
-    """Seconds, or a time (UTC unless it has an offset), or None."""
+    """`START:END` of `--mask` as two moments."""
     try:
-        return float(text)
-    except ValueError:
-        pass
-    if "T" not in text:
-        return None
-    try:
-        time = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    return time if time.tzinfo else time.replace(tzinfo=UTC)
+        return parse_window(text)
+    except SettingError as error:
+        raise typer.BadParameter(f"--{error}") from None
 
 
 def check_token(host: str, token: str | None) -> None:

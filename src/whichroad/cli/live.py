@@ -8,22 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError, comes_with
-from .arguments import (
-    DbcOption,
-    MapOption,
-    Token,
-    VehicleOption,
-    check_token,
-    read_start,
-)
+from .arguments import MapOption, TilesBy, Token, check_token, read_start
 from .console import progress_line
+from .live_vehicles import Fittings, named, own_file
 
 if TYPE_CHECKING:
     from ..live.nmea_output import NmeaOutput
     from ..live.server import Plan
+    from ..live.sources import Address
+    from ..live.vehicle_run import Fitted
     from ..observations import Drive
     from ..roadmap import RoadMap
-    from ..settings import Vehicle
+    from ..settings import Settings, Vehicle
 
 _OUT = re.compile(r"(tcp|udp)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
 
@@ -42,18 +38,25 @@ def live(
         typer.Option(
             metavar="SOURCE",
             help="Fixes: /dev/ttyUSB0@9600, tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, "
-            "or a recorded file. May be repeated.",
+            "or a recorded file. May be repeated. NAME=SOURCE is of one vehicle of several.",
         ),
     ] = None,
     can: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="SOURCE",
-            help="Wheels: can0 (socketcan), INTERFACE:CHANNEL (python-can), or a recorded file.",
+            help="Wheels: can0 (socketcan), INTERFACE:CHANNEL (python-can), or a recorded file. "
+            "NAME=SOURCE is of one vehicle of several.",
         ),
     ] = None,
-    dbc: DbcOption = None,
-    vehicle: VehicleOption = None,
+    dbc: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FILE", help="Signals of the CAN bus (.dbc), or NAME=FILE."),
+    ] = None,
+    vehicle: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FILE", help="Wheels, antenna, signals (.toml), or NAME=FILE."),
+    ] = None,
     play: Annotated[
         list[Path] | None,
         typer.Option(metavar="DRIVE", help="Recorded files to play. May be repeated."),
@@ -95,7 +98,7 @@ def live(
         typer.Option(
             metavar="SINK",
             help="Send the pose as NMEA: tcp://HOST:PORT (listens), udp://HOST:PORT. May be "
-            "repeated.",
+            "repeated. NAME=SINK is of one vehicle of several.",
         ),
     ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
@@ -106,6 +109,7 @@ def live(
     tiles: Annotated[
         str | None, typer.Option(metavar="URL", help="Raster tiles to draw under the roads.")
     ] = None,
+    tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
@@ -113,22 +117,33 @@ def live(
 
     pose, factor = read_start(start), _speed(speed)
     recorded = record and record / "fixes.arrow"
-    read = [roads, dbc, vehicle, can, *(play or ()), *(nmea or ())]
+    fittings = Fittings(named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out))
+    names = fittings.names
+    read = [roads, *(play or ())]
+    read += [v for given in (dbc, vehicle, can, nmea) for one in named(given).values() for v in one]
     check_apart({"--record": recorded, "--state": state}, read)
-    nmea_outputs = [_sink(text) for text in nmea_out or ()]
+    sinks = {name: [_sink(t) for t in fittings.nmea_out.get(name, ())] for name in names}
+    if len(names) > 1 and (pose is not None or play):
+        raise typer.BadParameter("--start and --play are of one vehicle; several were named")
     with comes_with("live", "live"):
         check_token(host, token)
     with progress_line() as progress:
         progress("reading the map", 0, 0)
-        plan = _plan(roads, vehicle, pose, lag)
-        car = plan.localizer.vehicle
-        plan.recording = _recorded(play, nmea, can, dbc, car)
+        first = names[0]
+        plan = _plan(roads, _path(fittings.one("vehicle", first)), pose, lag)
+        plan.name = first
+        plan.recording = _recorded(play, fittings, plan.localizer.vehicle)
         if plan.recording is None:
-            _connect(plan, nmea, can, dbc)
-        plan.pages = _pages(plan.localizer.roads, tiles) if page else ()
-        plan.nmea_outputs = _nmea_outputs(nmea_outputs)
+            plan.nmea, plan.can = _inputs(fittings, first)
+        plan.others = [_other(plan, fittings, name, lag) for name in names[1:]]
+        plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
+        vehicles: list[Plan | Fitted] = [plan, *plan.others]
+        for one in vehicles:
+            one.nmea_outputs = _nmea_outputs(sinks[one.name])
+            one.record = record if record is None or one.name is None else record / one.name
+            one.state = own_file(state, one.name)
     plan.speed, plan.laps, plan.once, plan.rate = factor, laps, once, rate
-    plan.window, plan.clock, plan.record, plan.state = window, clock.value, record, state
+    plan.window, plan.clock = window, clock.value
     plan.host, plan.port, plan.token = host, port, token
     plan.report = lambda line: typer.echo(line, err=True)
     plan.ready = lambda bound: _print_addresses(host, bound, plan)
@@ -142,13 +157,10 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
     with comes_with("live", "live"):
         from ..live.server import Plan
     from ..online import Localizer
-    from ..readers import read_vehicle
     from ..roadmap import open_map
     from ..roadmap.store import is_compiled
-    from ..settings import Settings, Vehicle
 
-    car = Vehicle() if vehicle is None else read_vehicle(vehicle)
-    settings = Settings(**car.noise)
+    car, settings = _car(vehicle)
     network = open_map(roads, check=True)
     localizer = Localizer(network, vehicle=car, settings=settings, start=start, lag=lag)
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
@@ -181,49 +193,82 @@ def _nmea_outputs(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
     return [NmeaOutput(*sink) for sink in sinks]
 
 
-def _recorded(
-    play: list[Path] | None, nmea: list[str] | None, can: str | None, dbc: Path | None,
-    car: "Vehicle",
-) -> "Drive | None":  # fmt: skip
+def _recorded(play: list[Path] | None, fittings: Fittings, car: "Vehicle") -> "Drive | None":
     """The recorded drive, where files were given."""
-    files = [*(play or ()), *(Path(one) for one in nmea or () if Path(one).is_file())]
-    can_file = Path(can) if can is not None and Path(can).is_file() else None
-    if not files and can_file is None:
+    nmea = [one for given in fittings.nmea.values() for one in given]
+    can = [one for given in fittings.can.values() for one in given]
+    files = [*(play or ()), *(Path(one) for one in nmea if Path(one).is_file())]
+    can_files = [Path(one) for one in can if Path(one).is_file()]
+    if not files and not can_files:
         return None
-    if len(files) < len(play or ()) + len(nmea or ()) or (can is not None and can_file is None):
+    if len(fittings.names) > 1 or len(can_files) > 1:
+        raise typer.BadParameter("recorded files are played for one vehicle; several were named")
+    if len(files) < len(play or ()) + len(nmea) or (can and not can_files):
         raise typer.BadParameter(
             "recorded files and sensors cannot be combined; give one kind only"
         )
     from ..readers import read_drive
 
-    drives = read_drive(files, vehicle=car, can=can_file, dbc=dbc)
+    dbc = _path(fittings.one("dbc", fittings.names[0]))
+    drives = read_drive(files, vehicle=car, can=can_files[0] if can_files else None, dbc=dbc)
     if len(drives) > 1:
         raise typer.BadParameter(f"{len(drives)} drives are in the files; one was expected")
     return drives[0]
 
 
-def _connect(plan: "Plan", nmea: list[str] | None, can: str | None, dbc: Path | None) -> None:
-    """The sensors."""
+def _inputs(
+    fittings: Fittings, name: str | None
+) -> "tuple[list[Address], list[tuple[Address, Path]]]":
+    """The sensors of a vehicle."""
     from ..live.sources import can_address, nmea_address
 
-    plan.nmea = [nmea_address(one) for one in nmea or ()]
-    if any(address.kind == "serial" for address in plan.nmea):
+    nmea = [nmea_address(one) for one in fittings.nmea.get(name, ())]
+    if any(address.kind == "serial" for address in nmea):
         with comes_with("live", "live"):
             import serial  # noqa: F401
-    if can is not None:
+    can = []
+    source, dbc = fittings.can.get(name, []), _path(fittings.one("dbc", name))
+    if len(source) > 1:
+        raise typer.BadParameter("--can was given twice for one vehicle; once was expected")
+    if source:
         if dbc is None:
             raise typer.BadParameter("--can was given without --dbc; both are needed")
-        plan.can = [(can_address(can), dbc)]
-    if not plan.nmea and not plan.can:
+        can = [(can_address(source[0]), dbc)]
+    if not nmea and not can:
         raise typer.BadParameter("no input was given; --nmea, --can or --play was expected")
+    return nmea, can
 
 
-def _pages(roads: "RoadMap", tiles: str | None) -> Any:
+def _other(plan: "Plan", fittings: Fittings, name: str | None, lag: float | None) -> "Fitted":
+    """A further vehicle on the map of the first."""
+    from ..live.vehicle_run import Fitted
+    from ..online import Localizer
+
+    car, settings = _car(_path(fittings.one("vehicle", name)))
+    localizer = Localizer(plan.localizer.roads, vehicle=car, settings=settings, lag=lag)
+    nmea, can = _inputs(fittings, name)
+    return Fitted(localizer, name, nmea, can)
+
+
+def _car(path: Path | None) -> "tuple[Vehicle, Settings]":
+    """A vehicle and the settings that fit its sensors."""
+    from ..readers import read_vehicle
+    from ..settings import Settings, Vehicle
+
+    car = Vehicle() if path is None else read_vehicle(path)
+    return car, Settings(**car.noise)
+
+
+def _path(text: str | None) -> Path | None:
+    return None if text is None else Path(text)
+
+
+def _pages(roads: "RoadMap", tiles: str | None, tiles_by: str | None) -> Any:
     """The page's routes; without MapLibre the service runs without them, with a notice."""
     from ..page import page_routes
 
     try:
-        return page_routes(roads, tiles_url=tiles)
+        return page_routes(roads, tiles_url=tiles, tiles_by=tiles_by)
     except SettingError as error:
         if tiles is not None:
             raise
@@ -234,5 +279,5 @@ def _pages(roads: "RoadMap", tiles: str | None) -> Any:
 def _print_addresses(host: str, port: int, plan: "Plan") -> None:
     address_text = f"[{host}]" if ":" in host else host
     typer.echo(f"http://{address_text}:{port}/")
-    for output in plan.nmea_outputs:
+    for output in [output for one in plan.fitted() for output in one.nmea_outputs]:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

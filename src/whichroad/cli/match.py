@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import DriveError
+from ..errors import DriveError, SettingError
 from ..wording import counted
 from .arguments import (  # fmt: skip
     CanOption,
@@ -113,6 +113,24 @@ def match(
             ".parquet, .arrow)."
         ),
     ] = None,
+    places: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table of point objects, such as signs (CSV, GeoJSON, GeoParquet), for --ahead "
+            "and --nearby."
+        ),
+    ] = None,
+    ahead: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the places within 500 m ahead: distance, sigma and probability, one row "
+            "for each epoch and place (.csv, .parquet, .arrow)."
+        ),
+    ] = None,
+    nearby: Annotated[
+        Path | None,
+        typer.Option(help="Likewise the places within 50 m in a straight line."),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Match a recorded drive to the road network, with probabilities."""
@@ -121,8 +139,13 @@ def match(
     from .. import writers
 
     outputs = {"-o": out, "--path-out": path_out, "--report": report, "--lineage": lineage}
-    writers.check_apart(outputs, [*drive, roads, can, dbc, vehicle])
-    for output in (out, path_out, lineage):
+    outputs |= {"--ahead": ahead, "--nearby": nearby}
+    writers.check_apart(outputs, [*drive, roads, can, dbc, vehicle, places])
+    if (places is None) != (ahead is nearby is None):
+        raise SettingError(
+            "--places goes with --ahead or --nearby; both a table and where to write were expected"
+        )
+    for output in (out, path_out, lineage, ahead, nearby):
         if output is not None:
             writers.check(output, force=force)
     if report is not None:
@@ -130,11 +153,13 @@ def match(
 
         check_report(report, force=force)
     from .. import matching
+    from ..places import Places
     from ..readers import read_drive, read_vehicle
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
+    from ..tables.schema import thinned
 
-    defaults = not (can or dbc or start or mask or report or lineage or own or tz)
+    defaults = not (can or dbc or start or mask or report or lineage or own or tz or places)
     defaults = defaults and model is Model.default
     if len(drive) == 1 and defaults and are_many(drive[0], id_):
         return match_trips(
@@ -156,10 +181,12 @@ def match(
             )
         progress("reading the map", 0, 0)
         network = open_map(roads)
+        about = None if places is None else Places(places, network)
         progress("localizing", 0, 0)
         result = matching.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
+            places=about,
         )  # fmt: skip
         progress("writing", 0, 0)
         _write(result, out, every, force)
@@ -168,6 +195,10 @@ def match(
             writers.write_table(
                 network.by_source(path) if by_source else path, path_out, force=force
             )
+        for file, ask in ((ahead, result.ahead), (nearby, result.nearby)):
+            if file is not None:
+                table = thinned(ask(), every, whole=True) if every else ask()
+                writers.write_table(table, file, force=force)
         if lineage is not None:
             result.lineage.write(lineage, force=force)
         if report is not None:
@@ -177,6 +208,8 @@ def match(
             shown = Remaking(one_of(drives, None), network, car)
             recorded = shown.recorded(result, shown.absolute(windows))
             write_report(recorded, report, network, force=force)
+    for note in [] if about is None else about.notes():
+        typer.echo(f"note: {note}", err=True)
     print_summary(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         epochs = counted(result.summary["epochs"], "epoch")
@@ -184,7 +217,7 @@ def match(
             f"{drive[0]}: none of {epochs} could be matched; a drive on the roads of "
             f"{roads} was expected; is it the right map?"
         )
-    if out is path_out is report is lineage is None:
+    if out is path_out is report is lineage is ahead is nearby is None:
         typer.echo("no output was asked for; add -o points.parquet --path-out path.parquet")
 
 

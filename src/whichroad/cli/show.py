@@ -12,6 +12,7 @@ from .arguments import (
     DbcOption,
     Force,
     MapOption,
+    TilesBy,
     Token,
     VehicleOption,
     check_token,
@@ -66,6 +67,11 @@ def replay(
             metavar="URL", help="Tiles to draw under the roads: https://.../{z}/{x}/{y}.png"
         ),
     ] = None,
+    tiles_by: TilesBy = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="Where it really was (time, lat, lon): the error beside the ellipse."),
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
     """Replay a drive or a result in the browser, and mask GNSS while it plays."""
@@ -73,7 +79,9 @@ def replay(
     with comes_with("live", "replay"):
         check_token(host, token)
     from ..readers import read_drive, read_vehicle
+    from ..replay.dropped import DroppedFile
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
+    from ..replay.truth import read_truth
     from ..roadmap import open_map
 
     with comes_with("live", "replay"):
@@ -85,20 +93,24 @@ def replay(
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)
+        known = None if truth is None else read_truth(truth)
+        car = None if vehicle is None else read_vehicle(vehicle)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
-            player = play_result(drive[0], network, drive_id, path)
+            player = play_result(drive[0], network, drive_id, path, known)
         else:
             if path is not None:
                 raise typer.BadParameter(
                     "--path was given with a drive; points from `match -o` were expected"
                 )
-            car = None if vehicle is None else read_vehicle(vehicle)
             progress("reading the drive", 0, 0)
             one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
             progress("localizing", 0, 0)
-            player = play_drive(Remaking(one, network, car, pose), windows)
-        app = replay_app(player, network, tiles_url=tiles, host=host, token=token)
+            player = play_drive(Remaking(one, network, car, pose), windows, known)
+        app = replay_app(
+            player, network, tiles_url=tiles, tiles_by=tiles_by, host=host, token=token,
+            opener=DroppedFile(network, car, dbc),
+        )  # fmt: skip
         listener = listen(host, port)
     name = f"[{host}]" if ":" in host else host
     url = f"http://{name}:{listener.getsockname()[1]}/"

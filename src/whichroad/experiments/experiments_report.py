@@ -30,7 +30,7 @@ h2{font-size:1.3rem;margin:2.6em 0 .3em;padding-top:.6em;border-top:1px solid va
 h2 small{color:var(--soft);font-weight:400}
 blockquote{margin:.6em 0;padding:.1em 0 .1em 14px;border-left:3px solid var(--line);
 color:var(--soft)}
-nav a{margin-right:1em;white-space:nowrap}
+nav{display:flex;flex-wrap:wrap;gap:0 1em}
 a{color:var(--ours)}
 figure{margin:20px 0}
 figure .wide{background:#fff;border:1px solid var(--line);border-radius:8px}
@@ -101,7 +101,7 @@ def _section(o: "Outcome") -> str:
 <h2>{html.escape(scene.title)} <small>{html.escape(scene.figure)}</small></h2>
 <blockquote>The paper: {html.escape(scene.claim)}</blockquote>
 {paragraphs}{first}
-<div class="wide">{_table(o.rows)}</div>
+<div class="wide" tabindex="0" role="group" aria-label="Numbers">{_table(o.rows)}</div>
 {"".join(others)}</section>"""
 
 
@@ -109,7 +109,8 @@ def _figure(picture: "Picture") -> str:
     data = base64.b64encode(picture.path.read_bytes()).decode("ascii")
     caption = html.escape(picture.caption)
     return (
-        f'<figure><div class="wide"><img alt="{caption}" src="data:image/png;base64,{data}"></div>'
+        f'<figure><div class="wide" tabindex="0" role="group" aria-label="Picture">'
+        f'<img alt="{caption}" src="data:image/png;base64,{data}"></div>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
@@ -128,7 +129,7 @@ def _table(rows: Sequence[Row]) -> str:
         + "</tr>"
         for figure in figures
     )
-    return f"<table><thead><tr><th></th>{heads}</tr></thead><tbody>{lines}</tbody></table>"
+    return f"<table><thead><tr><th>figure</th>{heads}</tr></thead><tbody>{lines}</tbody></table>"
 
 
 def _head(model: str) -> str:

@@ -6,11 +6,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from .._compile import Array, Cube, Record, Records, entry, kernel
-from ..graph.geometry import locate, project, wrap
+from ..graph.geometry import wrap
 from ..graph.network import records
+from .matched_pose import match_pose
 from .node_shares import share_out, take_back
 from .protection import Centre, set_levels
-from .road import track
 from .state import (
     MX,
     MY,
@@ -29,14 +29,13 @@ from .way import way_share
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
 ALTERNATIVES = 6
+POSE = 13  # numbers of the pose of one, see `Output`
 
 LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
 _MISFITS = 3.0  # in a row, from which on that is so
-_ALONE = 0.999  # P of an edge beside which the others do not matter
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ANY_HEADING = math.pi**2 / 3.0  # rad², of a heading that is not known
 _WIDEST = 4.0  # sigmas, of a level where the vehicle may be elsewhere
-_ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
 
 ESTIMATE = np.dtype(
     [
@@ -77,7 +76,9 @@ class Output(NamedTuple):
     """Estimates, one row an epoch."""
 
     rows: Estimates  # (n,)
-    alt_pose: Cube  # (n or 0, ALTERNATIVES, 6) x, y, heading, cov xx, xy, yy
+    # (n or 0, ALTERNATIVES, POSE) x, y, heading, cov xx, xy, yy; abscissa and its sigma; map error
+    # x, y, cov xx, xy, yy of the position in the map's frame
+    alt_pose: Cube
 
 
 def new_output(n: int, poses: bool) -> Output:
@@ -87,7 +88,7 @@ def new_output(n: int, poses: bool) -> Output:
     row.status = LOST
     row.alt_edge = NO_EDGE
     rows = np.repeat(row, n)
-    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, 6)))
+    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, POSE)))
 
 
 @entry
@@ -130,7 +131,7 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
                 p_edge += belief.hyp[i].weight
                 if best < 0 or belief.hyp[i].log_weight > belief.hyp[best].log_weight:
                     best = i
-        _match(belief, ctx, out, best, p_edge)
+        match_pose(belief, ctx, out, best, p_edge)
         p_edge *= 1.0 - unknown
     else:
         out.match_x = out.x
@@ -140,7 +141,8 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.p_edge = p_edge
     out.p_way = way_share(belief, ctx, out, p_edge)
     take_back(belief, hypotheses)
-    out.status = _status(state, ctx.par[0], off, out.p_way)
+    facing = out.p_way + _facing_back(ctx, out)
+    out.status = _status(state, ctx.par[0], off, out.p_way, facing)
 
 
 @kernel
@@ -167,18 +169,36 @@ def _widen(out: Record, share: float, sigma: float) -> None:
 
 
 @kernel
-def _status(state: Record, par: Record, off: float, p_way: float) -> int:
-    """Status of an epoch, the gravest first."""
+def _facing_back(ctx: Context, out: Record) -> float:
+    """P of the most probable edge's opposite direction: the same street, faced the other way."""
+    if out.edge < 0:
+        return 0.0
+    opposite = ctx.roads.edges[out.edge].opposite
+    p = 0.0
+    for a in range(len(out.alt_edge)):
+        if out.alt_edge[a] >= 0 and out.alt_edge[a] == opposite:
+            p += float(out.alt_p[a])
+    return p
+
+
+@kernel
+def _status(state: Record, par: Record, off: float, p_way: float, facing: float) -> int:
+    """Status of an epoch, the gravest first.
+
+    Two directions of one street compete only once the vehicle moves: `facing` is P(way) and
+    that of the direction opposite to it.
+    """
     if state.misfits >= _MISFITS:
         return LOST
     silent = state.time - state.last_fix > par.outage_after
     if off > 0.5:
         return OUTAGE if silent else OFF
-    if p_way < par.ambiguous_below:
+    stands = state.standing > 1.0
+    if (facing if stands else p_way) < par.ambiguous_below:
         return AMBIGUOUS
     if silent:
         return OUTAGE
-    return STOPPED if state.standing > 1.0 else ON_ROAD
+    return STOPPED if stands else ON_ROAD
 
 
 @kernel(inline=True)
@@ -280,53 +300,6 @@ def _covariances(belief: Belief, out: Record, mid: Centre) -> None:
 
 
 @kernel(inline=True)
-def _match(belief: Belief, ctx: Context, out: Record, best: int, p_edge: float) -> None:
-    """Project the pose in the map's frame on the edge of hypothesis `best`.
-
-    The pose is the mean of the hypotheses about that one, so that near the end of an edge
-    it is not drawn to the middle because the next edge has hypotheses of its own.
-    """
-    roads = ctx.roads
-    scale = belief.state[0].scale
-    hyp = belief.hyp[best]
-    lateral, tx, ty = track(belief, roads, best)
-    s = hyp.along
-    length = roads.edges[hyp.edge].length
-    x = hyp.mu[X] + scale * hyp.mu[MX]
-    y = hyp.mu[Y] + scale * hyp.mu[MY]
-    if p_edge > _ALONE:
-        across = lateral * scale
-        inside = min(max(s, 0.0), length)
-        out.match_x = x - across * ty + (inside - s) * scale * tx
-        out.match_y = y + across * tx + (inside - s) * scale * ty
-        out.s = inside
-        out.lateral = lateral
-        return
-    total = 0.0
-    dx = 0.0
-    dy = 0.0
-    for i in range(belief.state[0].count):
-        other = belief.hyp[i]
-        if other.edge < 0:
-            continue
-        track(belief, roads, i)
-        ax = other.mu[X] + scale * other.mu[MX] - x
-        ay = other.mu[Y] + scale * other.mu[MY] - y
-        reach = _ABOUT * (hyp.along_sigma + other.along_sigma) * scale
-        if ax * ax + ay * ay < reach * reach:
-            total += other.weight
-            dx += other.weight * ax
-            dy += other.weight * ay
-    segment, s, _, _, _ = project(roads, hyp.edge, hyp.segment, x + dx / total, y + dy / total)
-    inside = min(max(s, 0.0), length)
-    _, px, py, _, _ = locate(roads, hyp.edge, segment, inside)
-    out.match_x = px
-    out.match_y = py
-    out.s = inside
-    out.lateral = lateral
-
-
-@kernel(inline=True)
 def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
     """The most probable edges of epoch k, components of one edge added up."""
     n = belief.state[0].count
@@ -371,11 +344,17 @@ def _insert(hyp: Record, output: Output, k: int, slot: int, filled: int, p: floa
         edges[a] = edges[a - 1]
         ps[a] = ps[a - 1]
         if poses:
-            for v in range(6):
+            for v in range(POSE):
                 output.alt_pose[k, a, v] = output.alt_pose[k, a - 1, v]
     edges[slot] = hyp.edge
     ps[slot] = p
     if poses:
         pose = output.alt_pose[k, slot]
         pose[0], pose[1], pose[2] = hyp.mu[X], hyp.mu[Y], hyp.mu[H]
-        pose[3], pose[4], pose[5] = hyp.cov[X, X], hyp.cov[X, Y], hyp.cov[Y, Y]
+        cov = hyp.cov
+        pose[3], pose[4], pose[5] = cov[X, X], cov[X, Y], cov[Y, Y]
+        pose[6], pose[7] = hyp.along, hyp.along_sigma
+        pose[8], pose[9] = hyp.mu[MX], hyp.mu[MY]
+        pose[10] = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+        pose[11] = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+        pose[12] = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]

@@ -55,6 +55,7 @@ STEP = np.dtype(
         ("speed", "f8"),  # m/s
         ("last_fix", "f8"),  # time of the last fix, s
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
+        ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), and how far, m
         ("standing", "f8"),  # s of standing until then
         ("gnss_factor", "f8"),  # on reported variances
     ],
@@ -208,8 +209,7 @@ def _link_off_road(belief: Belief, rate: float, metres: float) -> None:
         metres: Distance driven since the last step, m.
     """
     state = belief.state[0]
-    on = 0.0
-    off = 0.0
+    on, off = 0.0, 0.0
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -234,10 +234,8 @@ def _link_off_road(belief: Belief, rate: float, metres: float) -> None:
 def store(belief: Belief, history: History, k: int, changed: bool, leave: float) -> None:
     """Add the belief after epoch k as a step, if anything was changed or it is time.
 
-    From here on the hypotheses' lineage counts from this step.
-
     Args:
-        belief: The filter's; its lineage starts anew.
+        belief: The filter's; its lineage counts from this step on.
         history: One step longer afterwards.
         k: Number of the epoch.
         changed: Whether anything was observed in it, or hypotheses branched.
@@ -256,6 +254,8 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.speed = state.speed
     step.last_fix = state.last_fix
     step.misfits = state.misfits
+    step.elsewhere[0] = state.elsewhere[0]
+    step.elsewhere[1] = state.elsewhere[1]
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
     pack_noise(history.reference[0].cov, history.since[0].plane_noise)

@@ -6,10 +6,11 @@ from .._compile import Record, kernel
 from ._simd import copy_record
 from .history import History
 from .motion import GYRO_PACE
-from .silence import SILENT, may_have_moved
+from .silence import hear, is_pause, may_have_moved
 from .sources import ARC, COURSE, SPEED
 from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
+from .windows import BY_GYRO
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
@@ -96,17 +97,17 @@ def pass_calibration(belief: Belief, gyro: int) -> None:
     state = belief.state[0]
     if state.mode == WHEELS and state.count > 0:
         drift = belief.hyp[most_probable(belief)].mu[B]
-        if gyro == 1:  # a metre of its clock is a time
+        if gyro == BY_GYRO:  # a metre of its clock is a time
             drift *= GYRO_PACE / max(abs(state.odometer_speed), _LEAST_PACE)
         state.vetting.drift = drift
 
 
 @kernel
-def _heed_silence(belief: Belief, history: History, reading: Record, dt: float) -> None:
+def _heed_silence(belief: Belief, history: History, reading: Record, sensors: int) -> None:
     """After a long pause of all sensors nothing is known of the motion meanwhile."""
     state = belief.state[0]
-    quiet = reading.time - state.heard if dt > 0.0 else 0.0
-    if quiet > SILENT and reading.odometry_valid != 1 and state.count > 0:
+    quiet = reading.time - state.heard[0]
+    if sensors != CLOCK and state.count > 0 and is_pause(quiet, state.heard[1]):
         may_have_moved(state, reading.arc, quiet)
         if state.mode != CLOCK:
             _store_scale(belief, state.mode)
@@ -117,8 +118,8 @@ def _heed_silence(belief: Belief, history: History, reading: Record, dt: float) 
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
-    if reading.has_fix or reading.odometry_valid == 1 or quiet > SILENT or dt <= 0.0:
-        state.heard = reading.time
+    if reading.has_fix or reading.odometry_valid == 1:
+        hear(state, reading.time)
 
 
 @kernel(inline=True)
@@ -147,8 +148,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if epoch.has_fix:
         pass_calibration(belief, epoch.gyro)
     vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
-    if par.mode != CLOCK:
-        _heed_silence(belief, history, reading, dt)
+    _heed_silence(belief, history, reading, par.mode)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1:

@@ -13,6 +13,7 @@ from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
 from .windows import BY_GYRO, BY_WHEELS
 
+GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
 _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
 _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
@@ -20,7 +21,6 @@ _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
 _STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
-GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
 
 
@@ -78,8 +78,8 @@ def drift_clock(epoch: Record, dt: float) -> float:
 
 
 @kernel
-def increment_of(epoch: Record, pieces: int, dt: float = 0.0) -> Increment:
-    """One of equal pieces of an epoch's odometry, on the same circle."""
+def increment_of(epoch: Record, pieces: int, dt: float) -> Increment:
+    """One of equal pieces of an epoch's odometry (of dt seconds), on the same circle."""
     part = 1.0 / pieces
     turn = epoch.turn * part
     forward = epoch.forward

@@ -17,7 +17,9 @@ from .state import START, Belief, Context, Path, X, Y, most_probable, normalise
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _STANDING = 0.5  # m/s; a receiver that reports less stands
 _STOOD = 30.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
-SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere
+_SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
+_UNUSUAL = 4.0  # and times the usual interval of readings
+_LATEST = 0.5  # share of the last interval in it
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
 _ROLLED = 1.0  # m
@@ -26,6 +28,20 @@ _FARTHEST = 2e4  # and m, how far
 _NEAREST = 10.0  # m, about which all places are alike
 _LONGEST = 3600.0  # s; the receiver's errors have become others by then
 _STAYED, _MOVED = 1e-3, 0.99  # shares below which, and beyond which, nothing is added
+
+
+@kernel
+def is_pause(quiet: float, usual: float) -> bool:
+    """Whether so long without a reading (s) is a pause, and not how often there usually is one."""
+    return bool(usual > 0.0 and quiet > _SILENT and quiet > _UNUSUAL * usual)
+
+
+@kernel
+def hear(state: Record, time: float) -> None:
+    """Note a fix or a measured odometry, and how long after the last one it came."""
+    if state.heard[0] != 0.0:
+        state.heard[1] += _LATEST * (time - state.heard[0] - state.heard[1])
+    state.heard[0] = time
 
 
 @kernel

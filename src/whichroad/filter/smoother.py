@@ -287,6 +287,8 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.speed = speed if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
     state.misfits = then.misfits
+    state.elsewhere[0] = then.elsewhere[0]
+    state.elsewhere[1] = then.elsewhere[1]
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
 

@@ -100,7 +100,7 @@ FILTER = np.dtype(
         ("standing", "f8"),  # s of standing until now
         ("last_fix", "f8"),  # time of the last fix, s
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
-        ("heard", "f8"),  # time of the last fix or measured odometry, s
+        ("heard", "f8", (2,)),  # time of the last fix or measured odometry; usual interval, s
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m
         ("map_time", "f8"),  # time of the last map observation, s (paper preset)
         ("on_road_at", "f8"),  # time of the last fix at which the roads had half of the weight, s

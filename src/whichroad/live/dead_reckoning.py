@@ -1,11 +1,11 @@
 """Dead reckoning by odometry alone, for comparison with the filter."""
 
 from ..geodesy.plane import Plane
-from ..observations import Distance, GeoFix, Observation
+from ..observations import Distance, GeoFix, Observation, YawRate
 from ..online import Estimate
 from ..sensors.odometry import dead_reckoned, step_between
 from ..settings import Vehicle
-from .messages import ReckoningMessage
+from .message_types import ReckoningMessage
 
 
 class DeadReckoning:
@@ -39,7 +39,7 @@ class DeadReckoning:
 
     def take(self, reading: Observation) -> None:
         """Move by one odometry reading; readings out of order are ignored."""
-        if isinstance(reading, GeoFix | Distance):
+        if isinstance(reading, GeoFix | Distance | YawRate):
             return
         before, pose = self._before, self._pose
         if before is not None and reading.time <= before.time:

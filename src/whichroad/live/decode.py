@@ -8,56 +8,85 @@ import time
 from collections import Counter
 from dataclasses import replace
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelSpeed,
+    WheelTicks,
+    YawRate,
+)
 from ..readers.can import Signal, find_signals, si_factor
 from ..readers.nmea import NmeaParser
 from ..readers.reading import Reading
 from ..readers.ubx import UbxParser
-from ..readers.wheel_counters import JUMP
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
+from .counter_stream import CounterStream
+from .message_types import ReceiverStatus
+from .receiver_sensors import ReceiverSensors
+from .receiver_status import StatusReader
 
-_JITTER = 0.02  # s, tolerance of time stamps
 _STALE = 0.5  # s, largest age of a signal combined with another
 _REASONABLE = 1e9  # s since 1970, below which frame times have another origin
 
+_One = TypeVar("_One", bound=Observation)
+
 
 class NmeaStream:
-    """NMEA or UBX bytes in, fixes on our clock out.
+    """NMEA or UBX bytes in, fixes on our clock out, and what sensors of the receiver measure.
 
     Once a NAV-PVT has come, the sentences beside it, which say less, are passed over.
 
     Args:
         settings: Gives the sigma of fixes that report none.
         offset: s added to the receiver's times.
+        vehicle: Scales of the wheels that a dead-reckoning receiver reads; None: their ticks and
+            the gyro are passed over.
     """
 
-    def __init__(self, settings: Settings | None = None, offset: float = 0.0) -> None:
+    def __init__(
+        self, settings: Settings | None = None, offset: float = 0.0, vehicle: Vehicle | None = None
+    ) -> None:
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
-        self._ubx = UbxParser(Reading.of(settings=settings))
+        self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
+        self._ubx = UbxParser(Reading.of(settings=settings), self._sensors)
+        self._status = StatusReader()
 
     @property
     def skipped(self) -> int:
         """What could not be used."""
-        return sum(self._parser.skipped.values()) + sum(self._ubx.skipped.values())
+        sensed = 0 if self._sensors is None else sum(self._sensors.skipped.values())
+        return sum(self._parser.skipped.values()) + sum(self._ubx.skipped.values()) + sensed
+
+    def sensed(self) -> list[Observation]:
+        """What wheels and gyro have measured since the last call."""
+        return [] if self._sensors is None else self._shifted(self._sensors.ready())
 
     def feed(self, data: bytes) -> list[GeoFix]:
         """Take bytes; returns the fixes that they complete."""
+        self._status.feed(data)
         fixes, sentences = self._ubx.feed(data)
         if self._ubx.seen:
             return self._shifted(fixes)
         return self._shifted(self._parser.feed(sentences))
 
+    @property
+    def receiver(self) -> ReceiverStatus:
+        """What the receiver said last of its satellites and its height."""
+        return self._status.now
+
     def flush(self) -> list[GeoFix]:
         """The line is silent: the fix of the burst that has ended."""
         return self._shifted(self._ubx.pause() if self._ubx.seen else self._parser.pause())
 
-    def _shifted(self, fixes: list[GeoFix]) -> list[GeoFix]:
+    def _shifted(self, made: list[_One]) -> list[_One]:
         if not self._offset:
-            return fixes
-        return [replace(fix, time=fix.time + self._offset) for fix in fixes]
+            return made
+        return [replace(one, time=one.time + self._offset) for one in made]
 
 
 class _Bits(NamedTuple):
@@ -78,7 +107,8 @@ class CanStream:
     """CAN frames in, odometry out.
 
     The signals that vehicle.toml names choose what comes out: rear wheel counters, else wheel
-    speeds, else speed with yaw rate, else an odometer, else the speed alone.
+    speeds, else speed with yaw rate, else an odometer (with a yaw rate if there is one), else the
+    speed alone.
 
     Args:
         dbc: The database of the signals.
@@ -107,8 +137,8 @@ class CanStream:
         if about is not None and not bits and not about.is_float:
             bits = about.length
         self._counters = {
-            "wheel_rl_ticks": _Unwrapped(bits, vehicle.metres_per_tick_left),
-            "wheel_rr_ticks": _Unwrapped(bits, vehicle.metres_per_tick_right),
+            "wheel_rl_ticks": CounterStream(bits, vehicle.metres_per_tick_left),
+            "wheel_rr_ticks": CounterStream(bits, vehicle.metres_per_tick_right),
         }
 
     @property
@@ -182,13 +212,15 @@ class CanStream:
             return self._pair(role, "wheel_rl_ticks", "wheel_rr_ticks", before, WheelTicks)
         if {"wheel_rl", "wheel_rr"} <= self._roles:
             return self._pair(role, "wheel_rl", "wheel_rr", before, WheelSpeed)
-        if role == "speed" and "yaw_rate" in self._roles:
+        if {"speed", "yaw_rate"} <= self._roles:
             turning = self._last.get("yaw_rate")
-            if turning is None or abs(stamp - turning[0]) > _STALE:
+            if role != "speed" or turning is None or abs(stamp - turning[0]) > _STALE:
                 return []
             return [SpeedYaw(stamp, value, turning[1])]
-        if role == "odometer" and "speed" not in self._roles:
-            return [Distance(stamp, value)]
+        if "odometer" in self._roles:
+            if role == "yaw_rate":
+                return [YawRate(stamp, value)]
+            return [Distance(stamp, value)] if role == "odometer" else []
         if role == "speed":
             if before is not None:
                 self._distance += 0.5 * (value + before[1]) * (stamp - before[0])
@@ -216,58 +248,6 @@ class CanStream:
             return [kind(at, waiting, value)] if at == stamp else []
         part = (at - before[0]) / (stamp - before[0])
         return [kind(at, waiting, before[1] + part * (value - before[1]))]
-
-
-class _Unwrapped:
-    """One wheel counter: unwrapped, signed, jumps bridged at the speed before."""
-
-    def __init__(self, bits: int, metres_per_tick: float) -> None:
-        self._modulus, self._scale = 2.0**bits if bits else 0.0, metres_per_tick
-        self._time, self._raw = -math.inf, 0.0
-        self._rate = 0.0  # counts a second, of the last readings
-        self._usual = 0.0  # s between readings
-        self._total = 0.0
-
-    @property
-    def begun(self) -> bool:
-        """Whether there was a reading."""
-        return self._time > -math.inf
-
-    @property
-    def state(self) -> list[float]:
-        """Its whole state."""
-        return [self._time, self._raw, self._rate, self._usual, self._total]
-
-    @state.setter
-    def state(self, values: list[float]) -> None:
-        self._time, self._raw, self._rate, self._usual, self._total = values
-
-    def take(self, stamp: float, raw: float, backwards: bool, skipped: Counter[str]) -> float:
-        """The cumulative count at a new reading."""
-        if not self.begun:
-            self._time, self._raw, self._total = stamp, raw, raw
-            return self._total
-        if stamp <= self._time:  # taken up by another clock: as if no time had passed
-            self._time, self._raw = stamp, raw
-            return self._total
-        since = stamp - self._time
-        gap = self._usual > 0.0 and since > 3.0 * self._usual
-        step = raw - self._raw
-        expected = abs(self._rate) * since
-        if self._modulus:
-            near = (expected if gap else 0.0) - step
-            step += self._modulus * round(near / self._modulus)
-        if abs(step) * self._scale > FASTEST * (since + _JITTER):
-            skipped[JUMP] += 1
-            step = expected if self._rate >= 0.0 else -expected
-        elif backwards:
-            step = -abs(step)
-        if not gap:
-            self._usual += 0.1 * (since - self._usual) if self._usual else since
-            self._rate += 0.3 * (step / since - self._rate)
-        self._time, self._raw = stamp, raw
-        self._total += step
-        return self._total
 
 
 def _bits(role: str, signal: Signal) -> _Bits:

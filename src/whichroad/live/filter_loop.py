@@ -19,7 +19,8 @@ from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
-from .messages import Around, EstimateMessage, Messages, PlayMessage
+from .message_types import UNKNOWN, EstimateMessage, PlayMessage
+from .messages import Around, Messages
 from .recording import Recorder
 from .reorder_buffer import ReorderBuffer
 
@@ -48,6 +49,7 @@ class FilterLoop:
         window: Largest delay of an observation, s.
         rate: Messages per second while no fix triggers one.
         recorder: Records observations and estimates.
+        vehicle: Its name, where a service has several.
         clock: Gives the time that passes, s.
 
     Attributes:
@@ -66,9 +68,11 @@ class FilterLoop:
         window: float = 1.0,
         rate: float = 10.0,
         recorder: Recorder | None = None,
+        vehicle: str | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.localizer, self.recorder, self._clock = localizer, recorder, clock
+        self.vehicle = vehicle
         self.buffer = ReorderBuffer(localizer, window)
         self.messages = Messages(localizer.roads)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
@@ -84,6 +88,7 @@ class FilterLoop:
         self._blank = localizer.state()
         self._fix: GeoFix | None = None
         self._fix_masked = False
+        self._receiver = UNKNOWN
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
         self._last_fix_message = -1e9  # clock at the last message triggered by a fix
         self._newest = self._newest_at = -math.inf  # newest observation, clock at its arrival
@@ -122,6 +127,8 @@ class FilterLoop:
             health.skipped += len(observations)
             return
         has_fix = self.observe(observations)
+        if has_fix:
+            self._receiver = health.receiver
         made = observations[-1].time
         health.heard(len(observations), now, None if recorded else time.time() - made, made)
         self._last_arrival = now
@@ -283,6 +290,8 @@ class FilterLoop:
         localizer, back = self.localizer, self.localizer.lag is not None
         return Around(
             seq=self.seq,
+            vehicle=self.vehicle,
+            receiver=self._receiver,
             fix=self._fix,
             fix_masked=self._fix_masked,
             dead_reckoning=dead_reckoning,

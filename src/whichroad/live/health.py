@@ -5,7 +5,7 @@ from collections import deque
 from itertools import pairwise
 from typing import Any
 
-from .messages import LatencyMessage, SensorMessage
+from .message_types import UNKNOWN, LatencyMessage, SensorMessage
 
 _BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s, of bins
 _WINDOW = 5.0  # s over which rates are averaged
@@ -26,15 +26,18 @@ class Health:
     Attributes:
         count: Observations so far.
         skipped: Records that could not be used, as the source counts them.
+        refused: Fixes of a second sender on its port.
         link: `waiting`, `open`, `lost` or `ended`.
         delay: Typical s between an observation's own time and its arrival; None: not known.
+        receiver: What a receiver said of its last fix.
     """
 
     def __init__(self, name: str, kind: str) -> None:
         self.name, self.kind = name, kind
-        self.count = self.skipped = 0
+        self.count = self.skipped = self.refused = 0
         self.link = "waiting"
         self.delay: float | None = None
+        self.receiver = UNKNOWN
         self._last: float | None = None
         self._interval: float | None = None
         self._made: deque[float] = deque(maxlen=_MADE)
@@ -119,6 +122,7 @@ class Health:
             delay_s=None if self.delay is None else round(self.delay, 3),
             count=self.count,
             skipped=self.skipped,
+            refused=self.refused,
         )
 
 

@@ -1,175 +1,36 @@
 """What the service publishes: one JSON object per estimate, version 1.
 
 The same object goes out on the WebSocket, as a server-sent event, over `/estimate` and
-into the recording.  The classes below are its schema.  A reader passes over keys that it
-does not know; a key that is there keeps its meaning and unit as long as `version` does.
-
-Angles are degrees clockwise from north, times are UTC, ellipses are 1 sigma.  What is not
-known is null, never NaN.
+into the recording.  `message_types` is its schema.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any, TypedDict
+from typing import Any
 
 from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
 from ..observations import Array, GeoFix, Hypothesis, Pose
 from ..online import Estimate
 from ..roadmap import RoadMap
-
-VERSION = 1
-
-
-class PoseMessage(TypedDict):
-    """Where the middle of the rear axle is."""
-
-    lat: float
-    lon: float
-    bearing_deg: float
-    speed_mps: float | None
-
-
-class Ellipse(TypedDict):
-    """A 1 sigma ellipse."""
-
-    major_m: float
-    minor_m: float
-    bearing_deg: float  # of the major axis, [0, 180)
-
-
-class RoadMessage(TypedDict):
-    """The most probable road; every field is null off the roads and before the first fix."""
-
-    edge_id: int | None
-    source_id: int | str | None
-    forward: bool | None  # driven as the source drew it
-    name: str | None
-    highway: str | None
-    speed_limit_kmh: float | None
-    abscissa_m: float | None  # from the edge's beginning
-    lateral_m: float | None  # right of its centre line
-    matched_lat: float | None  # the point on it
-    matched_lon: float | None
-
-
-class HypothesisMessage(TypedDict):
-    """One road that the vehicle may be on (edge_id null: off the roads), with its own pose."""
-
-    p: float
-    edge_id: int | None
-    name: str | None
-    lat: float
-    lon: float
-    bearing_deg: float
-    ellipse: Ellipse
-
-
-class FixMessage(TypedDict):
-    """The last GNSS fix, the antenna's place."""
-
-    epoch_s: float
-    age_s: float
-    lat: float
-    lon: float
-    ellipse: Ellipse | None  # null: the receiver reported none
-    believed: bool | None  # false: too far from the estimate; null: masked
-    masked: bool  # withheld from the filter by hand
-
-
-class ReckoningMessage(TypedDict):
-    """Wheels alone since `since_epoch_s`, for comparison; neither GNSS nor the map enter."""
-
-    lat: float
-    lon: float
-    bearing_deg: float
-    since_epoch_s: float
-    travelled_m: float
-
-
-class LaggedMessage(TypedDict):
-    """What is known by now of a moment the lag ago."""
-
-    time: str  # ISO 8601, UTC
-    epoch_s: float
-    pose: PoseMessage
-    map_lat: float
-    map_lon: float
-    ellipse: Ellipse
-    p_road: float
-    p_way: float
-    p_off_road: float
-    road: RoadMessage
-    status: str
-
-
-class SensorMessage(TypedDict):
-    """The health of one input."""
-
-    name: str
-    kind: str  # gnss, wheels, or file
-    state: str  # waiting, ok, silent, lost, ended
-    ok: bool
-    rate_hz: float
-    age_s: float | None  # since it last spoke
-    delay_s: float | None  # usual time from an observation's own time to its arrival
-    count: int  # observations so far
-    skipped: int  # records that could not be used
-
-
-class PlayMessage(TypedDict):
-    """Whether time is the world's or a recording's."""
-
-    mode: str  # live or replay
-    paused: bool
-    speed: float | None  # times real time; null: as fast as possible
-    position_s: float | None  # from the recording's beginning
-    length_s: float | None
-
-
-class LatencyMessage(TypedDict):
-    """From the arrival of a sentence or frame to the estimate's publication, last minute."""
-
-    p50: float | None
-    p99: float | None
-
-
-class EstimateMessage(TypedDict):
-    """What is published of one epoch."""
-
-    version: int
-    type: str  # "estimate"
-    seq: int  # rises by one a message; a gap: messages that this client was too slow for
-    time: str  # ISO 8601, UTC
-    epoch_s: float  # the same in seconds since 1970
-    answered: bool  # false until the first fix; pose and ellipse are null then
-    pose: PoseMessage | None
-    map_lat: float | None  # the pose in the map's frame: what to draw on the map
-    map_lon: float | None
-    ellipse: Ellipse | None
-    sigma_bearing_deg: float | None
-    protection_m: float | None  # farther from the truth than this with at most that probability
-    protection_risk: float
-    radius95_m: float | None  # radius of the circle round the pose that holds 95 %
-    gnss_scale: float  # GNSS errors over what is reported, as learnt
-    p_road: float  # of `road.edge_id`
-    p_way: float  # of the chain of edges that it is of
-    p_off_road: float
-    road: RoadMessage
-    status: str  # on_road, ambiguous, off_road, outage, stopped, lost
-    reason: str  # why, in words; empty where none is needed
-    dead_reckoning: bool  # predicted: no sensor has delivered for a while
-    lagged: LaggedMessage | None  # null: no --lag, or nothing reaches back so far
-    decided_until: float | None  # s since 1970, before which roads are decided; null: none is
-    hypotheses: list[HypothesisMessage]  # most probable first
-    fix: FixMessage | None
-    reckoning: ReckoningMessage | None
-    sensors: list[SensorMessage]
-    gnss_masked: bool
-    play: PlayMessage
-    latency_ms: LatencyMessage
+from .message_types import (
+    UNKNOWN,
+    VERSION,
+    Ellipse,
+    EstimateMessage,
+    FixMessage,
+    HypothesisMessage,
+    LaggedMessage,
+    LatencyMessage,
+    PlayMessage,
+    PoseMessage,
+    ReceiverStatus,
+    ReckoningMessage,
+    RoadMessage,
+    SensorMessage,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +38,8 @@ class Around:
     """What a message holds besides the estimate."""
 
     seq: int = 0
+    vehicle: str | None = None
+    receiver: ReceiverStatus | None = None
     fix: GeoFix | None = None
     fix_masked: bool = False
     dead_reckoning: bool = False
@@ -223,6 +86,7 @@ class Messages:
         return EstimateMessage(
             version=VERSION,
             type="estimate",
+            vehicle=around.vehicle,
             seq=around.seq,
             time=iso(estimate.time),
             epoch_s=round(estimate.time, 6),
@@ -235,6 +99,9 @@ class Messages:
             if cov is None
             else round(degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3),
             protection_m=_finite(estimate.protection_level, 3),
+            protection_level_m=_finite(estimate.protection_level, 3),
+            level_along_m=_finite(estimate.level_along_m, 3),
+            level_across_m=_finite(estimate.level_across_m, 3),
             protection_risk=around.protection_risk,
             radius95_m=_radius95(hypotheses, pose.x, pose.y) if pose else None,
             gnss_scale=round(estimate.gnss_scale, 3),
@@ -316,7 +183,7 @@ class Messages:
                 self._streets.clear()
             source, forward = self._roads.source(edge, s)
             street = {
-                **self._roads.attributes(edge, s), "source_id": source, "forward": forward,
+                **self._roads.attributes(edge, s), "source_id": str(source), "forward": forward,
             }  # fmt: skip
             self._streets[piece] = street
         return street
@@ -365,6 +232,7 @@ def _fix(estimate: Estimate, around: Around) -> FixMessage | None:
     fix = around.fix
     if fix is None:
         return None
+    said = around.receiver or UNKNOWN
     reported = math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn)
     return FixMessage(
         epoch_s=round(fix.time, 6),
@@ -374,6 +242,10 @@ def _fix(estimate: Estimate, around: Around) -> FixMessage | None:
         ellipse=_axes(fix.cov_ee, fix.cov_en, fix.cov_nn) if reported else None,
         believed=None if around.fix_masked else estimate.disbelieved == 0.0,
         masked=around.fix_masked,
+        satellites=said.satellites,
+        hdop=said.hdop,
+        altitude_m=said.altitude,
+        geoid_m=said.geoid,
     )
 
 

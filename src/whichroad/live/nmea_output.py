@@ -13,8 +13,9 @@ from ..geodesy.angles import radians, wrap_bearing
 from ..geodesy.units import KNOT
 from ..writers.nmea_text import place_of, sealed
 from .broadcaster import MOST_LISTENERS, Sockets
-from .messages import EstimateMessage
+from .message_types import EstimateMessage, FixMessage
 
+_FRESH = 5.0  # s, age of a fix up to which its satellites are those of the estimate
 _MOST_IGNORED = 65_536  # bytes read from a consumer before reading stops
 
 
@@ -37,12 +38,32 @@ def sentences(message: EstimateMessage) -> bytes:
     sin, cos = math.sin(radians(axis)), math.cos(radians(axis))
     north, east = math.hypot(major * cos, minor * sin), math.hypot(major * sin, minor * cos)
     bodies = [
-        f"GNGGA,{clock},{place},{6 if alone else 1},,,,M,,M,,",
+        f"GNGGA,{clock},{place},{6 if alone else 1},{_receiver(message['fix'])},,",
         f"GNRMC,{clock},A,{place},{speed / KNOT:.3f},{wrap_bearing(pose['bearing_deg']):.2f},"
         f"{moment:%d%m%y},,,{'E' if alone else 'A'}",
         f"GNGST,{clock},,{major:.3f},{minor:.3f},{axis:.1f},{north:.3f},{east:.3f},",
     ]
     return b"".join(map(sealed, bodies))
+
+
+def _receiver(fix: FixMessage | None) -> str:
+    """Satellites, HDOP, altitude and geoid height as in GGA; empty where nobody says them.
+
+    Satellites and HDOP are of the last fix, so they are left out once it is old or withheld.
+    """
+    if fix is None:
+        return ",,,M,,M"
+    fresh = fix["age_s"] <= _FRESH and not fix["masked"]
+    satellites, hdop = (fix["satellites"], fix["hdop"]) if fresh else (None, None)
+    height, geoid = fix["altitude_m"], fix["geoid_m"]
+    return ",".join(
+        (
+            "" if satellites is None else f"{min(satellites, 99):02d}",
+            "" if hdop is None else f"{hdop:.2f}",
+            "" if height is None else f"{height:.1f}", "M",
+            "" if geoid is None else f"{geoid:.1f}", "M",
+        )
+    )  # fmt: skip
 
 
 class NmeaOutput:

@@ -27,7 +27,7 @@ from ..observations import (
 )
 from ..online import State
 from .filter_loop import FilterLoop
-from .messages import PlayMessage
+from .message_types import PlayMessage
 
 _KINDS: dict[type, Callable[..., Observation]] = {
     WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,

@@ -20,7 +20,15 @@ from .._compile import Records
 from ..errors import WriteError
 from ..filter.estimate import ESTIMATE, Output
 from ..filter.state import EPOCH
-from ..observations import Distance, GeoFix, Observation, SpeedYaw, WheelSpeed, WheelTicks
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelSpeed,
+    WheelTicks,
+    YawRate,
+)
 from ..online import Localizer
 from ..roadmap import RoadMap
 from ..tables.export import points_table
@@ -32,6 +40,7 @@ _ODOMETRY = {
     WheelSpeed: ("time", "wheel_rl_mps", "wheel_rr_mps"),
     Distance: ("time", "odometer_m"),
     SpeedYaw: ("time", "speed_mps", "yaw_rate_radps"),
+    YawRate: ("time", "yaw_rate_radps"),
 }
 _COLUMNS = tuple(dict.fromkeys(name for names in _ODOMETRY.values() for name in names))
 _PLACE = {kind: tuple(_COLUMNS.index(name) for name in names) for kind, names in _ODOMETRY.items()}

@@ -19,21 +19,17 @@ from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelT
 from ..online import Localizer
 from .access import is_local
 from .app import Service, application
-from .broadcaster import Broadcaster
-from .checkpoint import EVERY, Checkpoint
-from .decode import CanStream, NmeaStream
-from .filter_loop import FilterLoop
+from .checkpoint import EVERY
 from .messages import Around, Messages
 from .nmea_output import NmeaOutput
 from .playback import Player, RecordedObservations
-from .recording import Recorder
-from .sources import READERS, Address, NmeaInput, read_can
+from .sources import Address
 from .traces import Traces
+from .vehicle_run import Fitted, VehicleRun
 from .web_server import listen, web_server
 
 _TICK = 0.05  # s
 _FAST = 0.05  # s between messages while a recording is played as fast as possible
-_MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
 
 @dataclass(slots=True)
@@ -55,6 +51,8 @@ class Plan:
         record: Folder of the recording.
         state: File of the checkpoint.
         nmea_outputs: Outputs of NMEA.
+        name: Of the vehicle, where there are several.
+        others: The other vehicles, on the same map.
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
@@ -76,12 +74,22 @@ class Plan:
     record: Path | None = None
     state: Path | None = None
     nmea_outputs: Sequence[NmeaOutput] = ()
+    name: str | None = None
+    others: Sequence[Fitted] = ()
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
     pages: Sequence[BaseRoute] = ()
     report: Callable[[str], None] = field(default=lambda line: None)
     ready: Callable[[int], None] = field(default=lambda port: None)
+
+    def fitted(self) -> list[Fitted]:
+        """All vehicles, the first one first."""
+        first = Fitted(
+            self.localizer, self.name, self.nmea, self.can, self.record, self.state,
+            self.nmea_outputs,
+        )  # fmt: skip
+        return [first, *self.others]
 
 
 def serve(plan: Plan) -> None:
@@ -111,22 +119,13 @@ class Run:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        about = {"map": repr(plan.localizer.roads), "begun": time.time()}
-        recorder = None
-        if plan.record is not None:
-            recorder = Recorder(plan.record, plan.localizer.roads, about)
-        warm_up(plan.localizer)
-        self.filter_loop = FilterLoop(
-            plan.localizer, window=0.0 if plan.recording is not None else plan.window,
-            rate=plan.rate, recorder=recorder,
-        )  # fmt: skip
-        if recorder is not None and plan.recording is None:
-            self.filter_loop.recorded = recorder.until
-        self.broadcaster = Broadcaster()
-        self.buses: dict[str, CanStream] = {}
-        self.checkpoint = (
-            None if plan.state is None else Checkpoint(plan.state, plan.localizer, self.buses)
-        )
+        for one in plan.fitted():
+            warm_up(one.localizer)
+        self.vehicles = [
+            VehicleRun(one, window=plan.window, rate=plan.rate, played=plan.recording is not None)
+            for one in plan.fitted()
+        ]
+        self.filter_loop = self.vehicles[0].filter_loop
         self.writer = ThreadPoolExecutor(1)
         self.player: Player | None = None
         self.broken: BaseException | None = None
@@ -140,18 +139,25 @@ class Run:
 
     async def run(self) -> None:
         """Serve until stopped."""
-        plan = self.plan
-        self._resume()
+        plan, first = self.plan, self.vehicles[0]
+        for vehicle in self.vehicles:
+            vehicle.resume(plan.report)
         inputs = self._inputs()
-        service = Service(self.filter_loop, self.broadcaster, self.player, plan.compiled)
+        others = {
+            str(one.fitted.name): (one.filter_loop, one.broadcaster) for one in self.vehicles[1:]
+        }
+        service = Service(
+            self.filter_loop, first.broadcaster, self.player, plan.compiled, others
+        )  # fmt: skip
         self._traces = service.traces
         app = application(
             service, pages=plan.pages, local=is_local(plan.host), token=plan.token
         )  # fmt: skip
         server = self._server = web_server(app)
-        for output in plan.nmea_outputs:
-            await _opened(output.start(), f"--nmea-out {output.host}:{output.port}")
-            self.filter_loop.sinks.append(output.send)
+        for vehicle in self.vehicles:
+            for output in vehicle.fitted.nmea_outputs:
+                await _opened(output.start(), f"--nmea-out {output.host}:{output.port}")
+                vehicle.filter_loop.sinks.append(output.send)
         sock = listen(plan.host, plan.port)
         gc.collect()
         gc.freeze()
@@ -173,57 +179,22 @@ class Run:
         if self.broken is not None:
             raise self.broken
 
-    def _resume(self) -> None:
-        if self.checkpoint is None:
-            return
-        replay = self.plan.recording is not None
-        when, message = self.checkpoint.resume(replay=replay)
-        self.plan.report(message)
-        if when is not None and replay:
-            self.filter_loop.buffer.begin(when)
-        elif when is not None:
-            self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
-
     def _inputs(self) -> list[Coroutine[Any, Any, None]]:
         """The coroutines that bring observations."""
         plan, filter_loop = self.plan, self.filter_loop
-        inputs: list[Coroutine[Any, Any, None]] = []
         if plan.recording is not None:
             self.player = Player(
                 filter_loop, RecordedObservations(plan.recording, plan.laps), speed=plan.speed
             )
             if filter_loop.buffer.now > 0.0:
                 self.player.start_at(filter_loop.buffer.now)
-            return inputs
-        if plan.can:
+            return []
+        if any(one.can for one in plan.fitted()):
             import can  # noqa: F401  # now, as importing it later would hold everything up
-        if any(address.kind == "serial" for address in plan.nmea):
+        if any(address.kind == "serial" for one in plan.fitted() for address in one.nmea):
             import serial  # noqa: F401
-        car, settings = plan.localizer.vehicle, plan.localizer.settings
-        deliver = filter_loop.take if plan.clock == "sensor" else self._on_arrival
-        for address in plan.nmea:
-            health = filter_loop.sensor(_name(address), "gnss")
-            offset = car.clock_offset.get("gnss", 0.0)
-
-            def make(health: Any = health, offset: float = offset) -> NmeaInput:
-                return NmeaInput(health, NmeaStream(settings, offset), deliver)
-
-            inputs.append(READERS[address.kind](address, health, make))
-        for address, dbc in plan.can:
-            health = filter_loop.sensor(_name(address), "wheels")
-            offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
-            stream = self.buses[_name(address)] = CanStream(dbc, car, offset)
-            if self.checkpoint is not None:
-                stream.resume(self.checkpoint.counted.get(_name(address), {}))
-            inputs.append(read_can(address, health, stream, deliver))
-        return inputs
-
-    def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
-        """Observations get the time at which they came."""
-        when = time.time() - (time.perf_counter() - arrival)
-        for one in observations:
-            object.__setattr__(one, "time", when)  # made a moment ago, nobody else has it
-        self.filter_loop.take(health, observations, arrival)
+        by_arrival = plan.clock == "arrival"
+        return [one for vehicle in self.vehicles for one in vehicle.inputs(by_arrival)]
 
     async def _clock(self) -> None:
         """Ticks, writes what is recorded, keeps the state."""
@@ -232,18 +203,16 @@ class Run:
         while True:
             await asyncio.sleep(_TICK)
             if self.player is None or not (self.player.paused or self.player.ended.is_set()):
-                self.filter_loop.tick()
+                for vehicle in self.vehicles:
+                    vehicle.filter_loop.tick()
             if job is not None and not job.done():
                 continue
             if job is not None:
                 job.result()  # a full disk ends the service rather than the recording alone
-            now, recorder = time.monotonic(), self.filter_loop.recorder
-            full = recorder is not None and recorder.waiting > _MOST_ROWS
-            if now - kept >= EVERY or full:
+            now = time.monotonic()
+            if now - kept >= EVERY or any(vehicle.full for vehicle in self.vehicles):
                 kept = now
-                jobs = [] if recorder is None else [recorder.taken()]
-                if self.checkpoint is not None:
-                    jobs.append(self.checkpoint.taken(self.filter_loop.until))
+                jobs = [job for vehicle in self.vehicles for job in vehicle.jobs()]
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
     async def _until_end(self, player: Player) -> None:
@@ -260,16 +229,13 @@ class Run:
             self.stop()
 
     def _close(self) -> None:
-        self.broadcaster.close()
         if self._traces is not None:
             self._traces.close()
-        for output in self.plan.nmea_outputs:
-            output.close()
+        for vehicle in self.vehicles:
+            vehicle.disconnect()
         self.writer.shutdown(wait=True)
-        if self.checkpoint is not None:
-            self.checkpoint.taken(self.filter_loop.until)()
-        if self.filter_loop.recorder is not None:
-            self.filter_loop.recorder.close()
+        for vehicle in self.vehicles:
+            vehicle.keep()
 
 
 def warm_up(localizer: Localizer) -> None:
@@ -298,13 +264,6 @@ def warm_up(localizer: Localizer) -> None:
 def _all(jobs: list[Callable[[], None]]) -> None:
     for job in jobs:
         job()
-
-
-def _name(address: Address) -> str:
-    """What people read; only the last part of a device's path."""
-    if address.kind in ("tcp", "udp", "listen"):
-        return f"{address.kind} {address.place}:{address.number}"
-    return f"{address.interface or address.kind} {address.place.rsplit('/', 1)[-1]}"
 
 
 def _named(error: Exception) -> Exception:

@@ -18,6 +18,7 @@ from ..errors import SettingError
 from ..observations import Observation
 from .decode import CanStream, NmeaStream
 from .health import Health
+from .senders import OneSender
 
 Deliver = Callable[[Health, Sequence[Observation], float], None]
 
@@ -86,13 +87,24 @@ class NmeaInput:
         health: Of the input.
         stream: A decoder of its own.
         deliver: Takes the fixes.
+        sensors: Gives the health of the wheels and the gyro that a receiver reads, once there are
+            any.
 
     Attributes:
         useful: When a fix came out last, on the clock of `time.perf_counter`.
+        port: Decides which sender of its port is listened to; None: it has a port of its own.
     """
 
-    def __init__(self, health: Health, stream: NmeaStream, deliver: Deliver) -> None:
+    def __init__(
+        self,
+        health: Health,
+        stream: NmeaStream,
+        deliver: Deliver,
+        sensors: Callable[[], Health] | None = None,
+    ) -> None:
         self.useful = 0.0
+        self.port: OneSender | None = None
+        self._sensors = sensors or (lambda: health)
         self._health, self._stream, self._deliver = health, stream, deliver
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
@@ -112,6 +124,10 @@ class NmeaInput:
         before = self._stream.skipped
         fixes = self._stream.feed(data)
         self._health.skipped += self._stream.skipped - before
+        if sensed := self._stream.sensed():
+            wheels = self._sensors()
+            wheels.link = "open"
+            self._deliver(wheels, sensed, self._arrival)
         self._pass_on(fixes)
         if self._quiet is not None:
             self._quiet.cancel()
@@ -126,8 +142,11 @@ class NmeaInput:
         self._pass_on(self._stream.flush())
 
     def _pass_on(self, fixes: Sequence[Observation]) -> None:
-        if fixes:
+        if fixes and self.port is not None and not self.port.takes(self, len(fixes)):
+            self._health.refused += len(fixes)
+        elif fixes:
             self.useful = time.perf_counter()
+            self._health.receiver = self._stream.receiver
             self._deliver(self._health, fixes, self._arrival)
 
 
@@ -178,17 +197,20 @@ def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
 
 
 async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
-    """Let receivers connect to us, for ever; each has a decoder of its own."""
+    """Let receivers connect to us, for ever; each has a decoder, one of them is listened to."""
     peers: dict[asyncio.StreamWriter, NmeaInput] = {}
+    port = OneSender()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         dropped = _drop_oldest(peers)
         if dropped is not None:
             dropped.transport.abort()
         into = peers[writer] = make()
+        into.port = port
         try:
             await _drain(reader, into)
         finally:
+            port.leaves(into)
             peers.pop(writer, None)
             writer.transport.abort()
 
@@ -198,8 +220,9 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
 
 
 async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
-    """Take datagrams, for ever; each sender has a decoder of its own."""
+    """Take datagrams, for ever; each sender has a decoder, one of them is listened to."""
     senders: dict[Any, NmeaInput] = {}
+    port = OneSender()
 
     class Datagrams(asyncio.DatagramProtocol):
         def datagram_received(self, data: bytes, addr: Any) -> None:
@@ -207,6 +230,7 @@ async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInpu
             if into is None:
                 _drop_oldest(senders)
                 into = senders[addr] = make()
+                into.port = port
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
     transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(

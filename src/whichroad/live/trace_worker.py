@@ -13,16 +13,22 @@ import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import asdict
+from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from ..errors import WhichroadError
+from ..page.compressed import LEVEL
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
+from .message_types import VERSION
 from .trace_limits import MOST_ROWS, TooLargeTrace, check_size, stream_of
+from .trace_options import TraceOptions
 
 REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json"
 MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
+GEOMETRIES = ("FeatureCollection", "Feature", "LineString", "MultiLineString", "MultiPoint")
+_EXPECTED = "JSON rows with time, lat and lon, columns of them, or GeoJSON were expected"
 _ROWS_AT_ONCE = 2000  # rows of the answer that are made at once
 SURROUNDINGS = {  # threads and allocators reserve memory that counts as used
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
@@ -38,16 +44,22 @@ class Refused(Exception):
         self.status, self.why = status, why
 
 
-def request(suffix: str, roads: Path, vehicle: Vehicle, settings: Settings) -> str:
+def request(
+    suffix: str, options: TraceOptions, roads: Path, vehicle: Vehicle, settings: Settings,
+    *, gzip: bool = False,
+) -> str:  # fmt: skip
     """What the worker is asked, as text.
 
     Args:
         suffix: Format of the body.
+        options: How it is matched, and what is given.
         roads: The compiled map.
         vehicle: The car.
         settings: The model's numbers.
+        gzip: Whether the answer is compressed.
     """
-    asked = {"suffix": suffix, "map": str(roads), "vehicle": asdict(vehicle)}
+    asked = {"suffix": suffix, "map": str(roads), "vehicle": asdict(vehicle), "gzip": gzip}
+    asked |= options._asdict()
     return json.dumps({**asked, "settings": asdict(settings)})
 
 
@@ -68,9 +80,12 @@ def match_trace(folder: Path) -> None:
         drives = _read(folder, asked["suffix"], vehicle, settings)
         if sum(_size(drive) for drive in drives) > MOST_ROWS:
             raise TooLargeTrace(f"trace: at most {MOST_ROWS:,} rows are taken here")
-        result = match(drives, RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings)
-        with (folder / ANSWER).open("w", encoding="utf-8") as file, _within_bounds():
-            file.writelines(answer_of(result))
+        result = match(
+            drives, RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings,
+            mask=[tuple(window) for window in asked["mask"]], lag=asked["lag"],
+        )  # fmt: skip
+        with _written(folder / ANSWER, asked["gzip"]) as file, _within_bounds():
+            file.writelines(answer_of(result, asked["give"]))
     except TooLargeTrace as error:
         raise Refused(413, str(error)) from None
     except WhichroadError as error:
@@ -79,17 +94,41 @@ def match_trace(folder: Path) -> None:
         raise Refused(413, "trace: it needs more memory than one trace may take") from None
 
 
-def answer_of(result: Any) -> Iterator[str]:
-    """The answer as JSON, in pieces."""
-    yield '{"version": 1, "points": ['
+def _written(path: Path, gzip: bool) -> TextIO:
+    """A file of text, compressed or not."""
+    if not gzip:
+        return path.open("w", encoding="utf-8")
+    from gzip import GzipFile
+
+    return TextIOWrapper(BufferedWriter(GzipFile(path, "wb", LEVEL, mtime=0)), "utf-8")
+
+
+def answer_of(result: Any, give: str = "all") -> Iterator[str]:
+    """The answer as JSON, in pieces: `points`, `path` or `all` of it."""
+    yield f'{{"version": {VERSION}, '
+    if give in ("all", "points"):
+        yield from _points_of(result)
+    if give in ("all", "path"):
+        yield from _path_of(result)
+    summary = {k: v for k, v in result.summary.items() if k != "sources"}
+    yield f'"summary": {json.dumps(summary, default=str, allow_nan=False)}}}'
+
+
+def _points_of(result: Any) -> Iterator[str]:
+    yield '"points": ['
     points = result.to_arrow()
     names = [name for name in points.column_names if name != "geometry"]
     points = points.select(names)
     for start in range(0, points.num_rows, _ROWS_AT_ONCE):
         frame = points.slice(start, _ROWS_AT_ONCE).to_pandas()
         yield ("," if start else "") + frame.to_json(orient="records", date_format="iso")[1:-1]
-    yield '], "path": '
+    yield "], "
+
+
+def _path_of(result: Any) -> Iterator[str]:
+    yield '"path": '
     path = result.path
+    path = path.assign(**{name: _iso(path[name]) for name in ("enter_time", "exit_time")})
     if len(path):
         for start in range(0, len(path), _ROWS_AT_ONCE):
             part = path.iloc[start : start + _ROWS_AT_ONCE]
@@ -97,11 +136,15 @@ def answer_of(result: Any) -> Iterator[str]:
             text = json.dumps(features.pop("features"), default=str)
             head = json.dumps({**features, "features": []})[: -len("]}")]
             yield (head if start == 0 else ",") + text[1:-1]
-        yield "]}"
+        yield "]}, "
     else:
-        yield "null"
-    summary = {k: v for k, v in result.summary.items() if k != "sources"}
-    yield f', "summary": {json.dumps(summary, default=str, allow_nan=False)}}}'
+        yield "null, "
+
+
+def _iso(times: Any) -> Any:
+    """Times as in every message: ISO 8601, UTC, milliseconds; null where there is none."""
+    text = times.dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
+    return text.astype(object).where(times.notna(), None)
 
 
 def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> Any:
@@ -115,8 +158,11 @@ def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> An
     check_size(body, suffix)
     with _within_bounds():
         if suffix == ".json":
-            return drive_from_table(_columns(body), vehicle=vehicle, settings=settings)
-        path = folder / f"trace{suffix}"
+            given = _given(body)
+            if not (isinstance(given, dict) and given.get("type") in GEOMETRIES):
+                return drive_from_table(_columns(given), vehicle=vehicle, settings=settings)
+            del given
+        path = folder / ("trace.geojson" if suffix == ".json" else f"trace{suffix}")
         os.replace(folder / BODY, path)
         del body
         return read_drive(path, vehicle=vehicle, settings=settings)
@@ -141,20 +187,25 @@ def _size(drive: Any) -> int:
     return sum(len(log.time) for log in (drive.fixes, drive.odometry) if log is not None)
 
 
-def _columns(body: bytes) -> Any:
-    """JSON rows, or columns, as columns."""
+def _given(body: bytes) -> Any:
+    """What a JSON text holds."""
+    try:
+        return json.loads(body)
+    except (ValueError, RecursionError):
+        raise Refused(400, _EXPECTED) from None
+
+
+def _columns(given: Any) -> Any:
+    """Rows, or columns, as columns."""
     import pyarrow as pa
 
     try:
-        given = json.loads(body)
         given = given.get("points", given) if isinstance(given, dict) else given
         return pa.Table.from_pylist(given) if isinstance(given, list) else pa.table(given)
     except OverflowError:
         raise Refused(400, "a number is beyond 64 bits") from None
     except (ValueError, RecursionError, TypeError, AttributeError, pa.ArrowException):
-        raise Refused(
-            400, "JSON rows with time, lat and lon, or columns of them, were expected"
-        ) from None
+        raise Refused(400, _EXPECTED) from None
 
 
 def _limit_memory() -> None:

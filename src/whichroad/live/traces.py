@@ -12,15 +12,17 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from ..page.compressed import takes_gzip
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
+from .trace_options import TraceOptions, trace_options
 from .trace_worker import ANSWER, BODY, REFUSAL, REQUEST, SURROUNDINGS, request
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes
@@ -45,13 +47,23 @@ _WORKER = (  # importing what it needs is done at low priority too
 _RETRY = 2  # s after which to ask again while another trace is matched
 
 
+class Asked(NamedTuple):
+    """A request: the body's format, how it is matched, and for which car."""
+
+    suffix: str
+    options: TraceOptions
+    vehicle: Vehicle
+    settings: Settings
+    gzip: bool
+
+
 class Traces:
     """Matches posted traces on the service's map.
 
     Args:
         roads: The map.
-        vehicle: The car.
-        settings: The model's numbers.
+        vehicle: The car, where a request asks for no other.
+        settings: The model's numbers, likewise.
         compiled: The file that `roads` is of, if it is one; None: it is written when needed.
     """
 
@@ -65,8 +77,19 @@ class Traces:
         self._folder: Path | None = None
         self._worker: asyncio.subprocess.Process | None = None
 
-    async def answer(self, request: Request) -> Response:
-        """The handler of the endpoint."""
+    async def answer(
+        self, request: Request, vehicle: Vehicle | None = None, settings: Settings | None = None
+    ) -> Response:
+        """The handler of the endpoint.
+
+        Args:
+            request: With the trace as its body.
+            vehicle: The car; None: the service's.
+            settings: The model's numbers; None: the service's.
+
+        Raises:
+            HTTPException: It is refused.
+        """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
         if kind not in _KINDS:
             raise HTTPException(415, f"one of {', '.join(_KINDS)} was expected")
@@ -75,7 +98,10 @@ class Traces:
         if self._current is not None:
             headers = {"Retry-After": str(_RETRY)}
             raise HTTPException(429, "another trace is being matched", headers=headers)
-        return _Matching(self, _KINDS[kind])
+        gzip = takes_gzip(request.headers.get("accept-encoding", ""))
+        options = trace_options(request.query_params)
+        car, numbers = vehicle or self._vehicle, settings or self._settings
+        return _Matching(self, Asked(_KINDS[kind], options, car, numbers, gzip))
 
     def close(self) -> None:
         """End what is being done, and remove what was written."""
@@ -84,7 +110,7 @@ class Traces:
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
-    async def run(self, suffix: str, scope: Scope, receive: Receive, send: Send) -> None:
+    async def run(self, asked: Asked, receive: Receive, send: Send) -> None:
         """Take a body, match it and send the answer.
 
         Raises:
@@ -98,21 +124,28 @@ class Traces:
         try:
             folder = await asyncio.to_thread(self._new_folder)
             await self._spool_body(folder, receive)
-            await self._work(folder, suffix, receive)
+            text = request(
+                asked.suffix, asked.options, await self._map(), asked.vehicle, asked.settings,
+                gzip=asked.gzip,
+            )  # fmt: skip
+            await self._work(folder, text, receive)
             with (folder / ANSWER).open("rb") as file:
-                await self._send(file, send)
+                await self._send(file, send, asked.gzip)
         finally:
             if folder is not None:
                 await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
             if self._current is mine:
                 self._current = None
 
-    async def _send(self, file: BinaryIO, send: Send) -> None:
+    async def _send(self, file: BinaryIO, send: Send, gzip: bool) -> None:
         """Send an answer piece by piece, as fast as it is taken; with the last, be free again."""
         left = os.fstat(file.fileno()).st_size
         headers: list[Any] = [
             (b"content-type", b"application/json"), (b"content-length", str(left).encode()),
+            (b"vary", b"accept-encoding"),
         ]  # fmt: skip
+        if gzip:
+            headers.append((b"content-encoding", b"gzip"))
         async with asyncio.timeout(_ANSWER_TIME):
             await send({"type": "http.response.start", "status": 200, "headers": headers})
             while left:
@@ -147,9 +180,8 @@ class Traces:
             except TimeoutError:
                 raise HTTPException(408, "the body did not come in time") from None
 
-    async def _work(self, folder: Path, suffix: str, receive: Receive) -> None:
+    async def _work(self, folder: Path, asked: str, receive: Receive) -> None:
         """Run the worker until it has ended, or the client has left."""
-        asked = request(suffix, await self._map(), self._vehicle, self._settings)
         (folder / REQUEST).write_text(asked, encoding="utf-8")
         worker = self._worker = await asyncio.create_subprocess_exec(
             sys.executable, "-c", _WORKER, str(folder),
@@ -194,12 +226,12 @@ class Traces:
 class _Matching(Response):
     """A response that is made while it is sent."""
 
-    def __init__(self, traces: Traces, suffix: str) -> None:
+    def __init__(self, traces: Traces, asked: Asked) -> None:
         super().__init__()
-        self._traces, self._suffix = traces, suffix
+        self._traces, self._asked = traces, asked
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        await self._traces.run(self._suffix, scope, receive, send)
+        await self._traces.run(self._asked, receive, send)
 
 
 def _place() -> Path:

@@ -1,4 +1,4 @@
-"""A wheel with a library of kernels in it, from the wheel that setuptools makes."""
+"""A wheel with more in it than setuptools puts there: kernels, and what the page needs."""
 
 import base64
 import hashlib
@@ -35,8 +35,33 @@ def with_library(pure: Path, library: Path, platform: str, folder: Path) -> Path
         Its path.
     """
     name, version, *_ = pure.stem.split("-")
+    kind = "-".join(filter(None, ["kernels", cache.processor_of(library)]))
+    return _rewritten(
+        pure,
+        folder / f"{name}-{version}-py3-none-{platform}.whl",
+        {f"{_FOLDER}/{kind}{library.suffix}": (library.read_bytes(), 0o755)},
+        platform,
+    )
+
+
+def with_files(wheel: Path, files: dict[str, bytes]) -> None:
+    """Add files to a wheel.
+
+    Args:
+        wheel: It is replaced.
+        files: Places in it, and contents.
+    """
+    whole = wheel.with_suffix(".part")
+    _rewritten(wheel, whole, {place: (content, 0o644) for place, content in files.items()})
+    whole.replace(wheel)
+
+
+def _rewritten(
+    pure: Path, target: Path, more: dict[str, tuple[bytes, int]], platform: str | None = None
+) -> Path:
+    """A wheel with more files (contents and modes), and of a platform where one is given."""
+    name, version, *_ = pure.stem.split("-")
     about = f"{name}-{version}.dist-info"
-    target = folder / f"{name}-{version}-py3-none-{platform}.whl"
     rows = []
     with zipfile.ZipFile(pure) as old, zipfile.ZipFile(target, "w") as new:
 
@@ -49,12 +74,12 @@ def with_library(pure: Path, library: Path, platform: str, folder: Path) -> Path
 
         for item in old.infolist():
             content = old.read(item)
-            if item.filename == f"{about}/WHEEL":
+            if item.filename == f"{about}/WHEEL" and platform is not None:
                 content = _tagged(content.decode(), platform).encode()
             if item.filename != f"{about}/RECORD" and not item.is_dir():
                 add(item.filename, content, item.external_attr >> 16 or 0o644)
-        kind = "-".join(filter(None, ["kernels", cache.processor_of(library)]))
-        add(f"{_FOLDER}/{kind}{library.suffix}", library.read_bytes(), 0o755)
+        for place, (content, mode) in more.items():
+            add(place, content, mode)
         rows.append(f"{about}/RECORD,,")
         record = zipfile.ZipInfo(f"{about}/RECORD")
         record.compress_type, record.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ..filter.estimate import ESTIMATE, new_output
 from ..filter.history import History, new_history
 from ..filter.motion import arc_chord
-from ..filter.silence import SILENT
 from ..filter.state import (
     EPOCH,
     FILTER,
@@ -294,10 +293,6 @@ class EpochFilter:
         epoch[_ODOMETRY_VALID] = valid
         epoch[_GYRO] = BY_GYRO if gyro else BY_WHEELS
         epoch[_HAS_FIX] = 0
-
-    def is_silent(self, time: float) -> bool:
-        """Whether it was for so long without a reading, at a time (s), that the car may be away."""
-        return self.started and time - self.time > SILENT
 
     def add_fix(self, fix: Sequence[float]) -> None:
         """Add a fix to the epoch.

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SettingError
 from ..filter.estimate import LOST_UNKNOWN
 from ..filter.state import OFF_ROAD
 from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
+from ..places import Places, RelativePlace
 from ..roadmap import RoadMap
 from ..roadmap.attribute_shares import attribute_name, shares_by_value
 from ..tables.status import RECENT, STATUS, reason
@@ -40,9 +42,11 @@ class Estimate:
         roads: The map.
         far_fix: Time of the last fix (s), and how far away it lies if it is not believed (m).
         unknown: P(what no hypothesis knows).
+        about: Places, and the hypotheses as these see them; None: no places were given.
     """
 
     __slots__ = (
+        "_about",
         "_far_fix",
         "_fields",
         "_hypotheses",
@@ -55,10 +59,11 @@ class Estimate:
 
     def __init__(
         self, time: float, row: bytes, hypotheses: NDArray[np.int64], roads: RoadMap,
-        far_fix: tuple[float, float], unknown: float,
+        far_fix: tuple[float, float], unknown: float, about: tuple[Places, bytes] | None = None,
     ) -> None:  # fmt: skip
         self._time, self._record, self._hypotheses = time, row, hypotheses
         self._roads, self._far_fix, self._unknown = roads, far_fix, unknown
+        self._about = about
         self._fields: Row | None = None
         self._pose: Pose | None = None
 
@@ -215,6 +220,41 @@ class Estimate:
         column = attribute_name(self._roads, name)
         places = ((h.edge, h.abscissa, h.p) for h in self.hypotheses if h.edge is not None)
         return shares_by_value(self._roads, column, places)
+
+    def ahead(self, within_m: float = 500.0) -> list[RelativePlace]:
+        """The places that the vehicle will come past, the nearest first.
+
+        P is that of driving past within the distance, if the vehicle drives on: at each junction
+        ahead it is multiplied by the prior of the turn.  The distance is that along the road,
+        given that it is passed.
+
+        Args:
+            within_m: How far ahead, 0 to 5000 m.
+
+        Raises:
+            SettingError: The localizer was made without places, or the distance is none.
+        """
+        places, stances = self._surroundings()
+        return places.ahead(stances, within_m, 1.0 - self._known_to_none)
+
+    def nearby(self, radius_m: float = 50.0) -> list[RelativePlace]:
+        """The places within a radius of the vehicle in a straight line, the nearest first.
+
+        Args:
+            radius_m: 0 to 5000 m.
+
+        Raises:
+            SettingError: The localizer was made without places, or the radius is none.
+        """
+        places, stances = self._surroundings()
+        return places.nearby(stances, radius_m, 1.0 - self._known_to_none)
+
+    def _surroundings(self) -> tuple[Places, bytes]:
+        if self._about is None:
+            raise SettingError(
+                "places: there are none; a Localizer that was made with places=... was expected"
+            )
+        return self._about
 
     @property
     def map_pose(self) -> Pose | None:

@@ -8,9 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import SettingError
@@ -35,7 +32,8 @@ from ..sensors.turns import GyroTurns
 from ..sensors.validation import validated
 from ..settings import Settings, Vehicle, parameters
 from ..smoothing import Window
-from .epoch_filter import EpochFilter, bytes_of, living_words, words_of
+from .answering import Answering
+from .epoch_filter import EpochFilter
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 
@@ -62,6 +60,7 @@ class Localizer:
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
             the filter.
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
+        places: Point objects for `Estimate.ahead`: `Places`, or a table or path as that takes it.
 
     Raises:
         SettingError: The lag is not a number of seconds, or the start is not on the map.
@@ -76,10 +75,12 @@ class Localizer:
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
+        places: Any = None,
     ) -> None:
         self.roads = open_map(roads)
         self.vehicle = vehicle or Vehicle()
         self.settings = settings or Settings()
+        self._answers = Answering(self.roads, places, self.settings.unknown)
         self.skipped: dict[str, int] = {}  # reason -> observations refused
         self._past = None if lag is None else Window(lag)
         self.lag = None if self._past is None else self._past.lag  # s; None: never looks back
@@ -133,14 +134,14 @@ class Localizer:
         """
         if (possible := validated(observation, self.skipped)) is None:
             return False
+        if isinstance(possible, YawRate):
+            rate = true_rate(possible.yaw_rate, self.vehicle)
+            true = replace(possible, yaw_rate=rate)
+            return self._gyro.take(true, self._reading, self.skipped)
         late = self._filter.time - possible.time
         if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
             self.skipped["late"] = self.skipped.get("late", 0) + 1
             return False
-        if isinstance(possible, YawRate):
-            rate = true_rate(possible.yaw_rate, self.vehicle)
-            self._gyro.take(replace(possible, yaw_rate=rate), self._reading, self.skipped)
-            return True
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(late, 0.0))
         else:
@@ -175,15 +176,14 @@ class Localizer:
         double.copy_from(now)
         double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), 0)
         double.run()
-        return self._estimate(double.time, double.estimate, double.living())
+        return self._answers.of(double, self._far_fix)
 
     def _take_odometry(self, reading: Reading) -> None:
-        odometer = isinstance(reading, Distance)
-        measured = odometer or not self._filter.is_silent(reading.time)
         arc, turn = self._increment(reading)
-        self._filter.set_mode(DISTANCE if odometer and not self._gyro.alone else WHEELS)
+        steered = self._gyro.alone or not isinstance(reading, Distance)
+        self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, measured, self._gyro.alone)
+        self._filter.fill(reading.time, arc, turn, 1, self._gyro.alone)
         self._run()
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
@@ -254,8 +254,7 @@ class Localizer:
 
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
-        now = self._filter
-        return self._estimate(now.time, now.estimate, now.living())
+        return self._answers.of(self._filter, self._far_fix)
 
     def lagged(self) -> Estimate | None:
         """The estimate of a moment the lag ago, by all that was observed since.
@@ -269,9 +268,7 @@ class Localizer:
         found = self._smoothed(True)
         if found is None:
             return None
-        belief, output, _ = found
-        words = living_words(words_of(belief), int(belief.state[0].count))
-        return self._estimate(float(belief.state[0].time), bytes_of(output.rows), words)
+        return self._answers.of_past(found[0], found[1], self._far_fix)
 
     @property
     def decided_until(self) -> float | None:
@@ -292,10 +289,6 @@ class Localizer:
             )
         return self._past.smoothed_at(self._filter.ctx, self._filter.path, self._filter.time, back)
 
-    def _estimate(self, time: float, row: memoryview, living: NDArray[np.int64]) -> Estimate:
-        data, unknown = row.tobytes(), self.settings.unknown
-        return Estimate(time, data, living, self.roads, self._far_fix, unknown)
-
     def last_rows(self) -> tuple[bytes, bytes]:
         """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
         return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
@@ -311,7 +304,7 @@ class Localizer:
     @classmethod
     def from_bytes(
         cls, data: bytes, roads: RoadMap | str | Path, *, vehicle: Vehicle | None = None,
-        settings: Settings | None = None,
+        settings: Settings | None = None, places: Any = None,
     ) -> "Localizer":  # fmt: skip
         """A localizer that goes on where another one was, to the bit.
 
@@ -320,6 +313,7 @@ class Localizer:
             roads: The same map, or its path.
             vehicle: None: the car that it had.
             settings: None: those that it had.
+            places: As the constructor takes them.
 
         Raises:
             ReadError: The bytes are damaged, or of another version.
@@ -329,7 +323,7 @@ class Localizer:
         made = state.made
         localizer = cls(
             roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
-            start=made.start, lag=made.lag,
+            start=made.start, lag=made.lag, places=places,
         )  # fmt: skip
         localizer.restore(state)
         localizer.skipped = dict(state.skipped)

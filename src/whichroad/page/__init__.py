@@ -1,7 +1,7 @@
 """What a browser sees: the page, the roads of the map by viewport, one file for a report.
 
 The page draws the messages that are sent to it and asks for nothing outside: MapLibre GL
-comes from the installed package `maplibre`, the roads from the compiled map.
+is npm's, of the wheel or the cache (`static_files`), the roads from the compiled map.
 """
 
 from typing import TYPE_CHECKING

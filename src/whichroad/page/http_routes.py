@@ -1,7 +1,10 @@
 """The page's addresses, for any Starlette application."""
 
+import gzip
 import json
-from functools import partial
+import math
+from functools import lru_cache, partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -12,6 +15,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..errors import SettingError
+from .compressed import compressed, takes_gzip
 from .layer import RoadLayer, edge_of
 from .static_files import STATIC, maplibre_folder
 
@@ -25,11 +29,16 @@ _KINDS = {
     ".svg": "image/svg+xml",
 }
 _KEPT = "public, max-age=31536000, immutable"  # cache header of versioned files
+_FILE_LEVEL = 6  # of files that are compressed once
 _EDGES = 64  # edges in one request, at most
 
 
 def page_routes(
-    roads: "RoadMap", *, tiles_url: str | None = None, timeline: bool = False
+    roads: "RoadMap",
+    *,
+    tiles_url: str | None = None,
+    tiles_by: str | None = None,
+    timeline: bool = False,
 ) -> list[BaseRoute]:
     """The page itself, MapLibre's files, and the roads that the page draws.
 
@@ -39,6 +48,7 @@ def page_routes(
         roads: The map that is drawn.
         tiles_url: Raster tiles to lay below the roads, such as
             `https://tile.example/{z}/{x}/{y}.png`; none unless given.
+        tiles_by: Whose tiles they are, as the map says; None: the host's name.
         timeline: Whether a whole recorded drive is served at `/timeline`.
 
     Returns:
@@ -52,12 +62,15 @@ def page_routes(
     parts = {name: library / name for name in ("maplibre-gl.js", "maplibre-gl.css")}
     policy = _policy(tiles_url)
     about = {**layer.about(), "tiles_url": tiles_url, "timeline": timeline}
+    if tiles_url is not None:
+        about["tiles_by"] = escape(tiles_by or f"tiles: {urlsplit(tiles_url).hostname}")
     return [
         Route("/", partial(_page, files["page.html"], about, policy)),
         Route("/favicon.ico", partial(_file, files, "icon.svg")),
         Route("/static/{name}", partial(_file, files, None)),
         Route("/maplibre/{name}", partial(_file, parts, None)),
         Route("/roads/edges", partial(_edges, layer)),
+        Route("/roads/near", partial(_near, layer)),
         Route("/roads/{version}/{z:int}/{x:int}/{y:int}.mvt", partial(_tile, layer)),
     ]
 
@@ -81,13 +94,14 @@ def _policy(tiles_url: str | None) -> str:
     )
 
 
-async def _page(path: Path, about: dict[str, object], policy: str, _: Request) -> Response:
+async def _page(path: Path, about: dict[str, object], policy: str, request: Request) -> Response:
     text = path.read_text("utf-8")
     encoded = json.dumps(about).replace("<", "\\u003c")
-    return Response(
-        text.replace("{{about}}", encoded),
-        media_type="text/html",
-        headers={
+    return await compressed(
+        request,
+        text.replace("{{about}}", encoded).encode(),
+        "text/html; charset=utf-8",
+        {
             "Content-Security-Policy": policy,
             "Cache-Control": "no-cache",
             "X-Content-Type-Options": "nosniff",
@@ -100,11 +114,22 @@ async def _file(files: dict[str, Path], name: str | None, request: Request) -> R
     path = files.get(name or request.path_params["name"])
     if path is None:
         return JSONResponse({"error": "there is no such file"}, 404)
-    return FileResponse(
-        path,
-        media_type=_KINDS[path.suffix],
-        headers={"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"},
-    )
+    headers = {"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"}
+    kind, found = _KINDS[path.suffix], path.stat()
+    if not takes_gzip(request.headers.get("accept-encoding", "")):
+        return FileResponse(path, media_type=kind, headers=headers)
+    packed = await run_in_threadpool(_packed, path, found.st_mtime_ns, found.st_size)
+    etag = f'"{found.st_mtime_ns:x}-{found.st_size:x}-gzip"'
+    headers |= {"Content-Encoding": "gzip", "Vary": "Accept-Encoding", "ETag": etag}
+    if request.headers.get("if-none-match") == etag:
+        return Response(status_code=304, headers=headers)
+    return Response(packed, media_type=kind, headers=headers)
+
+
+@lru_cache(maxsize=64)
+def _packed(path: Path, stamp: int, size: int) -> bytes:
+    """A file in gzip, compressed once for each state of it."""
+    return gzip.compress(path.read_bytes(), _FILE_LEVEL, mtime=0)
 
 
 async def _tile(layer: RoadLayer, request: Request) -> Response:
@@ -115,9 +140,10 @@ async def _tile(layer: RoadLayer, request: Request) -> Response:
         tile = await run_in_threadpool(layer.tile, at["z"], at["x"], at["y"])
     except ValueError as error:
         return JSONResponse({"error": str(error)}, 404)
-    return Response(
-        tile, 200 if tile else 204, {"Cache-Control": _KEPT}, "application/vnd.mapbox-vector-tile"
-    )
+    if not tile:
+        return Response(status_code=204, headers={"Cache-Control": _KEPT})
+    kind = "application/vnd.mapbox-vector-tile"
+    return await compressed(request, tile, kind, {"Cache-Control": _KEPT})
 
 
 async def _edges(layer: RoadLayer, request: Request) -> Response:
@@ -126,4 +152,17 @@ async def _edges(layer: RoadLayer, request: Request) -> Response:
     if len(texts) > _EDGES or not all(text.isdecimal() and len(text) < 12 for text in texts):
         return JSONResponse({"error": f"ids: 1 to {_EDGES} numbers were expected"}, 400)
     known = [int(text) for text in texts if int(text) < len(layer.roads)]
-    return JSONResponse([edge_of(layer.roads, edge) for edge in known])
+    text = json.dumps([edge_of(layer.roads, edge) for edge in known], ensure_ascii=False)
+    return await compressed(request, text.encode(), "application/json")
+
+
+async def _near(layer: RoadLayer, request: Request) -> Response:
+    """`?lat=49.4&lon=2.7`: the street nearest to a place, as `/roads/edges` gives it."""
+    try:
+        lat, lon = (float(request.query_params[name]) for name in ("lat", "lon"))
+        known = math.isfinite(lon) and abs(lon) <= 180.0 and abs(lat) < 85.0
+    except (KeyError, ValueError):
+        known = False
+    if not known:
+        return JSONResponse({"error": "lat and lon, degrees, were expected"}, 400)
+    return JSONResponse(edge_of(layer.roads, await run_in_threadpool(layer.near, lat, lon)))

@@ -111,6 +111,11 @@ class RoadLayer:
                 self._tiles.popitem(last=False)
         return made
 
+    def near(self, lat: float, lon: float) -> int:
+        """The edge of the street nearest to a place, one direction of it."""
+        x, y = to_square(np.array([lat]), np.array([lon]))
+        return int(self._edge[self._tree.nearest(shapely.Point(x[0], y[0]))])
+
     def _make(self, z: int, x: int, y: int) -> bytes:
         margin = _BUFFER / EXTENT
         box = np.array([x - margin, y - margin, x + 1 + margin, y + 1 + margin]) / (1 << z)

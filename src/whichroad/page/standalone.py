@@ -6,7 +6,9 @@ from typing import Any
 
 from .static_files import STATIC
 
-MODULES = ("look", "series", "scene", "chart", "panel", "papermap", "report")
+MODULES = (
+    "look", "series", "scene", "chart", "links", "numbers", "panel", "papermap", "report",
+)  # fmt: skip
 
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const|let)\b)", re.MULTILINE)

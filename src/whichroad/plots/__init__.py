@@ -1,7 +1,7 @@
 """Pictures of an answer, after the paper's Figures 9 to 11.
 
-Positions are drawn in the map's plane, in metres.  Blue is probable and red is not,
-in every picture.
+Positions are drawn in the map's plane, in metres.  Along a whole drive blue is probable
+and red is not; in a zoom each road has its colour, and opacity is its probability.
 """
 
 import os
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import comes_with
 from .scene import Window as Window
-from .scene import ambiguous_windows, make_scene
+from .scene import ambiguous_windows, make_scene, origin_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -48,6 +48,7 @@ def plot_drive(
 
     Returns:
         The PNG files: `overview`, `hypotheses`, `probability`, and `drive` with all of it.
+        Beside each lies the same picture as SVG.
 
     Raises:
         DriveError: the answer was kept without its hypotheses.
@@ -60,3 +61,46 @@ def plot_drive(
     scene = make_scene(result, roads, truth, fixes, masked, reckoning)
     chosen = list(windows) or ambiguous_windows(scene)
     return draw_pages(scene, chosen, title, out)
+
+
+def plot_methods(
+    answers: "Sequence[tuple[str, Result]]",
+    roads: "RoadMap",
+    truth: "pa.Table | None" = None,
+    fixes: "Fixes | None" = None,
+    *,
+    out: str | os.PathLike[str],
+    windows: Sequence[Window],
+    masked: Iterable[tuple[float, float]] = (),
+    title: str = "",
+) -> list[Path]:
+    """Draw several answers to one drive, one above the other, and their P beneath.
+
+    Args:
+        answers: a name and an answer, kept with its hypotheses, for each row.
+        roads: the map that they were matched to.
+        truth: `time, lat, lon`, if known.
+        fixes: the receiver's.
+        out: folder for the pictures; those of the same name there are replaced.
+        windows: stretches, a column each, s from the drive's start.
+        masked: stretches without GNSS, s from the drive's start.
+        title: one sentence that describes the picture.
+
+    Returns:
+        The files `methods.png` and `methods.svg`.
+
+    Raises:
+        DriveError: an answer was kept without its hypotheses.
+    """
+    with comes_with("plot", "pictures"):
+        from .pages import draw_methods
+
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    dark, first = list(masked), answers[0][1]
+    origin = origin_of(first, roads)
+    scenes = [
+        (name, make_scene(answer, roads, truth, fixes, dark, None, origin))
+        for name, answer in answers
+    ]
+    return draw_methods(scenes, list(windows), title, out)

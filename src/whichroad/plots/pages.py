@@ -1,5 +1,6 @@
 """The pages: which panels stand together."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from .panels import (
-    draw_choice,
-    draw_error,
-    draw_map,
-    draw_probability,
-    draw_status,
-    draw_zoom,
-    probability_bar,
-)
+from .hypotheses import draw_zoom, page_of_hypotheses
+from .panels import draw_error, draw_map, draw_probability, draw_status, probability_bar
 from .scene import Scene, Window
 
 STYLE: dict[Any, Any] = {
@@ -35,6 +29,8 @@ STYLE: dict[Any, Any] = {
     "legend.edgecolor": "none",
     "legend.fontsize": 8,
     "figure.constrained_layout.use": True,
+    "svg.hashsalt": "whichroad",  # the same identifiers in every run
+    "svg.fonttype": "none",  # text stays text
 }
 
 
@@ -51,9 +47,24 @@ def draw_pages(scene: Scene, windows: list[Window], title: str, out: Path) -> li
     }
     with matplotlib.rc_context(STYLE):
         for name, page in pages.items():
-            figure = page(scene, windows, title)
-            FigureCanvasAgg(figure).print_figure(out / f"{name}.png", dpi=DPI)
+            _save(page(scene, windows, title), out, name)
     return [out / f"{name}.png" for name in pages]
+
+
+def draw_methods(
+    answers: Sequence[tuple[str, Scene]], windows: list[Window], title: str, out: Path
+) -> list[Path]:
+    """Draw the same windows of several answers, one above the other; returns the files."""
+    with matplotlib.rc_context(STYLE):
+        return _save(page_of_hypotheses(answers, windows, title), out, "methods")
+
+
+def _save(figure: Figure, out: Path, name: str) -> list[Path]:
+    """As PNG and as SVG; the same picture is the same file."""
+    png, svg = out / f"{name}.png", out / f"{name}.svg"
+    FigureCanvasAgg(figure).print_figure(png, dpi=DPI)
+    figure.savefig(svg, format="svg", metadata={"Date": None})
+    return [png, svg]
 
 
 def _overview(scene: Scene, windows: list[Window], title: str) -> Figure:
@@ -69,17 +80,7 @@ def _overview(scene: Scene, windows: list[Window], title: str) -> Figure:
 
 def _hypotheses(scene: Scene, windows: list[Window], title: str) -> Figure:
     """The paper's Figures 10 and 11: above where, below how probable."""
-    figure = Figure(figsize=(6 * len(windows), 7.4))
-    axes = figure.subplots(2, len(windows), squeeze=False, height_ratios=[1.5, 1])
-    for letter, window, above, below in zip("ABCDEF", windows, axes[0], axes[1], strict=False):
-        draw_zoom(above, scene, window)
-        above.set_title(f"{letter}  {window.title}")
-        draw_choice(below, scene, window)
-    probability_bar(figure, axes[0, -1])
-    figure.suptitle(
-        "Every hypothesis with its own 95 % ellipse", x=0.01, ha="left", weight="bold", fontsize=13
-    )
-    return figure
+    return page_of_hypotheses([("", scene)], windows, "Every hypothesis with its own 95 % ellipse")
 
 
 def _probability(scene: Scene, windows: list[Window], title: str) -> Figure:
@@ -100,9 +101,10 @@ def _drive(scene: Scene, windows: list[Window], title: str) -> Figure:
     """Everything on one page; a drive wider than high lies above its zooms."""
     known = scene.truth is not None
     across, up = np.nanmax(scene.xy, axis=0) - np.nanmin(scene.xy, axis=0)
-    figure = Figure(figsize=(14, 13 if known else 10.5))
-    heights = [2.6, 2.6, 1.5, 0.16, 1.5][: 5 if known else 4]
-    if across > 1.8 * up:
+    wide = across > 1.8 * up
+    figure = Figure(figsize=(14, (13 if known else 10.5) - 1.8 * wide))
+    heights = [2.6, 1.4 if wide else 2.6, 1.5, 0.16, 1.5][: 5 if known else 4]
+    if wide:
         grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
         places = [grid[0, :], grid[1, 0], grid[1, 1]]
     else:

@@ -4,14 +4,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnchoredOffsetbox, AuxTransformBox, TextArea, VPacker
 from matplotlib.patches import Patch
 
-from ..geodesy.angles import degrees
-from .scene import CHI2_95, LIVE, Scene, Window
+from .scene import Scene, Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +31,6 @@ STATUS = {
     "off_road": "#8e6bb1",
     "lost": "#c51b1b",
 }
-ZOOM_EPOCHS = 14  # shown in a zoom: more would hide each other
 
 
 def draw_map(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
@@ -103,91 +101,13 @@ def _map_legend(scene: Scene) -> list[Any]:
     return handles
 
 
-def draw_zoom(axes: "Axes", scene: Scene, window: Window) -> None:
-    """Every hypothesis of a window, each with its own 95 % ellipse, coloured by probability."""
-    epochs = _spaced(scene, window)
-    axes.add_collection(LineCollection(scene.roads, colors=ROAD, linewidths=3.5, zorder=1))
-    if scene.truth is not None:
-        near = scene.truth[scene.within(window)]
-        axes.plot(*near.T, color=TRUTH, lw=0.9, zorder=4)
-    if len(scene.fixes):
-        axes.plot(*scene.fixes.T, "+", color=FIX, ms=7, mew=1.5, zorder=5)
-    rows = {name: values[epochs].ravel() for name, values in scene.hypotheses.items()}
-    keep = (rows["edge"] != -2) & (rows["p"] > LIVE / 2)
-    order = np.flatnonzero(keep)[np.argsort(rows["p"][keep])]  # the most probable on top
-    rows = {name: values[order] for name, values in rows.items()}
-    _ellipses(axes, rows)
-    axes.scatter(
-        rows["x"], rows["y"], c=rows["p"], cmap=PROBABLE, norm=UNIT, s=9 + 22 * rows["p"],
-        edgecolors="white", linewidths=0.5, zorder=7,
-    )  # fmt: skip
-    if len(order):
-        _metres(axes, *_box(np.column_stack([rows["x"], rows["y"]]), 25))
-    axes.legend(handles=_zoom_legend(scene), loc="upper left")
-
-
-def _zoom_legend(scene: Scene) -> list[Any]:
-    sure = PROBABLE(0.97)
-    handles = [Line2D([], [], color=sure, marker="o", ls="", label="hypothesis, 95 % ellipse")]
-    if len(scene.fixes):
-        handles.append(Line2D([], [], color=FIX, marker="+", mew=1.5, ls="", label="GNSS fix"))
-    if scene.truth is not None:
-        handles.append(Line2D([], [], color=TRUTH, lw=0.9, label="truth"))
-    return handles
-
-
-def _spaced(scene: Scene, window: Window) -> Any:
-    """Epochs of a window at about equal distances along the route."""
-    inside = scene.within(window)
-    if len(inside) < 2:
-        return inside
-    steps = np.hypot(*np.diff(scene.xy[inside], axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0, along[-1], ZOOM_EPOCHS)
-    return inside[np.unique(np.searchsorted(along, wanted).clip(max=len(inside) - 1))]
-
-
-def _ellipses(axes: "Axes", rows: dict[str, Any]) -> None:
-    covs = np.empty((len(rows["p"]), 2, 2))
-    covs[:, 0, 0], covs[:, 1, 1] = rows["cov_xx"], rows["cov_yy"]
-    covs[:, 0, 1] = covs[:, 1, 0] = rows["cov_xy"]
-    squares, axes_of = np.linalg.eigh(covs)
-    minor, major = 2 * np.sqrt(CHI2_95 * squares.T)
-    angle = degrees(np.arctan2(axes_of[:, 1, 1], axes_of[:, 0, 1]))
-    colours = PROBABLE(UNIT(rows["p"]))
-    ellipses = EllipseCollection(
-        major, minor, angle, units="xy", offset_transform=axes.transData,
-        offsets=np.column_stack([rows["x"], rows["y"]]), linewidths=0.9, zorder=6,
-    )  # fmt: skip
-    ellipses.set_edgecolor([(*colour[:3], 0.85) for colour in colours])
-    ellipses.set_facecolor([(*colour[:3], 0.10) for colour in colours])
-    axes.add_collection(ellipses)
-
-
-def draw_choice(axes: "Axes", scene: Scene, window: Window) -> None:
-    """P of each road over a window, one line per directed edge, and P(off-road)."""
-    epochs = scene.within(window)
-    time, edge = scene.time[epochs], scene.hypotheses["edge"][epochs]
-    p = np.where(edge == -2, 0.0, scene.hypotheses["p"][epochs])
-    mass = {int(e): np.where(edge == e, p, 0).sum(axis=1) for e in np.unique(edge) if e >= 0}
-    likely = [e for e in mass if mass[e].max() > LIVE]
-    leading = sorted(likely, key=lambda e: -float(mass[e].sum()))[: len(RANKS)]
-    for colour, e in zip(RANKS, leading, strict=False):
-        axes.plot(time, mass[e], color=colour, lw=1.8, label=scene.names[e])
-    axes.plot(time, scene.p_off_road[epochs], color=OFF, lw=1.4, ls=":", label="off road")
-    _shade_masked(axes, scene)
-    axes.set(xlim=(window.begin, window.end), ylim=(-0.02, 1.05), ylabel="probability")
-    axes.set_xlabel("time since the start (s)")
-    axes.legend(loc="center right", handlelength=1.4)
-
-
 def draw_probability(axes: "Axes", scene: Scene, windows: list[Window]) -> None:
     """P of the most probable way, of all other roads, and P(off-road), over the drive."""
     others = np.clip(1.0 - scene.p_way - scene.p_off_road, 0.0, 1.0)
     for rank, (word, p) in enumerate((("most probable way", scene.p_way), ("others", others))):
         axes.plot(scene.time, p, color=RANKS[rank], lw=1.1, label=word)
     axes.plot(scene.time, scene.p_off_road, color=OFF, lw=1.2, ls=":", label="off road")
-    _shade_masked(axes, scene)
+    shade_masked(axes, scene)
     _letters(axes, windows)
     axes.set(xlim=(0, scene.time[-1]), ylim=(-0.02, 1.05), ylabel="probability")
     axes.legend(loc="lower right", ncols=4, bbox_to_anchor=(1, 1.04), borderpad=0)
@@ -226,13 +146,14 @@ def draw_error(axes: "Axes", scene: Scene) -> None:
     axes.fill_between(scene.time, 0, scene.bound, color=PROBABLE(0.75), alpha=0.25, lw=0,
                       label=f"95 % ellipse, semi-major axis ({held})")  # fmt: skip
     axes.plot(scene.time, error, color=TRUTH, lw=1.0, label="distance from the truth")
-    _shade_masked(axes, scene)
+    shade_masked(axes, scene)
     axes.set(xlim=(0, scene.time[-1]), ylabel="metres", xlabel="time since the start (s)")
     axes.set_ylim(0, 1.15 * float(np.nanmax(np.concatenate([error, scene.bound]))))
     axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1, 1.0), borderpad=0)
 
 
-def _shade_masked(axes: "Axes", scene: Scene) -> None:
+def shade_masked(axes: "Axes", scene: Scene) -> None:
+    """Shade the stretches without GNSS."""
     for begin, end in scene.masked:
         axes.axvspan(begin, min(end, scene.time[-1]), color=HIDDEN, alpha=0.18, lw=0, zorder=0)
 
@@ -259,10 +180,10 @@ def _metres(axes: "Axes", across: tuple[float, float], up: tuple[float, float]) 
     axes.autoscale(True)
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.set_aspect("equal", adjustable="datalim")
-    _scale_bar(axes, across[1] - across[0])
+    scale_bar(axes, across[1] - across[0])
 
 
-def _scale_bar(axes: "Axes", span: float) -> None:
+def scale_bar(axes: "Axes", span: float, place: str = "lower right") -> None:
     """A bar of 1, 2 or 5 times a power of ten metres, at most a third of the span."""
     power = 10.0 ** np.floor(np.log10(span / 3))
     length = max(step * power for step in (1, 2, 5) if step * power <= span / 3)
@@ -271,7 +192,7 @@ def _scale_bar(axes: "Axes", span: float) -> None:
     bar.add_artist(Line2D([0, length], [0, 0], color=TRUTH, lw=2, solid_capstyle="butt"))
     label = TextArea(text, textprops={"fontsize": 8})
     both = VPacker(children=[bar, label], align="center", pad=2, sep=3)
-    axes.add_artist(AnchoredOffsetbox("lower right", child=both, frameon=False, borderpad=0.6))
+    axes.add_artist(AnchoredOffsetbox(place, child=both, frameon=False, borderpad=0.6))
 
 
 def probability_bar(figure: "Figure", axes: "Axes") -> None:

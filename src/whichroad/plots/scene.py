@@ -70,12 +70,13 @@ def make_scene(
     fixes: "Fixes | None",
     masked: Iterable[tuple[float, float]],
     reckoning: "pa.Table | None",
+    origin: "Array | None" = None,
 ) -> Scene:
-    """Bring everything into one frame and one clock."""
+    """Bring everything into one frame and one clock; the origin is the answer's if not given."""
     points = result.to_arrow()
     seconds = _seconds(points)
     xy = _plane(roads, points)
-    origin = np.floor(np.nanmin(xy, axis=0) / 100) * 100
+    origin = origin_of(result, roads) if origin is None else origin
     hypotheses = _hypotheses(result, origin)
     seen = np.empty((0, 2))
     if fixes is not None:
@@ -97,6 +98,12 @@ def make_scene(
         reckoning=None if reckoning is None else _plane(roads, reckoning) - origin,
         masked=list(masked),
     )
+
+
+def origin_of(result: "Result", roads: "RoadMap") -> "Array":
+    """A round place south-west of the answer, plane metres, shape (2,)."""
+    lowest = np.nanmin(_plane(roads, result.to_arrow()), axis=0)
+    return np.asarray(np.floor(lowest / 100) * 100)
 
 
 def ambiguous_windows(scene: Scene, count: int = 2) -> list[Window]:

@@ -1,7 +1,7 @@
 """CAN logs to odometry, by the user's .dbc and the signals that vehicle.toml names.
 
 Rear-wheel counters come first, as in the paper; then wheel speeds, speed with yaw rate,
-an odometer, speed alone.
+an odometer with yaw rate, an odometer, speed alone.
 """
 
 import difflib
@@ -20,7 +20,7 @@ from ..observations import Array, Drive, OdometryLog
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
-from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, unused
+from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, steered, unused, yaw_rates
 from .table_units import possible_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
@@ -88,7 +88,7 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
         for role, signal in signals.items()
         if signal.frame in frames
     }
-    log = _odometry(series, signals, vehicle, skipped)
+    log = _odometry(series, signals, vehicle, skipped, notes)
     if log is None:
         silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
         raise ReadError(
@@ -254,7 +254,11 @@ def _reversing(
 
 
 def _odometry(
-    series: dict[str, Series], signals: dict[str, Signal], vehicle: Vehicle, skipped: Skipped
+    series: dict[str, Series],
+    signals: dict[str, Signal],
+    vehicle: Vehicle,
+    skipped: Skipped,
+    notes: list[str],
 ) -> OdometryLog | None:
     """The best odometry among the signals that came."""
     reversing = _reversing(series, signals, vehicle)
@@ -262,7 +266,9 @@ def _odometry(
         left, right = series["wheel_rl_ticks"], series["wheel_rr_ticks"]
         about = signals["wheel_rl_ticks"].about
         bits = vehicle.counter_bits or (0 if about.is_float else about.length)
-        counts = wheel_counts(left, right, vehicle, skipped, bits=bits, reversing=reversing)
+        counts = wheel_counts(
+            left, right, vehicle, skipped, bits=bits, reversing=reversing, notes=notes
+        )
         return counts if len(counts.time) else None
     if {"wheel_rl", "wheel_rr"} <= series.keys():
         left, right = series["wheel_rl"], series["wheel_rr"]
@@ -275,7 +281,8 @@ def _odometry(
         if "yaw_rate" in series:
             return speed_yaw_rate(time, speed, _at(time, *series["yaw_rate"]), skipped)
     if "odometer" in series:
-        return odometer(*series["odometer"], skipped)
+        gyro = yaw_rates(*series["yaw_rate"], skipped) if "yaw_rate" in series else None
+        return steered(odometer(*series["odometer"], skipped), gyro)
     return odometer_from_speed(time, speed, skipped) if "speed" in series else None
 
 

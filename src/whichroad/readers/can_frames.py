@@ -1,7 +1,7 @@
 """CAN frames of a log: candump text by our own parser, other formats by python-can."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +29,7 @@ _EXTENDED = 1 << 31  # marks 29-bit ids in `Frames.key`
 _ERROR = 0x20000000  # candump's flag of an error frame
 _BY_LIBRARY = {  # suffix -> python-can's class and the mode it wants
     ".blf": ("BLFReader", "rb"),
-    ".mf4": ("MF4Reader", "rb"),
+    ".mf4": ("MF4Reader", "rb"),  # in a process of its own
     ".asc": ("ASCReader", "r"),
     ".trc": ("TRCReader", "r"),
     ".csv": ("CSVReader", "r"),
@@ -108,12 +108,12 @@ def _candump(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> d
 def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Rows]:
     found: dict[int, Rows] = {}
     count = 0
-    is_mf4 = Path(path).suffix.lower() == ".mf4"
     try:
         with counted_warnings("can", "part of the log not understood", skipped):
-            messages: Iterable[tuple[float, int, bool, bytes, bool]] = _messages(path)
-            if is_mf4:
-                messages = mf4.quietly(Path(path), skipped, lambda: list(_messages(path)))
+            if Path(path).suffix.lower() == ".mf4":
+                messages = mf4.messages(Path(path), skipped)
+            else:
+                messages = _messages(path)
             for time, identifier, extended, data, is_data in messages:
                 count += 1
                 k = key(identifier, extended)
@@ -133,7 +133,7 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
     return found
 
 
-def _messages(path: str | PathLike[str]) -> Iterator[tuple[float, int, bool, bytes, bool]]:
+def _messages(path: str | PathLike[str]) -> Iterator[mf4.Message]:
     suffix = Path(path).suffix.lower()
     with comes_with("can", f"{Path(path).name}: this format"):
         import can

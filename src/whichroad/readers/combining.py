@@ -23,6 +23,7 @@ from ..observations import (
 from ..settings import Vehicle
 from ..wording import moment
 from .checks import Skipped, in_order, listed
+from .drive_columns import steered
 from .odometry_fit import with_fit_notes, with_speed_notes
 from .units_by_places import distances
 from .wheel_counters import cumulative
@@ -290,7 +291,7 @@ def _join_odometry(
         time = np.concatenate([gyro.time for gyro in gyros])
         rows = in_order(time, skipped)
         rate = np.concatenate([gyro.rate for gyro in gyros])
-        return WithGyro(joined, YawRates(time[rows], rate[rows]))
+        return steered(joined, YawRates(time[rows], rate[rows]))
     kind = next(k for k in _PREFERRED if any(isinstance(log, k) for log in logs))
     others = sorted({type(log).__name__ for log in logs if not isinstance(log, kind)})
     if others:

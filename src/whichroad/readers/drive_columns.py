@@ -15,6 +15,7 @@ from ..observations import (
     WithGyro,
     YawRates,
 )
+from ..sensors.turns import covers
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order, keep
@@ -30,8 +31,8 @@ _USED: dict[type, frozenset[str]] = {
     WheelCounts: frozenset(("wheel_rl_ticks", "wheel_rr_ticks")),
     WheelSpeeds: frozenset(("wheel_rl", "wheel_rr")),
     SpeedYawRate: frozenset(("yaw_rate",)),
+    WithGyro: frozenset(("yaw_rate",)),
 }
-_COVERED = 0.9  # share of the odometry's time that a yaw rate beside it covers, at least
 _STALE = 0.5  # s, largest age of what one sensor says beside the reading of another
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
@@ -117,44 +118,24 @@ def _odometry(
     skipped: Skipped,
     notes: list[str],
 ) -> OdometryLog | None:
-    """The best odometry that the columns offer, and a yaw rate beside it."""
-    log = _distance_and_turn(columns, has_position, vehicle, skipped, notes)
-    if "yaw_rate" not in columns or not isinstance(log, Odometer):
-        return log
-    gyro = yaw_rates(columns["time"], columns["yaw_rate"], skipped)
-    if gyro is None:
-        return log
-    common = min(gyro.time[-1], log.time[-1]) - max(gyro.time[0], log.time[0])
-    if common < _COVERED * (log.time[-1] - log.time[0]):
-        notes.append("yaw rate not used: it covers a part of the time of the odometry")
-        return log
-    return WithGyro(log, gyro)
-
-
-def _distance_and_turn(
-    columns: Columns,
-    has_position: bool,
-    vehicle: Vehicle,
-    skipped: Skipped,
-    notes: list[str],
-) -> OdometryLog | None:
-    """Counters, wheel speeds, an odometer with a yaw rate, speed and yaw rate, distance."""
-    time, has = columns["time"], columns.keys()
+    """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance."""
+    time = columns["time"]
+    has = {name for name, values in columns.items() if np.isfinite(values).any()}
     reversing = _reversing(columns)
     if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
         left, right = (time, columns["wheel_rl_ticks"]), (time, columns["wheel_rr_ticks"])
-        counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing)
+        counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing, notes=notes)
         return counts if len(counts.time) else None
     if {"wheel_rl", "wheel_rr"} <= has:
         left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
         speeds = wheel_speeds(left, right, skipped, reversing=reversing)
         return speeds if len(speeds.time) else None
-    if {"odometer", "yaw_rate"} <= has and np.isfinite(columns["odometer"]).any():
-        return odometer(time, columns["odometer"], skipped)
     if {"speed", "yaw_rate"} <= has:
         return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
     if "odometer" in has:
-        return odometer(time, columns["odometer"], skipped)
+        log = odometer(time, columns["odometer"], skipped)
+        gyro = yaw_rates(time, columns["yaw_rate"], skipped) if "yaw_rate" in has else None
+        return steered(log, gyro)
     if "speed" in has and not has_position:
         notes.append("distance integrated from speed")
         return odometer_from_speed(time, columns["speed"], skipped)
@@ -169,15 +150,15 @@ def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
         odometry: What was made of them.
     """
     used = _USED.get(type(odometry), frozenset())
-    if isinstance(odometry, WithGyro):
-        used = frozenset(("yaw_rate",))
     left = sorted((has & _MOTION) - used)
     if not left:
         return []
-    if odometry is not None:
+    if isinstance(odometry, Odometer) and left == ["yaw_rate"]:
+        why = "it is missing beside a tenth of the odometer's readings or more"
+    elif odometry is not None:
         why = "one odometry is used at a time, wheels first"
     elif "yaw_rate" in left:
-        why = "a speed beside it was expected"
+        why = "a speed beside it was expected, or an odometer"
     else:
         why = "both rear wheels were expected"
     names = ", ".join(ROLES[role].partition(",")[0] for role in left)
@@ -194,6 +175,13 @@ def speed_yaw_rate(
     rows = np.flatnonzero(known)
     rows = rows[in_order(time[rows], skipped)]
     return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None
+
+
+def steered(log: Odometer | None, gyro: YawRates | None) -> Odometer | WithGyro | None:
+    """An odometer with the gyro beside it, where that covers its readings."""
+    if log is None or gyro is None or not covers(gyro, log.time):
+        return log
+    return WithGyro(log, gyro)
 
 
 def yaw_rates(time: Array, rate: Array, skipped: Skipped) -> YawRates | None:

@@ -18,6 +18,7 @@ from .checks import LAST, NO_TIME, Skipped, keep
 from .csv_text import no_column
 from .dates import zone_of
 from .drive_columns import Columns, drive_of
+from .gears import reversing
 from .geometries import places_of, unproject
 from .gpx import read_gpx
 from .names import Seen, normal
@@ -30,7 +31,9 @@ from .table_units import in_seconds, in_si
 from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
-_NO_VALUES = ("time", "date", "drive_id", "vehicle_id", "row_id", "geometry",
+_WHEELS = frozenset(("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks"))
+_MOTION = _WHEELS | {"yaw_rate", "odometer"}
+_NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
 _NO_TIMES = frozenset(
     (
@@ -130,7 +133,7 @@ def drives_of(
             raise ReadError(no_column(where, "no time", seen.names, ("time",)))
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
     notes: list[str] = []
-    columns = _values(seen, skipped)
+    columns = _values(seen, skipped, notes)
     if reading.crs is not None and {"lat", "lon"} <= columns.keys():
         notes.append(
             f"crs (--crs) {reading.crs} not used: columns lat, lon give the places, in degrees"
@@ -163,7 +166,7 @@ def drives_of(
     return drives
 
 
-def _values(seen: Seen, skipped: Skipped) -> Columns:
+def _values(seen: Seen, skipped: Skipped, notes: list[str]) -> Columns:
     """The numbers of all quantities, in the units of the columns' names."""
     columns: Columns = {}
     for quantity, column in seen.found.items():
@@ -175,7 +178,12 @@ def _values(seen: Seen, skipped: Skipped) -> Columns:
             cells = strings(seen.table.column(seen.found[letters].place))
             south = np.array([(cell or "").strip().upper() == negative for cell in cells])
             columns[quantity] = np.where(south, -np.abs(columns[quantity]), columns[quantity])
-    return columns
+    if "gear" in seen.found and "reverse" not in columns and columns.keys() & _WHEELS:
+        gear = seen.found["gear"]
+        cells = strings(seen.table.column(gear.place))
+        columns["reverse"] = reversing(cells, gear.name, notes)
+    empty = [name for name in _MOTION & columns.keys() if np.isnan(columns[name]).all()]
+    return {name: values for name, values in columns.items() if name not in empty}
 
 
 def _times(
@@ -217,6 +225,11 @@ def _invented(
 
 
 def _no_time(seen: Seen, where: str) -> str:
+    if "time" not in seen.found:  # times were to be invented, for places
+        return (
+            f"{where}: no row has both a latitude and a longitude that can be understood; "
+            "degrees, such as 49.4093 and 8.6937, were expected"
+        )
     column = seen.found["time"]
     first = next((c for c in strings(seen.table.column(column.place)) if c), "")
     return (

@@ -21,13 +21,13 @@ from ..observations import (
     WheelSpeed,
     WheelSpeeds,
     WheelTicks,
-    WithGyro,
     YawRate,
     YawRates,
 )
 from ..sensors.validation import validated
 from ..settings import Settings
 from .checks import Skipped, in_order
+from .drive_columns import steered
 from .reported_fixes import Reported, make_fixes
 
 _LOGS: dict[type, Callable[..., OdometryLog]] = {
@@ -61,7 +61,7 @@ def drive_of_observations(
         odometry = _LOGS[kind](*_in_order(kind, possible, skipped))
     if isinstance(odometry, Odometer):
         time, rate = _in_order(YawRate, possible, skipped)
-        odometry = WithGyro(odometry, YawRates(time, rate)) if len(time) > 1 else odometry
+        odometry = steered(odometry, YawRates(time, rate) if len(time) > 1 else None)
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     return Drive("drive", located, odometry, skipped=dict(skipped))

@@ -180,7 +180,7 @@ def _lines(places: Any, many: bool, about: dict[str, Any], number: str) -> list[
     parts = places if many and isinstance(places, list) else [places]
     coordinates = [p for part in parts if isinstance(part, list) for p in part]
     inner = about.get("coordinateProperties")
-    times = about.get("coordTimes") or about.get("coordinate_times")
+    times = about.get("coordTimes") or about.get("coordinate_times") or about.get("times")
     times = times or (inner.get("times") if isinstance(inner, dict) else None)
     if isinstance(times, list) and times and isinstance(times[0], list):
         times = [t for part in times for t in part]

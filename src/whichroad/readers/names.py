@@ -142,6 +142,10 @@ NAMES: dict[str, dict[str, float]] = {
         **_names("odometer_mi odometer_miles mileage_mi", 1609.344),
     },
     "reverse": _names("reverse reversing is_reverse backwards"),
+    "gear": _names(
+        "gear gear_position gearposition selected_gear gear_selected gearshifter "
+        "gear_shifter gear_selector gear_lever transmission_gear prnd prndl"
+    ),
     "drive_id": _names(
         "drive_id trip_id tripid trip jrnid journey_id journeyid agent_id track_id trackid "
         "traj_id trajectory_id trajid traj drive tid trip_no ride_id session_id track_fid"

@@ -51,7 +51,7 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
         same fixes, with nothing skipped or noted.  None: no trip can be read so.
     """
     found = find(table.column_names)
-    for name in ("drive_id", "vehicle_id", "row_id"):
+    for name in ("drive_id", "vehicle_id", "row_id", "gear"):
         found.pop(name, None)
     if not _is_regular(table, found):
         return None

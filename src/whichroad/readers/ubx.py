@@ -4,6 +4,7 @@ Logs and receivers on line share the scan for frames and the meaning of the fiel
 """
 
 from collections import Counter
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,23 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
     ]  # fmt: skip
 
 
+class Sensors(Protocol):
+    """Who takes what sensors of a receiver measure."""
+
+    @property
+    def useful(self) -> bool:
+        """Whether odometry comes of it."""
+
+    def measured(self, frame: bytes) -> None:
+        """An ESF-MEAS has come."""
+
+    def epoch(self, time: float) -> None:
+        """A NAV-PVT of this time has come, s since 1970."""
+
+    def fix(self, fix: GeoFix) -> None:
+        """A fix came out."""
+
+
 class UbxParser:
     """UBX bytes in, fixes out, with bounded memory.
 
@@ -99,15 +117,17 @@ class UbxParser:
 
     Args:
         reading: Gives the sigma of fixes that report none.
+        sensors: Takes ESF-MEAS; None: it is passed over.
 
     Attributes:
         skipped: How many messages were not used, by reason.
         seen: Whether a NAV-PVT has come.
     """
 
-    def __init__(self, reading: Reading | None = None) -> None:
+    def __init__(self, reading: Reading | None = None, sensors: Sensors | None = None) -> None:
         self.skipped: Skipped = Counter()
         self.seen = False
+        self._sensors = sensors
         self._reading = reading or Reading()
         self._held = b""
         self._waiting = b""  # a NAV-PVT whose NAV-COV may follow
@@ -129,11 +149,14 @@ class UbxParser:
             if kind == NAV_PVT:
                 fixes += self.pause()
                 self._waiting, self.seen = frame, True
+                self._tell_epoch(frame)
                 if not self._with_cov:
                     fixes += self.pause()
             elif kind == NAV_COV:
                 self._with_cov = True
                 fixes += self.pause(frame)
+            elif kind == ESF_MEAS and self._sensors is not None:
+                self._sensors.measured(frame)
         return fixes, without(data[:done], frames)
 
     def pause(self, cov_frame: bytes = b"") -> list[GeoFix]:
@@ -141,23 +164,34 @@ class UbxParser:
         frame, self._waiting = self._waiting, b""
         if not frame:
             return []
-        whole = _fixes_of(frame + cov_frame, self._reading, self.skipped)
+        reckoned = self._sensors is None or not self._sensors.useful
+        whole = _fixes_of(frame + cov_frame, self._reading, self.skipped, keep_reckoned=reckoned)
         fixes = [fix for fix in as_records(whole) if fix.time > self._last]
         if len(fixes) < len(whole):
             self.skipped["time running backwards"] += 1
         if fixes:
             self._last = fixes[-1].time
+        if self._sensors is not None:
+            for fix in fixes:
+                self._sensors.fix(fix)
         return fixes
 
+    def _tell_epoch(self, frame: bytes) -> None:
+        if self._sensors is None or len(frame) < HEAD + _PVT.itemsize + TAIL:
+            return
+        time, dated = _times(payloads(frame, np.zeros(1, np.int64), _PVT))
+        if dated[0]:
+            self._sensors.epoch(float(time[0]))
 
-def _fixes_of(data: bytes, reading: Reading, skipped: Skipped) -> Fixes:
+
+def _fixes_of(data: bytes, reading: Reading, skipped: Skipped, *, keep_reckoned: bool) -> Fixes:
     """The fix of one epoch."""
     frames, _ = scan(data, skipped)
     mine = _long(frames, NAV_PVT, _PVT, skipped)
     cov_frames = _long(frames, NAV_COV, _COV, skipped)
     pvt, cov = payloads(data, mine.start, _PVT), payloads(data, cov_frames.start, _COV)
     matched = _cov_of(pvt, mine.start, cov, cov_frames.start)
-    reported = _reported(pvt, *_times(pvt), matched, skipped, keep_reckoned=True)
+    reported = _reported(pvt, *_times(pvt), matched, skipped, keep_reckoned=keep_reckoned)
     return make_fixes(reported, reading.settings, skipped)
 
 

@@ -12,14 +12,14 @@ from .drive_columns import nearby, odometer, speed_yaw_rate
 from .ubx_frames import CUT, HEAD, TAIL, Bytes, Frames
 from .wheel_counters import Reversing, cumulative, wheel_counts
 
-_GYRO_Z, _REAR_LEFT, _REAR_RIGHT, _TICK, _SPEED = 5, 8, 9, 10, 11  # types of measurements
-_GYRO_DEG = 2.0**-12  # deg/s, unit of the gyro
-_SPEED_MPS = 1e-3  # m/s, unit of the speed
-_BITS = 23  # of a tick counter; the one above is set where the wheel turns backwards
-_WRAP = 2.0**32  # ms, at which the tag of a measurement begins again
-_SPAN = 60.0  # s over which the offset of the sensors' clock is taken as constant
-_SURE = 0.5  # correlation of gyro and course, from which the gyro's direction is known
-_TURNS = 5.0  # deg/s, from which a course is turning
+GYRO_Z, REAR_LEFT, REAR_RIGHT, TICK, SPEED = 5, 8, 9, 10, 11  # types of measurements
+GYRO_DEG = 2.0**-12  # deg/s, unit of the gyro
+SPEED_MPS = 1e-3  # m/s, unit of the speed
+BITS = 23  # of a tick counter; the one above is set where the wheel turns backwards
+WRAP = 2.0**32  # ms, at which the tag of a measurement begins again
+SPAN = 60.0  # s over which the offset of the sensors' clock is taken as constant
+SURE = 0.5  # correlation of gyro and course, from which the gyro's direction is known
+TURNS = 5.0  # deg/s, from which a course is turning
 
 
 class Measurements(NamedTuple):
@@ -62,7 +62,7 @@ def measurements(data: bytes, frames: Frames, skipped: Skipped) -> Measurements:
     number = np.arange(len(message)) - np.repeat(np.cumsum(n) - n, n)
     word = _words(values, start[message] + 8 + 4 * number)
     # clocks count milliseconds in 32 bits
-    tag += _WRAP * np.concatenate([[0.0], np.cumsum(np.diff(tag) < -0.5 * _WRAP)])[: len(tag)]
+    tag += WRAP * np.concatenate([[0.0], np.cumsum(np.diff(tag) < -0.5 * WRAP)])[: len(tag)]
     return Measurements(
         start[message] - HEAD, 1e-3 * tag[message], word >> 24 & 63, word & 0xFFFFFF
     )
@@ -76,8 +76,9 @@ def _words(values: Bytes, at: Ints) -> Ints:
     return word
 
 
-def _signed(raw: Ints) -> Array:
-    return ((raw ^ 0x800000) - 0x800000).astype(np.float64)
+def signed(raw: Ints | int) -> Array:
+    """Numbers of 24 bits with a sign."""
+    return np.asarray((raw ^ 0x800000) - 0x800000, np.float64)
 
 
 def on_utc(found: Measurements, byte: Ints, time: Array) -> Array:
@@ -100,7 +101,7 @@ def on_utc(found: Measurements, byte: Ints, time: Array) -> Array:
         return np.full(len(found.tag), np.nan)
     tag = found.tag[before[usable]]
     offset = time[usable] - tag
-    span = np.floor((time[usable] - time[usable][0]) / _SPAN)
+    span = np.floor((time[usable] - time[usable][0]) / SPAN)
     span = np.cumsum(np.concatenate([[0], np.diff(span) != 0]))
     begin = np.flatnonzero(np.diff(span, prepend=-1))
     least = np.minimum.reduceat(offset, begin)
@@ -131,27 +132,27 @@ def odometry(
         The odometry, and what its reader should know.
     """
     series = {}
-    for kind in (_GYRO_Z, _REAR_LEFT, _REAR_RIGHT, _TICK, _SPEED):
+    for kind in (GYRO_Z, REAR_LEFT, REAR_RIGHT, TICK, SPEED):
         mine = (found.kind == kind) & np.isfinite(time)
         rows = in_order(time[mine], skipped)
         series[kind] = time[mine][rows], found.raw[mine][rows]
     notes: list[str] = []
-    if len(series[_REAR_LEFT][0]) and len(series[_REAR_RIGHT][0]):
+    if len(series[REAR_LEFT][0]) and len(series[REAR_RIGHT][0]):
         wheels = [
-            _signed_counts(series[kind], vehicle, skipped) for kind in (_REAR_LEFT, _REAR_RIGHT)
+            _signed_counts(series[kind], vehicle, skipped) for kind in (REAR_LEFT, REAR_RIGHT)
         ]
         counts = wheel_counts(wheels[0], wheels[1], vehicle, skipped, bits=0)
         return (counts if len(counts.time) else None), notes
-    gyro = series[_GYRO_Z][0], radians(_GYRO_DEG * _signed(series[_GYRO_Z][1]))
+    gyro = series[GYRO_Z][0], radians(GYRO_DEG * signed(series[GYRO_Z][1]))
     rate = _mounted(*gyro, fixes, notes) if len(gyro[0]) else None
-    if len(series[_SPEED][0]):
-        at, raw = series[_SPEED]
-        speed = _SPEED_MPS * _signed(raw)
+    if len(series[SPEED][0]):
+        at, raw = series[SPEED]
+        speed = SPEED_MPS * signed(raw)
         if rate is not None:
             return speed_yaw_rate(at, speed, nearby(at, gyro[0], rate), skipped), notes
-    if not len(series[_TICK][0]):
+    if not len(series[TICK][0]):
         return None, notes
-    at, count = _signed_counts(series[_TICK], vehicle, skipped)
+    at, count = _signed_counts(series[TICK], vehicle, skipped)
     scale = 0.5 * (vehicle.metres_per_tick_left + vehicle.metres_per_tick_right)
     if rate is None or len(at) < 2:
         return odometer(at, scale * count, skipped), notes
@@ -163,12 +164,12 @@ def _signed_counts(
 ) -> tuple[Array, Array]:
     """One counter, unwrapped, falling where its wheel turns backwards."""
     time, raw = series
-    reversing: Reversing = time, raw >> _BITS == 1
-    counts = (raw & (1 << _BITS) - 1).astype(np.float64)
+    reversing: Reversing = time, raw >> BITS == 1
+    counts = (raw & (1 << BITS) - 1).astype(np.float64)
     return time, cumulative(
         time,
         counts,
-        bits=vehicle.counter_bits or _BITS,
+        bits=vehicle.counter_bits or BITS,
         metres_per_tick=vehicle.metres_per_tick_left,
         skipped=skipped,
         reversing=reversing,
@@ -195,10 +196,10 @@ def _mounted(time: Array, rate: Array, fixes: Fixes, notes: list[str]) -> Array:
         lasting = np.diff(at)
         steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
         turn = np.diff(np.interp(at, time, np.concatenate([[0.0], np.cumsum(steps)])))
-        telling = (np.abs(turned) > _TURNS * lasting) & (lasting < 3.0)
+        telling = (np.abs(turned) > TURNS * lasting) & (lasting < 3.0)
         product = float(np.sum(radians(turned[telling]) * turn[telling]))
         size = float(np.sqrt(np.sum(radians(turned[telling]) ** 2) * np.sum(turn[telling] ** 2)))
-        if size > 0.0 and abs(product) >= _SURE * size:
+        if size > 0.0 and abs(product) >= SURE * size:
             if product < 0.0:
                 notes.append("the gyro's z axis points down, as the courses of the fixes show")
                 return -rate

@@ -15,6 +15,10 @@ _JITTER = 0.02  # s, by which logged frames come too close together
 _GAP = 3.0  # usual intervals, beyond which a short counter may have wrapped more than once
 _RECENT = 10  # steps that give the speed across a gap
 _LARGEST = 2.0**53  # counts; beyond it floats no longer resolve single counts
+_WIDTHS = (8, 10, 12, 14, 15, 16, 20, 24, 32)  # bits that counters have
+_WRAPS = 3  # of a counter, the fewest that tell its width
+_FULL = 0.9  # share of its range that it then has been through
+_CLEAR = 0.4  # share of its range that most steps are below, so that they are told from wraps
 JUMP = "wheel counter jumped (bridged)"
 NO_COUNT = "wheel counter beyond 2^53"
 
@@ -70,6 +74,25 @@ def cumulative(
     if reversing is not None:
         step = np.where(held(reversing, time[1:]), -np.abs(step), step)
     return float(raw[0]) + np.concatenate([[0.0], np.cumsum(step)])
+
+
+def shown_width(raw: Array) -> int:
+    """Bits of a counter that is seen to wrap; 0: it is not.
+
+    Such a counter rises through its range and falls by more than half of it, again and again.
+
+    Args:
+        raw: Its readings in order, counts, shape (n,).
+    """
+    most = float(raw.max(initial=0.0))
+    bits = next((b for b in _WIDTHS if most < 2.0**b), 0)
+    if not bits or raw.min(initial=0.0) < 0.0 or most < _FULL * 2.0**bits:
+        return 0
+    step = np.diff(raw)
+    falls = np.count_nonzero(step < -0.5 * 2.0**bits)
+    rises = np.count_nonzero(step > 0.5 * 2.0**bits)
+    usual = np.quantile(np.abs(_nearest(step, 2.0**bits, np.zeros(len(step)))), 0.95)
+    return bits if falls - rises >= _WRAPS and usual < _CLEAR * 2.0**bits else 0
 
 
 def _nearest(step: Array, modulus: float, expected: Array) -> Array:
@@ -129,6 +152,7 @@ def wheel_counts(
     *,
     bits: int | None = None,
     reversing: Reversing | None = None,
+    notes: list[str] | None = None,
 ) -> WheelCounts:
     """Both rear counters, each given as (times, readings), unwrapped and at the same times.
 
@@ -142,7 +166,12 @@ def wheel_counts(
         skipped: Where to count.
         bits: Width of the counters; 0: they do not wrap.
         reversing: Where they only count up and a flag gives the direction.
+        notes: Where to say that both are seen to wrap at another width, which is then taken;
+            None: they are not looked at.
     """
+    bits = vehicle.counter_bits if bits is None else bits
+    if notes is not None:
+        bits = _checked_width(bits, left[1], right[1], notes)
     wheels = []
     scales = (vehicle.metres_per_tick_left, vehicle.metres_per_tick_right)
     for (time, raw), scale in zip((left, right), scales, strict=True):
@@ -151,13 +180,23 @@ def wheel_counts(
         counts = cumulative(
             time,
             raw,
-            bits=vehicle.counter_bits if bits is None else bits,
+            bits=bits,
             metres_per_tick=scale,
             skipped=skipped,
             reversing=reversing,
         )
         wheels.append((time, counts))
     return WheelCounts(*_same_times(*wheels))
+
+
+def _checked_width(bits: int, left: Array, right: Array, notes: list[str]) -> int:
+    """The width at which both counters wrap, else the one that was given."""
+    shown, other = (shown_width(raw[np.isfinite(raw)]) for raw in (left, right))
+    if not shown or shown != other or shown == bits:
+        return bits
+    given = f"not at 2^{bits}" if bits else "though no counter_bits were given"
+    notes.append(f"wheel counters wrap at 2^{shown}, {given}: taken as {shown} bits")
+    return shown
 
 
 def wheel_speeds(

@@ -57,9 +57,19 @@ def write_report(
         WriteError: The file cannot be written.
     """
     check_report(path, force=force)
-    text = standalone(f"{recorded.drive_id} · whichroad", report_data(recorded, roads))
+    text = report_text(recorded, roads)
     with replacing(Path(path), force=force) as part:
         Path(part).write_text(text, encoding="utf-8")
+
+
+def report_text(recorded: RecordedMessages, roads: "RoadMap | None" = None) -> str:
+    """The report of a drive as HTML.
+
+    Args:
+        recorded: Of one drive.
+        roads: The map; those near the track are drawn.
+    """
+    return standalone(f"{recorded.drive_id} · whichroad", report_data(recorded, roads))
 
 
 def report_data(recorded: RecordedMessages, roads: "RoadMap | None" = None) -> dict[str, Any]:

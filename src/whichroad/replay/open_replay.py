@@ -14,6 +14,7 @@ from .player import Player
 from .points import check_map, read_points
 from .recorded_messages import RecordedMessages, Window
 from .signals import Signals
+from .truth import Truth
 
 if TYPE_CHECKING:
     from ..observations import Drive
@@ -69,14 +70,17 @@ class Remaking:
         return mask_windows(pairs, _begin(self.drive))
 
 
-def play_drive(remaking: Remaking, mask: Sequence[tuple[Any, Any]] = ()) -> Player:
+def play_drive(
+    remaking: Remaking, mask: Sequence[tuple[Any, Any]] = (), truth: Truth | None = None
+) -> Player:
     """A player of a drive; masking answers it anew."""
-    return Player(remaking(remaking.absolute(mask)), remaking)
+    return Player(remaking(remaking.absolute(mask)), remaking, truth=truth)
 
 
 def play_result(
-    path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None
-) -> Player:
+    path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None,
+    truth: Truth | None = None,
+) -> Player:  # fmt: skip
     """A player of points, and of the route, from files; there is no drive to mask.
 
     Raises:
@@ -85,7 +89,7 @@ def play_result(
     """
     result = read_points(path, drive_id, route)
     check_map(result, roads, path)
-    return Player(RecordedMessages(result, roads))
+    return Player(RecordedMessages(result, roads), truth=truth)
 
 
 def one_of(drives: "list[Drive]", drive_id: str | None) -> "Drive":

@@ -9,9 +9,12 @@ import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
-from ..live.messages import EstimateMessage, PlayMessage
+import numpy as np
+
+from ..live.message_types import EstimateMessage, PlayMessage
 from .recorded_messages import RecordedMessages, Window
 from .timeline import timeline
+from .truth import Truth
 
 Remake = Callable[[list[Window]], RecordedMessages]
 
@@ -34,6 +37,10 @@ class Player:
             is not known.
         position: Position at the beginning, s.
         paused: Whether playback begins paused.
+        truth: Where the vehicle really was.
+
+    Raises:
+        DriveError: The truth is of another time.
     """
 
     def __init__(
@@ -43,8 +50,11 @@ class Player:
         *,
         position: float = 0.0,
         paused: bool = False,
+        truth: Truth | None = None,
     ) -> None:
-        self.recorded = recorded
+        self.recorded, self.truth = recorded, truth
+        if truth is not None:
+            truth.beside(recorded, np.zeros(0, np.int64))
         self._remake = remake
         self._windows: list[Window] = list(recorded.masked)
         self.position, self.speed, self.paused = position, 1.0, paused
@@ -104,7 +114,17 @@ class Player:
 
     def timeline(self) -> dict[str, Any]:
         """The thinned timeline of the drive, and whether fixes can be withheld."""
-        return {**timeline(self.recorded), "maskable": self._remake is not None}
+        columns = timeline(self.recorded, truth=self.truth)
+        return {**columns, "maskable": self._remake is not None}
+
+    async def open(self, recorded: RecordedMessages, remake: Remake | None) -> None:
+        """Play another drive from its beginning, as the page's viewers asked."""
+        async with self._making:
+            self.recorded, self._remake, self.truth = recorded, remake, None
+            self._windows = list(recorded.masked)
+            self.position, self.paused = 0.0, False
+            self._edition += 1
+        await self._go(0.0, always=True)
 
     async def control(self, action: str, value: Any = None) -> None:
         """Execute a control.

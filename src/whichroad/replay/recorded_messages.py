@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..geodesy.angles import axis_bearing_of, bearing_of, radians
 from ..geodesy.units import METRES_PER_DEGREE
-from ..live.messages import VERSION, EstimateMessage, PlayMessage, iso
+from ..live.message_types import VERSION, EstimateMessage, PlayMessage
+from ..live.messages import iso
 from ..observations import Array
 from ..sensors.gnss import ellipse
 from ..tables.status import STATUS, far_off
@@ -174,12 +175,15 @@ class RecordedMessages:
         """
         time, answered = float(self.time[k]), bool(np.isfinite(self._get("lat", k) or np.nan))
         message = {
-            "version": VERSION, "type": "estimate", "seq": seq, "time": iso(time),
+            "version": VERSION, "type": "estimate", "vehicle": None, "seq": seq, "time": iso(time),
             "epoch_s": round(time, 6), "answered": answered,
             "pose": self._pose(k) if answered else None,
             "map_lat": self._get("map_lat", k), "map_lon": self._get("map_lon", k),
             "ellipse": self._ellipse(k), "sigma_bearing_deg": self._get("sigma_bearing_deg", k),
-            "protection_m": self._get("protection_level_m", k), "protection_risk": 1e-3,
+            "protection_m": self._get("protection_level_m", k),
+            "protection_level_m": self._get("protection_level_m", k),
+            "level_along_m": self._get("level_along_m", k),
+            "level_across_m": self._get("level_across_m", k), "protection_risk": 1e-3,
             "radius95_m": None, "gnss_scale": self._get("gnss_scale", k) or 0.0,
             "p_road": self._get("p_road", k) or 0.0,
             "p_way": self._get("p_way", k) or 0.0,
@@ -241,7 +245,10 @@ class RecordedMessages:
         away = float(_metres(fix["lat"] - lat, fix["lon"] - lon, lat))
         own = (fix["ellipse"] or {"major_m": 0.0})["major_m"]
         near = not far_off(away, float(np.hypot(own, major)))
-        return {**fix, "believed": None if masked else near, "masked": masked}
+        return {
+            **fix, "believed": None if masked else near, "masked": masked,
+            "satellites": None, "hdop": None, "altitude_m": None, "geoid_m": None,
+        }  # fmt: skip
 
     def _ellipse(self, k: int) -> dict[str, float | None] | None:
         names = ("major_m", "minor_m", "bearing_deg")

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import socket
 import threading
 import webbrowser
@@ -13,14 +14,18 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from ..errors import WhichroadError
 from ..live.access import AccessControl, is_local
 from ..live.refusals import HANDLERS, asked_of
 from ..live.web_server import listen, web_server
 from ..page import page_routes
+from ..page.compressed import compressed
+from .drive_report import report_text
+from .dropped import LARGEST, Opener
 from .player import Player, Refused
 
 if TYPE_CHECKING:
@@ -31,8 +36,9 @@ _CROWD = 64  # viewers at a time
 
 
 def replay_app(
-    player: Player, roads: "RoadMap", *, tiles_url: str | None = None, host: str = "127.0.0.1",
-    token: str | None = None,
+    player: Player, roads: "RoadMap", *, tiles_url: str | None = None,
+    tiles_by: str | None = None, host: str = "127.0.0.1", token: str | None = None,
+    opener: Opener | None = None,
 ) -> Starlette:  # fmt: skip
     """The application that serves a replay.
 
@@ -40,8 +46,10 @@ def replay_app(
         player: The recorded messages and their clock.
         roads: The map that the page draws.
         tiles_url: Raster tiles below it, as `page_routes` takes them.
+        tiles_by: Whose tiles they are.
         host: Where it listens; on this machine, none but its own names are served.
         token: Asked of everybody; None: nobody.
+        opener: Opens files that are dropped onto the page; None: none are taken.
     """
     crowd: set[WebSocket] = set()
 
@@ -63,10 +71,35 @@ def replay_app(
     async def control(request: Request) -> JSONResponse:
         return await _control(request, player)
 
-    async def columns(_: Request) -> JSONResponse:
-        return JSONResponse(
-            await asyncio.to_thread(player.timeline), headers={"Cache-Control": "no-store"}
-        )
+    async def columns(request: Request) -> Response:
+        body = await asyncio.to_thread(lambda: json.dumps(player.timeline()).encode())
+        return await compressed(request, body, "application/json", {"Cache-Control": "no-store"})
+
+    async def report(request: Request) -> Response:
+        recorded = player.recorded
+        text = await asyncio.to_thread(report_text, recorded, roads)
+        name = re.sub(r"[^A-Za-z0-9._-]+", "-", recorded.drive_id)[:80] or "drive"
+        headers = {
+            "Cache-Control": "no-store", "Content-Security-Policy": "sandbox",
+            "Content-Disposition": f'attachment; filename="{name}.html"',
+        }  # fmt: skip
+        return await compressed(request, text.encode(), "text/html; charset=utf-8", headers)
+
+    opening = asyncio.Lock()
+
+    async def opened(request: Request) -> Response:
+        if opener is None:
+            raise HTTPException(409, "this replay takes no files")
+        if opening.locked():
+            raise HTTPException(429, "another file is being opened")
+        async with opening:
+            content = await request.body()
+            try:
+                name = request.query_params.get("name", "")
+                await player.open(*await asyncio.to_thread(opener, name, content))
+            except WhichroadError as error:
+                raise HTTPException(400, str(error)[:500]) from None
+        return JSONResponse({"drive_id": player.recorded.drive_id})
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -76,12 +109,16 @@ def replay_app(
 
     return Starlette(
         routes=[
-            *page_routes(roads, tiles_url=tiles_url, timeline=True),
+            *page_routes(roads, tiles_url=tiles_url, tiles_by=tiles_by, timeline=True),
             Route("/timeline", columns),
             Route("/control", control, methods=["POST"]),
+            Route("/report", report),
+            Route("/open", opened, methods=["POST"]),
             WebSocketRoute("/ws", show),
         ],
-        middleware=[Middleware(AccessControl, local=is_local(host), token=token)],
+        middleware=[
+            Middleware(AccessControl, local=is_local(host), token=token, largest={"/open": LARGEST})
+        ],
         exception_handlers=HANDLERS,
         lifespan=lifespan,
     )

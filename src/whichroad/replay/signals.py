@@ -14,7 +14,7 @@ from ..sensors.odometry import Motion, motion_of
 from ..settings import Vehicle
 
 if TYPE_CHECKING:
-    from ..live.messages import ReckoningMessage, SensorMessage
+    from ..live.message_types import ReckoningMessage, SensorMessage
 
 _RATE_WINDOW = 5.0  # s over which a rate is averaged
 _SILENT = 3.0  # s after which a sensor counts as silent
@@ -106,7 +106,7 @@ class Signals:
                     "name": kind, "kind": kind, "state": state, "ok": ok,
                     "rate_hz": round(recent / _RATE_WINDOW, 1),
                     "age_s": None if age is None else round(age, 2),
-                    "count": count, "skipped": 0, "delay_s": None,
+                    "count": count, "refused": 0, "skipped": 0, "delay_s": None,
                 }
             )  # fmt: skip
         return sensors

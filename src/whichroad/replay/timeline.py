@@ -9,6 +9,7 @@ from ..observations import Array
 
 if TYPE_CHECKING:
     from .recorded_messages import RecordedMessages
+    from .truth import Truth
 
 ROWS = 12_000
 _FIXES = 4_000
@@ -36,12 +37,15 @@ def thinned(time: Array, p: Array, rows: int = ROWS) -> NDArray[np.int64]:
     return chosen
 
 
-def timeline(recorded: "RecordedMessages", rows: int = ROWS) -> dict[str, Any]:
+def timeline(
+    recorded: "RecordedMessages", rows: int = ROWS, truth: "Truth | None" = None
+) -> dict[str, Any]:
     """Columns of a drive for JSON, times in seconds from its beginning.
 
     Args:
         recorded: Of one drive.
         rows: At most so many epochs.
+        truth: Where the vehicle really was.
     """
     c = recorded.columns
     at = thinned(recorded.time, c["p_way"], rows)
@@ -66,6 +70,7 @@ def timeline(recorded: "RecordedMessages", rows: int = ROWS) -> dict[str, Any]:
         "ways": recorded.between(at),
         "fixes": _fixes(recorded),
         "reckoning": _reckoning(recorded, at),
+        "truth": None if truth is None else truth.beside(recorded, at),
     }
 
 

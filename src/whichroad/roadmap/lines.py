@@ -65,7 +65,7 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
     line = np.repeat(np.arange(len(parts)), count)
     finite = np.isfinite(xy).all(axis=1)
     lat, lon = np.full(len(xy), np.nan), np.full(len(xy), np.nan)
-    lon[finite], lat[finite] = _degrees(xy[finite], crs if crs is not None else sheet.crs, sheet)
+    lon[finite], lat[finite] = degrees_of(xy[finite], crs if crs is not None else sheet.crs, sheet)
     good = finite & np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= 90.0)
     bad_line = np.zeros(len(parts), bool)
     bad_line[line[~good]] = True
@@ -85,7 +85,7 @@ def _count(skipped: Counter[str], why: str, number: int) -> None:
         skipped[why] += number
 
 
-def _degrees(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
+def degrees_of(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
     """Longitude and latitude on WGS84."""
     x, y = xy.T
     if crs is None:

@@ -44,7 +44,7 @@ def _open_file(path: Path) -> Sheet:
     name = path.name.lower()
     try:
         if name.endswith((".csv", ".csv.gz", ".tsv")):
-            return from_arrow(_read_csv(path), str(path))
+            return from_arrow(read_csv(path), str(path))
         if name.endswith((".parquet", ".geoparquet", ".pq")):
             import pyarrow.parquet
 
@@ -94,7 +94,8 @@ def _layer(path: Path) -> str | None:
     )
 
 
-def _read_csv(path: Path) -> Any:
+def read_csv(path: Path) -> Any:
+    """A CSV file, compressed or not, as an Arrow table; words that are not UTF-8 are mended."""
     import pyarrow as pa
     from pyarrow import csv
 

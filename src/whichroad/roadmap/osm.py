@@ -173,6 +173,7 @@ class _Ways:
         self.rows: list[_Kind] = []
         self.names: list[str] = []
         self.words: dict[str, str] = {}  # each name once
+        self.told: dict[str, list[str]] = {name: [] for name in _TOLD}
         self.ref, self.x, self.y = array("q"), array("i"), array("i")
         self.start, self.whole = array("d"), array("d")  # m along the way, m
         self.restrictions: list[Restriction] = []
@@ -207,6 +208,7 @@ class _Ways:
         kind = self.kinds.get(values) or self.kinds.setdefault(values, _Kind(tags))
         name = tags.get("name") or tags.get("ref") or ""
         name = self.words.setdefault(name, name)
+        told = [_told(tags, keys) for keys in _TOLD.values()]
         for run, start in zip(long, starts, strict=True):
             self.start.append(start)
             self.whole.append(whole)
@@ -217,6 +219,8 @@ class _Ways:
             self.ids.append(way.id)
             self.rows.append(kind)
             self.names.append(name)
+            for words, word in zip(self.told.values(), told, strict=True):
+                words.append(word)
             self.count.append(len(run))
 
     def _leave_out(self, runs: list[list[_Node]]) -> None:
@@ -281,6 +285,7 @@ class _Ways:
                 "source_id": np.array(self.ids, dtype=np.int64),
                 "name": Texts.of(self.names),
                 **_columns(rows),
+                **{name: Texts.of(words) for name, words in self.told.items() if any(words)},
             },
             restrictions=self.restrictions,
             blocked=np.array(self.blocked, dtype=np.int64),
@@ -295,6 +300,22 @@ _KEYS = (
     "highway", "junction", "oneway", "oneway:motor_vehicle", "motorcar", "motor_vehicle",
     "vehicle", "access", "maxspeed", "lanes", "width", "layer", "bridge", "tunnel",
 )  # fmt: skip
+
+
+# what signs and lanes tell, for answers that route: column -> tags, the first that is there
+_TOLD = {
+    "ref": ("ref",),
+    "turn_lanes_forward": ("turn:lanes:forward", "turn:lanes"),
+    "turn_lanes_backward": ("turn:lanes:backward", "turn:lanes"),
+    "destination_forward": ("destination:forward", "destination"),
+    "destination_backward": ("destination:backward", "destination"),
+}
+
+
+def _told(tags: dict[str, str], keys: tuple[str, ...]) -> str:
+    """The first of some tags; one for a direction is of the whole way only where it is one-way."""
+    both = len(keys) > 1 and meaning.oneway(tags) == 0
+    return next((tags[key] for key in keys[: 1 if both else None] if key in tags), "")
 
 
 class _Kind:

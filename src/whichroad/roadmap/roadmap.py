@@ -40,15 +40,7 @@ class RoadMap(EdgeGeometry):
         node_id: (J,) the source's ids of the junctions, see `node_ids`.
     """
 
-    __slots__ = (
-        "_about",
-        "_fingerprint",
-        "node_id",
-        "pieces",
-        "plane",
-        "way",
-        "ways",
-    )
+    __slots__ = ("_about", "_fingerprint", "node_id", "pieces", "plane", "way", "ways")
 
     def __init__(
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
@@ -197,10 +189,8 @@ class RoadMap(EdgeGeometry):
         """
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
         along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
-        found = np.empty(len(edges), np.int64)
-        topology.find_pieces(
-            self.pieces.first, self.pieces.start, edges, np.ascontiguousarray(along), found
-        )
+        found, pieces = np.empty(len(edges), np.int64), self.pieces
+        topology.find_pieces(pieces.first, pieces.start, edges, np.ascontiguousarray(along), found)
         return found
 
     def source(self, edge: int, s: float) -> tuple[int | str, bool]:
@@ -265,8 +255,9 @@ class RoadMap(EdgeGeometry):
             edge: The edge.
             s: True m from its start; None: the edge's longest piece.
         """
-        names = [n for n in self.ways if n not in ("back_id", "paired")]
-        return {name: self.attribute(name, edge, s) for name in names}
+        way = self._way_at(edge, s)
+        hidden = ("back_id", "paired")
+        return {name: self._values(name, way)[0] for name in self.ways if name not in hidden}
 
     def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
         """One attribute of the road at a place; None where it is absent.
@@ -279,8 +270,11 @@ class RoadMap(EdgeGeometry):
         Returns:
             Its value.
         """
-        way = self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]
-        return self._values(name, np.array([way]))[0]
+        return self._values(name, self._way_at(edge, s))[0]
+
+    def _way_at(self, edge: int, s: float | None) -> NDArray[Any]:
+        """The street of an edge at a place, (1,)."""
+        return np.array([self.way[edge] if s is None else self.pieces.way[self.piece(edge, s)[0]]])
 
     def name(self, edge: int) -> str | None:
         """What the edge's longest piece is called."""
@@ -289,6 +283,17 @@ class RoadMap(EdgeGeometry):
     def names(self, edge: NDArray[Any]) -> "pa.Array":
         """`name` of (n,) edges as an Arrow column, null where there is none."""
         return cast(Texts, self.ways["name"]).column(self.way[edge])
+
+    def words(self, name: str, piece: Ints) -> list[str]:
+        """An attribute that is text, of some of the `pieces`; empty where it is not known.
+
+        Args:
+            name: Of the attribute, such as `ref`; one that the map lacks is nowhere known.
+            piece: (n,) rows of `pieces`.
+        """
+        column = self.ways.get(name)
+        absent = [""] * len(piece)
+        return column.words(self.pieces.way[piece]) if isinstance(column, Texts) else absent
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""

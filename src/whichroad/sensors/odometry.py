@@ -102,8 +102,6 @@ def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
     Distance is not interpolated to a quicker gyro: the speed would jump at every reading.
     """
     turned, near = turns_at(motion.time, gyro)
-    if near.sum() < 2:
-        return motion
     return Motion(motion.time[near], motion.distance[near], turned[near], gyro=True)
 
 

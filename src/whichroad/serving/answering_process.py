@@ -5,6 +5,7 @@ begins with the HTTP status (2 bytes).  The process ends with its standard input
 """
 
 import contextlib
+import gc
 import json
 import os
 import struct
@@ -138,6 +139,8 @@ def main() -> None:
     vehicle, settings = Vehicle(**told["vehicle"]), Settings(**told["settings"])
     answerer = Answerer(roads, vehicle, settings, told["most"])
     _warm(answerer, roads)
+    gc.collect()
+    gc.freeze()  # what stays is not looked at again
     _limit_memory()
     answers.write(framed(struct.pack("<H", 200)))
     answers.flush()

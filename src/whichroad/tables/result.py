@@ -1,6 +1,6 @@
 """A matched drive as tables: points, path, summary."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,6 +18,7 @@ from .schema import geo_frame
 if TYPE_CHECKING:
     from ..lineage import Lineage
     from ..roadmap import RoadMap
+    from .relative_places import Surroundings
 
 
 class Result:
@@ -35,6 +36,7 @@ class Result:
         find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
         roads: The map, to be drawn below the answer; a pickled result is without it.
         find_lineage: Gives births and deaths of the hypotheses; None: of several drives.
+        surroundings: Of each drive, where places were given.
     """
 
     def __init__(
@@ -47,9 +49,11 @@ class Result:
         find_alternatives: Callable[[], list[Alternative]] | None = None,
         roads: "RoadMap | None" = None,
         find_lineage: "Callable[[], Lineage] | None" = None,
+        surroundings: "Sequence[Surroundings]" = (),
     ) -> None:
         self._find_alternatives, self._roads = find_alternatives, roads
         self._find_lineage = find_lineage
+        self._surroundings = tuple(surroundings)
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -66,7 +70,8 @@ class Result:
             self._made(name)
         if self._find_alternatives is not None:
             _ = self._parts
-        return self.__dict__ | {"_find_alternatives": None, "_roads": None, "_find_lineage": None}
+        gone = {"_find_alternatives": None, "_roads": None, "_find_lineage": None}
+        return self.__dict__ | gone | {"_surroundings": ()}
 
     def __repr__(self) -> str:
         figures = self.summary
@@ -200,6 +205,46 @@ class Result:
         from .attribute import attribute_table
 
         return attribute_table(self.to_arrow(), self._roads, name)
+
+    def ahead(self, within_m: float = 500.0) -> pa.Table:
+        """The places that the vehicle will come past, at every epoch.
+
+        P is that of driving past within the distance, if the vehicle drives on: at each junction
+        ahead it is multiplied by the prior of the turn.  The distance is that along the road,
+        given that it is passed.  Roads are those of `alternatives`: six at most an epoch.
+
+        Args:
+            within_m: How far ahead, 0 to 5000 m.
+
+        Returns:
+            Columns `drive_id, time, id, distance_m, sigma_m, p`; the nearest first.
+
+        Raises:
+            SettingError: The drive was matched without places, or the result was pickled.
+        """
+        return self._about(lambda drive: drive.ahead(within_m))
+
+    def nearby(self, radius_m: float = 50.0) -> pa.Table:
+        """The places within a radius of the vehicle, at every epoch.
+
+        Args:
+            radius_m: 0 to 5000 m.
+
+        Returns:
+            Columns as of `ahead`; P is that of being so near, in a straight line.
+
+        Raises:
+            SettingError: The drive was matched without places, or the result was pickled.
+        """
+        return self._about(lambda drive: drive.nearby(radius_m))
+
+    def _about(self, ask: "Callable[[Surroundings], pa.Table]") -> pa.Table:
+        if not self._surroundings:
+            raise SettingError(
+                "places: this result has none, or is out of a pickle; a drive that was matched "
+                "with places=... was expected"
+            )
+        return pa.concat_tables([ask(drive) for drive in self._surroundings])
 
     def routes(self, k: int = 3) -> list[Route]:
         """The k most probable routes from the drive's start to its end, connected edges with P.

@@ -233,8 +233,14 @@ def with_iso_times(table: pa.Table) -> pa.Table:
     return table
 
 
-def thinned(points: pa.Table, every: float) -> pa.Table:
-    """The first row of each `every` seconds of each drive, counted from the drive's start."""
+def thinned(points: pa.Table, every: float, *, whole: bool = False) -> pa.Table:
+    """The first row of each `every` seconds of each drive, counted from the drive's start.
+
+    Args:
+        points: Or another table with `drive_id` and `time`, in order.
+        every: s.
+        whole: Whether all rows of that row's time are kept, where an epoch has several.
+    """
     if points.num_rows == 0:
         return points
     drive = points["drive_id"].combine_chunks()
@@ -243,7 +249,10 @@ def thinned(points: pa.Table, every: float) -> pa.Table:
     micros = points["time"].cast(TIME).cast(pa.int64()).to_numpy()
     began = micros[np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))]
     cell = (micros - began) // round(every * 1e6)
-    return points.filter(pa.array(new | np.append(True, np.diff(cell) != 0)))
+    first = new | np.append(True, np.diff(cell) != 0)
+    if whole:
+        first = micros == micros[np.flatnonzero(first)][np.cumsum(first) - 1]
+    return points.filter(pa.array(first))
 
 
 def read_arrow(data: bytes) -> tuple[pa.Table, bool]:

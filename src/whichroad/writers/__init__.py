@@ -39,7 +39,10 @@ def write_table(table: "pa.Table", path: str | os.PathLike[str], *, force: bool 
     path = Path(path)
     writer = _writer(path)
     with replacing(path, force=force) as part:
-        writer(table, part)
+        try:
+            writer(table, part)
+        except WriteError as error:
+            raise WriteError(str(error).replace(str(part), str(path))) from None
 
 
 def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
@@ -82,6 +85,12 @@ def check_apart(
         WriteError: An output would replace an input, or two outputs are one file.
     """
     given = {name: Path(path) for name, path in outputs.items() if path is not None}
+    for name, output in given.items():
+        if str(output) == "-":
+            raise WriteError(
+                f"{name} -: results are not written to standard output; the name of a file was "
+                "expected"
+            )
     read = [one for path in inputs if path is not None for one in _named(path)]
     for name, output in given.items():
         replaced = next((one for one in read if _replaces(output, one)), None)

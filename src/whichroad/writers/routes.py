@@ -24,7 +24,7 @@ def write(table: pa.Table, path: Path) -> None:
     if not names >= _NEEDED or "from_node" in names:
         raise WriteError(
             f"{path}: routes are of the edges of a network; a path by the roads of the source was "
-            "expected; give --by-source (RoadMap.by_source)"
+            "expected; give --by-source, or write RoadMap.by_source of it by writers.write_table"
         )
     times = table["enter_time"].cast(TIME).cast(pa.int64()).to_pylist()
     rows = table.select(["source_id", "forward", "broken_rule"]).to_pylist()

@@ -19,7 +19,7 @@ export function sharp(canvas) {
   return { ctx, width, height };
 }
 
-/** The P of every road about now. span: [from, to] in seconds. */
+/** The P of every road about now. span: [from, to] in seconds. Gives the time of a pixel. */
 export function drawRace(canvas, series, now, span, look, nameOf) {
   const { ctx, width, height } = sharp(canvas);
   const box = { left: 30, right: width - (width < 520 ? 54 : 168), top: 8, bottom: height - 22 };
@@ -56,6 +56,10 @@ export function drawRace(canvas, series, now, span, look, nameOf) {
   ctx.restore();
   drawNames(ctx, series, now, box, y, look, nameOf);
   drawSeconds(ctx, box, x, span, now, height, look);
+  return (px) => {
+    const share = (px - box.left) / (box.right - box.left);
+    return share < 0 || share > 1 ? null : span[0] + share * (span[1] - span[0]);
+  };
 }
 
 function drawGrid(ctx, box, y, look) {

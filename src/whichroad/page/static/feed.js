@@ -1,5 +1,13 @@
 // The stream of messages, taken up again when it breaks, and what is asked of the server.
 
+const VEHICLE = new URLSearchParams(location.search).get("vehicle");
+
+/** The vehicle of this page, where its address names one, added to what is asked for. */
+export function ofVehicle(path) {
+  if (VEHICLE === null) return path;
+  return `${path}${path.includes("?") ? "&" : "?"}vehicle=${encodeURIComponent(VEHICLE)}`;
+}
+
 /** A whole address of this server; braces, as addresses of tiles have them, stay as they are. */
 export function here(path) {
   return new URL(path, location.href).href.replaceAll("%7B", "{").replaceAll("%7D", "}");
@@ -15,7 +23,7 @@ export class Feed {
 
   open() {
     this.onState("connecting");
-    this.socket = new WebSocket(here("ws").replace(/^http/, "ws"));
+    this.socket = new WebSocket(here(ofVehicle("ws")).replace(/^http/, "ws"));
     this.socket.onopen = () => {
       this.wait = 500;
       this.onState("open");
@@ -31,7 +39,7 @@ export class Feed {
 
 /** Asks the server to do something; returns the reason where it does not. */
 export async function control(action, value = null) {
-  const answer = await fetch(here("control"), {
+  const answer = await fetch(here(ofVehicle("control")), {
     method: "POST",
     headers: { "Content-Type": "application/json" },
     body: JSON.stringify(value === null && action !== "speed" ? { action } : { action, value }),

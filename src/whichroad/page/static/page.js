@@ -1,8 +1,13 @@
 // The page: messages in, map, panel and charts out; buttons and keys back to the server.
 
 import { drawDrive, drawRace, sharp } from "./chart.js";
+import { drawErrors, drawTruth } from "./errors.js";
+import { followLinks, takeDrops, tellOfMap } from "./explore.js";
 import { Edges, Feed, control, fetchJson, here } from "./feed.js";
+import { copyLink, linked } from "./links.js";
 import { LOOK, STATUSES, clock, keepTheme, themeWished, titleOf } from "./look.js";
+import { Motion } from "./motion.js";
+import { Numbers, numbersOfMoment, previewed } from "./numbers.js";
 import { fillPanel } from "./panel.js";
 import { drawScene } from "./scene.js";
 import { Recent, Series, fixesAt, fixesOf, fromTimeline, reckoningAt, roadsOf } from "./series.js";
@@ -20,12 +25,14 @@ const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 25];
 const state = {
   frame: null, look: LOOK[themeWished()], follow: true, placed: false, recorded: false,
   series: new Series(HOURS), now: -1, fixes: new Recent(FIXES), reckoning: new Recent(3000),
-  roads: [], version: null, dirty: false,
+  roads: [], version: null, dirty: false, stale: true, preview: -1, shown: null,
 };
 const world = new WorldMap("map", about, state.look, here);
 const map = world.map;
 const edges = new Edges(() => refresh());
 const overlay = byId("overlay");
+const motion = new Motion();
+const numbers = new Numbers(byId("numbers"));
 
 // ---- messages in
 
@@ -34,17 +41,35 @@ function take(message) {
   if (message.type !== "estimate") return;
   const before = state.frame;
   state.frame = message;
+  motion.take(message, performance.now());
   state.roads = roadsOf(message.hypotheses);
   if (before && message.epoch_s < before.epoch_s - 1e-6) forget(message);
   keepRow(message);
   keepFix(message.fix);
   keepReckoning(message.reckoning);
   edges.need(state.roads.slice(0, 6).map(([edge]) => edge));
+  if (!before) followLinks(goTo, (z) => map.setZoom(z));
   if (about.timeline && !state.recorded) {
     state.recorded = true;
     loadTimeline();
   }
   refresh();
+}
+
+/** To a moment of the drive that a link names; of now there is only one. */
+function goTo(t) {
+  if (state.frame.play.mode === "replay") seek(t);
+}
+
+/** When the times that are shown begin: with the drive, or with the day. */
+function began() {
+  const { epoch_s: now, play } = state.frame;
+  if (state.recording) return state.recording.begin;
+  return play.mode === "replay" ? now - (play.position_s ?? 0) : 86400 * Math.floor(now / 86400);
+}
+
+function nameOf(edge) {
+  return titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway);
 }
 
 /** Time went backwards.  The track of a recording that was turned back is no longer so; that of sensors whose clock was set back was driven all the same. */
@@ -95,17 +120,28 @@ function keepReckoning(one) {
 /** The whole of a recorded drive, for the strip to scrub in. */
 async function loadTimeline() {
   const recording = await fetchJson("timeline").catch(() => null);
+  if (recording?.begin !== state.recording?.begin) state.placed = false; // another drive
   state.recording = recording;
   if (!recording) return;
+  state.preview = -1;
+  byId("errors").hidden = byId("error-box").hidden = !recording.truth;
+  measureDock();
   state.series = fromTimeline(recording, recording.begin);
   recording.drawn = fixesOf(recording, recording.begin);
   if (state.frame) keepRow(state.frame);
   refresh();
 }
 
+/** Card and attribution end above the dock, whatever it holds. */
+function measureDock() {
+  byId("app").style.setProperty("--dock", `${byId("dock").offsetHeight}px`);
+}
+
 // ---- drawing
 
-function refresh() {
+/** Draws in the next frame; without `all` only what moves between two messages. */
+function refresh(all = true) {
+  state.stale ||= all;
   if (state.dirty) return;
   state.dirty = true;
   requestAnimationFrame(() => {
@@ -115,11 +151,17 @@ function refresh() {
 }
 
 function draw() {
-  const { frame } = state;
-  fillPanel(frame, state.roads, edges, state.look);
-  fillControls(frame);
-  drawCharts(frame);
-  if (!(state.follow && frame.pose && camera(frame))) drawOverlay();
+  const now = performance.now();
+  state.shown = motion.at(now);
+  if (state.stale) {
+    state.stale = false;
+    fillPanel(state.frame, state.roads, edges, state.look);
+    fillControls(state.frame);
+    drawCharts(state.frame);
+  }
+  const { shown } = state;
+  if (!(state.follow && shown.pose && camera(shown))) drawOverlay();
+  if (motion.moves(now)) refresh(false);
 }
 
 /** Brings the vehicle to the middle; true where the map draws itself anew, overlay and all. */
@@ -127,7 +169,7 @@ function camera(frame) {
   const { lon, lat } = frame.pose;
   if (!state.placed) {
     state.placed = true;
-    map.jumpTo({ center: [lon, lat], zoom: 17, padding: paddings() });
+    map.jumpTo({ center: [lon, lat], zoom: linked().z ?? 17, padding: paddings() });
     return true;
   }
   const at = map.getCenter();
@@ -137,47 +179,67 @@ function camera(frame) {
 }
 
 /** What of the map the panels hide. */
-function paddings() {
+function paddings(more = 0) {
   const whole = byId("map").getBoundingClientRect();
   const card = byId("card").getBoundingClientRect();
   const dock = byId("dock").getBoundingClientRect();
   const beside = card.width < 0.6 * whole.width;
   return {
-    top: 0, right: 0, left: beside ? card.right : 0,
-    bottom: Math.max(0, whole.bottom - Math.min(dock.top, beside ? dock.top : card.top)),
+    top: more, right: more, left: more + (beside ? card.right : 0),
+    bottom: more + Math.max(0, whole.bottom - Math.min(dock.top, beside ? dock.top : card.top)),
   };
 }
 
 function drawOverlay() {
   const { ctx, width, height } = sharp(overlay);
   const recorded = Boolean(state.recording);
+  const frame = state.shown ?? state.frame;
+  const time = frame?.epoch_s ?? 0;
+  const now = motion.moves(performance.now()) ? Math.max(0, state.now - 1) : state.now;
+  const view = world.view(width, height);
   drawScene(
-    ctx, world.view(width, height),
+    ctx, view,
     {
-      series: state.series, now: state.now, frame: state.frame, edges, roads: state.roads,
-      fixes: recorded ? fixesAt(state.recording.drawn, state.frame?.epoch_s ?? 0) : state.fixes.items.slice(-FIXES),
+      series: state.series, now, frame, edges, roads: state.roads, fixes: fixesShown(), preview: state.preview,
       reckoning: recorded ? reckoningAt(state.recording, state.now) : state.reckoning.items, future: recorded ? 0.28 : 0,
-      trail: recorded ? 0 : Math.max(0, state.series.find((state.frame?.epoch_s ?? 0) - 600) - 1),
+      trail: recorded ? 0 : Math.max(0, state.series.find(time - 600) - 1),
     },
     state.look,
   );
+  const truth = state.recording?.truth;
+  if (truth) drawTruth(ctx, view, truth, state.now, frame?.pose, state.look);
+}
+
+/** The last fixes. */
+function fixesShown() {
+  if (state.recording) return fixesAt(state.recording.drawn, state.frame?.epoch_s ?? 0);
+  return state.fixes.items.slice(-FIXES);
 }
 
 function drawCharts(frame) {
   const now = frame.epoch_s;
   const span = state.recording ? [now - BEHIND, now + AHEAD] : [now - BEHIND - AHEAD, now];
-  const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway);
-  drawRace(byId("race"), state.series, now, span, state.look, nameOf);
+  state.raceAt = drawRace(byId("race"), state.series, now, span, state.look, nameOf);
   const { length_s: length, position_s: position } = frame.play;
   const known = length !== null && length > 0;
   if (byId("drive").hidden === known) {
     byId("drive").hidden = !known;
-    byId("app").classList.toggle("with-drive", known);
+    measureDock();
   }
   if (!known) return;
   state.began = now - (position ?? 0);
   const whole = state.recording ? undefined : [state.began, state.began + length];
+  drawError();
   state.timeAt = drawDrive(byId("strip"), state.series, now, state.look, whole, !state.recording);
+}
+
+/** Where the truth is known: the error now, and over the drive. */
+function drawError() {
+  const truth = state.recording?.truth;
+  if (!truth) return;
+  const [error, bound] = [truth.error[state.now] ?? null, truth.bound[state.now] ?? null];
+  byId("error").textContent = error === null || bound === null ? "–" : `${error.toFixed(1)} of ${bound.toFixed(1)} m`;
+  drawErrors(byId("errors"), state.recording.t, truth, state.frame.epoch_s - state.recording.begin, state.look);
 }
 
 map.on("render", drawOverlay);
@@ -273,12 +335,33 @@ function wear(name) {
   refresh();
 }
 
+/** Shows the whole drive, or what is known of it. */
+function fit() {
+  const box = state.series.box();
+  if (!box) return;
+  follow(false);
+  map.fitBounds([[box[0], box[1]], [box[2], box[3]]], { padding: paddings(40), maxZoom: 17, animate: false });
+}
+
+async function link() {
+  const position = state.frame?.play.mode === "replay" ? state.frame.play.position_s : null;
+  toast(await copyLink(position, map.getZoom()));
+}
+
+function save() {
+  const anchor = document.createElement("a");
+  anchor.href = here("report");
+  anchor.download = "";
+  anchor.click();
+}
+
 const acts = {
   mask: () => ask(state.frame?.gnss_masked ? "unmask" : "mask"),
   pause: () => ask(state.frame?.play.paused ? "resume" : "pause"),
   step: () => ask("step"),
   follow: () => follow(!state.follow),
-  theme,
+  theme, fit, save,
+  "link-to": link,
   in: () => map.zoomIn({ around: state.follow ? map.getCenter() : undefined }),
   out: () => map.zoomOut(),
   help: () => legend(!byId("legend").open),
@@ -292,12 +375,15 @@ byId("speed").addEventListener("change", (event) => {
 });
 
 const KEYS = {
-  " ": acts.pause, k: acts.pause, m: acts.mask, f: acts.follow, t: theme, "?": acts.help, h: acts.help, p: acts.fold,
+  " ": acts.pause, k: acts.pause, m: acts.mask, f: acts.follow, t: theme, "?": acts.help, h: acts.help, p: acts.fold, 0: fit, l: link,
   "+": acts.in, "=": acts.in, "-": acts.out, ".": acts.step, ">": () => faster(1), "<": () => faster(-1),
   ArrowRight: (shift) => seek((state.frame?.play.position_s ?? 0) + (shift ? 30 : 5)),
   ArrowLeft: (shift) => seek((state.frame?.play.position_s ?? 0) - (shift ? 30 : 5)),
   Home: () => seek(0),
-  Escape: () => legend(false),
+  Escape: () => {
+    legend(false);
+    numbers.hide();
+  },
 };
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
@@ -325,10 +411,26 @@ strip.addEventListener("pointerup", (event) => {
   scrub(event);
 });
 
+function preview(row) {
+  state.preview = row;
+  drawOverlay();
+}
+const told = (row) => numbersOfMoment(state.series, row, began(), nameOf);
+previewed(byId("race"), (px) => state.raceAt?.(px) ?? null, () => state.series, numbers, told, preview);
+previewed(strip, (px) => state.timeAt?.(px) ?? null, () => state.series, numbers, told, preview);
+byId("race").addEventListener("click", (event) => {
+  const t = state.raceAt?.(event.offsetX) ?? null;
+  if (t !== null && state.recording) seek(t - state.recording.begin);
+});
+tellOfMap(world, numbers, { state, fixes: fixesShown, began, nameOf, overlay });
+takeDrops(byId("app"), about.timeline, toast);
+byId("save").hidden = !about.timeline;
+
 map.on("dragstart", () => follow(false));
 map.on("wheel", () => map.scrollZoom.enable(state.follow ? { around: "center" } : {}));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => wear(themeWished()));
 addEventListener("resize", () => refresh());
+new ResizeObserver(measureDock).observe(byId("dock"));
 byId("more").open = innerWidth > 720;
 if (innerWidth <= 720 && innerHeight <= 640) fold(true); // or the panels would hide most of the map
 
@@ -345,4 +447,4 @@ map.on("sourcedata", function first(event) {
     document.documentElement.dataset.drawn = performance.now().toFixed(0);
   }));
 });
-window.whichroad = { state, map, edges, take };
+window.whichroad = { state, map, edges, take, motion };

@@ -167,7 +167,7 @@ export class PaperMap {
     const ten = 10 ** Math.floor(Math.log10(most));
     const metres = [5, 2, 1].map((k) => k * ten).find((m) => m <= most) ?? ten;
     const long = metres * this.magnification;
-    const [x, y] = [width - 16, height - 16];
+    const [x, y] = [width - 16, height - (width < 380 ? 32 : 16)]; // above the credit
     ctx.strokeStyle = look.faint;
     ctx.lineWidth = 2;
     ctx.beginPath();

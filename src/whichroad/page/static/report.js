@@ -2,6 +2,8 @@
 
 import { drawDrive, drawRace, sharp } from "./chart.js";
 import { LOOK, STATUS, STATUSES, clock, keepTheme, lookOf, percent, themeWished, titleOf } from "./look.js";
+import { copyLink, linked } from "./links.js";
+import { Numbers, awayFrom, nearest, numbersOfFix, numbersOfMoment, numbersOfRoad, previewed } from "./numbers.js";
 import { fillPanel } from "./panel.js";
 import { PaperMap } from "./papermap.js";
 import { drawScene } from "./scene.js";
@@ -13,7 +15,7 @@ const { line, more } = data;
 const series = fromTimeline(line, 0);
 const edges = new Map(Object.entries(data.edges).map(([id, edge]) => [Number(id), edge]));
 const fixes = fixesOf(line, 0);
-const now = { look: LOOK[themeWished()], t: 0, k: 0, frame: null, follow: false, playing: false, timeAt: null };
+const now = { look: LOOK[themeWished()], t: 0, k: 0, frame: null, follow: false, playing: false, timeAt: null, raceAt: null, preview: -1 };
 const map = new PaperMap(element("map"), data.box, data.roads, (free) => {
   if (free) now.follow = false;
   refresh();
@@ -23,11 +25,37 @@ const dots = data.places.map(({ kind, worst }) => {
   const i = Math.max(0, series.find(worst + 1e-3) - 1);
   return { kind, worst, lon: series.get("lon", i), lat: series.get("lat", i) };
 });
+const numbers = new Numbers(element("numbers"));
+const nameOf = (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway);
+
+/** A tap leads to a place worth a look; of a fix, the track or a road it shows the numbers. */
 map.onTap = (x, y) => {
-  const near = dots.filter((dot) => Math.hypot(dot.x - x, dot.y - y) < 14);
-  near.sort((a, b) => Math.hypot(a.x - x, a.y - y) - Math.hypot(b.x - x, b.y - y));
-  if (near.length) visit(near[0].worst);
+  numbers.hide();
+  const place = nearest(dots, (dot) => dot, x, y, 14);
+  if (place) visit(place.worst);
+  const found = place ? numbersOfMoment(series, Math.max(0, series.find(place.worst + 1e-3) - 1), 0, nameOf) : told(x, y);
+  const box = element("map").getBoundingClientRect();
+  if (found) numbers.show(found, box.left + x, box.top + y);
 };
+
+/** Numbers of what lies at a place on the map, if anything does. */
+function told(x, y) {
+  const view = map.view();
+  const on = ([lon, lat]) => view.project(lon, lat);
+  const fix = nearest(fixesAt(fixes, now.t), (one) => on([one.lon, one.lat]), x, y);
+  if (fix) return numbersOfFix(fix, 0);
+  const rows = Array.from({ length: series.length }, (_, i) => i).filter((i) => !Number.isNaN(series.get("lat", i)));
+  const row = nearest(rows, (i) => on([series.get("lon", i), series.get("lat", i)]), x, y);
+  if (row !== null) return numbersOfMoment(series, row, 0, nameOf);
+  const shares = new Map();
+  series.eachRoad(now.k, (edge, p) => shares.set(edge, p));
+  const roads = [
+    ...[...edges].map(([edge, road]) => ({ ...road, edge })),
+    ...data.roads.map(([, name, path]) => ({ name, line: path })),
+  ];
+  const road = roads.find((one) => awayFrom(one.line.map(on), x, y) < 9);
+  return road && numbersOfRoad(road, shares.get(road.edge));
+}
 
 /** The message that the live service would have sent of row k. */
 function frameOf(k) {
@@ -72,7 +100,7 @@ function draw() {
   const layer = sharp(element("overlay"));
   drawScene(
     layer.ctx, { ...map.view(), width, height },
-    { series, now: now.k, frame: now.frame, edges, roads, fixes: fixesAt(fixes, now.t), reckoning: reckoningAt(line, now.k), future: 0.6, trail: 0 },
+    { series, now: now.k, frame: now.frame, edges, roads, fixes: fixesAt(fixes, now.t), reckoning: reckoningAt(line, now.k), future: 0.6, trail: 0, preview: now.preview },
     now.look,
   );
   drawDots(layer.ctx, map.view());
@@ -80,7 +108,7 @@ function draw() {
   element("time").textContent = `${clock(now.t)} / ${clock(series.end)}`;
   element("play").setAttribute("aria-pressed", String(now.playing));
   element("follow").setAttribute("aria-pressed", String(now.follow));
-  drawRace(element("race"), series, now.t, [now.t - 30, now.t + 30], now.look, (edge) => titleOf(edge, edges.get(edge)?.name, edges.get(edge)?.highway));
+  now.raceAt = drawRace(element("race"), series, now.t, [now.t - 30, now.t + 30], now.look, nameOf);
   now.timeAt = drawDrive(element("strip"), series, now.t, now.look);
   element("strip").setAttribute("aria-valuenow", now.t.toFixed(0));
   element("strip").setAttribute("aria-valuetext", clock(now.t));
@@ -110,13 +138,19 @@ function go(t) {
   refresh();
 }
 
-/** The moment and the magnification that the address names, such as `#t=310&z=17`. */
+const ZOOM = 17.2; // of web maps, about 50 degrees north, at a pixel a metre
+
+/** The moment and the magnification that the address names. */
 function goToLink() {
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const [t, z] = [Number.parseFloat(asked.get("t")), Number.parseFloat(asked.get("z"))];
-  if (Number.isNaN(t)) return;
-  visit(series.begin + t);
-  if (!Number.isNaN(z)) map.magnification = 2 ** (z - 17.2); // as in web maps, about 50 degrees north
+  const { t, z } = linked();
+  if (t !== null) visit(series.begin + t);
+  if (z !== null) map.magnification = 2 ** (z - ZOOM);
+}
+
+async function link() {
+  element("toast").textContent = await copyLink(now.t - series.begin, ZOOM + Math.log2(map.magnification));
+  element("toast").classList.add("shown");
+  setTimeout(() => element("toast").classList.remove("shown"), 4000);
 }
 
 /** Close enough to see hypotheses apart. */
@@ -237,6 +271,7 @@ const doings = {
     map.fit();
     refresh();
   },
+  "link-to": () => link(),
   in: () => map.zoom(1.6),
   out: () => map.zoom(1 / 1.6),
   theme: () => {
@@ -255,7 +290,7 @@ function nextPlace(by) {
 
 const STROKES = {
   " ": doings.play, f: doings.follow, t: doings.theme, "+": doings.in, "=": doings.in, "-": doings.out,
-  0: doings.fit, n: () => nextPlace(1), p: () => nextPlace(-1), ".": () => go(line.t[Math.min(now.k + 1, line.t.length - 1)]),
+  0: doings.fit, l: doings["link-to"], Escape: () => numbers.hide(), n: () => nextPlace(1), p: () => nextPlace(-1), ".": () => go(line.t[Math.min(now.k + 1, line.t.length - 1)]),
   ArrowRight: (shift) => go(now.t + (shift ? 30 : 5)), ArrowLeft: (shift) => go(now.t - (shift ? 30 : 5)),
   Home: () => go(series.begin), End: () => go(series.end),
 };
@@ -272,7 +307,17 @@ for (const kind of ["pointerdown", "pointermove"]) {
     if (event.buttons && now.timeAt) go(now.timeAt(event.offsetX));
   });
 }
-element("race").addEventListener("pointerdown", () => element("strip").focus());
+element("race").addEventListener("click", (event) => {
+  element("strip").focus();
+  const t = now.raceAt?.(event.offsetX) ?? null;
+  if (t !== null) go(t);
+});
+for (const [id, timeAt] of [["race", (px) => now.raceAt?.(px) ?? null], ["strip", (px) => now.timeAt?.(px) ?? null]]) {
+  previewed(element(id), timeAt, () => series, numbers, (row) => numbersOfMoment(series, row, 0, nameOf), (row) => {
+    now.preview = row;
+    refresh();
+  });
+}
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => wear(themeWished()));
 addEventListener("resize", refresh);
 
@@ -285,5 +330,5 @@ now.t = series.begin;
 map.fit();
 goToLink();
 addEventListener("hashchange", goToLink);
-refresh();
+draw(); // at once: the page is ready when its first moment is drawn
 document.documentElement.dataset.ready = "report";

@@ -10,16 +10,18 @@ const EARTH = 6371008.8;
 const NEAR = 0.02; // hypotheses below this P are drawn thin and without a label
 const STEPS = 40; // points of an ellipse
 const LOOK_FROM = 30; // m; where they are smaller than a dozen pixels roads have no labels
+const SHIFTS = [0, -21, 21, -42, 42, -63, 63]; // pixels by which a label makes room for another
 const AHEAD = 58; // pixels from the vehicle to the label of its road
 
 /** Draws everything of one moment.
- * scene: {series, now, frame, edges, fixes, reckoning, trail} */
+ * scene: {series, now, frame, edges, fixes, reckoning, trail, preview: the row under the pointer, or -1} */
 export function drawScene(ctx, view, scene, look) {
   ctx.clearRect(0, 0, view.width, view.height);
   ctx.lineJoin = ctx.lineCap = "round";
   const frame = scene.frame;
   if (scene.future > 0) drawTrack(ctx, view, scene.series, scene.now, scene.series.length - 1, look, scene.future);
   drawTrack(ctx, view, scene.series, scene.trail ?? 0, scene.now, look, 0.85);
+  if (scene.preview >= 0) drawPreview(ctx, view, scene.series, scene.preview, look);
   if (!frame) return;
   drawRoads(ctx, view, scene, look);
   drawReckoning(ctx, view, scene, look);
@@ -74,6 +76,20 @@ function drawTrack(ctx, view, series, from, to, look, alpha) {
     ctx.stroke(path);
   }
   ctx.globalAlpha = 1;
+}
+
+/** A ring about the place of a row. */
+function drawPreview(ctx, view, series, row, look) {
+  const lat = series.get("lat", row);
+  if (Number.isNaN(lat)) return;
+  const at = view.project(series.get("lon", row), lat);
+  for (const [width, colour] of [[6, look.paper], [3, look.ink]]) {
+    ctx.beginPath();
+    ctx.arc(at.x, at.y, 9, 0, 7);
+    ctx.lineWidth = width;
+    ctx.strokeStyle = colour;
+    ctx.stroke();
+  }
 }
 
 /** The sides of a box (west, south, east, north) that a place is beyond, as bits. */
@@ -326,14 +342,16 @@ function walked(from, line) {
   return { x, y, left };
 }
 
-/** Labels, the most probable first; one that would hide another is left out. */
+/** Labels, the most probable first; one that would hide another stands above or below it. */
 function drawPills(ctx, labels, look) {
   const taken = [];
   ctx.font = "600 11px system-ui, sans-serif";
   for (const label of labels) {
-    if (taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y) < 20)) continue;
-    taken.push(label);
-    drawPill(ctx, label, look);
+    const free = (shift) => !taken.some(({ x, y }) => Math.abs(x - label.x) < 50 && Math.abs(y - label.y - shift) < 20);
+    const shift = SHIFTS.find(free);
+    if (shift === undefined) continue;
+    taken.push({ ...label, y: label.y + shift });
+    drawPill(ctx, taken[taken.length - 1], look);
   }
 }
 

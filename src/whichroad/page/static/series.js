@@ -54,6 +54,20 @@ export class Series {
     }
   }
 
+  /** [west, south, east, north] of all rows; null where none has a place. */
+  box() {
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < this.length; i += 1) {
+      const [lon, lat] = [this.get("lon", i), this.get("lat", i)];
+      if (Number.isNaN(lat)) continue;
+      box[0] = Math.min(box[0], lon);
+      box[1] = Math.min(box[1], lat);
+      box[2] = Math.max(box[2], lon);
+      box[3] = Math.max(box[3], lat);
+    }
+    return box[0] <= box[2] ? box : null;
+  }
+
   /** First row that is not before t. */
   find(t) {
     let low = 0;

@@ -30,7 +30,7 @@ function styleOf(about, look, here) {
     layers: [{ id: "land", type: "background", paint: { "background-color": look.land } }],
   };
   if (about.tiles_url) {
-    style.sources.user = { type: "raster", tiles: [about.tiles_url], tileSize: 256 };
+    style.sources.user = { type: "raster", tiles: [about.tiles_url], tileSize: 256, attribution: about.tiles_by };
     style.layers.push({ id: "user", type: "raster", source: "user", paint: rasterPaint(look) });
   }
   const line = { source: "roads", "source-layer": "road", type: "line" };
@@ -86,7 +86,7 @@ export class WorldMap {
       style: styleOf(about, look, here),
       bounds: [[west, south], [east, north]],
       fitBoundsOptions: { padding: 40 },
-      attributionControl: about.attribution ? { compact: true } : false,
+      attributionControl: about.attribution || about.tiles_by ? { compact: !about.tiles_by } : false,
       maxZoom: 20.5, fadeDuration: 0, dragRotate: true, pitchWithRotate: false, maxPitch: 0,
       keyboard: false, localIdeographFontFamily: false, maxTileCacheSize: 120,
     });

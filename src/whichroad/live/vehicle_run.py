@@ -1,0 +1,154 @@
+"""One vehicle of the service: its filter, its inputs and outputs, what is kept of it on disk."""
+
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..online import Localizer
+from .broadcaster import Broadcaster
+from .checkpoint import Checkpoint
+from .decode import CanStream, NmeaStream
+from .filter_loop import FilterLoop
+from .nmea_output import NmeaOutput
+from .recording import Recorder
+from .sources import READERS, Address, NmeaInput, read_can
+
+MOST_ROWS = 20_000  # rows waiting to be recorded, at most
+
+
+@dataclass(slots=True)
+class Fitted:
+    """A vehicle and what it is fitted with.
+
+    Attributes:
+        localizer: The filter.
+        name: Of the vehicle, as `?vehicle=` names it; None: it is the only one.
+        nmea: Where fixes come from.
+        can: Where frames come from, and the .dbc that describes them.
+        record: Folder of the recording.
+        state: File of the checkpoint.
+        nmea_outputs: Outputs of NMEA.
+    """
+
+    localizer: Localizer
+    name: str | None = None
+    nmea: Sequence[Address] = ()
+    can: Sequence[tuple[Address, Path]] = ()
+    record: Path | None = None
+    state: Path | None = None
+    nmea_outputs: Sequence[NmeaOutput] = ()
+
+
+class VehicleRun:
+    """A vehicle while the service runs.
+
+    Args:
+        fitted: The vehicle.
+        window: s by which observations may be late.
+        rate: Messages a second where no fix calls for one.
+        played: Whether its observations come from a recording.
+
+    Raises:
+        WriteError: The recording or the checkpoint cannot be written.
+    """
+
+    def __init__(self, fitted: Fitted, *, window: float, rate: float, played: bool = False) -> None:
+        self.fitted, self._played = fitted, played
+        recorder = None
+        if fitted.record is not None:
+            about = {"map": repr(fitted.localizer.roads), "begun": time.time()}
+            recorder = Recorder(fitted.record, fitted.localizer.roads, about)
+        self.filter_loop = FilterLoop(
+            fitted.localizer, window=0.0 if played else window, rate=rate, recorder=recorder,
+            vehicle=fitted.name,
+        )  # fmt: skip
+        if recorder is not None and not played:
+            self.filter_loop.recorded = recorder.until
+        self.broadcaster = Broadcaster()
+        self.buses: dict[str, CanStream] = {}
+        self.checkpoint = (
+            None if fitted.state is None else Checkpoint(fitted.state, fitted.localizer, self.buses)
+        )
+
+    def resume(self, report: Callable[[str], None]) -> None:
+        """Take up the stored state, where there is one."""
+        if self.checkpoint is None:
+            return
+        when, message = self.checkpoint.resume(replay=self._played)
+        report(message)
+        if when is not None and self._played:
+            self.filter_loop.buffer.begin(when)
+        elif when is not None:
+            self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
+
+    def inputs(self, by_arrival: bool) -> list[Coroutine[Any, Any, None]]:
+        """The coroutines that bring observations, with the sensors' times or those of arrival."""
+        fitted, filter_loop = self.fitted, self.filter_loop
+        car, settings = fitted.localizer.vehicle, fitted.localizer.settings
+        deliver = self._on_arrival if by_arrival else filter_loop.take
+        inputs: list[Coroutine[Any, Any, None]] = []
+        for address in fitted.nmea:
+            health = filter_loop.sensor(name_of(address), "gnss")
+            offset = car.clock_offset.get("gnss", 0.0)
+
+            def make(
+                health: Any = health, offset: float = offset, name: str = name_of(address)
+            ) -> NmeaInput:
+                wheels = None if fitted.can else car  # those of a bus come first
+                stream = NmeaStream(settings, offset, wheels)
+                sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
+                return NmeaInput(health, stream, deliver, sensor)
+
+            inputs.append(READERS[address.kind](address, health, make))
+        for address, dbc in fitted.can:
+            health = filter_loop.sensor(name_of(address), "wheels")
+            offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
+            stream = self.buses[name_of(address)] = CanStream(dbc, car, offset)
+            if self.checkpoint is not None:
+                stream.resume(self.checkpoint.counted.get(name_of(address), {}))
+            inputs.append(read_can(address, health, stream, deliver))
+        return inputs
+
+    def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
+        """Observations get the time at which they came."""
+        when = time.time() - (time.perf_counter() - arrival)
+        for one in observations:
+            object.__setattr__(one, "time", when)  # made a moment ago, nobody else has it
+        self.filter_loop.take(health, observations, arrival)
+
+    @property
+    def full(self) -> bool:
+        """Whether so much waits to be recorded that it must be written now."""
+        recorder = self.filter_loop.recorder
+        return recorder is not None and recorder.waiting > MOST_ROWS
+
+    def jobs(self) -> list[Callable[[], None]]:
+        """What is to be written now, as calls for another thread."""
+        recorder = self.filter_loop.recorder
+        jobs = [] if recorder is None else [recorder.taken()]
+        if self.checkpoint is not None:
+            jobs.append(self.checkpoint.taken(self.filter_loop.until))
+        return jobs
+
+    def disconnect(self) -> None:
+        """Close what goes out."""
+        self.broadcaster.close()
+        for output in self.fitted.nmea_outputs:
+            output.close()
+
+    def keep(self) -> None:
+        """Write what is kept on disk; nothing more follows."""
+        if self.checkpoint is not None:
+            self.checkpoint.taken(self.filter_loop.until)()
+        if self.filter_loop.recorder is not None:
+            self.filter_loop.recorder.close()
+
+
+def name_of(address: Address) -> str:
+    """What people read; only the last part of a device's path."""
+    if address.kind in ("tcp", "udp", "listen"):
+        return f"{address.kind} {address.place}:{address.number}"
+    return f"{address.interface or address.kind} {address.place.rsplit('/', 1)[-1]}"

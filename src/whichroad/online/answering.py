@@ -1,0 +1,43 @@
+"""Estimates of a belief, and what they need to know of the places about it."""
+
+from typing import Any
+
+from ..filter.estimate import Output
+from ..filter.state import Belief
+from ..places import StanceReader, places_on
+from ..roadmap import RoadMap
+from .epoch_filter import EpochFilter, bytes_of, living_words, words_of
+from .estimates import Estimate
+
+FarFix = tuple[float, float]  # time of the last fix (s), m that it lies away if not believed
+
+
+class Answering:
+    """Makes the estimates of a localizer.
+
+    Args:
+        roads: The map.
+        places: Point objects, as `Places` takes them, or None.
+        unknown: P(what no hypothesis knows).
+    """
+
+    def __init__(self, roads: RoadMap, places: Any, unknown: float) -> None:
+        self._roads, self._unknown = roads, unknown
+        self._places = places_on(places, roads)
+        self._stances = StanceReader()
+
+    def of(self, now: EpochFilter, far_fix: FarFix) -> Estimate:
+        """The estimate of a filter's last epoch."""
+        row, known = now.estimate.tobytes(), now.living()
+        return Estimate(
+            now.time, row, known, self._roads, far_fix, self._unknown, self._about(now.belief)
+        )
+
+    def of_past(self, belief: Belief, output: Output, far_fix: FarFix) -> Estimate:
+        """The estimate of a smoothed epoch."""
+        known = living_words(words_of(belief), int(belief.state[0].count))
+        time, row = float(belief.state[0].time), bytes_of(output.rows).tobytes()
+        return Estimate(time, row, known, self._roads, far_fix, self._unknown, self._about(belief))
+
+    def _about(self, belief: Belief) -> Any:
+        return None if self._places is None else (self._places, self._stances.of(belief))
