@@ -19,6 +19,7 @@ DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 DOCUMENTS += sorted((ROOT / "benchmarks").rglob("*.md"))
 
 PUBLIC = [
+    "calibrate",
     "match",
     "match_many",
     "map_of",

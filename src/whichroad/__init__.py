@@ -55,6 +55,7 @@ _MODULES = {
         "Distance", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
         "WheelSpeed", "WheelTicks", "YawRate",
     ),
+    "calibration": ("calibrate",),
     "tables.result": ("Result",),
     "tables.provenance": ("map_of",),
     "places": ("Places", "RelativePlace"),
@@ -70,7 +71,7 @@ __all__ = [  # noqa: RUF022 - by module, in the order of use
     "match", "match_many", "map_of", "speeds", "RoadMap", "Localizer", "Result", "Estimate",
     "Hypothesis", "Pose", "Places", "RelativePlace", "GeoFix", "WheelTicks", "WheelSpeed",
     "Distance", "SpeedYaw", "YawRate", "StartPose", "Settings", "Vehicle", "read_drive",
-    "read_vehicle", "simulate_drive", "diagnose",
+    "read_vehicle", "simulate_drive", "diagnose", "calibrate",
     "WhichroadError", "ReadError", "MapError", "DriveError", "WriteError", "SettingError",
 ]  # fmt: skip
 

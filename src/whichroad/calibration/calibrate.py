@@ -13,6 +13,7 @@ from ..errors import DriveError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle
 from ..roadmap import RoadMap, open_map
+from ..roadmap.extent import are_near
 from ..settings import Settings, Vehicle, to_toml
 from .drives_run import Bench
 from .moments import Values, noise_of, settle
@@ -21,6 +22,7 @@ from .quantities import (
     GNSS_SIGMA,
     GNSS_TIME,
     GNSS_WHITE,
+    SIGMAS,
     UNITS,
     WIDEST,
     Quantity,
@@ -31,6 +33,12 @@ from .quantities import (
 
 _HELD_OUT = 4  # one drive in so many
 _LEAST_HELD_OUT = 8  # drives, from which on some are held out
+_ON_MAP = 0.9  # share of a drive's fixes near the map's roads, at least
+_SEPARATED = 2.0  # standard errors, by which held-out evidence must prefer a sigma
+_FEW = (
+    f"fewer than {_LEAST_HELD_OUT} drives: none is held out, and no sigma of receiver or map is "
+    "taken over"
+)
 _NOT_TOLD = (
     "lane_sigma and relative_sigma: the data cannot tell them from map_sigma; they are as before"
 )
@@ -74,7 +82,8 @@ def calibrate(
 
     Odometer, gyro, antenna, clock and receiver are estimated by the statistics of `diagnose`,
     the drives filtered anew until the numbers rest.  A quarter of the drives is held out: by how
-    much each number raises their evidence says whether it helps.
+    much each number raises their evidence is told.  A sigma of the receiver or of the map is taken
+    over only where that evidence prefers it.
 
     Args:
         drives: Drives of one car with odometry and fixes: `Drive` records, or paths of logs and
@@ -106,9 +115,7 @@ def calibrate(
     assert log is not None
     result = settle(bench, start, chosen, named(log), tell)
     known = _known(start, settings)
-    told = {
-        name: 0.0 <= result.half.get(name, math.inf) <= WIDEST[name] for name in result.values
-    }
+    told = {name: 0.0 <= result.half.get(name, math.inf) <= WIDEST[name] for name in result.values}
     kept = {name: value for name, value in result.values.items() if told[name]}
 
     def car(values: Values) -> Vehicle:
@@ -116,29 +123,36 @@ def calibrate(
         tuned = replace(settings, **start.noise)
         return replace(made, noise=start.noise | noise_of(values, tuned))
 
-    tell("held-out evidence")
-    whole = np.array(bench.evidence(car(kept), held))
+    def evidence(values: Values) -> np.ndarray:
+        return np.array(bench.evidence(car(values), held))
 
-    def gain(values: Values) -> tuple[float, float]:
+    def gain(more: np.ndarray) -> tuple[float, float]:
         if len(held) < 2:
             return math.nan, math.nan
-        more = whole - np.array(bench.evidence(car(values), held))
         return float(more.mean()), float(more.std(ddof=1) / math.sqrt(len(more)))
 
-    quantities = []
-    for name, value in result.values.items():
+    tell("held-out evidence")
+    whole = evidence(kept)
+    gains: dict[str, tuple[float, float]] = dict.fromkeys(result.values, (math.nan, math.nan))
+    for name in kept:
         rest = {other: number for other, number in kept.items() if other != name}
-        of_one = gain(rest) if told[name] else (math.nan, math.nan)
-        half = result.half.get(name, math.inf)
-        quantities.append(
-            Quantity(
-                name, UNITS[name], known[name], value if told[name] else known[name],
-                value, value - half, value + half, told[name], *of_one,
-            )
-        )  # fmt: skip
-    return Calibration(
-        car(kept), tuple(quantities), len(chosen), len(held), *gain({}), left_out, (_NOT_TOLD,)
-    )
+        gains[name] = gain(whole - evidence(rest))
+    for name in SIGMAS & kept.keys():
+        raised, sigma = gains[name]
+        if not raised > _SEPARATED * sigma:  # nor where nothing is held out
+            told[name] = False
+            del kept[name]
+    quantities = tuple(
+        Quantity(
+            name, UNITS[name], known[name], kept.get(name, known[name]), value,
+            value - result.half.get(name, math.inf), value + result.half.get(name, math.inf),
+            told[name], gains[name][0], gains[name][1],
+        )
+        for name, value in result.values.items()
+    )  # fmt: skip
+    total = gain(evidence(kept) - evidence({}))
+    notes = (_NOT_TOLD,) if held else (_NOT_TOLD, _FEW)
+    return Calibration(car(kept), quantities, len(chosen), len(held), *total, left_out, notes)
 
 
 def _known(start: Vehicle, settings: Settings) -> Values:
@@ -164,7 +178,6 @@ def _drives(
 
 def _usable(drives: Sequence[Drive], roads: RoadMap) -> tuple[list[Drive], dict[str, int]]:
     """Drives with fixes on the map and odometry of the first kind; of others the reasons."""
-    west, south, east, north = roads.bounds
     used: list[Drive] = []
     left_out: dict[str, int] = {}
     for drive in drives:
@@ -175,11 +188,8 @@ def _usable(drives: Sequence[Drive], roads: RoadMap) -> tuple[list[Drive], dict[
             reason = "no fixes"
         elif used and type(drive.odometry) is not type(used[0].odometry):
             reason = "odometry of another kind than that of the first drive"
-        else:
-            lat, lon = drive.fixes.lat_deg, drive.fixes.lon_deg
-            on = (lat > south) & (lat < north) & (lon > west) & (lon < east)
-            if on.mean() < 0.9:
-                reason = "fixes off the map"
+        elif are_near(drive.fixes.lat_deg, drive.fixes.lon_deg, roads).mean() < _ON_MAP:
+            reason = "fixes off the map"
         if reason is None:
             used.append(drive)
         else:

@@ -101,10 +101,10 @@ def settle(
 def _from_far(values: Values, answers: Sequence[Answer]) -> tuple[Values, bool]:
     """The scale, where most drives say that the odometry was withheld for its distance."""
     found = [
-        finding.value
+        finding.statistic
         for answer in answers
         for finding in answer.findings
-        if finding.name == "odometry: distance" and finding.value > 0.0
+        if finding.what == "odometry: distance" and finding.statistic > 0.0
     ]
     if 2 * len(found) <= len(answers):
         return values, False

@@ -19,6 +19,7 @@ UNITS = {
     FORWARD: "m", LEFT: "m", CLOCK: "s", GNSS_SIGMA: "of the reported", GNSS_TIME: "s",
     GNSS_WHITE: "of the reported", ACROSS: "m",
 }  # fmt: skip
+SIGMAS = frozenset((GNSS_SIGMA, GNSS_TIME, GNSS_WHITE, ACROSS))
 WIDEST = {  # half of a 95 % interval beyond which the data say nothing of use
     SCALE: 0.01, RATIO: 0.003, TRACK: 0.1, GYRO_SCALE: 0.05, GYRO_BIAS: 0.003,
     FORWARD: 1.0, LEFT: 1.0, CLOCK: 0.2, GNSS_SIGMA: 0.5, GNSS_TIME: 80.0, GNSS_WHITE: 0.3,

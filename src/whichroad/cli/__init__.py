@@ -12,6 +12,7 @@ import typer
 
 from .. import __version__
 from ..errors import WhichroadError
+from .calibrate import calibrate
 from .fleet import fleet
 from .inspect import inspect
 from .live import live
@@ -31,8 +32,8 @@ app = typer.Typer(
 app.add_typer(map_app, name="map", help="Compile a road map, or print what one holds.")
 # as help lists them
 for command in (
-    demo, match, fleet, inspect, replay, report, live, serve, simulate, evaluate, experiments,
-    warmup,
+    demo, match, fleet, calibrate, inspect, replay, report, live, serve, simulate, evaluate,
+    experiments, warmup,
 ):  # fmt: skip
     app.command()(command)
 

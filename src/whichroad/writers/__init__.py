@@ -58,6 +58,15 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
             f"{path}: the suffix {path.suffix or '(none)'!r} names no format; one of "
             f"{', '.join(known)} was expected; rename the output"
         )
+    check_place(path, force=force)
+
+
+def check_place(path: Path, *, force: bool = False) -> None:
+    """Refuse a file that exists, or whose folder does not.
+
+    Raises:
+        WriteError: That is so.
+    """
     if path.exists() and not force:
         raise WriteError(
             f"{path}: exists already; a new name was expected; choose another or give --force"
