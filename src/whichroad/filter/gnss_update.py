@@ -32,6 +32,7 @@ from .state import (
 
 _LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
+_TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
@@ -175,11 +176,13 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
     par = ctx.par[0]
     state = belief.state[0]
     if has_course(epoch, 1.0) and state.speed > -0.5:
-        swing = state.turn_rate * par.lever[0] / max(abs(state.speed), 2.0)  # the antenna's own
-        variance = (epoch.course_sigma**2 + 0.0025) * thin
-        observe_state(belief, ctx, H, epoch.course - swing, variance)
+        speed = max(abs(state.speed), 1.0)
+        swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
+        unknown = _TURN_SIGMA * par.lever[0] / speed
+        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
+        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance)
         state.course_time = epoch.time
-    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate) < _TURNING:
+    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
             late = _LATENCY * state.odometer_acceleration

@@ -37,7 +37,7 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
     par = ctx.par[0]
     before = state.mode
     state.mode = mode
-    state.turn_rate = 0.0
+    state.turn_rate[0] = state.turn_rate[1] = 0.0
     history.since[0].switched = 1
     if before != CLOCK:
         _store_scale(belief, before)

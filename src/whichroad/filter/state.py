@@ -89,7 +89,7 @@ FILTER = np.dtype(
         ("scale", "f8"),  # plane metres per true metre here
         ("log_evidence", "f8"),  # log-likelihood of all observations
         ("speed", "f8"),  # m/s over ground, negative in reverse
-        ("turn_rate", "f8"),  # rad/s
+        ("turn_rate", "f8", (2,)),  # of the last epoch, and of the last moments, rad/s
         ("odometer_speed", "f8"),  # m/s by the odometer, low-pass filtered
         ("odometer_acceleration", "f8"),  # m/s²
         ("since_map", "f8"),  # m driven since the map was observed

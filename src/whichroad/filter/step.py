@@ -56,6 +56,7 @@ from .windows import BY_GYRO
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
+_TURN_TIME = 0.25  # s, time constant of the turn rate that swings the antenna
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _COURSE_KEPT = 3.0  # s, for which a course over ground keeps the heading the vehicle's own
 _LONGEST = 1800.0  # s; a longer pause without odometry starts anew
@@ -237,7 +238,8 @@ def _predict_wheels(
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
         _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
     if dt > 1e-6:
-        state.turn_rate = epoch.turn / dt
+        state.turn_rate[0] = epoch.turn / dt
+        state.turn_rate[1] += (state.turn_rate[0] - state.turn_rate[1]) * dt / (dt + _TURN_TIME)
 
 
 @kernel
