@@ -45,6 +45,7 @@ BENCHMARKS = {
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
+    "calibrate": ("calibration.run", "cars from their own drives: errors, coverage"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (

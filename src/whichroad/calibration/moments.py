@@ -2,7 +2,8 @@
 
 The statistics of all drives of a car are summed.  What they say is put into the car, and its
 drives are filtered anew, until nothing changes beyond its error.  Intervals are by leaving out
-one drive at a time, so that what is common to a drive (its route, its sky) is in them.
+one drive at a time, so that what is common to a drive (its route, its sky) is in them, and by what
+the method errs by on simulated cars: track width and antenna are told apart by bends alone.
 """
 
 import math
@@ -22,6 +23,7 @@ from .quantities import (
     GNSS_SIGMA,
     GNSS_TIME,
     GNSS_WHITE,
+    METHOD,
     SCALE,
     stepped,
     values_of,
@@ -31,6 +33,7 @@ from .quantities import (
 _MOST = 8  # rounds
 _LITTLE = 0.1  # of the standard error, below which a change is none
 _ANSWERED = 0.85  # share of a change that one round usually finds
+_BOTH = 1.96  # sigmas of a 95 % interval
 _GRID_ERROR = 0.025  # log, of the grid in which errors are sought
 
 Values = dict[str, float]
@@ -93,7 +96,10 @@ def settle(
         if all(abs(step[name]) <= _LITTLE * sigma[name] for name in names):
             break
     wide = float(stdtrit(max(len(chosen) - 1, 1), 0.975))
-    half = {name: wide * sigma[name] / answered[name] for name in names}
+    half = {
+        name: math.hypot(wide * sigma[name] / answered[name], _BOTH * METHOD[name])
+        for name in names
+    }
     noise, noise_half = _noise(answers, wide)
     return Found({name: values[name] for name in names} | noise, half | noise_half, number + 1)
 
