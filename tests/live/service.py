@@ -39,7 +39,9 @@ class Served:
 
     def ask(self, method, path, body=None, headers=None, host="127.0.0.1"):
         """Status and body of one request."""
-        client = http.client.HTTPConnection(host, self.port, timeout=20)
+        client = http.client.HTTPConnection(
+            host, self.port, timeout=100
+        )  # a trace waits for every other process
         try:
             client.request(method, path, body, headers or {})
             answer = client.getresponse()

@@ -282,7 +282,7 @@ def test_a_body_in_another_encoding_is_refused(served):
 def held(served):
     """A connection whose trace is being received, and stays so."""
     for _ in range(100):
-        one = socket.create_connection(("127.0.0.1", served.port), timeout=20)
+        one = socket.create_connection(("127.0.0.1", served.port), timeout=100)
         one.sendall(
             b"POST /match HTTP/1.1\r\nHost: localhost\r\nContent-Type: text/csv\r\n"
             b"Content-Length: 1000000\r\n\r\ntime,lat,lon\n"
@@ -303,13 +303,13 @@ def test_who_comes_meanwhile_is_told_before_the_body_is_read(served, expect, tmp
     first = held(served)
     url = f"http://127.0.0.1:{served.port}/match"
     headers = {"Content-Type": CSV, **({"Expect": "100-continue"} if expect else {})}
-    with httpx.Client(timeout=20) as client:
+    with httpx.Client(timeout=100) as client:
         for _ in range(3):
             answer = client.post(url, content=BODY, headers=headers)
             assert (answer.status_code, answer.headers["retry-after"]) == (429, "2")
             assert answer.json() == {"error": "another trace is being matched"}
     for _ in range(3):
-        said = requests.post(url, data=BODY, headers=headers, timeout=20)
+        said = requests.post(url, data=BODY, headers=headers, timeout=100)
         assert (said.status_code, said.headers["retry-after"]) == (429, "2")
         assert said.json() == {"error": "another trace is being matched"}
     curl = shutil.which("curl")
@@ -372,7 +372,7 @@ def test_the_worker_ends_with_its_client_and_with_the_service(files, ride):
         service.until(lambda said: said["answered"])
 
         def begin():
-            client = socket.create_connection(("127.0.0.1", service.port), timeout=20)
+            client = socket.create_connection(("127.0.0.1", service.port), timeout=100)
             client.sendall(head + body)
             return client, until(lambda: workers(service))[0]
 
@@ -446,7 +446,7 @@ def test_a_body_that_is_cut_short_is_a_400_with_one_sentence(served, chunked):
         start = b"100\r\n{" if chunked else b"{"
         said = b""
         while not said or said.startswith(b"HTTP/1.1 429"):
-            with socket.create_connection(("127.0.0.1", served.port), timeout=20) as one:
+            with socket.create_connection(("127.0.0.1", served.port), timeout=100) as one:
                 one.sendall(
                     f"POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {JSON}\r\n"
                     f"{length}\r\n\r\n".encode()

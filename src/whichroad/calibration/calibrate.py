@@ -15,6 +15,7 @@ from ..readers import read_drive, read_vehicle
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import are_near
 from ..settings import Settings, Vehicle, to_toml
+from ..wording import counted
 from .drives_run import Bench
 from .moments import Values, noise_of, settle
 from .quantities import (
@@ -39,6 +40,9 @@ _FEW = (
     f"fewer than {_LEAST_HELD_OUT} drives: none is held out, and no sigma of receiver or map is "
     "taken over"
 )
+_ONE = (
+    "a single drive gives no intervals, so that nothing is taken over: give more drives of the car"
+)
 _NOT_TOLD = (
     "lane_sigma and relative_sigma: the data cannot tell them from map_sigma; they are as before"
 )
@@ -62,7 +66,9 @@ class Calibration:
 
     def to_toml(self) -> str:
         """`vehicle.toml`, with what was found as comments."""
-        lines = [f"# calibrated from {self.drives} drives, {self.held_out} more held out"]
+        lines = [
+            f"# calibrated from {counted(self.drives, 'drive')}, {self.held_out} more held out"
+        ]
         lines += [f"# {one}" for one in self.quantities]
         lines += [f"# {note}" for note in self.notes]
         return "\n".join(lines) + "\n" + to_toml(self.vehicle)
@@ -151,7 +157,7 @@ def calibrate(
         for name, value in result.values.items()
     )  # fmt: skip
     total = gain(evidence(kept) - evidence({}))
-    notes = (_NOT_TOLD,) if held else (_NOT_TOLD, _FEW)
+    notes = (_NOT_TOLD, *(() if held else (_FEW,)), *((_ONE,) if len(chosen) == 1 else ()))
     return Calibration(car(kept), quantities, len(chosen), len(held), *total, left_out, notes)
 
 
