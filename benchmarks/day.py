@@ -11,7 +11,6 @@ the time.
 """
 
 import os
-import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -27,11 +26,11 @@ from whichroad.live.nmea_output import sentences
 from whichroad.live.playback import RecordedObservations
 from whichroad.observations import WheelCounts
 
-from . import Figure, Options, Skipped
+from . import Figure, Options
 from .live.process import Listener, Served
 from .live.throughput import tables
 from .live.world import World, world
-from .page import FLAGS, replayed
+from .page import chromium, replayed
 
 RATE = 10.0  # fixes and wheel readings a second
 SPEED = 1000.0  # times real time, or as fast as it can
@@ -149,21 +148,12 @@ def slower(here: World) -> World:
 
 def page(options: Options, hours: float) -> list[Figure]:
     """Memory and elements of the page, likewise."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        raise Skipped("playwright is not installed") from None
-    found = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
-    chromium = os.environ.get("WHICHROAD_CHROMIUM") or next(filter(None, found), None)
-    if chromium is None:
-        raise Skipped("no Chromium is on the PATH")
     messages = int(3600.0 * RATE * hours)
     piece = messages // 24
     seen: list[Any] = []
     with world() as here:
         roads = RoadMap.open(here.map)
-        with replayed(roads, length_m=3000.0) as address, sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)
+        with replayed(roads, length_m=3000.0) as address, chromium() as browser:
             opened = browser.new_page(viewport={"width": 1280, "height": 800})
             opened.goto(address)
             opened.wait_for_selector("html[data-drawn]")

@@ -60,22 +60,29 @@ _FEED = """async count => {
 }"""
 
 
-def run(options: Options) -> list[Figure]:
-    """Open the page on a drive through Heidelberg, follow it, and feed it ten hours."""
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """A headless Chromium.
+
+    Raises:
+        Skipped: There is none, or nothing to drive it with.
+    """
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
         raise Skipped("playwright is not installed") from None
     found = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
-    chromium = os.environ.get("WHICHROAD_CHROMIUM") or next(filter(None, found), None)
-    if chromium is None:
+    path = os.environ.get("WHICHROAD_CHROMIUM") or next(filter(None, found), None)
+    if path is None:
         raise Skipped("no Chromium is on the PATH")
+    with sync_playwright() as driver:
+        yield driver.chromium.launch(executable_path=path, args=FLAGS)
+
+
+def run(options: Options) -> list[Figure]:
+    """Open the page on a drive through Heidelberg, follow it, and feed it ten hours."""
     roads = RoadMap.from_osm(options.need("maps", "heidelberg.osm.pbf"))
-    with (
-        replayed(roads) as address,
-        sync_playwright() as driver,
-    ):
-        browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)
+    with replayed(roads) as address, chromium() as browser:
         drawn = [_opened(browser, address) for _ in range(OPENED)]
         options.say(f"first road drawn after {', '.join(f'{ms:.0f}' for ms in drawn)} ms")
         page = browser.new_page(viewport={"width": 1280, "height": 800})

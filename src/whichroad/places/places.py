@@ -112,10 +112,7 @@ class Places:
         Raises:
             SettingError: The distance is none between 0 and 5000 m.
         """
-        if not 0.0 <= within <= FARTHEST_M:
-            raise SettingError(
-                f"ahead: {within!r} m; a distance from 0 to {FARTHEST_M:g} m was expected"
-            )
+        _check_reach("ahead", within)
         thread = self._ready()
         return self._found(thread, thread.ahead(_put(thread, stances), within, known))
 
@@ -132,10 +129,7 @@ class Places:
         Raises:
             SettingError: The radius is none between 0 and 5000 m.
         """
-        if not 0.0 <= radius <= FARTHEST_M:
-            raise SettingError(
-                f"nearby: {radius!r} m; a radius from 0 to {FARTHEST_M:g} m was expected"
-            )
+        _check_reach("nearby", radius)
         thread = self._ready()
         return self._found(thread, thread.nearby(_put(thread, stances), radius, known))
 
@@ -157,6 +151,13 @@ class Places:
         ids, new = self.ids, tuple.__new__  # half the time of the class
         rows = _FINDING.iter_unpack(thread.found[: count * _FINDING.size])
         return [new(RelativePlace, (ids[k], metres, sigma, p)) for k, metres, sigma, p in rows]
+
+
+def _check_reach(question: str, metres: float) -> None:
+    if not 0.0 <= metres <= FARTHEST_M:
+        raise SettingError(
+            f"{question}: {metres!r} m; a distance from 0 to {FARTHEST_M:g} m was expected"
+        )
 
 
 def _put(thread: _Thread, stances: bytes | memoryview) -> int:
