@@ -130,8 +130,9 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
     names = sorted({s.name for s in known.values()})
     if not roles:
         raise ReadError(
-            f"{where}: vehicle.toml names no [signals]; for example wheel_rl_ticks and "
-            f"wheel_rr_ticks were expected; the .dbc offers {listed(names, 40)}"
+            f"{where}: the vehicle names no [signals]; a vehicle.toml (--vehicle) was expected "
+            'with lines such as wheel_rl_ticks = "SIGNAL" under [signals]; the .dbc offers '
+            f"{listed(names, 40)}"
         )
     found = {}
     for role, name in roles.items():
