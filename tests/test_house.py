@@ -179,7 +179,6 @@ DISCUSSED: dict[str, int] = {
     "src/whichroad/filter/sparse.py": 530,
     "src/whichroad/filter/smoother.py": 420,
     "src/whichroad/filter/state.py": 420,
-    "src/whichroad/global_start/search.py": 410,
 }
 
 

@@ -77,7 +77,7 @@ __all__ = [  # noqa: RUF022 - by module, in the order of use
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("fleet", "spark"):
+    if name in ("fleet", "sensors", "spark"):
         return importlib.import_module(f".{name}", __name__)
     if name in _MODULE_OF:
         return getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from ._compile import Records
 from .errors import DriveError, SettingError
+from .filter.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .filter.windows import BY_GYRO, BY_WHEELS
 from .geodesy.plane import Plane
-from .observations import Array, Drive, Fixes
+from .observations import Array, Drive, Fixes, SensorReading
+from .sensed import Row, Sensed
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .settings import Vehicle
@@ -34,6 +36,8 @@ class Timeline:
     epochs: Records  # (n,) filter.state.EPOCH
     mode: int
     masked: int  # fixes withheld
+    evidence: Evidence = NO_EVIDENCE  # of further sensors, in the order of the epochs
+    sensors: tuple[str, ...] = ()  # their names
 
     @property
     def interval(self) -> float:
@@ -87,8 +91,9 @@ def _union(times: list[Array]) -> Array:
 
 
 def build_timeline(
-    drive: Drive, plane: Plane, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = ()
-) -> Timeline:
+    drive: Drive, plane: Plane, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
+    sensed: Sensed | None = None,
+) -> Timeline:  # fmt: skip
     """Put the sensors of a drive on one clock.
 
     Args:
@@ -96,6 +101,7 @@ def build_timeline(
         plane: The map's plane.
         vehicle: For the odometry.
         mask: Time windows (s) in which fixes are withheld.
+        sensed: Makes evidence of what further sensors say; None: there are none.
 
     Returns:
         Epochs in time order and the mode of motion.
@@ -114,11 +120,16 @@ def build_timeline(
             f"{f' (skipped: {why})' if why else ''}; a table or log with time, lat, lon or wheel "
             "data was expected"
         )
-    if motion is None and fixes is not None and not mask:
+    if motion is None and fixes is not None and not mask and sensed is None:
         epochs, own = epochs_of_fixes(fixes, [0], plane)
         if own[0]:
             return Timeline(epochs, CLOCK, 0)
     streams = [m.time for m in (motion, fixes) if m is not None]
+    told = [] if sensed is None else sensed.within(drive.sensed, streams)
+    if sensed is not None and motion is None and fixes is not None:
+        told = sensed.beside(told, fixes.time)
+    if told:
+        streams.append(np.array([one.time for one in told]))
     time = _union(streams)
     arc, turn, valid = _odometry(motion, time)
     half = 0.5 * turn
@@ -142,7 +153,30 @@ def build_timeline(
         epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
-    return Timeline(epochs, mode, masked)
+    if sensed is None:
+        return Timeline(epochs, mode, masked)
+    return Timeline(epochs, mode, masked, _heard(epochs, told, sensed), sensed.names)
+
+
+def _heard(epochs: Records, told: Sequence[SensorReading], sensed: Sensed) -> Evidence:
+    """The evidence of readings, each at its epoch."""
+    fixes = np.flatnonzero(epochs.has_fix)
+    places = epochs.fix[fixes, :2] if len(fixes) else np.zeros((1, 2))
+    near = np.searchsorted(fixes, np.arange(len(epochs))).clip(0, len(places) - 1)
+    metres = np.cumsum(np.abs(epochs.arc))
+    if not metres[-1]:  # no odometry: along the fixes
+        steps = np.hypot(*np.diff(places, axis=0, prepend=places[:1]).T)
+        metres = np.interp(np.arange(len(epochs)), fixes if len(fixes) else [0], np.cumsum(steps))
+    at = _nearest(epochs.time, np.array([one.time for one in told], np.float64))
+    rows: list[Row] = []
+    for k, one in zip(at, told, strict=True):
+        made = sensed.rows(one, float(metres[k]), tuple(places[near[k]].tolist()))
+        made = made[: MOST_AT_ONCE - int(epochs.evidence[k])]
+        if made and not epochs.evidence[k]:
+            epochs.first_evidence[k] = len(rows)
+        epochs.evidence[k] += len(made)
+        rows += made
+    return sensed.evidence(rows)
 
 
 def epochs_of_fixes(

@@ -31,6 +31,8 @@ from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
 from .roadmap.extent import are_near as are_near
 from .roadmap.extent import check_start, fixes_outside, start_note
+from .sensed import Sensed
+from .sensors import Sensor
 from .settings import Settings, Vehicle
 from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
@@ -118,6 +120,7 @@ def match(
     attributes: bool = False,
     hypotheses: bool = False,
     places: Any = None,
+    sensors: Sequence[Sensor] = (),
     crs: Any = None,
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
@@ -146,6 +149,7 @@ def match(
         hypotheses: Whether the alternatives' poses are kept for pictures.
         places: Point objects for `Result.ahead` and `nearby`: `Places`, or a table or path as
             that takes it.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the tables.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
@@ -175,13 +179,18 @@ def match(
     about = places_on(places, road_map)
     if about is not None and model == "paper":
         raise SettingError("places: given; none were expected with the paper's method")
+    sensed = Sensed(sensors, road_map) if sensors else None
+    if sensed is not None and model == "paper":
+        raise SettingError("sensors: given; none were expected with the paper's method")
+    own = dict(columns or {}) | (sensed.columns if sensed else {})
     parts: list[Result] = []
     failed: list[str] = []
     if isinstance(pose, StartPose):
         check_start(pose, road_map)
     drives = _drives(
-        drive, settings or _USUAL, vehicle=vehicle or _A_CAR, crs=crs, id=id, columns=columns, tz=tz
-    )
+        drive, settings or _USUAL, vehicle=vehicle or _A_CAR, crs=crs, id=id,
+        columns=own or None, tz=tz,
+    )  # fmt: skip
     check_mask(drives, windows)
     for one in drives:
         try:
@@ -189,6 +198,7 @@ def match(
                 _match_one(
                     one, road_map, vehicle or _A_CAR, tuned, model, pose, windows,
                     attributes, hypotheses, progress, later, about,
+                    Sensed(sensors, road_map) if sensed else None,
                 )
             )  # fmt: skip
         except (DriveError, MapError) as error:
@@ -209,10 +219,12 @@ def _match_one(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, settings: Settings, model: str,
     start: StartPose | str | None, mask: list[tuple[float, float]], attributes: bool,
     hypotheses: bool, progress: Callable[[str, int, int], None] | None, lag: Lag | None,
-    places: Places | None,
+    places: Places | None, sensed: Sensed | None,
 ) -> Result:  # fmt: skip
     outside, drive = _outside(drive, roads), _with_start_note(drive, start)
-    timeline = build_timeline(drive, roads.plane, vehicle, mask)
+    timeline = build_timeline(drive, roads.plane, vehicle, mask, sensed)
+    if sensed is not None:
+        drive = sensed.reported(drive)
     n = len(timeline.epochs)
     localize: Callable[..., Recorded] = (
         localize_by_paper if model == "paper" else partial(localize_recorded, lag=lag)
@@ -270,6 +282,8 @@ def _summary(
     }
     if outside:
         figures["fixes_outside_map"] = outside
+    if recorded.sensors:
+        figures["sensors"] = {name: dict(counts) for name, counts in recorded.sensors.items()}
     past = recorded.past
     if past is not None:
         figures |= {"lag": str(past.lag), "decided_until_s": past.decided_until()}
@@ -277,8 +291,9 @@ def _summary(
 
 
 def timeline_of(
-    drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = ()
-) -> Timeline:
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
+    sensed: Sensed | None = None,
+) -> Timeline:  # fmt: skip
     """A drive in epochs.
 
     Raises:
@@ -286,7 +301,7 @@ def timeline_of(
         DriveError: There is neither a fix nor odometry.
     """
     _outside(drive, roads)
-    return build_timeline(drive, roads.plane, vehicle, mask)
+    return build_timeline(drive, roads.plane, vehicle, mask, sensed)
 
 
 def _outside(drive: Drive, roads: RoadMap) -> int:

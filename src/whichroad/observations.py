@@ -5,6 +5,7 @@ outside the filter.  A quantity that a sensor did not report has an infinite sig
 never a NaN.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -95,6 +96,15 @@ class WithGyro:
         return self.distance.time
 
 
+@dataclass(frozen=True, slots=True)
+class SensorReading:
+    """One reading of a further sensor (`whichroad.sensors`)."""
+
+    time: float
+    values: Mapping[str, float]  # by the names of its columns
+    sensor: str = ""  # its name; empty: each that has these columns
+
+
 OdometryLog = WheelCounts | WheelSpeeds | Odometer | SpeedYawRate | WithGyro
 
 
@@ -108,6 +118,7 @@ class Drive:
     sources: tuple[str, ...] = ()
     skipped: dict[str, int] = field(default_factory=dict)  # reason -> how many records
     notes: tuple[str, ...] = ()
+    sensed: tuple[SensorReading, ...] = ()  # by further sensors, in the order of time
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +180,7 @@ class YawRate:
     yaw_rate: float
 
 
-Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate
+Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate | SensorReading
 
 
 @dataclass(frozen=True, slots=True)

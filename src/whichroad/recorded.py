@@ -1,7 +1,7 @@
 """A recorded drive through the filter: `model="default"`, smoothed or not, and `model="paper"`."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
+from .diagnosis.further_sensors import further_findings, readings_of
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -50,6 +51,7 @@ class Recorded(NamedTuple):
     diagnose: Callable[[], tuple[Finding, ...]] = tuple
     past: Past | None = None  # what it can be smoothed with, where that was asked for
     evidence: float = math.nan  # nats, log-likelihood of all observations
+    sensors: Mapping[str, Mapping[str, int]] = {}
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -94,7 +96,7 @@ def localize_recorded(
     _check_start(timeline, start, 'or start="map" where both wheels were recorded')
     workspace = Workspace.taken()
     belief, path = workspace.belief(lag is not None), workspace.path()
-    ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode)
+    ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode, timeline.evidence)
     history, buffers = (new_history(0), None) if lag is None else workspace.smoothing()
     output = new_output(n, poses)
     done, path = begin(
@@ -111,11 +113,17 @@ def localize_recorded(
         if progress is not None:
             progress(done)
     vetting = belief.state.vetting[0].copy()
-    diagnose = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
+    further = further_findings(timeline.sensors, belief.state.sensors[0])
+    counts = readings_of(timeline.sensors, belief.state.sensors[0])
+    fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
+
+    def diagnose() -> tuple[Finding, ...]:
+        return (*further, *fit())
+
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose, evidence=evidence)
+        return Recorded(output, heaviest, diagnose, None, evidence, counts)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
@@ -123,7 +131,7 @@ def localize_recorded(
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past, evidence)
+    return Recorded(smoothed, chain, diagnose, past, evidence, counts)
 
 
 def localize_by_paper(

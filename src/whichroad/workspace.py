@@ -5,6 +5,7 @@ Allocating them takes as long as filtering some thirty fixes.
 
 import threading
 
+from .filter.evidence_kinds import NO_EVIDENCE, Evidence
 from .filter.history import History, enlarged, new_history
 from .filter.smoother import SmootherBuffers, new_buffers
 from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
@@ -52,10 +53,14 @@ class Workspace:
         self._path.size[0] = 0
         return self._path
 
-    def context(self, roads: Roads, settings: Settings, vehicle: Vehicle, mode: int) -> Context:
-        """What is constant over a drive, with cleared buffers."""
+    def context(
+        self, roads: Roads, settings: Settings, vehicle: Vehicle, mode: int,
+        evidence: Evidence = NO_EVIDENCE,
+    ) -> Context:  # fmt: skip
+        """What is constant over a drive, with cleared buffers, and what further sensors say."""
         self._work.row[:] = 0.0
-        return Context(parameters(settings, vehicle, mode), roads, self._work)
+        work = self._work if evidence is NO_EVIDENCE else self._work._replace(evidence=evidence)
+        return Context(parameters(settings, vehicle, mode), roads, work)
 
     def smoothing(self) -> tuple[History, SmootherBuffers]:
         """An empty history, and buffers to smooth it."""

@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +15,8 @@ from ..readers.many_trips import TripBatch, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, shared_map
+from ..sensed import Sensed
+from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from ..tables.schema import DRIVES, PATH, POINTS, SLIM
@@ -37,6 +39,7 @@ def match_many(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -59,6 +62,7 @@ def match_many(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
         threads: How many trips side by side; None: one for each core this process may use.
@@ -75,7 +79,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, split=split, threads=threads, progress=progress,
+            attributes=attributes, crs=crs, sensors=sensors, split=split, threads=threads,
+            progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -91,6 +96,7 @@ def match_stream(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -106,10 +112,11 @@ def match_stream(
     if threads is not None and threads < 1:
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
-    job = job_of(roads, vehicle, settings, lag, attributes, crs)
+    job = job_of(roads, vehicle, settings, lag, attributes, crs)._replace(sensors=tuple(sensors))
+    own = Sensed(sensors, job.roads).columns if sensors else {}
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        chunks = trip_batches(table, drive_id, split=seconds_of(split))
+        chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
         for tables in _in_order(pool, job.tables, chunks, 2 * workers):
             done += tables.drives.num_rows
             if progress:

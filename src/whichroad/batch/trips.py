@@ -25,6 +25,8 @@ from ..readers.regular_trips import batched_fixes
 from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
+from ..sensed import Sensed
+from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
@@ -101,6 +103,7 @@ class Job(NamedTuple):
     attributes: bool
     crs: Any = None
     give: frozenset[str] = ALL  # tables that are made; the others come out empty
+    sensors: tuple[Sensor, ...] = ()
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
@@ -123,7 +126,8 @@ class Job(NamedTuple):
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as possible."""
         regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
-        single = np.flatnonzero(~regular.usable if self.lag is None else np.ones(trips))
+        batched = self.lag is None and not self.sensors
+        single = np.flatnonzero(~regular.usable if batched else np.ones(trips))
         while trip < trips:
             end = int(next(iter(single[single >= trip]), trips))
             found = self._batch(chunk.names, regular, trip, end, vehicle, settings)
@@ -177,15 +181,19 @@ class Job(NamedTuple):
             return _Failure(name, f"{rows}; a drive_id in every row was expected")
         try:
             drive = None
-            if regular.usable[trip]:
+            sensed = Sensed(self.sensors, self.roads) if self.sensors else None
+            if regular.usable[trip] and sensed is None:
                 begin, end = regular.first[trip : trip + 2]
                 timeline = Timeline(regular.epochs[begin:end], CLOCK, 0)
             else:
                 rows_ = chunk.table.slice(low, high - low)
                 drive = drive_from_table(
-                    rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs
-                )[0]
-                timeline = timeline_of(drive, self.roads, vehicle)
+                    rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs,
+                    columns=sensed and sensed.columns,
+                )[0]  # fmt: skip
+                timeline = timeline_of(drive, self.roads, vehicle, sensed=sensed)
+                if sensed is not None:
+                    drive = sensed.reported(drive)
             recorded = localize_recorded(
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
             )

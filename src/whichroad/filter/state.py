@@ -28,6 +28,10 @@ from ..graph.network import Roads, lane_sigma_of, records
 from ..graph.search import Search, new_search
 from ._simd import N as N
 from ._simd import copy_record
+from .epoch import EPOCH as EPOCH
+from .epoch import Epochs as Epochs
+from .epoch import new_epochs as new_epochs
+from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
 from .sources import VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
@@ -78,6 +82,7 @@ FILTER = np.dtype(
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
+        ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
@@ -135,29 +140,6 @@ PATH_ENTRY = np.dtype(
     ],
     align=True,
 )
-
-EPOCH = np.dtype(
-    [
-        ("time", "f8"),  # s
-        # odometry, pre-integrated since the epoch before, in M's frame at that epoch
-        ("arc", "f8"),  # odometer metres
-        ("turn", "f8"),  # rad
-        ("forward", "f8"),  # m
-        ("left", "f8"),  # m
-        # GNSS
-        ("fix", "f8", (5,)),  # x, y (plane), sigma_major, sigma_minor (m), heading of major (rad)
-        ("speed", "f8"),  # m/s
-        ("speed_sigma", "f8"),  # inf: not reported
-        ("course", "f8"),  # heading over ground, rad
-        ("course_sigma", "f8"),  # inf: not reported
-        ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
-        ("has_fix", "u1"),
-        ("gyro", "u1"),  # what measures the turn: BY_WHEELS, BY_GYRO, or AT_REST
-    ],
-    align=True,
-)
-
-Epochs = Annotated[Records, Array(EPOCH, 1)]  # of a drive
 
 _SETTINGS = (
     "heading_noise", "turn_noise", "along_noise", "lateral_noise", "yaw_bias_noise",
@@ -222,6 +204,7 @@ class Work(NamedTuple):
     near: Annotated[Records, Array(CANDIDATE, 1)]  # (CANDIDATES,)
     search: Search  # routes between sparse fixes
     merged: Annotated[Records, Array(HYPOTHESIS, 1)]  # (CANDIDATES, or 0 without the paper preset)
+    evidence: Evidence  # what further sensors say
 
 
 class Context(NamedTuple):
@@ -253,21 +236,16 @@ def new_path(capacity: int) -> Path:
     return Path(entry, np.zeros(1, np.int64))
 
 
-def new_epochs(n: int) -> Epochs:
-    """Empty epochs, (n,) EPOCH."""
-    return records(n, EPOCH)
-
-
 def new_parameters() -> Records:
     """Parameters, (1,), to be filled."""
     return records(1, PARAMETERS)
 
 
-def new_work(paper: bool = False) -> Work:
-    """Buffers for one thread."""
+def new_work(paper: bool = False, evidence: Evidence = NO_EVIDENCE) -> Work:
+    """Buffers for one thread, and what further sensors say."""
     return Work(
         np.zeros(N), new_epochs(1), records(SUCCESSORS, SUCCESSOR), records(CANDIDATES, CANDIDATE),
-        new_search(), records(CANDIDATES if paper else 0, HYPOTHESIS),
+        new_search(), records(CANDIDATES if paper else 0, HYPOTHESIS), evidence,
     )  # fmt: skip
 
 

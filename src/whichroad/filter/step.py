@@ -14,6 +14,7 @@ from .along import advance_along, forward_only
 from .births import exchange_off_road, turn_round, turn_with_heading
 from .branching import BRANCH_THRESHOLD, branch
 from .estimate import Output, summarise
+from .evidence import observe_evidence
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
 from .gyro import rest
@@ -82,7 +83,9 @@ def step(
         _predict(belief, path, history, ctx, epoch, dt)  # eq. (1); along the road; by routes
         if epoch.has_fix:
             chi2 = _observe_gnss(belief, path, history, ctx, epoch)  # Y_1, Q^gps
-        _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
+    if epoch.evidence > 0 and not ctx.par[0].paper:
+        observe_evidence(belief, ctx, epoch.first_evidence, epoch.evidence)  # further sensors
+    _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune

@@ -1,7 +1,7 @@
 """The search: a large mixture, predicted by odometry until the ordinary belief holds it."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,8 @@ from .._compile import Records
 from ..epochs import Timeline
 from ..errors import DriveError
 from ..filter.estimate import Output, summarise
-from ..filter.motion import Increment, arc_chord
+from ..filter.evidence import observe_evidence
+from ..filter.motion import Increment
 from ..filter.population import (
     branch_all,
     initialise,
@@ -41,11 +42,11 @@ from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle, parameters
 from .pose import initial_state
 from .prior import DROP, KNOWN_BEARING, prior_components
+from .steps import Step, steps
 
 MAP = "map"
 """The start that is anywhere on the map."""
 
-_LONGEST = 6.0  # m, longest step of the prediction
 _MERGE = 0.05  # nats, cost of a merge of neighbours
 _SWING = 10.0  # m, distance constant of the sum of recent turns
 _STRAIGHT = 0.15  # rad; a smaller recent turn is a bend that centre lines show
@@ -60,59 +61,12 @@ _NEAR = 40.0  # m; a pose of a smaller sigma needs no search
 _FITS = 25.0  # chi-square of a fix that a hypothesis can explain
 
 
-class Step(NamedTuple):
-    """Wheel odometry since the step before, in the vehicle's frame at that step."""
-
-    epoch: int  # the last one that it holds, entirely if `whole`
-    whole: bool
-    forward: float
-    left: float
-    turn: float
-    arc: float
-    metres: float
-    measured: bool
-
-
 def is_vague(start: StartPose | str | None, mode: int) -> bool:
     """Whether a start must be searched for on the map."""
     if isinstance(start, StartPose):
         vague = start.sigma_m > _NEAR or start.sigma_bearing_deg > KNOWN_BEARING
         return mode == WHEELS and vague
     return start == MAP
-
-
-def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
-    """Join epochs, or cut them, to steps, up to the first fix.
-
-    Args:
-        epochs: The drive, (n,) EPOCH.
-        least: Gives how many metres a step should have at least; 0: no epochs are joined.
-
-    Yields:
-        Steps in time order; the first epoch is where the wheels begin to count.
-    """
-    arcs, turns, measurements = epochs.arc, epochs.turn, epochs.odometry_valid
-    forwards, lefts = epochs.forward, epochs.left
-    x = y = turn = arc = metres = 0.0
-    measured = True
-    fixes = np.flatnonzero(epochs.has_fix)
-    last = int(fixes[0]) if len(fixes) else len(epochs)
-    for k in range(1, last):
-        parts = max(1, math.ceil(abs(arcs[k]) / _LONGEST))
-        forward, left = float(forwards[k]), float(lefts[k])
-        part_arc, part_turn = float(arcs[k]) / parts, float(turns[k]) / parts
-        if parts > 1:  # the same circle
-            forward, left = arc_chord(part_arc, part_turn)
-        for k_part in range(parts):
-            c, s = math.cos(turn), math.sin(turn)
-            x, y = x + c * forward - s * left, y + s * forward + c * left
-            turn, arc, metres = turn + part_turn, arc + part_arc, metres + abs(part_arc)
-            measured = measured and bool(measurements[k])
-            whole = k_part == parts - 1
-            if metres >= least() or (whole and k == last - 1):
-                yield Step(k, whole, x, y, turn, arc, metres, measured)
-                x = y = turn = arc = metres = 0.0
-                measured = True
 
 
 class _Table(NamedTuple):
@@ -133,13 +87,13 @@ class _Search:
 
     def __init__(
         self, roads: RoadMap, vehicle: Vehicle, settings: Settings, start: StartPose | None,
-        time: float,
+        timeline: Timeline,
     ) -> None:  # fmt: skip
         self.settings = settings
         par = parameters(settings, vehicle, WHEELS)
         par.lane_sigma = max(settings.lane_sigma, _LANE)
         par.lane_length = min(settings.lane_length, _LANE_LENGTH)
-        self.ctx = Context(par, roads.arrays, new_work())
+        self.ctx = Context(par, roads.arrays, new_work(evidence=timeline.evidence))
         self.prior = prior_components(roads, settings, start)
         capacity = 3 * len(self.prior.edge) + 1000
         self.table, self.spare = _new_table(capacity), _new_table(capacity)
@@ -147,7 +101,7 @@ class _Search:
         self.path = new_path(max(1 << 16, 16 * len(self.prior.edge)))
         self.since_beginning, self.again = 0.0, _AGAIN
         self.swing = 0.0  # rad, sum of recent turns
-        initial_state(self.mixture, time, settings)
+        initial_state(self.mixture, float(timeline.epochs.time[0]), settings)
         self._begin_off_road()
         self._begin(1.0 - settings.off_road_start)
         self._reduce()
@@ -232,6 +186,14 @@ class _Search:
         )
         observe_map(self.mixture, self.ctx, True)
         self.state["since_map"] = 0.0
+
+    def hear(self, epochs: Records) -> None:
+        """What further sensors say in these epochs, all at the last one."""
+        count = int(epochs.evidence.sum(dtype=np.int64))
+        if count:
+            first = int(epochs.first_evidence[np.flatnonzero(epochs.evidence)[0]])
+            observe_evidence(self.mixture, self.ctx, first, count)
+            self._reduce()
 
     def least(self) -> float:
         """How far to go in one step, m; 0: epoch by epoch."""
@@ -366,9 +328,10 @@ def search(
     epochs = timeline.epochs
     time = epochs.time
     n = len(epochs)
-    mixture = _Search(roads, vehicle, settings, start, float(time[0]))
+    mixture = _Search(roads, vehicle, settings, start, timeline)
     if epochs.has_fix[0]:
         return _meet_fix(mixture, belief, epochs, 0)
+    mixture.hear(epochs[:1])
     mixture.summarise(output, 0)
     done, firm = 1, 0.0
     for step in steps(epochs, mixture.least):
@@ -378,6 +341,7 @@ def search(
         mixture.state["speed"] = step.metres / max(time[k] - time[done - 1], 1e-3)
         mixture.step(step)
         if step.whole:
+            mixture.hear(epochs[done : k + 1])
             mixture.summarise(output, k)
             done = k + 1
             firm = firm + step.metres if mixture.is_decided() else 0.0

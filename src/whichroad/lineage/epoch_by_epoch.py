@@ -61,7 +61,7 @@ def run_again(
     """
     paper = model == "paper"
     par = parameters(settings, vehicle, timeline.mode, paper=paper)
-    ctx = Context(par, roads.arrays, new_work(paper=paper))
+    ctx = Context(par, roads.arrays, new_work(paper, timeline.evidence))
     belief, path = new_belief(lineage=True), new_path(0 if paper else _ENTRIES)
     output, first = new_output(len(timeline.epochs), False), 0
     if paper:

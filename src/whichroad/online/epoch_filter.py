@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..filter.estimate import ESTIMATE, new_output
+from ..filter.evidence_kinds import MOST_AT_ONCE, Evidence, new_evidence
 from ..filter.history import History, new_history
 from ..filter.motion import arc_chord
 from ..filter.state import (
@@ -129,8 +130,9 @@ _FIX_AT = offset_of(EPOCH, "fix")
 _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
 _HAS_FIX = offset_of(EPOCH, "has_fix")
 _GYRO = offset_of(EPOCH, "gyro")
+_EVIDENCE = offset_of(EPOCH, "evidence")
 _COUNT, _TIME = at_word(FILTER, "count"), at_word(FILTER, "time")
-_SPEED = at_word(FILTER, "speed")
+_SPEED, _HEARD = at_word(FILTER, "speed"), at_word(FILTER, "heard")
 _STARTED = offset_of(FILTER, "started")
 _MODE = at_word(PARAMETERS, "mode")
 _WORDS = HYPOTHESIS.itemsize // _WORD  # of a hypothesis
@@ -257,6 +259,10 @@ class EpochFilter:
         """Say what moves the vehicle from now on."""
         self._par[_MODE] = mode
 
+    def heard(self) -> tuple[float, float]:
+        """The usual interval of fixes and odometry, and the time of the last one, s."""
+        return float(self._numbers[_HEARD + 1]), float(self._numbers[_HEARD])
+
     def heading(self) -> float:
         """Of the most probable hypothesis, rad."""
         hyp = self.belief.hyp[: self.count]
@@ -292,7 +298,7 @@ class EpochFilter:
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
         epoch[_ODOMETRY_VALID] = valid
         epoch[_GYRO] = BY_GYRO if gyro else BY_WHEELS
-        epoch[_HAS_FIX] = 0
+        epoch[_HAS_FIX] = epoch[_EVIDENCE] = 0
 
     def add_fix(self, fix: Sequence[float]) -> None:
         """Add a fix to the epoch.
@@ -303,6 +309,18 @@ class EpochFilter:
         epoch = self.epoch
         _FIXED.pack_into(epoch, _FIX_AT, *fix)
         epoch[_HAS_FIX] = 1
+
+    def add_evidence(self, evidence: Evidence) -> None:
+        """Add what further sensors say to the epoch, at most `MOST_AT_ONCE` rows."""
+        work = self.ctx.work
+        count = min(len(evidence.rows), MOST_AT_ONCE)
+        if len(work.evidence.rows) == 0 or evidence.classes is not work.evidence.classes:
+            rows = new_evidence(MOST_AT_ONCE).rows
+            self.ctx = self.ctx._replace(work=work._replace(evidence=evidence._replace(rows=rows)))
+            self._call = None
+        self.ctx.work.evidence.rows[:count] = evidence.rows[:count]
+        self.epoch[_EVIDENCE] = count
+        self.epochs.first_evidence[0] = 0
 
     def disbelieved(self, x: float, y: float, sigma: float) -> float:
         """How far away (m) a fix of this epoch (plane m) lies, if it is not believed, else 0."""

@@ -4,28 +4,28 @@ It runs `filter.step.run`, the paper's Figure 7, for one epoch at a time, and ow
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..diagnosis.findings import Finding, findings
+from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.statistics import ConsistencyStatistics
-from ..errors import SettingError
-from ..filter.estimate import Output
 from ..filter.state import (
     CLOCK,
     DISTANCE,
     WHEELS,
-    Belief,
     Context,
     new_belief,
     new_path,
     new_work,
 )  # fmt: skip
 from ..global_start import start_at
-from ..observations import Distance, GeoFix, Observation, StartPose, YawRate
+from ..observations import Distance, GeoFix, Observation, SensorReading, StartPose, YawRate
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
+from ..sensors import Sensor
 from ..sensors.gnss import fix_row
 from ..sensors.odometry import bridged_step, true_rate
 from ..sensors.turns import GyroTurns
@@ -36,6 +36,8 @@ from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
+from .looks_back import LooksBack
+from .sensing import Sensing
 
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
@@ -45,7 +47,7 @@ _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
 
 
-class Localizer:
+class Localizer(LooksBack):
     """The on-line filter: one observation in, one estimate out.
 
     Example:
@@ -61,6 +63,7 @@ class Localizer:
             the filter.
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
         places: Point objects for `Estimate.ahead`: `Places`, or a table or path as that takes it.
+        sensors: Further sensors (`whichroad.sensors`), of which `SensorReading`s come.
 
     Raises:
         SettingError: The lag is not a number of seconds, or the start is not on the map.
@@ -76,6 +79,7 @@ class Localizer:
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
         places: Any = None,
+        sensors: Sequence[Sensor] = (),
     ) -> None:
         self.roads = open_map(roads)
         self.vehicle = vehicle or Vehicle()
@@ -93,6 +97,7 @@ class Localizer:
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._gyro = GyroTurns()
+        self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
@@ -144,6 +149,8 @@ class Localizer:
             return False
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(late, 0.0))
+        elif isinstance(possible, SensorReading):
+            return self._take_sensed(possible)
         else:
             self._take_odometry(possible)
         if self._filter.mode != CLOCK:
@@ -158,7 +165,9 @@ class Localizer:
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Sensors that were withheld, else settings that do not fit the data so far."""
-        return findings(self._statistics, self._filter.belief.state[0].vetting)
+        state, names = self._filter.belief.state[0], self._sensing.sensed.names
+        further = further_findings(names, state.sensors)
+        return (*further, *findings(self._statistics, state.vetting))
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.
@@ -218,17 +227,7 @@ class Localizer:
         time = max(fix.time, now.time) if late else fix.time
         if not now.started and self._start is None:
             self._began = time
-        self._begin_at_start(time)
-        ahead = time - now.time if now.started else 0.0
-        silent = self._reading is not None and self._is_silent(time - self._reading.time)
-        if silent:
-            self._rate = (fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0], 0.0)
-        arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
-        if self._odometer is not None:
-            _, a, t = self._odometer
-            self._odometer = (time, a + arc, t + turn)
-        known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
-        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), self._gyro.alone)
+        self._move_to(time, fix.speed if math.isfinite(fix.sigma_speed) else self._rate[0])
         (x, y, major, minor, axis), course, sigma = fix_row(
             fix, self.roads.plane, self.settings.default_sigma_m
         )
@@ -239,6 +238,30 @@ class Localizer:
         now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
         self._run()
         self._far_fix = (time, self._filter.disbelieved(x, y, major))
+
+    def _take_sensed(self, reading: SensorReading) -> bool:
+        now = self._filter
+        rows = self._sensing.rows(reading, now, self.skipped)
+        if rows and (now.started or self._start is not None):
+            self._move_to(reading.time, self._rate[0])
+            self._sensing.add(rows, now)
+            self._run()
+        return bool(rows)
+
+    def _move_to(self, time: float, speed: float) -> None:
+        """Begin an epoch between readings of odometry; in its silence that speed holds, m/s."""
+        now = self._filter
+        self._begin_at_start(time)
+        ahead = time - now.time if now.started else 0.0
+        silent = self._reading is not None and self._is_silent(time - self._reading.time)
+        if silent:
+            self._rate = (speed, 0.0)
+        arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
+        if self._odometer is not None:
+            _, a, t = self._odometer
+            self._odometer = (time, a + arc, t + turn)
+        known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
+        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), self._gyro.alone)
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._filter.started:
@@ -256,39 +279,6 @@ class Localizer:
         """The estimate at the last observation that was taken."""
         return self._answers.of(self._filter, self._far_fix)
 
-    def lagged(self) -> Estimate | None:
-        """The estimate of a moment the lag ago, by all that was observed since.
-
-        Of the last epoch before that moment at which something was observed; None before
-        there is one.
-
-        Raises:
-            SettingError: The localizer was made without a lag.
-        """
-        found = self._smoothed(True)
-        if found is None:
-            return None
-        return self._answers.of_past(found[0], found[1], self._far_fix)
-
-    @property
-    def decided_until(self) -> float | None:
-        """The last time at which one road has 0.999 of the probability, by all that is known.
-
-        What was driven before it is decided as well as it ever will be; None: nothing is.
-
-        Raises:
-            SettingError: The localizer was made without a lag.
-        """
-        found = self._smoothed(False)
-        return None if found is None else found[2]
-
-    def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
-        if self._past is None:
-            raise SettingError(
-                "lag is None; seconds were expected for smoothing, as in Localizer(roads, lag=10)"
-            )
-        return self._past.smoothed_at(self._filter.ctx, self._filter.path, self._filter.time, back)
-
     def last_rows(self) -> tuple[bytes, bytes]:
         """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
         return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
@@ -304,7 +294,7 @@ class Localizer:
     @classmethod
     def from_bytes(
         cls, data: bytes, roads: RoadMap | str | Path, *, vehicle: Vehicle | None = None,
-        settings: Settings | None = None, places: Any = None,
+        settings: Settings | None = None, places: Any = None, sensors: Sequence[Sensor] = (),
     ) -> "Localizer":  # fmt: skip
         """A localizer that goes on where another one was, to the bit.
 
@@ -314,6 +304,7 @@ class Localizer:
             vehicle: None: the car that it had.
             settings: None: those that it had.
             places: As the constructor takes them.
+            sensors: Likewise.
 
         Raises:
             ReadError: The bytes are damaged, or of another version.
@@ -323,7 +314,7 @@ class Localizer:
         made = state.made
         localizer = cls(
             roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
-            start=made.start, lag=made.lag, places=places,
+            start=made.start, lag=made.lag, places=places, sensors=sensors,
         )  # fmt: skip
         localizer.restore(state)
         localizer.skipped = dict(state.skipped)
@@ -334,7 +325,7 @@ class Localizer:
         now = self._filter
         odometry = Odometry(
             self._odometer, self._rate, self._interval, self._began, self._reading, self._far_fix,
-            now.mode, self._gyro.kept(),
+            now.mode, self._gyro.kept(), self._sensing.kept(),
         )  # fmt: skip
         made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
         return State(
@@ -360,6 +351,7 @@ class Localizer:
         now.set_tables(state.tables)
         now.set_mode(known.mode)
         self._gyro.restore(known.gyro)
+        self._sensing.restore(known.sensed)
         self._odometer, self._rate, self._interval = known.odometer, known.rate, known.interval
         self._began, self._reading, self._far_fix = known.began, known.reading, known.far_fix
         if self._past is not None:

@@ -60,6 +60,7 @@ class Odometry(NamedTuple):
     far_fix: tuple[float, float]  # time of the last fix, m it is away if not believed
     mode: int  # WHEELS, DISTANCE or CLOCK
     gyro: list[list[float]]  # what `sensors.turns.GyroTurns` keeps
+    sensed: list[Any]  # and `Sensing`
 
 
 @dataclass(frozen=True, slots=True)

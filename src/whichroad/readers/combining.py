@@ -68,7 +68,7 @@ def combined(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
         for drive in part.drives:
             if part.named and (_has_fixes(drive) or drive.drive_id in groups or _many(part)):
                 groups.setdefault(drive.drive_id, []).append(drive)
-            elif _has_fixes(drive) or drive.odometry is None:
+            elif _has_fixes(drive) or (drive.odometry is None and not drive.sensed):
                 loose.append(drive)
             else:
                 wheels.append(drive)
@@ -186,7 +186,7 @@ def _apart(a: Fixes, b: Fixes) -> float | None:
 def _add_odometry(
     groups: dict[str, list[Drive]], wheels: list[Drive], parts: Sequence[Part]
 ) -> None:
-    """Give odometry without an id to the drive whose time it shares."""
+    """Give odometry, and what further sensors say, without an id to the drive of its time."""
     if not wheels:
         return
     with_fixes = [name for name, group in groups.items() if any(map(_has_fixes, group))]
@@ -203,9 +203,12 @@ def _add_odometry(
 
 
 def _share_time(group: Sequence[Drive], wheels: Drive) -> bool:
-    if wheels.odometry is None:
+    if wheels.odometry is not None:
+        time = wheels.odometry.time
+    elif wheels.sensed:
+        time = np.array([one.time for one in wheels.sensed])
+    else:
         return False
-    time = wheels.odometry.time
     logs = [drive.fixes.time for drive in group if drive.fixes is not None and len(drive.fixes)]
     return any(log[0] <= time[-1] and time[0] <= log[-1] for log in logs)
 
@@ -247,6 +250,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             sources=tuple(source for drive in drives for source in drive.sources),
             skipped=dict(skipped),
             notes=tuple(dict.fromkeys(notes)),
+            sensed=tuple(sorted((s for d in drives for s in d.sensed), key=lambda s: s.time)),
         )
     return with_speed_notes(with_fit_notes(drive, vehicle))
 

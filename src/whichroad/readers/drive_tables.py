@@ -4,6 +4,7 @@ One table may hold fixes, odometry or both, of one drive or of many.  Empty cell
 no value; what cannot be understood is skipped and counted.
 """
 
+import math
 from collections import Counter
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReadError
-from ..observations import Array, Drive
+from ..observations import Array, Drive, SensorReading
 from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
 from .checks import LAST, NO_TIME, Skipped, keep
@@ -21,7 +22,7 @@ from .drive_columns import Columns, drive_of
 from .gears import reversing
 from .geometries import places_of, unproject
 from .gpx import read_gpx
-from .names import Seen, normal
+from .names import SENSED, Seen, normal
 from .odometry_fit import with_fit_notes
 from .reading import Reading
 from .source import Source
@@ -162,8 +163,24 @@ def drives_of(
         here: Skipped = skipped if not drives else Counter()
         drive = drive_of(part, reading.vehicle, reading.settings, here)
         told = (*notes, *drive.notes)
-        drives.append(Drive(name, drive.fixes, drive.odometry, paths, dict(here), told))
+        sensed = sensed_by(part)
+        drives.append(Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed))
     return drives
+
+
+def sensed_by(columns: Columns) -> tuple[SensorReading, ...]:
+    """What further sensors say in rows of a table: those of their cells that hold a number."""
+    own = {name.removeprefix(SENSED): v for name, v in columns.items() if name.startswith(SENSED)}
+    if not own:
+        return ()
+    values = np.column_stack(list(own.values()))
+    told = np.flatnonzero(np.isfinite(values).any(axis=1))
+    told = told[np.argsort(columns["time"][told], kind="stable")]
+    rows = zip(columns["time"][told].tolist(), values[told].tolist(), strict=True)
+    return tuple(
+        SensorReading(time, {n: v for n, v in zip(own, row, strict=True) if math.isfinite(v)})
+        for time, row in rows
+    )
 
 
 def _values(seen: Seen, skipped: Skipped, notes: list[str]) -> Columns:
@@ -255,6 +272,8 @@ def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
     fixes = {"lat", "lon"} <= has
     wheels = {"wheel_rl", "wheel_rr"} <= has or {"wheel_rl_ticks", "wheel_rr_ticks"} <= has
     if fixes or wheels or "odometer" in has or "speed" in has:
+        return
+    if "time" in seen.found and any(name.startswith(SENSED) for name in has):
         return
     if {"x", "y"} <= has and crs is None:
         raise ReadError(

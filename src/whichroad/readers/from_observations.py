@@ -15,6 +15,7 @@ from ..observations import (
     Observation,
     Odometer,
     OdometryLog,
+    SensorReading,
     SpeedYaw,
     SpeedYawRate,
     WheelCounts,
@@ -49,7 +50,7 @@ def drive_of_observations(
     """
     skipped: Skipped = Counter()
     possible = [o for o in (validated(one, skipped) for one in observations) if o is not None]
-    kinds = {type(o) for o in possible} - {GeoFix, YawRate}
+    kinds = {type(o) for o in possible} - {GeoFix, YawRate, SensorReading}
     if len(kinds) > 1:
         raise ReadError(
             f"observations: {', '.join(sorted(kind.__name__ for kind in kinds))} together; one "
@@ -64,7 +65,8 @@ def drive_of_observations(
         odometry = steered(odometry, YawRates(time, rate) if len(time) > 1 else None)
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
-    return Drive("drive", located, odometry, skipped=dict(skipped))
+    sensed = sorted((o for o in possible if isinstance(o, SensorReading)), key=lambda o: o.time)
+    return Drive("drive", located, odometry, skipped=dict(skipped), sensed=tuple(sensed))
 
 
 def _in_order(kind: type, observations: Sequence[Observation], skipped: Skipped) -> list[Array]:

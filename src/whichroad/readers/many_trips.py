@@ -4,7 +4,7 @@ A trip of a stream is complete once enough rows of other trips have followed its
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -17,6 +17,7 @@ from .arrow_columns import texts
 from .checks import listed
 from .csv_text import no_column
 from .names import NAMES, find
+from .reading import Reading
 from .splitting import split_trips
 from .table_drives import paired
 from .tables_in_memory import in_memory
@@ -24,6 +25,8 @@ from .tables_in_memory import in_memory
 if TYPE_CHECKING:
     import pyarrow as pa
 
+Own = Mapping[str, str | int]  # aliases and names of columns, as `names.find` takes them
+_NONE: Own = {}
 APART = 1 << 16  # rows of other trips after which a trip of a stream is complete
 BATCH_ROWS = 1 << 14  # rows of a batch of short trips
 _BATCH = 1 << 15  # rows read from a file at once
@@ -50,8 +53,9 @@ class Trip(NamedTuple):
 
 
 def trip_batches(
-    source: Any, drive_id: str = "drive_id", *, split: float | None = None, strict: bool = False
-) -> Iterator[TripBatch]:
+    source: Any, drive_id: str = "drive_id", *, split: float | None = None, strict: bool = False,
+    own: Own = _NONE,
+) -> Iterator[TripBatch]:  # fmt: skip
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
     Args:
@@ -62,27 +66,28 @@ def trip_batches(
         split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
             into trips called `name/1`, `name/2`, ...
         strict: Refuse a stream in which the name of a complete trip comes again.
+        own: Further columns that are kept.
 
     Raises:
         ReadError: The source is none of these, or has no such column.
     """
 
     def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
-        trips = (Trip(*trip) for trip in _whole(batches, drive_id))
+        trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
         yield from packed(split_each(trips, split) if split else trips, strict)
 
     if isinstance(source, str | PathLike):
-        yield from of_stream(_of_path(Path(source), drive_id))
+        yield from of_stream(_of_path(Path(source), drive_id, own))
     elif hasattr(source, "to_batches") and hasattr(source, "scanner"):
-        yield from of_stream(_of_dataset(source, drive_id))
+        yield from of_stream(_of_dataset(source, drive_id, own))
     elif hasattr(source, "schema") or hasattr(source, "columns") or isinstance(source, dict):
         if hasattr(source, "read_next_batch"):
             yield from of_stream(source)
         elif split:
-            table = of_vehicles(usual_rows(source, drive_id))
+            table = of_vehicles(usual_rows(source, drive_id, own))
             yield from packed(split_each((Trip(*trip) for trip in cut(table)), split), strict)
         else:
-            yield from parts_of(of_vehicles(usual_rows(source, drive_id)))
+            yield from parts_of(of_vehicles(usual_rows(source, drive_id, own)))
     elif isinstance(source, Iterable):
         yield from of_stream(source)
     else:
@@ -92,7 +97,7 @@ def trip_batches(
         )
 
 
-def _of_path(path: Path, drive_id: str) -> Iterable[Any]:
+def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
     """The batches of a Parquet or Arrow file, or of a folder of Parquet files."""
     import pyarrow as pa
     import pyarrow.dataset as ds
@@ -104,34 +109,34 @@ def _of_path(path: Path, drive_id: str) -> Iterable[Any]:
             "was expected; read_drive takes the others"
         )
     try:
-        return _of_dataset(ds.dataset(path, format=kind), drive_id)
+        return _of_dataset(ds.dataset(path, format=kind), drive_id, own)
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
         raise ReadError(f"{path}: cannot be read as {kind} ({reason})") from None
 
 
-def _of_dataset(data: Any, drive_id: str) -> Iterable[Any]:
+def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
     names = data.schema.names
     _check(names)
-    used = {column.name for column in find(names).values()} | ({drive_id} & set(names))
+    used = {column.name for column in find(names, own).values()} | ({drive_id} & set(names))
     return data.to_batches(  # type: ignore[no-any-return]
         columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
     )
 
 
-def _table(source: Any, drive_id: str) -> tuple["pa.Table", list[str]]:
+def _table(source: Any, drive_id: str, own: Own) -> tuple["pa.Table", list[str]]:
     """Any table in memory as Arrow, and the names of all its columns."""
     names = list(getattr(source, "columns", ()))
     if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
         source = source.rename(columns={drive_id: "drive_id"})
-        return in_memory(source).table, [str(name) for name in names]
-    seen = in_memory(source)
+        return in_memory(source, Reading(columns=own)).table, [str(name) for name in names]
+    seen = in_memory(source, Reading(columns=own))
     return seen.table, seen.names
 
 
-def usual_rows(batch: Any, drive_id: str) -> "pa.Table":
+def usual_rows(batch: Any, drive_id: str, own: Own = _NONE) -> "pa.Table":
     """The columns of a batch whose meaning is known, and trips' names in a column `drive_id`."""
-    return _named(*_table(batch, drive_id), drive_id)
+    return _named(*_table(batch, drive_id, own), drive_id, own)
 
 
 def _check(names: list[str]) -> None:
@@ -140,9 +145,9 @@ def _check(names: list[str]) -> None:
         raise ReadError(no_column("table", "no time", names, ("time",)))
 
 
-def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
+def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.Table":
     """The columns whose meaning is known, and trips' names in a column `drive_id`."""
-    found = find(table.column_names)
+    found = find(table.column_names, own)
     if "time" not in found:
         _check(names)
     usual = found.get("drive_id") or found.get("vehicle_id")
@@ -157,7 +162,8 @@ def _named(table: "pa.Table", names: list[str], drive_id: str) -> "pa.Table":
         )
     apart = place != usual.place or table.column_names[place] == "drive_id" if usual else True
     others = ("drive_id", "row_id", "vehicle_id") if apart else ("drive_id", "row_id")
-    keep = [c.place for q, c in found.items() if c.place != place and q not in others]
+    places = [c.place for q, c in found.items() if c.place != place and q not in others]
+    keep = list(dict.fromkeys(places))  # a further sensor may read a column that has a meaning
     used = [table.column_names[i] for i in keep if table.column_names[i] != "drive_id"]
     return table.select(used).append_column("drive_id", table.column(place))
 
@@ -230,13 +236,13 @@ def split_each(trips: Iterable[Trip], pause: float) -> Iterator[Trip]:
             yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 
 
-def _whole(batches: Iterable[Any], drive_id: str) -> Iterator[tuple[str, "pa.Table"]]:
+def _whole(batches: Iterable[Any], drive_id: str, own: Own) -> Iterator[tuple[str, "pa.Table"]]:
     """Each trip of a stream and its rows, once it is complete."""
     waiting: dict[str, list[Any]] = {}
     last: dict[str, int] = {}
     rows = 0
     for batch in batches:
-        table = usual_rows(batch, drive_id)
+        table = usual_rows(batch, drive_id, own)
         for name, part in cut(table):
             waiting.setdefault(name, []).append(part)
             last[name] = rows

@@ -181,6 +181,7 @@ BARE = {
         for wheel in ("wheel_rl", "wheel_rr")
     },
 }  # names that say no unit, of quantities that have several usual ones
+SENSED = "+"  # begins the alias of a column that a further sensor reads
 DRIVES = ("drive_id", "vehicle_id", "row_id")  # what may tell drives apart, the surest first
 
 
@@ -211,6 +212,8 @@ def _found(names: tuple[str, ...], own: tuple[tuple[str, str | int], ...]) -> di
     units = units_of(places.keys())
     given = {}
     for alias, column in own:
+        if alias.startswith(SENSED):
+            continue
         quantity = _quantity(alias)
         place = _place(names, alias, column)
         given[quantity] = _column(quantity, normal(alias), place, names[place], {})
@@ -224,6 +227,10 @@ def _found(names: tuple[str, ...], own: tuple[tuple[str, str | int], ...]) -> di
             if all(place != column.place for column in given.values()):
                 found[quantity] = _column(quantity, name, place, names[place], units)
                 break
+    for alias, column in own:  # of further sensors: where the table has them
+        place = places.get(normal(str(column)), -1)
+        if alias.startswith(SENSED) and place >= 0:
+            found[alias] = Column(place, names[place], 1.0)
     if "time" not in found and "date" in found:  # a column `date` with the time of day in it
         found["time"] = found.pop("date")
     return found

@@ -299,6 +299,10 @@ class RoadMap(EdgeGeometry):
         """An attribute of every edge (of its longest piece), absent values None."""
         return self._values(name, self.way)
 
+    def at_pieces(self, name: str) -> list[Any]:
+        """An attribute of every row of `pieces`, absent values None."""
+        return self._values(name, self.pieces.way)
+
     def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
         """A column's values as plain Python, for some streets."""
         column = self.ways[name]

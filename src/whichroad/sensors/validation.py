@@ -12,6 +12,7 @@ from ..observations import (
     Distance,
     GeoFix,
     Observation,
+    SensorReading,
     SpeedYaw,
     WheelSpeed,
     WheelTicks,
@@ -46,6 +47,8 @@ def validated(observation: Observation, skipped: Skipped) -> Observation | None:
             )
         if isinstance(observation, GeoFix):
             return _fix(observation, skipped)
+        if isinstance(observation, SensorReading):
+            return observation  # its sensor reads it
         why = _wrong(observation)
         if why is None:
             return observation

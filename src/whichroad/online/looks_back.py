@@ -1,0 +1,51 @@
+"""What an on-line filter says of moments before the last one, by all that was observed since."""
+
+from ..errors import SettingError
+from ..filter.estimate import Output
+from ..filter.state import Belief
+from ..smoothing import Window
+from .answering import Answering
+from .epoch_filter import EpochFilter
+from .estimates import Estimate
+
+
+class LooksBack:
+    """The part of a `Localizer` that smooths with a fixed lag."""
+
+    _past: Window | None
+    _filter: EpochFilter
+    _answers: Answering
+    _far_fix: tuple[float, float]
+
+    def lagged(self) -> Estimate | None:
+        """The estimate of a moment the lag ago, by all that was observed since.
+
+        Of the last epoch before that moment at which something was observed; None before
+        there is one.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._smoothed(True)
+        if found is None:
+            return None
+        return self._answers.of_past(found[0], found[1], self._far_fix)
+
+    @property
+    def decided_until(self) -> float | None:
+        """The last time at which one road has 0.999 of the probability, by all that is known.
+
+        What was driven before it is decided as well as it ever will be; None: nothing is.
+
+        Raises:
+            SettingError: The localizer was made without a lag.
+        """
+        found = self._smoothed(False)
+        return None if found is None else found[2]
+
+    def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
+        if self._past is None:
+            raise SettingError(
+                "lag is None; seconds were expected for smoothing, as in Localizer(roads, lag=10)"
+            )
+        return self._past.smoothed_at(self._filter.ctx, self._filter.path, self._filter.time, back)
