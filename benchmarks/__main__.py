@@ -43,6 +43,7 @@ BENCHMARKS = {
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
     "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
+    "evidence": ("evidence.run", "further sensors: ranges, a compass, each removed, each faulty"),
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
     "calibrate": ("calibration.run", "cars from their own drives: errors, coverage"),
