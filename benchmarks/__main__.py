@@ -41,6 +41,7 @@ BENCHMARKS = {
     "honesty": ("honesty.run", "is P(road) true?  Ten thousands of short simulated drives"),
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
+    "learnt": ("worlds.learnt.run", "receivers and maps whose errors nobody told: true ellipses?"),
     "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
     "evidence": ("evidence.run", "further sensors: ranges, a compass, each removed, each faulty"),
@@ -117,7 +118,9 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
-    command.add_argument("--parts", metavar="A,B", help="sparse, fleet, routes, places: only these")
+    command.add_argument(
+        "--parts", metavar="A,B", help="sparse, fleet, routes, places, learnt: only these"
+    )
     command.add_argument(
         "--intervals", metavar="1,10", help="sparse, routes: seconds between fixes"
     )

@@ -57,13 +57,18 @@ class Plane:
         return np.column_stack(self._proj(lon, lat))
 
 
-def draw_map(net: Net, faults: list[Event], random: np.random.Generator) -> Chart:
+def draw_map(
+    net: Net, faults: list[Event], random: np.random.Generator, offset: float | None = None,
+    relative: float = 1.0,
+) -> Chart:  # fmt: skip
     """A map of a net.
 
     Args:
         net: The truth.
         faults: Of the map.
         random: Of this world.
+        offset: m, by which the whole map is off; None: 1.5 m of each axis, drawn.
+        relative: m, of each axis, by which it is off locally.
     """
     import shapely
 
@@ -72,8 +77,8 @@ def draw_map(net: Net, faults: list[Event], random: np.random.Generator) -> Char
         gone = random.random(len(rows)) < 0.05
         rows = [r for r, g in zip(rows, gone, strict=True) if not g]
     invented = _invented(net, random) if has(faults, "invented") else []
-    move = _field(faults, random)
-    tolerance = 8.0 if has(faults, "chords") else 0.7
+    move = _field(faults, random, offset, relative)
+    tolerance = 8.0 if has(faults, "chords") else min(0.7, 0.7 * relative)
     plane = Plane(net.lat_deg, net.lon_deg)
     roads = _compiled([*rows, *invented], move, tolerance, plane)
     road_of_edge = chain_roads(roads.arrays.edges)
@@ -157,13 +162,18 @@ def beside(line: np.ndarray, gap: float) -> np.ndarray:
     return np.asarray(p + gap * share[:, None] * q)
 
 
-def _field(faults: list[Event], random: np.random.Generator) -> Any:
+def _field(
+    faults: list[Event], random: np.random.Generator, offset: float | None, relative: float
+) -> Any:
     """How far each place of the map is off, as a function of (n, 2) metres."""
     shift = random.normal(0.0, 1.5, 2)
     if has(faults, "shift"):
         course, far = random.uniform(0, 2 * np.pi), random.uniform(10.0, 30.0)
         shift = far * np.array([np.cos(course), np.sin(course)])
-    sigma, waves = 1.0, random.uniform(150.0, 900.0, 24)
+    if offset is not None:
+        course = random.uniform(0, 2 * np.pi)
+        shift = offset * np.array([np.cos(course), np.sin(course)])
+    sigma, waves = relative, random.uniform(150.0, 900.0, 24)
     if has(faults, "warp"):
         sigma, waves = float(random.uniform(5.0, 8.0)), random.uniform(250.0, 500.0, 24)
     course, phase = random.uniform(0, 2 * np.pi, 24), random.uniform(0, 2 * np.pi, (24, 2))

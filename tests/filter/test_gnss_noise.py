@@ -53,8 +53,8 @@ def test_a_turn_costs_the_same_doubt_however_often_the_gyro_is_read(interval: fl
 
 
 def add_doppler(epochs: Records, truth: Truth) -> None:
-    """The receiver tells its speed as well, to 0.3 m/s."""
-    epochs.speed, epochs.speed_sigma = np.gradient(truth.s, truth.time), 0.3
+    """The receiver measures its speed by Doppler as well, to 0.2 m/s."""
+    epochs.speed, epochs.speed_sigma = np.gradient(truth.s, truth.time), 0.2
 
 
 @pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
@@ -73,7 +73,7 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
 
 
 @pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
-def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mode: int):
+def test_a_receiver_that_is_not_to_be_inflated_is_taken_at_its_word(mode: int):
     """What was guessed at the start is forgotten within three minutes."""
     fix = gnss(BESIDE, sigma=6.0, seed=0, constant=Settings().gnss_time)
     fix[:, 2:4] = 3.0
@@ -81,7 +81,8 @@ def test_where_nothing_vouches_for_the_motion_a_receiver_is_taken_at_its_word(mo
     epochs = epochs_of(BESIDE, fix, every, course=0.1)
     if mode == CLOCK:
         epochs = epochs[every].copy()
-    scale = localize(PARALLEL, epochs, mode=mode).output.rows.gnss_scale
+    settings = Settings(gnss_inflation=1.0)
+    scale = localize(PARALLEL, epochs, settings=settings, mode=mode).output.rows.gnss_scale
     assert scale[len(scale) // 2 :] == pytest.approx(1.0, abs=0.01)
 
 

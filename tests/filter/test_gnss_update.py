@@ -160,7 +160,7 @@ def learnt(seed: int, under: float, anchored: bool) -> np.ndarray:
         fix = np.array([*(place + error), reported, reported, 0.0])
         white = 0.5 * math.sqrt(state.gnss_factor)
         state.moving = float(k > 0)
-        age_receiver(belief, CTX)
+        age_receiver(belief, CTX, SET.gnss_time)
         update_root(belief, fix, state.gnss_factor, 1.0 if k else -1.0)
         average_energy(belief, CTX, fix, white, 0.0, GAIN, BIAS_GAIN)
         normalise(belief)
@@ -259,7 +259,7 @@ def test_within_the_gate_it_does_not_matter_who_would_be_blamed(ellipse, x, y):
 
 def grow_older(belief: Belief, time: float) -> None:
     belief.state[0].moving = time
-    age_receiver(belief, CTX)
+    age_receiver(belief, CTX, SET.gnss_time)
 
 
 @given(seeds, st.floats(0.0, 3.0), st.floats(0.0, 300.0))

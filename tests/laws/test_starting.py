@@ -70,7 +70,7 @@ def test_a_road_that_ends_beside_the_fix_has_half_the_probability_of_one_that_go
 
 
 def test_both_directions_are_equal_and_off_road_has_its_prior():
-    settings = whichroad.Settings(unknown=0.0, off_road_start=0.2)
+    settings = whichroad.Settings(unknown=0.0, off_road_start=0.2, gnss_inflation=1.0)
     found = shares(first(road_map([ALONG, beside(12.0)]), 1000.0, 0.0, settings=settings))
     assert found[0, True] == pytest.approx(found[0, False], rel=1e-6)
     assert found[None] == pytest.approx(0.2, abs=0.02)  # changed by the map observation

@@ -203,7 +203,7 @@ class Particles:
     def _observe_fix(self, epoch: Record) -> None:
         state, par, fix = self.crowd.state[0], self.par, epoch["fix"]
         interval = epoch.time - state.last_fix
-        age_receiver(self.crowd, self.ctx)
+        age_receiver(self.crowd, self.ctx, self.ctx.par[0].gnss_time)
         update_root(self.crowd, fix, state.gnss_factor, interval)
         state.moving = state.since_fix = 0.0
         state.last_fix = epoch.time

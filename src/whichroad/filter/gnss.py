@@ -224,8 +224,20 @@ def observe_given(
 
 
 @kernel
-def observe_state(belief: Belief, ctx: Context, index: int, value: float, variance: float) -> None:
-    """Condition every hypothesis on one of its states: course (H) or speed (K)."""
+def observe_state(
+    belief: Belief, ctx: Context, index: int, value: float, variance: float, wrong: float
+) -> None:
+    """Condition every hypothesis on one of its states: course (H) or speed (K).
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        index: H or K.
+        value: As reported, rad or m/s.
+        variance: Of its error.
+        wrong: Density of values that say nothing of the vehicle, in 1/rad or s/m: a hypothesis
+            that they fit better is not moved.
+    """
     row = ctx.work.row
     for j in range(N):
         row[j] = 0.0
@@ -236,6 +248,13 @@ def observe_state(belief: Belief, ctx: Context, index: int, value: float, varian
         nu = value - hyp.mu[index]
         if index == H:
             nu = wrap(nu)
+        if wrong > 0.0:
+            s = variance + hyp.cov[index, index]
+            fits = math.exp(-0.5 * nu * nu / s) / math.sqrt(2.0 * math.pi * s)
+            if fits < wrong:
+                hyp.log_weight += math.log(fits + wrong)
+                continue
+            hyp.log_weight += math.log(1.0 + wrong / fits)
         hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, scale)
 
 

@@ -9,6 +9,7 @@ from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
 from .gaussian import innovation_variance
 from .gnss import fix_row, lever_arm
+from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads
 from .motion import age_bias
 from .state import (
     GX,
@@ -42,11 +43,10 @@ _WHITE_PRIOR = 0.5  # white variance over the reported one of sparse fixes, befo
 _PRIOR_COUNT = 4.0  # prior sample count, in differences of fixes
 _REMEMBERED = 15.0  # differences of fixes that are averaged at least
 _LEAST_BIAS = 0.1  # share of the bias in the variance of fixes, at least
-_NEVER = 1e9  # s, adaptation times beyond this mean: never
 
 
 @kernel(inline=True)
-def age_receiver(belief: Belief, ctx: Context) -> None:
+def age_receiver(belief: Belief, ctx: Context, lasts: float) -> None:
     """Gauss-Markov step of every hypothesis' GNSS bias over the time spent moving.
 
     A bias far beyond its sigma is a receiver that has lost lock: it recovers by
@@ -58,7 +58,7 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
     time = belief.state[0].moving
     root = belief.state[0].bias_root
     wanders = _WANDERS**2 * time / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-    usual = math.exp(-time / par.gnss_time)
+    usual = math.exp(-time / lasts)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.blames == RECEIVER:
@@ -69,15 +69,9 @@ def age_receiver(belief: Belief, ctx: Context) -> None:
             age_bias(hyp.mu, hyp.cov, usual)
             continue
         size = math.sqrt(square)
-        age_bias(hyp.mu, hyp.cov, math.exp(-time / (par.gnss_time * size / 3.0)))
+        age_bias(hyp.mu, hyp.cov, math.exp(-time / (lasts * size / 3.0)))
         if size > _FAULT:
             hyp.log_weight -= time / par.gnss_fault_time
-
-
-@kernel
-def is_vouched(state: Record, epoch: Record) -> bool:
-    """Whether motion in the plane is measured without positions: wheels, or Doppler."""
-    return bool(state.mode == WHEELS or epoch.speed_sigma < 1.0)
 
 
 @kernel(inline=True)
@@ -173,14 +167,19 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
     state.unlearnt = 0.0
     state.factor_time = epoch.time
     state.learnt_time += since
-    if par.gnss_adapt_time > _NEVER:
+    if par.gnss_adapt_time > NEVER:
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
     if not is_vouched(state, epoch):
+        if is_inflated(state, par, epoch):
+            state.gnss_factor = learn_by_roads(belief, par, min(moving, _RECENT))
+            return
         state.innovation_factor += gain * (1.0 - state.innovation_factor)
         state.gnss_factor = max(state.innovation_factor, 1.0)
         return
+    if state.mode == WHEELS and state.learnt_time > _BIAS_PRIOR:
+        state.road_prior = max(state.gnss_factor, 1.0)
     moving = min(moving, _RECENT)
     bias_gain = max(
         moving / (_BIAS_PRIOR + state.learnt_time), 1.0 - math.exp(-moving / _BIAS_TIME)
@@ -355,8 +354,10 @@ def observe_white(
     one[0] = fix[0]
     one[1] = fix[1]
     one[2] = epoch.time
+    if is_inflated(state, par, epoch):
+        return factor, math.sqrt(max(state.white_factor, par.gnss_white_ratio**2))
     more = state.white_factor - white * white
-    if more > 0.0 and par.gnss_adapt_time < _NEVER:  # less of the error is bias
+    if more > 0.0 and par.gnss_adapt_time < NEVER:  # less of the error is bias
         factor = max(factor - more, _LEAST_BIAS * factor)
         white = math.sqrt(state.white_factor)
     return factor, white

@@ -12,10 +12,14 @@ from .gnss import (
     observe_rate,
     observe_state,
 )
-from .gnss_noise import age_receiver, is_vouched, learn_factor, observe_white, update_root
+from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
+from .inflation import bias_time, is_inflated, is_vouched
+from .reported_motion import LATENCY, observe_reported
 from .sides import loosen, take_sides
 from .state import (
     CLOCK,
+    GX,
+    GY,
     NOTHING,
     OFF_ROAD,
     WHEELS,
@@ -30,7 +34,8 @@ from .state import (
     normalise,
 )
 
-_LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
+_WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
+_RESTARTED = 0.1  # P(the belief was wrong) then
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
@@ -93,6 +98,10 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
         state.innovation_factor = least * par.gnss_start**2
         state.windowed_factor = least
         state.bias_factor = least
+        state.road_prior = par.gnss_inflation**2
+        state.road_energy[0] = state.road_energy[1] = 0.0
+        if is_inflated(state, par, epoch):
+            state.gnss_factor = state.road_prior
     start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
     state.started = 1
@@ -147,8 +156,8 @@ def _is_lost(belief: Belief) -> bool:
 
 @kernel(inline=True)
 def _add_restarts(
-    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, lost: bool
-) -> None:
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, lost: bool, share: float
+) -> None:  # fmt: skip
     """A far fix may be right, and the belief wrong.
 
     Re-initialisation hypotheses at the fix are added with a small weight; roads and fixes
@@ -167,7 +176,26 @@ def _add_restarts(
             math.inf if lost else math.sqrt(top.cov[H, H]) + 0.03, mean[K],
             math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
         )  # fmt: skip
-        cold_start(belief, path, ctx, fix, start, par.gnss_lost)
+        cold_start(belief, path, ctx, fix, start, share)
+
+
+@kernel(inline=True)
+def _is_unlikely(belief: Belief, ctx: Context, epoch: Record) -> bool:
+    """Whether a receiver alone would err more than it does one time in a hundred.
+
+    Its error follows any wrong road.  So the belief is doubted, once in some seconds.
+    """
+    state = belief.state[0]
+    if ctx.par[0].gnss_lost == 0.0 or epoch.time < state.on_road_at + _LOST_TIME:
+        return False
+    energy = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+    if energy < _WILD:
+        return False
+    state.on_road_at = epoch.time
+    return True
 
 
 @kernel(inline=True)
@@ -175,21 +203,22 @@ def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) ->
     """Course and Doppler speed of the epoch."""
     par = ctx.par[0]
     state = belief.state[0]
+    if state.mode == CLOCK:
+        observe_reported(belief, ctx, epoch, epoch.course_sigma**2 + 0.0025, thin)
+        return
     if has_course(epoch, 1.0) and state.speed > -0.5:
         speed = max(abs(state.speed), 1.0)
         swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
         unknown = _TURN_SIGMA * par.lever[0] / speed
         variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
-        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance)
+        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
         state.course_time = epoch.time
     if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
-            late = _LATENCY * state.odometer_acceleration
+            late = LATENCY * state.odometer_acceleration
             variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
             observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
-    if state.mode == CLOCK and epoch.speed_sigma < 20.0:
-        observe_state(belief, ctx, K, epoch.speed, (epoch.speed_sigma**2 + 0.04) * thin)
 
 
 @kernel(inline=True)
@@ -266,7 +295,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     interval = epoch.time - state.last_fix
     if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
-    age_receiver(belief, ctx)
+    age_receiver(belief, ctx, bias_time(state, par, epoch))
     factor = state.gnss_factor
     white = math.sqrt(factor) * par.gnss_white_ratio
     if state.mode == CLOCK:
@@ -289,7 +318,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     misfit = chi2 > 4.0 * par.gnss_gate
     lost = state.mode == WHEELS and _is_lost(belief)
     if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
-        _add_restarts(belief, path, ctx, epoch, white, lost)
+        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
+    if is_inflated(state, par, epoch) and _is_unlikely(belief, ctx, epoch):
+        _add_restarts(belief, path, ctx, epoch, white, True, _RESTARTED)
     _observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if misfit:

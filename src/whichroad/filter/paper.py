@@ -187,9 +187,9 @@ def observe_gnss(belief: Belief, ctx: Context, epoch: Record) -> float:
     state = belief.state[0]
     chi2 = observe_position(belief, ctx, epoch.fix, _axes(epoch.fix), math.inf, False, 0.0)
     if par.mode != WHEELS and has_course(epoch, 1.0):
-        observe_state(belief, ctx, H, epoch.course, epoch.course_sigma**2 + 0.0025)
+        observe_state(belief, ctx, H, epoch.course, epoch.course_sigma**2 + 0.0025, 0.0)
     if par.mode == CLOCK and epoch.speed_sigma < 20.0:
-        observe_state(belief, ctx, K, epoch.speed, epoch.speed_sigma**2 + 0.04)
+        observe_state(belief, ctx, K, epoch.speed, epoch.speed_sigma**2 + 0.04, 0.0)
     normalise(belief)
     state.last_fix = epoch.time
     state.misfits = state.misfits + 1.0 if chi2 > 4.0 * par.gnss_gate else 0.0

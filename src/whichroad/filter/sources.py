@@ -56,6 +56,16 @@ VETTING = np.dtype(
     align=True,
 )
 
+REPORTS = np.dtype(
+    [
+        ("speed", "f8", (3,)),  # reported by the receiver, m/s, when, s, and its change, m/s²
+        ("course", "f8", (3,)),  # rad, s, rad/s
+        ("place", "f8", (4,)),  # of a fix about a second ago: x, y (plane), when, s, course, rad
+        ("latency", "f8", (2,)),  # of courses, moments: s times rad²/s², and rad²/s²
+    ],
+    align=True,
+)
+
 _REST = 2.0  # s without anything impossible,
 _ROLLED = 10.0  # and m, after which odometry is believed again; twice as many after a relapse
 _MOST_RELAPSES = 8

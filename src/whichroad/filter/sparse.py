@@ -8,7 +8,7 @@ usual, and each Gaussian is truncated to its edge.
 import math
 from typing import NamedTuple
 
-from .._compile import Record, Vector, kernel
+from .._compile import Record, kernel
 from ..graph.geometry import locate, project, wrap
 from ..graph.index import vertex_at
 from ..graph.network import Roads
@@ -400,14 +400,14 @@ def _exchange_off_road(
 
 
 @kernel
-def transit(belief: Belief, path: Path, ctx: Context, fix: Vector, dt: float) -> float:
+def transit(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) -> float:
     """Take every hypothesis along the routes to the roads near a sparse fix.
 
     Args:
         belief: In place, normalised; those on roads are replaced by those that arrive.
         path: The tree of edges entered.
         ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis.
+        epoch: With the fix.
         dt: Since the last epoch, s.
 
     Returns:
@@ -417,8 +417,8 @@ def transit(belief: Belief, path: Path, ctx: Context, fix: Vector, dt: float) ->
     n = int(state.count)
     top = heaviest(belief)
     mean = belief.hyp[top].mu
-    metres = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
-    sparse = find_candidates(belief, ctx, fix, dt)
+    metres = math.hypot(epoch.fix[0] - mean[X], epoch.fix[1] - mean[Y]) / state.scale
+    sparse = find_candidates(belief, ctx, epoch, dt)
     set_goals(ctx.work.search, ctx.work.near, sparse.found)
     choose_routes(belief, ctx, sparse)
     off_road = False

@@ -3,10 +3,11 @@
 import math
 from typing import NamedTuple
 
-from .._compile import Record, Vector, kernel
+from .._compile import Record, kernel
 from ..graph.index import closest
 from ..graph.network import Roads
 from ..graph.search import Query
+from .inflation import bias_time
 from .road import track
 from .state import GX, GY, MX, MY, Belief, Context, K, X, Y, heaviest
 
@@ -116,11 +117,12 @@ def on_map(hyp: Record, state: Record, x: float, y: float, bias_keep: float) -> 
 
 
 @kernel(inline=True)
-def find_candidates(belief: Belief, ctx: Context, fix: Vector, dt: float) -> SparseFix:
+def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> SparseFix:
     """Find the roads near a fix, into `work.near`."""
     par = ctx.par[0]
     state = belief.state[0]
-    keep = math.exp(-dt / par.gnss_time)
+    fix = epoch.fix
+    keep = math.exp(-dt / bias_time(state, par, epoch))
     x, y = on_map(belief.hyp[heaviest(belief)], state, fix[0], fix[1], keep)
     ratio = par.gnss_white_ratio**2
     factor = state.gnss_factor * (1.0 + ratio)

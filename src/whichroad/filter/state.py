@@ -32,7 +32,7 @@ from .epoch import EPOCH as EPOCH
 from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
-from .sources import VETTING, clear
+from .sources import REPORTS, VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
 from .windows import WHEELS as WHEELS
@@ -114,6 +114,9 @@ FILTER = np.dtype(
         ("innovation_factor", "f8"),  # the same by innovations,
         ("windowed_factor", "f8"),  # by innovations that keep their sign,
         ("bias_factor", "f8"),  # and by the bias states
+        ("road_energy", "f8", (2,)),  # what roads have told of the bias (filter.inflation)
+        ("road_prior", "f8"),  # the factor believed before
+        ("reports", REPORTS),  # speeds and courses of the receiver, and their latency
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
         ("unlearnt", "f8"),  # s of motion since the factors were last learnt
         ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
@@ -146,10 +149,10 @@ _SETTINGS = (
     "acceleration_noise", "scale_sigma", "drift_sigma", "lane_sigma", "lane_length", "map_sigma",
     "map_length", "relative_sigma", "edge_heading_sigma", "node_radius", "node_sigma",
     "node_heading_sigma", "map_spacing", "gnss_white_ratio", "gnss_time", "gnss_gate",
-    "gnss_adapt_time", "gnss_start", "gnss_fault_time", "gnss_lost", "off_road_leave",
-    "off_road_return", "off_road_cost", "off_road_start", "wrong_way", "u_turn_rate",
-    "search_radius", "prune", "merge", "components", "lost_after", "protection_risk", "unknown",
-    "outage_after", "ambiguous_below", "paper_stay", "paper_radius", "paper_width",
+    "gnss_adapt_time", "gnss_start", "gnss_inflation", "gnss_fault_time", "gnss_lost",
+    "off_road_leave", "off_road_return", "off_road_cost", "off_road_start", "wrong_way",
+    "u_turn_rate", "search_radius", "prune", "merge", "components", "lost_after", "protection_risk",
+    "unknown", "outage_after", "ambiguous_below", "paper_stay", "paper_radius", "paper_width",
     "paper_heading_sigma", "paper_step",
 )  # fmt: skip
 
@@ -225,6 +228,8 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     state = records(1, FILTER)
     state.course_time = -math.inf
     clear(state[0].vetting)
+    state[0].reports.speed[1] = state[0].reports.course[1] = -math.inf
+    state[0].reports.place[2] = -math.inf
     return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 

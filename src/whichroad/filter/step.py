@@ -19,6 +19,7 @@ from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
 from .gyro import rest
 from .history import History, accumulate_motion, accumulate_noise, is_full, store
+from .inflation import bias_time
 from .modes import believed
 from .motion import (
     Increment,
@@ -193,7 +194,7 @@ def _predict(
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
-        metres = transit(belief, path, ctx, epoch.fix, dt)
+        metres = transit(belief, path, ctx, epoch, dt)
         history.since[0].jumped = 1
         history.since[0].map_aged += metres
         _count_motion(state, metres, dt)
@@ -293,7 +294,8 @@ def _observe_gnss(
         return 0.0
     if state.motion == ROUTES:
         normalise(belief)
-    history.since[0].gnss_aged += state.moving
+    par = ctx.par[0]
+    history.since[0].gnss_aged += state.moving * par.gnss_time / bias_time(state, par, epoch)
     state.changed = 1
     state.observed = 1
     chi2 = observe_fix(belief, path, ctx, epoch)

@@ -1,0 +1,77 @@
+"""Inflation of reported covariances where nothing but roads vouches for a receiver.
+
+Without wheels and without Doppler speed a slow error moves the vehicle as driving does, and no
+fix shows it.  So the errors of a receiver alone are taken to be larger than reported at first.
+Only roads make the factor smaller.  Nothing makes it larger than at first: else a wrong road
+would explain itself by a bad receiver.
+"""
+
+import math
+
+from .._compile import Record, kernel
+from .state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
+
+NEVER = 1e9  # s, adaptation times beyond this mean: never
+_SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
+_ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
+_PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
+_REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
+_LIGHT = 0.01  # weight below which a hypothesis says nothing
+
+
+@kernel
+def is_vouched(state: Record, epoch: Record) -> bool:
+    """Whether motion in the plane is measured without positions: wheels, or Doppler.
+
+    A speed every some seconds says little of what was driven in between.
+    """
+    doppler = epoch.speed_sigma < 1.0 and state.heard[1] < _SPEED_INTERVAL
+    return bool(state.mode == WHEELS or doppler)
+
+
+@kernel
+def is_inflated(state: Record, par: Record, epoch: Record) -> bool:
+    """Whether the receiver may err more than it reports, and nothing but roads can show it."""
+    adapts = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
+    return bool(adapts and state.mode == CLOCK and not is_vouched(state, epoch))
+
+
+@kernel
+def bias_time(state: Record, par: Record, epoch: Record) -> float:
+    """How long the receiver's error lasts, s; less where nothing vouches for it."""
+    if is_inflated(state, par, epoch):
+        return float(min(par.gnss_time, _ALONE_TIME))
+    return float(par.gnss_time)
+
+
+@kernel(inline=True)
+def learn_by_roads(belief: Belief, par: Record, moving: float) -> float:
+    """The factor on reported variances, by the bias that roads show.
+
+        num += λ² t/T ½ Σ E|γ|²        den += t/T ½ Σ (2 − tr P_γ)
+        λ²   = (a w² + num) / (a + den), at most w² and at least 1
+
+    with γ the bias, P_γ its covariance, T the time for which it lasts, and w² what is believed
+    before any road has shown it.
+
+    Args:
+        belief: Before it is conditioned on the fix.
+        par: The parameters.
+        moving: t, seconds of motion since the last fix.
+    """
+    state = belief.state[0]
+    energy = 0.0
+    known = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight < _LIGHT or hyp.edge == OFF_ROAD:
+            continue
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+        known += hyp.weight * max(2.0 - hyp.cov[GX, GX] - hyp.cov[GY, GY], 0.0)
+    kept = math.exp(-moving / _REMEMBERED)
+    share = 0.5 * moving / min(par.gnss_time, _ALONE_TIME)
+    state.road_energy[0] = kept * state.road_energy[0] + share * state.gnss_factor * energy
+    state.road_energy[1] = kept * state.road_energy[1] + share * known
+    widest = state.road_prior if state.road_prior > 0.0 else par.gnss_inflation**2
+    factor = (_PRIOR * widest + state.road_energy[0]) / (_PRIOR + state.road_energy[1])
+    return float(max(min(factor, widest), 1.0))
