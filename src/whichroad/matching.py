@@ -26,6 +26,7 @@ from .readers import (
     is_file,
     read_drive,
     read_vehicle,
+    vehicle_beside,
 )  # fmt: skip
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
@@ -173,6 +174,8 @@ def match(
         raise SettingError(f"lag is {lag!r}; None was expected: the paper's method does not smooth")
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
+    elif vehicle is None:
+        vehicle = vehicle_beside(drive)
     road_map = open_map(roads)
     tuned = tuned_by(settings, vehicle)
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from whichroad.errors import ReadError
 from whichroad.observations import Odometer, WheelCounts, WheelSpeeds
 from whichroad.readers import read_drive
-from whichroad.readers.drives import format_of
+from whichroad.readers.formats import format_of
 from whichroad.settings import Vehicle
 
 T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC

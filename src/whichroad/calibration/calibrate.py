@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import DriveError
 from ..observations import Drive
-from ..readers import read_drive, read_vehicle
+from ..readers import read_drive, read_vehicle, vehicle_beside
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import are_near
 from ..settings import Settings, Vehicle, to_toml
@@ -109,7 +109,9 @@ def calibrate(
         MapError: No drive is near the map, or the map is not one.
         DriveError: No drive has both fixes and odometry, or too little was driven.
     """
-    start = read_vehicle(vehicle) if isinstance(vehicle, str | Path) else vehicle or Vehicle()
+    if isinstance(vehicle, str | Path):
+        vehicle = read_vehicle(vehicle)
+    start = vehicle or vehicle_beside(drives) or Vehicle()
     road_map, settings = open_map(roads), settings or Settings()
     found = _drives(drives, start, settings, reading)
     used, left_out = _usable(found, road_map)

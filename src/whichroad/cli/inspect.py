@@ -6,7 +6,16 @@ from typing import Annotated
 import typer
 
 from ..errors import ReadError
-from .arguments import ColumnsOption, CrsOption, IdOption, ZoneOption, read_columns
+from .arguments import (
+    CanOption,
+    ColumnsOption,
+    CrsOption,
+    DbcOption,
+    IdOption,
+    VehicleOption,
+    ZoneOption,
+    read_columns,
+)
 from .console import print_table, progress_line
 
 
@@ -15,9 +24,13 @@ def inspect(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Drive logs and tables, maps, points from `match`, vehicle.toml, .dbc.",
+            help="Drive logs and tables, their folders, maps, points from `match`, vehicle.toml, "
+            ".dbc.",
         ),
     ],
+    can: CanOption = None,
+    dbc: DbcOption = None,
+    vehicle: VehicleOption = None,
     crs: CrsOption = None,
     id_: IdOption = None,
     columns: ColumnsOption = None,
@@ -28,7 +41,10 @@ def inspect(
 
     with progress_line() as progress:
         progress("reading", 0, 0)
-        found = inspect_files(files, crs=crs, id=id_, columns=read_columns(columns) or None, tz=tz)
+        found = inspect_files(
+            files, can=can, dbc=dbc, vehicle=vehicle, crs=crs, id=id_,
+            columns=read_columns(columns) or None, tz=tz,
+        )  # fmt: skip
     for section in found.sections:
         print_table(section.title, section.rows)
         for line in section.said:

@@ -154,7 +154,7 @@ def match(
         check_report(report, force=force)
     from .. import matching
     from ..places import Places
-    from ..readers import read_drive, read_vehicle
+    from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
     from ..tables.schema import thinned
@@ -168,7 +168,7 @@ def match(
             drive_id=id_ or "drive_id",
         )  # fmt: skip
     with progress_line() as progress:
-        car = None if vehicle is None else read_vehicle(vehicle)
+        car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
         drives = read_drive(
             drive, vehicle=car, dbc=dbc, can=can, crs=crs, id=id_, columns=own, tz=tz

@@ -78,7 +78,7 @@ def replay(
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     with comes_with("live", "replay"):
         check_token(host, token)
-    from ..readers import read_drive, read_vehicle
+    from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..replay.dropped import DroppedFile
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..replay.truth import read_truth
@@ -94,7 +94,7 @@ def replay(
         progress("reading the map", 0, 0)
         network = open_map(roads)
         known = None if truth is None else read_truth(truth)
-        car = None if vehicle is None else read_vehicle(vehicle)
+        car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
             player = play_result(drive[0], network, drive_id, path, known)

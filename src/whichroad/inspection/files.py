@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 from ..errors import ReadError, WhichroadError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle
-from ..readers.drives import format_of
+from ..readers.folders import answer_in, is_recording, sorted_out
+from ..readers.formats import format_of
 from ..readers.names import Seen
 from ..readers.reading import Reading
+from ..readers.ros import is_bag
 from ..readers.source import Source
 from ..readers.table_files import table_of
 from ..roadmap import RoadMap, open_map
@@ -45,25 +47,35 @@ class Inspected(NamedTuple):
 
 
 def inspect_files(
-    files: Sequence[Path], *, settings: Settings | None = None, **reading: Any
-) -> Inspected:
+    files: Sequence[Path], *, can: Path | None = None, dbc: Path | None = None,
+    vehicle: Path | None = None, settings: Settings | None = None, **reading: Any,
+) -> Inspected:  # fmt: skip
     """Say what files hold, as `match` would understand them.
 
     A file that cannot be understood has a section that says why.
 
     Args:
-        files: Logs and tables of drives, maps, answers, `vehicle.toml` and `.dbc`.
+        files: Logs and tables of drives and their folders, maps, answers, `vehicle.toml` and
+            `.dbc`.
+        can: A CAN log, also one whose name or content does not show that it is one.
+        dbc: What its frames mean.
+        vehicle: The car's `vehicle.toml`.
         settings: The model's numbers; those of sigmas that are not reported are said.
         reading: How tables are to be read, as `read_drive` takes it, such as `crs`.
     """
     given = {name: value for name, value in reading.items() if value is not None}
     found = _Files(settings or Settings(), given)
-    first = [path for path in files if path.suffix.lower() in (".toml", ".dbc")]
+    files = [*files, *(file for file in (can, dbc, vehicle) if file is not None)]
+    first = [
+        path for path in files if path in (dbc, vehicle) or path.suffix.lower() in (".toml", ".dbc")
+    ]
     for path in (*first, *(path for path in files if path not in first)):
-        found.take(path)
+        found.take(path, about_car=path in (dbc, vehicle))
     found.take_together()
     found.compare()
-    understood = any((found.vehicle, found.dbc, found.map, found.answer, found.read))
+    understood = any(
+        (found.vehicle, found.dbc, found.map, found.answer, found.left_out, found.read)
+    )
     return Inspected(found.sections, found.command(), understood)
 
 
@@ -80,13 +92,16 @@ class _Files:
         self.vehicle: tuple[Path, Vehicle] | None = None
         self.map: tuple[Path, RoadMap] | None = None
         self.answer: Path | None = None
+        self.left_out = False  # whether one of them is a truth or a path
         self.read: list[Drive] = []
 
-    def take(self, path: Path) -> None:
+    def take(self, path: Path, *, about_car: bool = False) -> None:
         """Find out what a file is, and say what it holds or why it cannot be understood."""
         name = path.name.lower()
         try:
-            if name.endswith((".toml", ".dbc")):
+            if path.is_dir() and not is_recording(path) and not is_bag(path):
+                self._take_folder(path)
+            elif about_car or name.endswith((".toml", ".dbc")):
                 self._take_car(path)
             elif name.endswith((*EXTRACTS, *NETS, ".graphml")) or is_compiled(path):
                 self._take_map(path)
@@ -107,6 +122,19 @@ class _Files:
             raise ReadError(f"{path}: the file does not exist; a .dbc was expected; check the name")
         self.sections.append(Section(f"{path}: {title}", []))
 
+    def _take_folder(self, path: Path) -> None:
+        """A folder of a drive: what is read, what describes the car, what is left out."""
+        inside = sorted_out([one for one in path.iterdir() if one.is_file()], self.dbc)
+        with_can = any(format_of(one) == "can" for one in inside.files)
+        drives = read_drive(
+            [path], vehicle=self.car, dbc=self.dbc if with_can else None,
+            settings=self.settings, **self.reading,
+        )  # fmt: skip
+        self.drives.append(path)
+        files = ", ".join(one.name for one in inside.files)
+        self.sections.append(Section(f"{path}: a folder of a drive", [("files", files)]))
+        self._describe(drives)
+
     def _take_map(self, path: Path) -> None:
         roads = open_map(path)
         self.map = path, roads
@@ -126,6 +154,12 @@ class _Files:
     def _take_drive(self, path: Path) -> None:
         kind = "recording" if path.is_dir() else format_of(path)
         seen = _seen(path, self.reading) if kind == "table" else None
+        what = answer_in(path) if kind == "table" else None
+        if seen is not None and what is not None and "p_road" not in seen.names:
+            self.left_out = True
+            title = f"{path}: {what}, and no part of a drive"
+            self.sections.append(Section(title, [("columns", ", ".join(seen.names))]))
+            return
         if seen is not None and "p_road" in seen.names:
             self.answer = path
             title = f"{path}: points that `whichroad match` wrote"

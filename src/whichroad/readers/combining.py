@@ -46,6 +46,7 @@ class Part(NamedTuple):
     kind: str
     drives: list[Drive]
     named: bool  # whether the file says what its drives are called
+    folder: str = ""  # where the file is
 
 
 def combined(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
@@ -146,6 +147,8 @@ def _belong(first: Drive, second: Drive) -> bool:
     a, b = first.fixes, second.fixes
     if a is None or b is None or not len(a) or not len(b):
         return True
+    if _both_measure(first.odometry, second.odometry):
+        return False
     apart = _apart(a, b)
     if apart is not None:
         return apart < _NEAR
@@ -158,6 +161,14 @@ def _belong(first: Drive, second: Drive) -> bool:
     lat = np.array([a.lat_deg[last], b.lat_deg[0]])
     lon = np.array([a.lon_deg[last], b.lon_deg[0]])
     return gap <= _APART and float(distances(lat, lon)[0]) <= _FASTEST * max(gap, _SLACK)
+
+
+def _both_measure(first: OdometryLog | None, second: OdometryLog | None) -> bool:
+    """Whether two logs of odometry of one kind cover the same time, as no two of a drive do."""
+    if first is None or type(first) is not type(second) or second is None:
+        return False
+    begin = max(first.time[0], second.time[0])
+    return bool(min(first.time[-1], second.time[-1]) - begin > _OVERLAP)
 
 
 def _apart(a: Fixes, b: Fixes) -> float | None:
@@ -197,6 +208,11 @@ def _add_odometry(
     else:
         for drive in wheels:
             homes = [name for name in with_fixes if _share_time(groups[name], drive)]
+            if len(homes) > 1:  # day1.nmea and day1.log are of one drive
+                homes = [
+                    name for name in homes
+                    if any(one.drive_id == drive.drive_id for one in groups[name])
+                ]  # fmt: skip
             if len(homes) != 1:
                 raise ReadError(_no_pairs(parts))
             groups[homes[0]].append(drive)
@@ -225,7 +241,8 @@ def _no_pairs(parts: Sequence[Part]) -> str:
     counts = ", ".join(f"{part.name}: {len(part.drives)}" for part in parts)
     return (
         f"files of several drives ({counts}) share no drive_id; one drive per call, or a column "
-        "drive_id in each file (--id COLUMN), was expected"
+        "drive_id in each file (--id COLUMN), was expected; or give each drive a folder of its "
+        "own, or its files one name (day1.nmea, day1.log)"
     )
 
 

@@ -1,22 +1,29 @@
 """Reading drives: files of any known format, combined on one clock."""
 
 import glob
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import ReadError, SettingError
 from ..observations import Drive, OdometryLog, WithGyro
 from ..settings import Settings, Vehicle
 from ..wording import by_reason
 from .can import read_can
-from .checks import listed
 from .combining import Part, combined
-from .csv_text import layout_of
 from .drive_tables import read_table
+from .folders import (
+    Folder,
+    by_folder,
+    described_folders,
+    is_recording,
+    named_by,
+    sorted_out,
+    vehicle_beside,
+)
+from .formats import kind_of, kind_of_path
 from .geo_files import read_geo
 from .gnss_logger import read_gnss_logger
 from .gpx import read_gpx
@@ -32,40 +39,7 @@ from .ubx import read_ubx
 
 AnyPath = str | PathLike[str]
 
-_SUFFIXES = {
-    **dict.fromkeys((".parquet", ".geoparquet", ".pq", ".arrow", ".feather", ".ipc"), "table"),
-    **dict.fromkeys((".tsv", ".tab"), "table"),
-    **dict.fromkeys((".nmea", ".nma"), "nmea"),
-    **dict.fromkeys((".blf", ".asc", ".trc", ".mf4", ".candump"), "can"),
-    **dict.fromkeys((".gpkg", ".shp", ".fgb"), "geo"),
-    ".gpx": "gpx",
-    ".pos": "pos",
-    ".ubx": "ubx",
-}
-_CONTENTS = (  # first bytes of each format
-    ("table", re.compile(rb"\A(PAR1|ARROW1|FEA1)")),
-    ("geo", re.compile(rb"\A(SQLite format 3\x00|fgb\x03fgb|\x00\x00\x27\x0a)")),
-    ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
-    ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
-    ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
-    ("ubx", re.compile(rb"\xb5\x62\x01\x07[\x54\x5c]\x00")),
-    ("gpx", re.compile(rb"<gpx[\s>]")),
-    ("kml", re.compile(rb"<kml[\s>]")),
-    ("pos", re.compile(rb"\A(%[^\n]*\n)*%\s+(GPST|UTC|JST)\s", re.MULTILINE)),
-    ("gnss_logger", re.compile(rb"^#?\s*Fix,Provider,", re.MULTILINE)),
-    ("json", re.compile(rb"\A(\xef\xbb\xbf)?\s*[{\[]")),
-    ("json", re.compile(rb"\A[-\dT:.Z]+\t\*\s*\t\{")),  # OwnTracks' recorder
-    ("table", re.compile(rb"\A\s*[^\n,;\t\x00]+[,;\t][^\n\x00]*(\n|\Z)")),
-)
-_STRANGERS = (  # what is not read: what it is, what to do, what it begins with
-    ("XML, but no GPX", "export GPX", re.compile(rb"\A(\xef\xbb\xbf)?\s*<")),
-    ("compressed or a spreadsheet", "unpack it, or save it as CSV",
-     re.compile(rb"\A(\x1f\x8b|PK\x03\x04|BZh|\x28\xb5\x2f\xfd)")),
-    ("text in UTF-16", "save it in UTF-8", re.compile(rb"\A(\xff\xfe|\xfe\xff)")),
-)  # fmt: skip
 _IN_A_CRS = frozenset(("table", "geo", "json"))  # formats whose places may be in any system
-_ZIP, _SHAPES = b"PK\x03\x04", re.compile(rb"\.shp")  # a Shapefile in an archive
-_SNIFF = 1 << 16  # bytes read to recognise a format
 _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
     "nmea": lambda source, reading: [read_nmea(source, reading.settings)],
     "gpx": lambda source, reading: read_gpx(source, reading.settings),
@@ -100,9 +74,10 @@ def read_drive(
 
     Args:
         paths: One or several of: a file, a folder, a pattern such as `day1/*.gpx`, `-` for
-            standard input, an open file.
-        vehicle: Wheels, clocks and the names of CAN signals.
-        dbc: What the CAN frames mean.
+            standard input, an open file.  Of a folder its CAN logs, its .dbc and its
+            vehicle.toml are used; its truth and its answers are left out.  The notes say so.
+        vehicle: Wheels, clocks and the names of CAN signals; None: that of the folders.
+        dbc: What the CAN frames mean; None: that of the folder.
         can: A CAN log, where its name does not show that it is one.
         settings: Gives the sigma of fixes that report none.
         crs: Reference system of `x, y` columns, and of geometries that name none.
@@ -118,18 +93,20 @@ def read_drive(
         ReadError: A file could not be understood, holds nothing that locates a vehicle, or
             the files share no time.
     """
+    paths = [paths] if is_file(paths) else list(paths)
+    vehicle = vehicle_beside(paths) if vehicle is None else vehicle
     reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
-    files, folders, notes = _files([paths] if is_file(paths) else list(paths))
+    files, folders, notes, bases = _files(paths, reading.vehicle, dbc, can)
     if not files and not folders and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")
-    parts = _parts(files, reading, dbc)
+    parts = _parts(files, reading, dbc, bases)
     if can is not None:
         parts.append(_can_part(can, reading, dbc))
     _check_used(parts, dbc, crs)
     parts = [_on_our_clock(part, reading.vehicle) for part in parts]
     for folder in folders:
         parts += _recording(folder, reading.vehicle, reading.settings)
-    drives = combined(parts, reading.vehicle)
+    drives = _drives_of(parts, reading.vehicle)
     if not any(_holds_anything(drive) for drive in drives):
         reasons = ", ".join(by_reason(d.skipped) for d in drives if d.skipped)
         names = ", ".join(part.name for part in parts)
@@ -138,6 +115,17 @@ def read_drive(
             "at least one was expected"
         )
     return [replace(d, notes=(*notes, *d.notes)) for d in drives] if notes else drives
+
+
+def _drives_of(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
+    """The drives, those of folders with a recording each under the folders' names."""
+    taken: set[str] = set()
+    drives: list[Drive] = []
+    for folder, mine in by_folder(parts):
+        found = combined(mine, vehicle)
+        drives += named_by(folder, found, taken) if folder else found
+        taken |= {drive.drive_id for drive in found}
+    return drives
 
 
 def _check_used(parts: Sequence[Part], dbc: AnyPath | None, crs: Any) -> None:
@@ -160,60 +148,81 @@ def _check_used(parts: Sequence[Part], dbc: AnyPath | None, crs: Any) -> None:
         )
 
 
-def _files(given: Sequence[Any]) -> tuple[list[Any], list[Path], list[str]]:
-    """Single files, folders that are recordings, and notes on files of folders passed over."""
-    files: list[Any] = []
-    recordings: list[Path] = []
-    notes: list[str] = []
-    for one in given:
+class _Given(NamedTuple):
+    """What the caller's paths name."""
+
+    files: list[Any]
+    recordings: list[Path]  # folders of `whichroad live`
+    notes: list[str]  # on what was used and left out
+    bases: dict[Path, Path]  # CAN log -> the .dbc of its folder
+
+
+def _files(
+    given: Sequence[Any], vehicle: Vehicle, dbc: AnyPath | None, can: AnyPath | None
+) -> _Given:
+    """Single files, those of folders, and folders that are recordings."""
+    all_given = _Given([], [], [], {})
+    described = described_folders(given)
+    for folder, paths in described.items():
+        _take(all_given, sorted_out(paths, dbc, can), folder.name or str(folder), vehicle, can)
+    taken = {path for paths in described.values() for path in paths}
+    for one in (one for one in given if is_file_object(one) or Path(one) not in taken):
         single = is_file_object(one) or str(one) == STDIN
         if single or Path(one).is_file() or is_bag(Path(one)):
-            files.append(one)
+            all_given.files.append(one)
         elif Path(one).is_dir():
-            inside, others = _inside(Path(one))
-            if inside:
-                files += inside
-                if others:
-                    notes.append(f"{Path(one).name}: not read: {listed(others, 5)}")
-            else:
-                recordings.append(Path(one))
+            if is_recording(Path(one)):
+                all_given.recordings.append(Path(one))
+                continue
+            paths = [path for path in Path(one).iterdir() if path.is_file()]
+            inside = sorted_out(paths, dbc, can)
+            if not inside.files and not any(what for _, what in inside.left_out):
+                all_given.recordings.append(Path(one))  # which says what is missing
+                continue
+            _take(all_given, inside, Path(one).name or str(one), vehicle, can)
         elif glob.has_magic(str(one)):
             found = sorted(glob.glob(str(one), recursive=True))
             if not found:
                 raise ReadError(
                     f"{one}: no file matches; a pattern such as day1/*.gpx was expected"
                 )
-            more = _files(found)
-            files, recordings, notes = files + more[0], recordings + more[1], notes + more[2]
+            more = _files(found, vehicle, dbc, can)
+            all_given.files.extend(more.files)
+            all_given.recordings.extend(more.recordings)
+            all_given.notes.extend(more.notes)
+            all_given.bases.update(more.bases)
         else:
-            files.append(one)
-    return files, recordings, notes
+            all_given.files.append(one)
+    return all_given
 
 
-def _inside(folder: Path) -> tuple[list[Path], list[str]]:
-    """The drives' files of a folder, and the names of others; none of a recording."""
-    if (folder / "fixes.arrow").is_file() or (folder / "odometry.arrow").is_file():
-        return [], []
-    inside, others = [], []
-    for path in sorted(path for path in folder.iterdir() if path.is_file()):
-        try:
-            if format_of(path) != "can":
-                inside.append(path)
-                continue
-        except ReadError:
-            pass
-        others.append(path.name)
-    return inside, others
+def _take(given: _Given, inside: Folder, name: str, vehicle: Vehicle, can: AnyPath | None) -> None:
+    """Add the files of a folder, and notes on the others.
+
+    Raises:
+        ReadError: None of them is of a drive.
+    """
+    if not inside.files and can is None:
+        others = "; ".join(f"{file}: {what}" if what else file for file, what in inside.left_out)
+        others = others or ", ".join(p.name for p in (inside.vehicle, inside.dbc) if p is not None)
+        raise ReadError(f"{name}: no file of a drive ({others}); a log or table was expected")
+    given.files.extend(inside.files)
+    given.notes.extend(inside.notes(name, vehicle))
+    if inside.dbc is not None:
+        given.bases.update(dict.fromkeys(inside.files, inside.dbc))
 
 
-def _parts(files: Sequence[Any], reading: Reading, dbc: AnyPath | None) -> list[Part]:
+def _parts(
+    files: Sequence[Any], reading: Reading, dbc: AnyPath | None, bases: Mapping[Path, Path]
+) -> list[Part]:
     """What the files hold; own names of columns are those of at least one of several tables."""
     parts, found, missing = [], set[str](), dict[str, NoSuchColumn]()
     for file in files:
         here, file = reading, _kept(file)
         while True:
             try:
-                parts.append(_part(file, here, dbc))
+                base = bases.get(file, dbc) if isinstance(file, Path) else dbc
+                parts.append(_part(file, here, base))
                 break
             except NoSuchColumn as error:
                 if len(files) == 1:
@@ -237,62 +246,20 @@ def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
     """What a file of any format holds."""
     if not isinstance(file, Source) and is_bag(Path(file)):
         return Part(Path(file).name, "ros", read_bag(Path(file), reading), False)
-    if not isinstance(file, Source) and _kind_of_path(file) == "can":
+    if not isinstance(file, Source) and kind_of_path(file) == "can":
         return _can_part(file, reading, dbc)
     source = Source.of(file)
-    kind = _kind(source, reading)
+    kind = kind_of(source, reading)
     if kind == "can":
         raise ReadError(f"{source.name}: a CAN log; give the path of an unpacked file (--can)")
     drives = _READERS[kind](source, reading)
-    return Part(source.name, kind, drives, len(drives) > 1 or drives[0].drive_id != source.stem)
+    named = len(drives) > 1 or drives[0].drive_id != source.stem
+    return Part(source.name, kind, drives, named, str(Path(source.path).parent))
 
 
 def _can_part(path: AnyPath, reading: Reading, dbc: AnyPath | None) -> Part:
-    return Part(Path(path).name, "can", [read_can(path, dbc, reading.vehicle)], False)
-
-
-def _kind_of_path(path: AnyPath) -> str | None:
-    """The format by suffix alone, or by the first bytes of a CAN log."""
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(_SNIFF)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ReadError(
-            f"{path}: cannot be read ({reason}); a readable file was expected"
-        ) from None
-    kind = _SUFFIXES.get(Path(path).suffix.lower())
-    return kind or ("can" if any(p.search(head) for k, p in _CONTENTS if k == "can") else None)
-
-
-def format_of(file: Any) -> str:
-    """The format of a drive's file: a key of `_READERS`, or `can`.
-
-    Raises:
-        ReadError: The file cannot be opened, is empty or like none of them.
-    """
-    return _kind(Source.of(file), Reading())
-
-
-def _kind(source: Source, reading: Reading) -> str:
-    where, head = source.name, source.data[:_SNIFF]
-    if not head.strip():
-        raise ReadError(f"{where}: the file is empty; a log or table was expected")
-    if source.suffix in _SUFFIXES:
-        return _SUFFIXES[source.suffix]
-    kind = next((kind for kind, pattern in _CONTENTS if pattern.search(head)), None)
-    strange = next(((s, advice) for s, advice, p in _STRANGERS if p.search(head)), None)
-    if kind is None and not strange and b"\0" not in head and layout_of(head, reading):
-        kind = "table"
-    if source.data.startswith(_ZIP) and _SHAPES.search(source.data):
-        return "geo"
-    if kind is not None and not (kind == "table" and strange):
-        return kind
-    seen, advice = strange or ("a file of unknown format", "convert it")
-    raise ReadError(
-        f"{where}: {seen}; NMEA 0183, a drive table (CSV, Parquet, Arrow), GPX, KML, GeoJSON, "
-        f"UBX, RTKLIB .pos or a CAN log was expected; {advice}"
-    )
+    drives = [read_can(path, dbc, reading.vehicle)]
+    return Part(Path(path).name, "can", drives, False, str(Path(path).parent))
 
 
 def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[Part]:
