@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 from scipy.spatial import cKDTree
 
-from whichroad.errors import DriveError, ReadError
+from whichroad.errors import DriveError, ReadError, SettingError
 from whichroad.evaluate import (
     anees_band,
     calibration_error,
@@ -23,6 +23,7 @@ from whichroad.evaluate import (
     pool,
     route_mismatch,
     score,
+    score_files,
 )
 
 LAT, LON = 49.41, 2.82
@@ -345,6 +346,59 @@ def test_files_are_compared_by_their_suffix(tmp_path):
     (tmp_path / "bad.parquet").write_bytes(b"no")
     with pytest.raises(ReadError, match="a table of points was expected"):
         evaluate_files(tmp_path / "bad.parquet", tmp_path / "truth.parquet")
+
+
+@pytest.fixture
+def written(tmp_path):
+    """An answer with names of its own, and the folder of its truth."""
+    points, truth = shaken()
+    table = pa.table({"ts": points["time"], **{n: v for n, v in points.items() if n != "time"}})
+    pa.csv.write_csv(table, tmp_path / "mine.csv")
+    pa.parquet.write_table(pa.table(truth), tmp_path / "truth.parquet")
+    return tmp_path / "mine.csv", tmp_path, points, truth
+
+
+def test_a_masked_minute_has_figures_of_its_own(written):
+    answer, folder, points, truth = written
+    scored = score_files(answer, folder, mask=[(20.0, 40.0)], columns={"time": "ts"})
+    begin = points["time"][0]
+    wanted = evaluate(points, truth, mask=[(begin + 20.0, begin + 40.0)]).figures()
+    assert scored.figures == pytest.approx(wanted)
+    assert scored.figures["outage_epochs"] == 201
+    with pytest.raises(SettingError, match="no epoch of the result is between 5,000 and"):
+        score_files(answer, folder, mask=[(5e3, 6e3)], columns={"time": "ts"})
+
+
+def test_a_column_that_is_not_there_is_named(written):
+    answer, folder, *_ = written
+    with pytest.raises(ReadError, match=r"mine.csv: no column 'time'.*--columns time=COLUMN"):
+        score_files(answer, folder)
+    with pytest.raises(ReadError, match=r"no column 'tz' for time .*ts, "):
+        score_files(answer, folder, columns={"time": "tz"})
+    with pytest.raises(ReadError, match=r"'tmie' is no column .*did you mean time"):
+        score_files(answer, folder, columns={"tmie": "ts"})
+    with pytest.raises(ReadError, match=r"without points.arrow or points.parquet"):
+        score_files(folder, folder)
+
+
+def test_hints_name_the_table_that_lacks_a_column():
+    points, truth = shaken()
+    own = {name: truth[name] for name in truth if name not in ("edge_id", "abscissa_m")}
+    figures = evaluate(points, own).figures()
+    hints = further_columns(figures, set(points), set(own))
+    assert hints == {"edge_id of the truth": "right_edge"}
+
+
+def test_two_different_drives_are_not_compared_in_silence(written):
+    answer, folder, points, truth = written
+    away = truth | {"lat": truth["lat"] + 0.01}
+    pa.parquet.write_table(pa.table(away), folder / "truth.parquet")
+    [note] = score_files(answer, folder, columns={"time": "ts"}).notes
+    assert "a result and a truth of one drive were expected" in note
+    ends = np.concatenate([truth["time"][:50] - 86_400.0, truth["time"][-50:] + 86_400.0])
+    around = {name: np.concatenate([v[:50], v[-50:]]) for name, v in truth.items()}
+    with pytest.raises(DriveError, match="are they of one drive"):
+        evaluate(points, around | {"time": ends})
 
 
 LINE = np.array([[0.0, 0.0], [300.0, 0.0], [300.0, 200.0]])

@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from .arguments import Force, MapOption, Preset, Scene
+from .arguments import (
+    ColumnsOption,
+    Force,
+    MapOption,
+    Preset,
+    Scene,
+    read_columns,
+    read_window,
+)
 from .console import print_table, progress_line
 
 
@@ -71,21 +79,34 @@ def evaluate(
         ),
     ],
     truth: Annotated[
-        Path, typer.Option(help="True points: time, lat, lon, and more, as `simulate` writes them.")
+        Path,
+        typer.Option(
+            help="True points: time, lat, lon, and more. Or the folder that `simulate` wrote."
+        ),
     ],
+    mask: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="START:END",
+            help="Also give the figures of this outage, as in `match`. May be repeated.",
+        ),
+    ] = None,
+    columns: ColumnsOption = None,
 ) -> None:
     """Score a result against the known truth."""
-    from ..evaluate import evaluate_files, further_columns
+    from ..evaluate import score_files
 
+    own = {name: str(column) for name, column in read_columns(columns).items()}
+    windows = [read_window(text) for text in mask or ()]
     with progress_line() as progress:
         progress("comparing", 0, 0)
-        figures = evaluate_files(result, truth)
-    print_table(f"{result} against {truth}", figures.items())
-    further = further_columns(figures)
-    if further:
-        more = "; ".join(f"{column} ({adds})" for column, adds in further.items())
-        typer.echo(f"more columns of the result would add figures: {more}", err=True)
-        typer.echo("edge_id and abscissa_m are needed in the truth as well", err=True)
+        scored = score_files(result, truth, mask=windows, columns=own)
+    print_table(f"{result} against {truth}", scored.figures.items())
+    for note in scored.notes:
+        typer.echo(f"note: {note}", err=True)
+    if scored.further:
+        more = "; ".join(f"{column} ({adds})" for column, adds in scored.further.items())
+        typer.echo(f"more columns would add figures: {more}", err=True)
 
 
 def experiments(

@@ -14,6 +14,7 @@ from .score import (
     evaluate_files,
     further_columns,
     score,
+    score_files,
 )
 
 __all__ = [
@@ -29,4 +30,5 @@ __all__ = [
     "pool",
     "route_mismatch",
     "score",
+    "score_files",
 ]

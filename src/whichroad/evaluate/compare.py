@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..errors import DriveError
 from ..geodesy.angles import radians, unwrap_degrees, wrap_degrees
 from ..observations import Array
+from ..wording import moment
 from .input_tables import Bools, Table, roads_of
 
 SLACK_M = 10.0
@@ -19,6 +20,7 @@ NEES_CAP = 1e4
 
 _MOVED = 1e-8  # rad between two places of the truth, some centimetres, that define a course
 _LATE_S = 0.5  # s, how far outside the truth's span epochs are compared
+_GAP_S, _GAP = 60.0, 10.0  # s, and usual steps, to a row of the truth: farther is a gap of it
 _WGS84 = (6378137.0, 6.69437999014e-3)  # m, half the equator's diameter; squared eccentricity
 
 
@@ -149,11 +151,15 @@ def _comparable(p: Table, true_time: Array) -> Bools:
     time = p.times()
     keep = np.isfinite(p.numbers("lat"))
     keep &= (time > true_time[0] - _LATE_S) & (time < true_time[-1] + _LATE_S)
+    away = np.abs(true_time[_nearest(true_time, time)] - time)
+    usual = float(np.median(np.diff(true_time))) if len(true_time) > 1 else 0.0
+    keep &= away < max(_GAP_S, _GAP * usual)
     if not keep.any():
         raise DriveError(
-            f"points: none of the result's epochs ({len(time):,}) lies within the truth's "
-            f"{true_time[-1] - true_time[0]:.0f} s; one drive was expected; "
-            "are they of one drive?"
+            f"points: none of the result's epochs ({len(time):,}, from {moment(time.min())} to "
+            f"{moment(time.max())}) lies within the truth's {true_time[-1] - true_time[0]:.0f} s "
+            f"(from {moment(true_time[0])}) with a position; result and truth of one drive were "
+            "expected; are they of one drive?"
         )
     return keep
 

@@ -1,5 +1,7 @@
 """Any table as columns of arrays: pandas, GeoPandas, Arrow, a dict of arrays, or a file."""
 
+import difflib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,83 @@ from ..observations import Array
 Bools = NDArray[np.bool_]
 
 
+POINTS, TRUTH = ("points.arrow", "points.parquet"), ("truth.parquet",)
+"""Names of points, and of a truth, in a folder."""
+
+
+def _in_folder(folder: Path, names: Sequence[str]) -> Path:
+    """The first of some files that is in a folder.
+
+    Raises:
+        ReadError: None is.
+    """
+    found = [folder / name for name in names if (folder / name).is_file()]
+    if not found:
+        raise ReadError(
+            f"{folder}: a folder without {' or '.join(names)}; a table was expected; points come "
+            "from `whichroad match DRIVE --map MAP -o points.parquet`"
+        )
+    return found[0]
+
+
+def read_truth_table(path: Path) -> Any:
+    """A truth from a file, or from the folder that `whichroad simulate` wrote."""
+    return read_table(_in_folder(path, TRUTH) if path.is_dir() else path)
+
+
+def renamed(tables: Mapping[str, Any], columns: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Tables under the names that are compared.
+
+    Args:
+        tables: By their names in messages.
+        columns: Name -> own column, of at least one of the tables.
+
+    Returns:
+        Each as a dict of its columns.
+
+    Raises:
+        ReadError: No table has such a column, or a name is not known.
+    """
+    for name, column in columns.items():
+        if name not in KNOWN:
+            close = difflib.get_close_matches(name, KNOWN, 3, 0.5)
+            hint = f"did you mean {' or '.join(close)}?" if close else "see docs/formats.md"
+            raise ReadError(
+                f"columns: {name!r} is no column that is compared; one of {', '.join(KNOWN)} was "
+                f"expected; {hint}"
+            )
+        if not any(column in _columns(table) for table in tables.values()):
+            seen = "; ".join(f"{n}: {', '.join(_columns(t))}" for n, t in tables.items())
+            raise ReadError(
+                f"columns: no column {column!r} for {name} ({seen}); a column of one of the tables "
+                "was expected; check its spelling"
+            )
+    given = []
+    for table in tables.values():
+        mine = {name: column for name, column in columns.items() if column in _columns(table)}
+        others = {n: table[n] for n in _columns(table) if n not in mine}
+        given.append(others | {name: table[column] for name, column in mine.items()})
+    return given
+
+
+KNOWN = (
+    "time", "lat", "lon", "drive_id", "bearing_deg", "cov_ee_m2", "cov_en_m2", "cov_nn_m2",
+    "sigma_m", "sigma_bearing_deg", "edge_id", "source_id", "abscissa_m", "p_road", "p_off_road",
+    "map_lat", "map_lon", "speed_mps", "on_road", "travelled_m", "outage",
+)  # fmt: skip
+"""Columns that are compared."""
+
+
+def _columns(table: Any) -> list[str]:
+    return list(getattr(table, "column_names", None) or table.keys())
+
+
 def read_table(path: Path) -> Any:
     """A table from a file, the suffix chooses; the points of a recording, a folder."""
-    path = path / "points.arrow" if path.is_dir() else path
+    path = _in_folder(path, POINTS) if path.is_dir() else path
     try:
         match path.suffix.lower():
-            case ".parquet":
+            case ".parquet" | ".geoparquet":
                 import pyarrow.parquet as pq
 
                 return pq.read_table(path)
@@ -62,7 +135,7 @@ class Table:
         self.where = where
         self.table = table
         self.keep: Any = slice(None)
-        self.names = set(getattr(table, "column_names", None) or table.keys())
+        self.names = set(_columns(table))
 
     def rows(self, keep: Bools) -> "Table":
         """The same table with some of its rows."""
@@ -74,7 +147,7 @@ class Table:
         if name not in self.names:
             raise ReadError(
                 f"{self.where}: no column {name!r} among {', '.join(sorted(self.names))}; "
-                "this column is needed; is it the right table?"
+                f"this column is needed; name your own by columns= (--columns {name}=COLUMN)"
             )
         column = self.table[name]
         if hasattr(column, "to_numpy") and hasattr(column, "combine_chunks"):

@@ -1,24 +1,28 @@
 """Figures of a comparison: errors, honesty, right roads."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DriveError
+from ..errors import DriveError, SettingError
 from ..geodesy.angles import degrees
 from ..observations import Array
+from ..wording import counted
 from .compare import Comparison, compare
-from .input_tables import Bools, read_table
+from .input_tables import Bools, Table, read_table, read_truth_table, renamed
 
 COVERAGE = (0.5, 0.9, 0.95, 0.99)
 SURE = 0.999
 """A road declared with this probability should be wrong once in a thousand cases."""
 
+_STRANGE_M = 100.0  # m; a median error that suggests two different drives
+_IN_BOTH = frozenset(("edge_id", "abscissa_m"))  # columns that both tables must have
+_OF_ROADS = frozenset(("abscissa_m", "p_road"))  # columns that say something of a road only
 _BINS = np.array([0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 
 
@@ -102,16 +106,99 @@ def evaluate(
     return score(c, keep)
 
 
+class Scored(NamedTuple):
+    """What files gave."""
+
+    figures: dict[str, float | int]  # by name
+    notes: tuple[str, ...]  # on what was not compared, a sentence each
+    further: dict[str, str]  # columns that would add figures -> these figures
+
+
 def evaluate_files(
-    result: str | PathLike[str], truth: str | PathLike[str]
+    result: str | PathLike[str],
+    truth: str | PathLike[str],
+    *,
+    mask: Sequence[tuple[Any, Any]] = (),
+    columns: Mapping[str, str] | None = None,
 ) -> Mapping[str, float | int]:
     """`evaluate` for tables in files (.parquet, .arrow, .csv, .geojson): names and figures.
+
+    Args:
+        result: The answer's file.
+        truth: The truth's file, or the folder that `whichroad simulate` wrote.
+        mask: Outages besides the truth's own, as `match` takes them: seconds since the first
+            epoch of the result, or times.
+        columns: Own names of columns of either table: {"time": "ts"}.
 
     Raises:
         ReadError: A file is not such a table, or lacks a column.
         DriveError: The tables have no epoch in common.
+        SettingError: The mask holds no epoch.
     """
-    return evaluate(read_table(Path(result)), read_table(Path(truth))).figures()
+    return score_files(result, truth, mask=mask, columns=columns).figures
+
+
+def score_files(
+    result: str | PathLike[str],
+    truth: str | PathLike[str],
+    *,
+    mask: Sequence[tuple[Any, Any]] = (),
+    columns: Mapping[str, str] | None = None,
+) -> Scored:
+    """The same with notes and with what further columns would add."""
+    tables = {Path(result).name: read_table(Path(result))}
+    tables[f"truth {Path(truth).name}"] = read_truth_table(Path(truth))
+    answer, true = renamed(tables, columns or {})
+    times = Table(answer, Path(result).name).times()
+    windows = absolute_windows(mask, times)
+    figures = evaluate(answer, true, mask=windows).figures()
+    notes = notes_on(figures, len(times))
+    return Scored(figures, notes, further_columns(figures, set(answer), set(true)))
+
+
+def absolute_windows(mask: Sequence[tuple[Any, Any]], times: Array) -> list[tuple[float, float]]:
+    """Windows in seconds since 1970; numbers count from the first epoch.
+
+    Raises:
+        SettingError: A window holds no epoch.
+    """
+    windows = []
+    for begin, end in mask:
+        low, high = (
+            float(t.timestamp()) if hasattr(t, "timestamp") else float(times.min() + t)
+            for t in (begin, end)
+        )
+        if not ((times >= low) & (times <= high)).any():
+            since = times.min()
+            raise SettingError(
+                f"mask: no epoch of the result is between {low - since:,.0f} and "
+                f"{high - since:,.0f} s after its first, and the last is at "
+                f"{times.max() - since:,.0f} s; a window within the result was expected"
+            )
+        windows.append((low, high))
+    return windows
+
+
+def notes_on(figures: Mapping[str, float | int], epochs: int) -> tuple[str, ...]:
+    """What a reader of the figures should know.
+
+    Args:
+        figures: Of a comparison.
+        epochs: How many epochs the answer has.
+    """
+    notes = []
+    compared = int(figures["epochs"])
+    if compared < epochs:
+        notes.append(
+            f"{epochs - compared:,} of {counted(epochs, 'epoch')} of the result are left out: "
+            "without a position, or without a truth at their time"
+        )
+    if figures["median_m"] > _STRANGE_M:
+        notes.append(
+            f"half of the epochs are more than {figures['median_m']:,.0f} m from the truth; "
+            "a result and a truth of one drive were expected"
+        )
+    return tuple(notes)
 
 
 FURTHER = {
@@ -126,12 +213,34 @@ FURTHER = {
 """Columns that an answer may lack, and the figures that each would add."""
 
 
-def further_columns(figures: Mapping[str, float | int]) -> dict[str, str]:
-    """Columns that would add figures to an answer's, and which these are."""
-    return {
+def further_columns(
+    figures: Mapping[str, float | int],
+    result: Set[str] = frozenset(),
+    truth: Set[str] = frozenset(),
+) -> dict[str, str]:
+    """Columns that would add figures to an answer's, and which these are.
+
+    Args:
+        figures: Of a comparison.
+        result: Columns of the answer.
+        truth: Columns of the truth; with both a column names the table that lacks it.
+    """
+    lacking = {
         column: adds for column, adds in FURTHER.items()
         if not any(name in figures for name in adds.split(", "))
     }  # fmt: skip
+    if not truth:
+        return lacking
+    named = {}
+    for column, adds in lacking.items():
+        in_both = column in _IN_BOTH
+        where = ["result"] if column not in result else []
+        where += ["truth"] if in_both and column not in truth else []
+        if column in _OF_ROADS and "edge_id" in lacking:
+            continue  # without roads in both tables it adds nothing
+        if where:
+            named[f"{column} of the {' and of the '.join(where)}"] = adds
+    return named
 
 
 def score(c: Comparison, keep: Bools | None = None) -> Evaluation:
