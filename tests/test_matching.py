@@ -201,6 +201,15 @@ def test_a_speed_limit_has_the_probability_of_all_roads_that_have_it(fixes, edge
             assert here.p[here.value == value].sum() == pytest.approx(p, abs=1e-6)
     with pytest.raises(SettingError, match="is none of this map"):
         result.attribute("colour")
+    roads = result._roads
+    assert roads.attribute("maxspeed", 3) == roads.attribute("speed_limit_kmh", 3)
+    for wrong, said in (
+        ((3, "name"), r"write attribute\('name', 3\)"), (("nam", 3), "did you mean name"),
+        (("name", -1), "the number of an edge, from 0 to"), (("name", None), "off the roads"),
+        (("name", 10**6), "the number of an edge, from 0 to"),
+    ):  # fmt: skip
+        with pytest.raises(SettingError, match=said):
+            roads.attribute(*wrong)
     with pytest.raises(SettingError, match="has no map"):
         pickle.loads(pickle.dumps(result)).attribute("maxspeed")
 

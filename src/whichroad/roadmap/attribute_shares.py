@@ -3,10 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from ..errors import SettingError
+from .attribute_names import known_name
 from .roadmap import RoadMap
-
-_NAMES = {"maxspeed": "speed_limit_kmh"}  # as OpenStreetMap calls it
 
 
 def attribute_name(roads: RoadMap, name: str) -> str:
@@ -15,14 +13,7 @@ def attribute_name(roads: RoadMap, name: str) -> str:
     Raises:
         SettingError: The map has no such attribute.
     """
-    known = [n for n in roads.ways if n not in ("back_id", "paired")]
-    column = _NAMES.get(name, name)
-    if column not in known:
-        raise SettingError(
-            f"attribute: {name!r} is none of this map; one of "
-            f"{', '.join([*sorted(known), *_NAMES])} was expected"
-        )
-    return column
+    return known_name(roads.ways, name)
 
 
 def shares_by_value(

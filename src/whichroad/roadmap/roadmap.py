@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import MapError
+from ..errors import MapError, SettingError
 from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
+from .attribute_names import known_name, refusal
 from .compile import Network, Pieces, compile_streets
 from .edge_geometry import EdgeGeometry
 from .source_places import SourcePlace, on_source
@@ -263,14 +264,19 @@ class RoadMap(EdgeGeometry):
         """One attribute of the road at a place; None where it is absent.
 
         Args:
-            name: Of the attribute, as in `attributes`.
+            name: Of the attribute, as in `attributes`; "maxspeed" is `speed_limit_kmh`.
             edge: The edge.
             s: True m from its start; None: the edge's longest piece.
 
-        Returns:
-            Its value.
+        Raises:
+            SettingError: The map has no such attribute, or no such edge.
         """
-        return self._values(name, self._way_at(edge, s))[0]
+        try:
+            column = name if name in self.ways else known_name(self.ways, name)
+            way = self._way_at(edge if edge >= 0 else len(self), s)
+        except (LookupError, TypeError, ValueError, SettingError):
+            raise refusal(self.ways, len(self), name, edge) from None
+        return self._values(column, way)[0]
 
     def _way_at(self, edge: int, s: float | None) -> NDArray[Any]:
         """The street of an edge at a place, (1,)."""
