@@ -242,6 +242,8 @@ def test_a_drive_is_simulated_answered_and_evaluated(run, town, tmp_path):
     assert (rows.reason == "alive at the drive's end").any()
     assert "exists already" in one_error(run("match", *drive, *roads, "--lineage", lives))
 
+    assert out.index("mean P of the way") < out.index("mean P of the edge")
+
     code, out, _ = run("evaluate", points, "--truth", tmp_path / "truth.parquet")
     assert (code, "right edge" in out) == (0, True)
 

@@ -180,6 +180,11 @@ def test_plot_draws_on_axes_as_geopandas_does(result, roads):
     assert other is not ax
     assert other.figure.get_size_inches().tolist() == [3.0, 2.0]
     assert result.plot(color="black") is not None
+    alone = result.plot()
+    roads_near, path = alone.collections[:2]
+    assert len(roads_near.get_paths()) == streets - 1  # one lies more than 200 m away
+    assert [text.get_text() for text in alone.get_legend().get_texts()] == ["roads", "path"]
+    assert alone.figure.axes[1].get_ylabel() == "P(way), probability of the road"
     matplotlib.pyplot.close("all")
 
 

@@ -12,12 +12,19 @@
 Every message reads `where: what was seen; what was expected; what to do`.
 """
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_SCALAR = re.compile(r"\bnp\.(?:float|int|uint|bool|str|datetime|timedelta)\d*_?\(([^()]*)\)")
+
 
 class WhichroadError(Exception):
-    """Base of every error that whichroad raises on purpose."""
+    """Base of every error that whichroad raises on purpose; numbers of NumPy read as numbers."""
+
+    def __init__(self, message: object = "", *more: object) -> None:
+        text = _SCALAR.sub(r"\1", message) if isinstance(message, str) else message
+        super().__init__(text, *more)
 
 
 class ReadError(WhichroadError):

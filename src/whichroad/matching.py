@@ -48,17 +48,27 @@ Window = tuple[Any, Any]
 _USUAL, _A_CAR = Settings(), Vehicle()  # checking their numbers takes as long as some fixes
 
 
-def _drives(drive: Any, settings: Settings, **reading: Any) -> list[Drive]:
-    """The drives of whatever names them or holds them."""
+def _drives(drive: Any, settings: Settings, can: Any, dbc: Any, **reading: Any) -> list[Drive]:
+    """The drives of whatever names them or holds them.
+
+    Raises:
+        SettingError: A CAN log is given beside something else than paths.
+    """
+    if is_file(drive):
+        return read_drive([drive], settings=settings, can=can, dbc=dbc, **reading)
+    several = isinstance(drive, list | tuple)
+    if several and drive and all(is_file(d) for d in drive):
+        return read_drive(list(drive), settings=settings, can=can, dbc=dbc, **reading)
+    if can is not None or dbc is not None:
+        raise SettingError(
+            f"can, dbc: given beside a {type(drive).__name__}; paths of the drive's files were "
+            "expected with a CAN log; read it by whichroad.read_drive(can=..., dbc=...)"
+        )
     if isinstance(drive, Drive):
         return [drive]
-    if is_file(drive):
-        return read_drive([drive], settings=settings, **reading)
-    if isinstance(drive, list | tuple):
+    if several:
         if all(isinstance(d, Drive) for d in drive):
             return list(drive)
-        if all(is_file(d) for d in drive):
-            return read_drive(list(drive), settings=settings, **reading)
         if any(isinstance(d, Observation) for d in drive):
             return [drive_of_observations(drive, settings)]
     return drive_from_table(drive, settings=settings, **reading)
@@ -122,6 +132,8 @@ def match(
     hypotheses: bool = False,
     places: Any = None,
     sensors: Sequence[Sensor] = (),
+    can: str | Path | None = None,
+    dbc: str | Path | None = None,
     crs: Any = None,
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
@@ -151,6 +163,8 @@ def match(
         places: Point objects for `Result.ahead` and `nearby`: `Places`, or a table or path as
             that takes it.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the tables.
+        can: The path of a CAN log with wheel data, beside the paths of fixes.
+        dbc: The path of the database that describes its signals.
         crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
@@ -191,7 +205,7 @@ def match(
     if isinstance(pose, StartPose):
         check_start(pose, road_map)
     drives = _drives(
-        drive, settings or _USUAL, vehicle=vehicle or _A_CAR, crs=crs, id=id,
+        drive, settings or _USUAL, can, dbc, vehicle=vehicle or _A_CAR, crs=crs, id=id,
         columns=own or None, tz=tz,
     )  # fmt: skip
     check_mask(drives, windows)

@@ -279,5 +279,6 @@ def _pages(roads: "RoadMap", tiles: str | None, tiles_by: str | None) -> Any:
 def _print_addresses(host: str, port: int, plan: "Plan") -> None:
     address_text = f"[{host}]" if ":" in host else host
     typer.echo(f"http://{address_text}:{port}/")
+    typer.echo("Ctrl-C stops the service", err=True)
     for output in [output for one in plan.fitted() for output in one.nmea_outputs]:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

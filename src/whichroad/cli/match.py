@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 _EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
 _PRINTED_APART = ("skipped", "notes", "diagnosis")
+_LABELS = {  # what people read; the way first, as its parts share its probability at junctions
+    "mean_p_way": "mean P of the way",
+    "mean_p_road": "mean P of the edge",
+    "mean_p_off_road": "mean P off road",
+}
 
 
 def match(
@@ -76,8 +81,8 @@ def match(
         typer.Option(
             "-o",
             "--out",
-            help="File for the points: .parquet, .geojson, .csv, .gpx, .arrow, .nmea, .mcap, .bag, "
-            ".db3.",
+            help="File for the points: .parquet, .geoparquet, .geojson, .csv, .gpx, .arrow, .nmea, "
+            ".mcap, .bag, .db3.",
         ),
     ] = None,
     path_out: Annotated[
@@ -255,9 +260,21 @@ def print_summary(result: "Result") -> None:
         title = str(figures.pop("drive_id", "drive"))
         shares = figures.get("status", {})
         figures["status"] = {word: f"{100 * share:.1f} %" for word, share in shares.items()}
-        print_table(title, [row for row in figures.items() if row[1] not in ((), [], {})])
+        print_table(title, _in_words(figures))
     for failed in result.summary.get("failed", ()):
         typer.echo(f"skipped: {failed}", err=True)
+
+
+def _in_words(figures: dict[str, Any]) -> list[tuple[str, Any]]:
+    """The figures of a drive as they are printed."""
+    way = figures.pop("mean_p_way", None)
+    rows = []
+    for name, value in figures.items():
+        if name == "mean_p_road" and way is not None:
+            rows.append((_LABELS["mean_p_way"], way))
+        if value not in ((), [], {}):
+            rows.append((_LABELS.get(name, name), value))
+    return rows
 
 
 def _finding_line(finding: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ import typer
 from ..errors import comes_with
 from .arguments import (
     CanOption,
+    ColumnsOption,
     DbcOption,
     Force,
     MapOption,
@@ -16,6 +17,7 @@ from .arguments import (
     Token,
     VehicleOption,
     check_token,
+    read_columns,
     read_start,
     read_window,
 )
@@ -41,6 +43,7 @@ def replay(
     can: CanOption = None,
     dbc: DbcOption = None,
     vehicle: VehicleOption = None,
+    columns: ColumnsOption = None,
     start: Annotated[
         str | None,
         typer.Option(metavar="LAT,LON,BEARING", help="Start pose, as for `match`."),
@@ -76,6 +79,7 @@ def replay(
 ) -> None:
     """Replay a drive or a result in the browser, and mask GNSS while it plays."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
+    own = read_columns(columns)
     with comes_with("live", "replay"):
         check_token(host, token)
     from ..readers import read_drive, read_vehicle, vehicle_beside
@@ -104,7 +108,8 @@ def replay(
                     "--path was given with a drive; points from `match -o` were expected"
                 )
             progress("reading the drive", 0, 0)
-            one = one_of(read_drive(drive, vehicle=car, dbc=dbc, can=can), drive_id)
+            drives = read_drive(drive, vehicle=car, dbc=dbc, can=can, columns=own or None)
+            one = one_of(drives, drive_id)
             progress("localizing", 0, 0)
             player = play_drive(Remaking(one, network, car, pose), windows, known)
         app = replay_app(

@@ -98,6 +98,11 @@ def _wheels(statistics: ConsistencyStatistics) -> list[Finding]:
     return found
 
 
+def _side(metres: float, positive: str, negative: str) -> str:
+    """A distance to either side, "1.2 m ahead" or "0.3 m behind"."""
+    return f"{abs(metres):.1f} m {positive if metres >= 0.0 else negative}"
+
+
 def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
     late, antenna, sigma_late, sigma_antenna = statistics.shift()
@@ -107,7 +112,7 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
             Finding(
                 "clock", "warning", late, -band, band,
                 f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
-                f"odometer; add {-late:.1f} s to the clock of gnss",
+                f"odometer; add {-late:.1f} s to gnss under [clock] in vehicle.toml",
             )
         )  # fmt: skip
     band = max(_ANTENNA, _SURE * sigma_antenna)
@@ -118,8 +123,10 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
         found.append(
             Finding(
                 "antenna", "warning", abs(antenna), 0.0, band,
-                f"the antenna is {right.real:.1f} m ahead and {right.imag:.1f} m left of the rear "
-                "axle's middle; set antenna_forward and antenna_left",
+                f"the antenna seems to be {_side(right.real, 'ahead', 'behind')} and "
+                f"{_side(right.imag, 'to the left', 'to the right')} of the middle of the rear "
+                f"axle; set forward_m = {right.real:.1f} and left_m = {right.imag:.1f} under "
+                "[antenna] in vehicle.toml (antenna_forward, antenna_left)",
             )
         )  # fmt: skip
     return found

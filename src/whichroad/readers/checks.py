@@ -3,6 +3,7 @@
 A `Skipped` counts records by reason; it ends as `Drive.skipped`.
 """
 
+import difflib
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -36,10 +37,30 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ReadError(
-            f"{path}: cannot be read ({reason}); a readable file was expected"
-        ) from None
+        raise ReadError(cannot_be_read(path, error)) from None
+
+
+def cannot_be_read(path: str | PathLike[str], error: Exception) -> str:
+    """The message about a file that cannot be opened, with files of similar names.
+
+    Args:
+        path: As the caller wrote it.
+        error: What opening it raised.
+    """
+    reason = str(getattr(error, "strerror", None) or error or type(error).__name__)
+    text = f"{path}: cannot be read ({reason.splitlines()[0]}); a readable file was expected"
+    if not isinstance(error, FileNotFoundError):
+        return text
+    folder = Path(path).parent
+    try:
+        there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+    except OSError:
+        return f"{text}; there is no folder {folder}"
+    close = difflib.get_close_matches(Path(path).name, there, 3, 0.5)
+    if close:
+        return f"{text}; did you mean {' or '.join(str(folder / name) for name in close)}?"
+    where = "in this folder" if folder == Path() else f"in {folder}"
+    return f"{text}; check the name; {where} are {listed(there, 5) or 'no files'}"
 
 
 def listed(names: Iterable[str], most: int = 20) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..errors import ReadError
 from .checks import Skipped, listed
 from .dates import is_clock, of_texts
-from .names import NAMES, Column, Seen, find, with_unit
+from .names import NAMES, Column, NoSuchColumn, Seen, find, with_unit
 from .reading import Reading
 
 if TYPE_CHECKING:
@@ -75,10 +75,13 @@ def layout_of(head: bytes, reading: Reading | None = None) -> Layout | None:
 
 def _known(names: list[str], own: Any) -> int:
     """How many quantities these cells name; none where they are values."""
-    try:
-        found = find(names, own)
-    except ReadError:
-        found = find(names)
+    own = dict(own)
+    while True:
+        try:
+            found = find(names, own)
+            break
+        except NoSuchColumn as error:  # the reader will say so
+            del own[error.alias]
     return sum(not _is_value(column.name) for column in found.values())
 
 
@@ -133,7 +136,12 @@ def read_csv(data: bytes, where: str, skipped: Skipped, reading: Reading) -> See
     data = _in_utf8(data)
     layout = layout_of(data[:_HEAD], reading)
     if layout is None:
-        raise ReadError(no_column(where, "no known column", _first(data), ("time", "lat", "lon")))
+        first = _first(data)
+        if reading.columns:
+            find(first, reading.columns)  # names a column that is not there
+        if any(map(_is_value, first)):
+            raise ReadError(_without_names(where, first))
+        raise ReadError(no_column(where, "no known column", first, ("time", "lat", "lon")))
     body = data[layout.begin :]
     if b"#" in body or b"%" in body:
         body = _COMMENT.sub(b"", body)
@@ -259,10 +267,20 @@ def _in_utf8(data: bytes) -> bytes:
     return data
 
 
+def _without_names(where: str, first: list[str]) -> str:
+    """The message about a table whose first line holds values."""
+    return (
+        f"{where}: the first line holds values ({listed(first, 6)}) and no names of columns; a "
+        "first line such as time,lat,lon was expected; add one, or give the columns by their "
+        "numbers: `whichroad match --columns time=1,lat=2,lon=3` (columns=)"
+    )
+
+
 def no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
     """The message about a table that lacks something, with what it has and what would do."""
     accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
     return (
         f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}; "
-        "rename the columns, or name your own by --columns time=...,lat=...,lon=... (columns=)"
+        "rename the columns, or name your own by `whichroad match --columns time=...,lat=...` "
+        "(columns=)"
     )

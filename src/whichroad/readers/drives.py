@@ -226,7 +226,9 @@ def _parts(
                 break
             except NoSuchColumn as error:
                 if len(files) == 1:
-                    raise
+                    name = file.name if isinstance(file, Source) else Path(file).name
+                    said = str(error).replace("table:", f"{name}:", 1)
+                    raise NoSuchColumn(error.alias, said) from None
                 missing[error.alias] = error
                 own = {name: column for name, column in here.columns.items() if name != error.alias}
                 here = replace(here, columns=own, id=here.id if "drive_id" in own else None)

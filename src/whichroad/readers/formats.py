@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReadError
+from .checks import cannot_be_read
 from .csv_text import layout_of
 from .reading import Reading
 from .source import Source
@@ -55,10 +56,7 @@ def kind_of_path(path: str | PathLike[str]) -> str | None:
         with Path(path).open("rb") as file:
             head = file.read(_SNIFF)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ReadError(
-            f"{path}: cannot be read ({reason}); a readable file was expected"
-        ) from None
+        raise ReadError(cannot_be_read(path, error)) from None
     kind = _SUFFIXES.get(Path(path).suffix.lower())
     return kind or ("can" if any(p.search(head) for k, p in _CONTENTS if k == "can") else None)
 

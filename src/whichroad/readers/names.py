@@ -214,7 +214,7 @@ def _found(names: tuple[str, ...], own: tuple[tuple[str, str | int], ...]) -> di
     for alias, column in own:
         if alias.startswith(SENSED):
             continue
-        quantity = _quantity(alias)
+        quantity = quantity_of(alias)
         place = _place(names, alias, column)
         given[quantity] = _column(quantity, normal(alias), place, names[place], {})
     found = {}
@@ -241,8 +241,12 @@ def _column(quantity: str, alias: str, place: int, name: str, units: Mapping[str
     return Column(place, name, units.get(alias, NAMES[quantity][alias]), bare)
 
 
-def _quantity(alias: str) -> str:
-    """What an own column is to be."""
+def quantity_of(alias: str) -> str:
+    """What an own column is to be.
+
+    Raises:
+        ReadError: The alias is not the name of a quantity; the closest are offered.
+    """
     for quantity, aliases in NAMES.items():
         if normal(alias) in aliases:
             return quantity
@@ -264,11 +268,13 @@ def _place(names: Sequence[str], alias: str, column: str | int) -> int:
         return alike[0]
     if str(column).isdecimal() and 1 <= int(column) <= len(names):
         return int(column) - 1
+    close = difflib.get_close_matches(str(column), [name for name in names if name], 2, 0.6)
+    hint = f"; did you mean {' or '.join(close)}?" if close else ""
     raise NoSuchColumn(
         alias,
         f"table: no column {column!r} for {alias} among {listed(name for name in names if name)}; "
         "the name of a column, or its number from 1, was expected by columns= or id= (--columns, "
-        "--id)",
+        f"--id){hint}",
     )
 
 

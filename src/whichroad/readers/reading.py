@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..settings import Settings, Vehicle
+from .names import SENSED, quantity_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,5 +27,7 @@ class Reading:
         own = dict(more.get("columns") or {})
         if more.get("id") is not None:
             own = {k: v for k, v in own.items() if k != "drive_id"} | {"drive_id": more["id"]}
+        for alias in (alias for alias in own if not alias.startswith(SENSED)):
+            quantity_of(alias)
         more["columns"] = own
         return cls(vehicle or Vehicle(), settings or Settings(), **more)

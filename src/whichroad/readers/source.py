@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ..errors import ReadError
+from .checks import cannot_be_read
 
 STDIN = "-"
 _PACKED = (  # first bytes, suffix, and what unpacks them
@@ -61,9 +62,7 @@ class Source:
             else:
                 data = Path(path).read_bytes()
         except (OSError, ValueError) as error:
-            raise ReadError(
-                f"{path}: cannot be read ({_reason(error)}); a readable file was expected"
-            ) from None
+            raise ReadError(cannot_be_read(path, error)) from None
         return unpacked(cls(name, path, data.encode() if isinstance(data, str) else data))
 
 

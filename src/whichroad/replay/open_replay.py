@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..settings import Vehicle
     from ..tables.result import Result
 
+_TABLES = (".parquet", ".geoparquet", ".arrow", ".feather")
 _ENDS = 1 << 16  # bytes at either end of a file in which the columns of points are named
 _END = 1e8  # s; a mask that is not over, below the ten years from which on times are absolute
 
@@ -29,7 +30,7 @@ _END = 1e8  # s; a mask that is not over, below the ten years from which on time
 def is_points(path: str | Path) -> bool:
     """Whether a file seems to hold points that `match` wrote, rather than a log."""
     path = Path(path)
-    if path.suffix.lower() not in (".parquet", ".arrow", ".feather", ".csv", ".geojson", ".json"):
+    if path.suffix.lower() not in (*_TABLES, ".csv", ".geojson", ".json"):
         return False
     try:
         with open(path, "rb") as file:

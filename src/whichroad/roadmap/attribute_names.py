@@ -27,7 +27,7 @@ def known_name(columns: Iterable[str], name: Any) -> str:
         raise SettingError(
             f"attribute: {name!r} is none of this map; one of {', '.join(known)} was expected{hint}"
         )
-    return _NAMES.get(name, name)
+    return _NAMES.get(name, str(name))
 
 
 def refusal(columns: Iterable[str], edges: int, name: Any, edge: Any) -> SettingError:

@@ -21,6 +21,9 @@ _KEYS = [
     ("#0b4f9e", "P(way) 0.99 and more"), ("#5aa6cf", "0.95"), ("#eec143", "0.8"),
     ("#ee7d2f", "0.5"), ("#c51b1b", "less"), (_OFF, "off road"), (_PATH, "path"),
 ]  # fmt: skip
+_ROADS = "#9aa3ad"  # roads of a plot
+_BARS = {"p_way": "P(way), probability of the road", "speed_mps": "speed (m/s)"}  # of legends
+_AROUND = 200.0  # m about the track within which roads are drawn
 _DOTS = 400  # points up to which each is a dot
 _PIXELS = 0.3  # by which the track may be simplified
 
@@ -48,16 +51,51 @@ def answer_html(
     return figure(layers, frame, " · ".join(filter(None, (caption, credit))), _KEYS)
 
 
-def plot_answer(points: Any, path: Any, ax: Any, style: dict[str, Any]) -> Any:
+def plot_answer(
+    points: Any, path: Any, ax: Any, style: dict[str, Any], roads: "RoadMap | None" = None
+) -> Any:
     """See `Result.plot`."""
+    known = points[points.lat.notna()]
+    alone = ax is None  # on axes of the caller, roads and legend are the caller's
+    size = {"figsize": style["figsize"]} if "figsize" in style else {}
+    if alone and roads is not None and len(known):
+        ax = _near(roads, known).plot(color=_ROADS, linewidth=0.8, zorder=0, label="roads", **size)
     if len(path):
-        size = {"figsize": style["figsize"]} if ax is None and "figsize" in style else {}
-        ax = path.plot(ax=ax, color=_PATH, linewidth=5, zorder=1, **size)
+        size = size if ax is None else {}
+        ax = path.plot(ax=ax, color=_PATH, linewidth=5, zorder=1, label="path", **size)
     usual: dict[str, Any] = {"markersize": 6, "zorder": 2}
     if "color" not in style:
+        column = style.get("column", "p_way")
         usual |= {"column": "p_way", "cmap": "RdYlBu"}
-        usual |= {"vmin": 0.0, "vmax": 1.0} if style.get("column", "p_way") == "p_way" else {}
-    return points[points.lat.notna()].plot(ax=ax, **(usual | style))
+        usual |= {"vmin": 0.0, "vmax": 1.0} if column == "p_way" else {}
+        usual |= {
+            "legend": True,
+            "legend_kwds": {"label": _BARS.get(column, column), "shrink": 0.7},
+        }
+        if not alone or not _is_number(known, column):
+            del usual["legend"], usual["legend_kwds"]
+    style = {name: value for name, value in style.items() if ax is None or name != "figsize"}
+    ax = known.plot(ax=ax, **(usual | style))
+    if alone and len(known):
+        ax.legend(loc="best")
+        ax.set(xlabel="longitude (degrees)", ylabel="latitude (degrees)")
+        if roads is not None and (credit := attribution(roads)):
+            ax.annotate(
+                credit, (1.0, 0.0), xycoords="axes fraction", ha="right", va="bottom", size=7
+            )
+    return ax
+
+
+def _is_number(points: Any, column: Any) -> bool:
+    return isinstance(column, str) and column in points and points[column].dtype.kind in "fiu"
+
+
+def _near(roads: "RoadMap", points: Any) -> Any:
+    """The streets of a map within some hundred metres of the points, as a frame."""
+    x, y = roads.plane.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+    low = float(x.min()) - _AROUND, float(y.min()) - _AROUND
+    high = float(x.max()) + _AROUND, float(y.max()) + _AROUND
+    return roads.edges_table().iloc[streets(roads, low, high)]
 
 
 def explore_answer(points: Any, path: Any, style: dict[str, Any]) -> Any:

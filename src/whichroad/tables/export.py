@@ -279,6 +279,7 @@ def summary_of(epochs: Records, output: Output, driven: Traversals, masked: int)
     shares = {s: float(np.mean(rows.status == i)) for i, s in enumerate(STATUS) if n}
     figures = figures_of(epochs, output, [0, n], driven, [0, len(driven.edge)])
     return {name: column[0].item() for name, column in figures.items()} | {
+        "mean_p_way": _mean(rows.p_way[rows.live > 0]),
         "fixes_masked": masked,
         "mean_live_hypotheses": _mean(rows.live[rows.live > 0]),
         "status": {k: v for k, v in shares.items() if v > 0},

@@ -92,6 +92,8 @@ class Result:
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draw path and points with matplotlib; points are coloured by `p_way`.
 
+        On new axes the roads near the drive are drawn beneath, and a legend names all.
+
         Args:
             ax: Axes to draw on, such as those of `RoadMap.plot`; None: new ones.
             style: For the points, as `GeoDataFrame.plot` takes it, such as `column`, `cmap`,
@@ -102,7 +104,7 @@ class Result:
         """
         from .drawing import plot_answer
 
-        return plot_answer(self.points, self.path, ax, style)
+        return plot_answer(self.points, self.path, ax, style, self._roads)
 
     def explore(self, **style: Any) -> Any:
         """Path and points on a page that can be moved and enlarged, with all their columns.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Writer = Callable[["pa.Table", Path], None]
 
-SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpx", ".arrow", ".feather")
+SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpx", ".arrow", ".feather", ".geoparquet")
 OF_POINTS = (".nmea", ".mcap", ".bag", ".db3")  # for receivers and robots
 OF_PATHS = (".rou.xml",)  # a path by source for SUMO
 
@@ -192,7 +192,7 @@ def _suffix(path: Path) -> str:
 def _writer(path: Path) -> "Writer":
     """The writer for this suffix, imported only now."""
     match _suffix(path):
-        case ".parquet":
+        case ".parquet" | ".geoparquet":
             from .parquet import write
         case ".geojson" | ".json":
             from .geojson import write

@@ -26,7 +26,7 @@ def growing(path: Path, *, force: bool = False) -> Iterator[Write]:
     Raises:
         WriteError: As `writers.write_table`.
     """
-    if path.suffix.lower() != ".parquet":
+    if path.suffix.lower() not in (".parquet", ".geoparquet"):
         parts: list[pa.Table] = []
         yield parts.append
         if parts:
