@@ -1,6 +1,7 @@
 """Settings that do not fit the data are found out and named; those that fit are left in peace."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -143,6 +144,7 @@ def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
     named = found(drive(1, antenna=3.0 - 1.0j))
     assert set(named) == {"antenna"}
     assert named["antenna"].statistic == pytest.approx(math.hypot(3.0, 1.0), abs=0.5)
+    assert re.search(r"m ahead and [\d.]+ m to the right of the middle", named["antenna"].advice)
     car = Vehicle(antenna_forward=3.0, antenna_left=-1.0)
     statistics = ConsistencyStatistics(FITS, car)
     statistics.take(drive(1, antenna=3.0 - 1.0j))

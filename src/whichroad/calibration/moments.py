@@ -80,9 +80,11 @@ def settle(
         sums = [answer.statistics for answer in answers]
         whole = _pooled(sums)
         if sum(one.moving for one in sums) < 600.0 or not math.isfinite(whole.shift()[2]):
+            driven = sum(one.moving for one in sums) / 60.0
             raise DriveError(
-                "calibrate: too little was driven with fixes and odometry; ten minutes of "
-                "driving with both were expected"
+                f"calibrate: too little was driven with fixes and odometry ({driven:.1f} min, "
+                "turns among them); ten minutes of driving with both were expected; give more "
+                "drives of the car"
             )
         now = stepped(values, whole)
         apart = [stepped(values, _pooled(part)) for part in _left_out(sums)]

@@ -43,9 +43,7 @@ Token = Annotated[
     str | None,
     typer.Option(envvar="WHICHROAD_TOKEN", help="Token that every client must send."),
 ]
-TilesBy = Annotated[
-    str | None, typer.Option(metavar="TEXT", help="Whose --tiles they are, as the map says.")
-]
+TilesBy = Annotated[str | None, typer.Option(metavar="TEXT", help="Attribution of the --tiles.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output files.")]
 MapOption = Annotated[
     Path,
@@ -76,7 +74,8 @@ ColumnsOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=COLUMN",
-        help="Your own column names, such as time=ts,lat=Latitude,speed_kmh=v. May be repeated.",
+        help="Your own column names, such as time=ts,lat=Latitude,speed_kmh=v. Columns without "
+        "names have numbers: time=1,lat=2. May be repeated.",
     ),
 ]
 ZoneOption = Annotated[

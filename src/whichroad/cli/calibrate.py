@@ -25,7 +25,10 @@ from .console import progress_line
 def calibrate(
     drives: Annotated[
         list[Path],
-        typer.Argument(metavar="DRIVES...", help="Drives of one car with fixes and odometry."),
+        typer.Argument(
+            metavar="DRIVES...",
+            help="Drives of one car with fixes and odometry: files, or one folder for each drive.",
+        ),
     ],
     roads: MapOption,
     out: Annotated[Path, typer.Option("-o", "--out", help="The vehicle.toml that is written.")],

@@ -18,7 +18,7 @@ def map_build(
         typer.Argument(
             metavar="INPUT",
             help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), Overture's segments "
-            "(.parquet) or a network of SUMO (.net.xml). A table or graph of edges will do too "
+            "(.parquet), a network of SUMO (.net.xml), or a table or graph of edges "
             "(.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
@@ -81,12 +81,12 @@ def map_check(
     path: Annotated[
         Path | None,
         typer.Option(
-            help="A path of drives on this map (.parquet, .arrow): which defects they met."
+            help="Path from `match --path-out` (.parquet, .arrow): list the defects on it."
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Find ends that do not meet, islands, traps of one-ways, short and doubled roads."""
+    """Find defects: roads that do not meet, isolated parts, one-way dead ends, duplicates."""
     from ..evaluate.input_tables import read_table
     from ..roadmap import open_map
     from ..roadmap.defects import KINDS, defects
@@ -122,7 +122,7 @@ def map_diff(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Tell which edge of a new map each edge of an old one is."""
+    """List for each edge of an old map the same edge of a new map."""
     from ..roadmap import open_map
     from ..roadmap.differences import counts, differences
     from ..writers import check, check_apart, write_table

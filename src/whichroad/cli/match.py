@@ -92,7 +92,8 @@ def match(
         bool,
         typer.Option(
             "--by-source",
-            help="Write the path by OpenStreetMap ways, or rows of your table, in place of edges.",
+            help="One row of the path for each OpenStreetMap way, or row of your table of roads, "
+            "rather than for each edge.",
         ),
     ] = False,
     every: Annotated[

@@ -25,7 +25,7 @@ def serve(
     ] = 5000,
     token: Token = None,
 ) -> None:
-    """Answer many callers in the words of OSRM (/match/v1) and Valhalla (/trace_route, ...)."""
+    """Serve map matching over HTTP by the APIs of OSRM (/match/v1) and Valhalla."""
     with comes_with("live", "serve"):
         from ..serving.run_service import Plan
         from ..serving.run_service import serve as run

@@ -73,7 +73,7 @@ def replay(
     tiles_by: TilesBy = None,
     truth: Annotated[
         Path | None,
-        typer.Option(help="Where it really was (time, lat, lon): the error beside the ellipse."),
+        typer.Option(help="True positions (time, lat, lon), to show the error beside the ellipse."),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:

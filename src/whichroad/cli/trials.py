@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from .arguments import (
-    ColumnsOption,
     Force,
     MapOption,
     Preset,
@@ -91,7 +90,13 @@ def evaluate(
             help="Also give the figures of this outage, as in `match`. May be repeated.",
         ),
     ] = None,
-    columns: ColumnsOption = None,
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN",
+            help="Own column names of either table: time=ts,lat=Latitude. May be repeated.",
+        ),
+    ] = None,
 ) -> None:
     """Score a result against the known truth."""
     from ..evaluate import score_files

@@ -60,7 +60,7 @@ def nmea_address(text: str) -> Address:
     if found := _SERIAL.fullmatch(text):
         return Address("serial", found[1], int(found[2] or 9600))
     raise SettingError(
-        f"--nmea is {text!r}, and there is no such file; a serial port (/dev/ttyUSB0@9600), "
+        f"--nmea is {text!r}, and the file does not exist; a serial port (/dev/ttyUSB0@9600), "
         "tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, or a recorded file was expected; "
         "check the name"
     )
