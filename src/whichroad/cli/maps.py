@@ -18,7 +18,7 @@ def map_build(
         typer.Argument(
             metavar="INPUT",
             help="An OpenStreetMap extract (.osm.pbf, .osm, .osm.xml, ...), Overture's segments "
-            "(.parquet), a network of SUMO (.net.xml), or a table or graph of edges "
+            "(.parquet) or a network of SUMO (.net.xml). Or a table or graph of edges "
             "(.geojson, .csv, .parquet, .gpkg, .graphml, .shp, ...).",
         ),
     ],
