@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import SettingError
 
 _NAMES = {"maxspeed": "speed_limit_kmh"}  # as OpenStreetMap calls it
-_HIDDEN = ("back_id", "paired")
+HIDDEN = ("back_id", "paired")  # columns that are no attributes
 
 
 def known_name(columns: Iterable[str], name: Any) -> str:
@@ -20,7 +20,7 @@ def known_name(columns: Iterable[str], name: Any) -> str:
     Raises:
         SettingError: The map has no such attribute.
     """
-    known = [*sorted(n for n in columns if n not in _HIDDEN), *_NAMES]
+    known = [*sorted(n for n in columns if n not in HIDDEN), *_NAMES]
     if name not in known:
         close = difflib.get_close_matches(str(name), known, 2, 0.6)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import MapError, SettingError
+from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
-from .attribute_names import known_name, refusal
+from .attribute_names import HIDDEN, known_name, refusal
 from .compile import Network, Pieces, compile_streets
 from .edge_geometry import EdgeGeometry
 from .source_places import SourcePlace, on_source
@@ -250,15 +250,9 @@ class RoadMap(EdgeGeometry):
         return int(edge)
 
     def attributes(self, edge: int, s: float | None = None) -> dict[str, Any]:
-        """What is known of the road at a place; absent values are None.
-
-        Args:
-            edge: The edge.
-            s: True m from its start; None: the edge's longest piece.
-        """
+        """What is known of the road at a place, as `attribute` takes it; absent values: None."""
         way = self._way_at(edge, s)
-        hidden = ("back_id", "paired")
-        return {name: self._values(name, way)[0] for name in self.ways if name not in hidden}
+        return {name: self._values(name, way)[0] for name in self.ways if name not in HIDDEN}
 
     def attribute(self, name: str, edge: int, s: float | None = None) -> Any:
         """One attribute of the road at a place; None where it is absent.
@@ -273,10 +267,9 @@ class RoadMap(EdgeGeometry):
         """
         try:
             column = name if name in self.ways else known_name(self.ways, name)
-            way = self._way_at(edge if edge >= 0 else len(self), s)
-        except (LookupError, TypeError, ValueError, SettingError):
+            return self._values(column, self._way_at(edge if edge >= 0 else len(self), s))[0]
+        except (LookupError, TypeError, ValueError):
             raise refusal(self.ways, len(self), name, edge) from None
-        return self._values(column, way)[0]
 
     def _way_at(self, edge: int, s: float | None) -> NDArray[Any]:
         """The street of an edge at a place, (1,)."""
