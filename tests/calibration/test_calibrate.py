@@ -8,7 +8,7 @@ import pytest
 
 from whichroad import DriveError, RoadMap, Vehicle, calibrate, cli, read_vehicle, simulate_drive
 from whichroad.epochs import build_timeline
-from whichroad.observations import SpeedYawRate
+from whichroad.observations import SpeedYawRate, WheelSpeeds
 from whichroad.settings import to_toml
 from whichroad.simulate import PRESETS, draw_town
 from whichroad.simulate.drive_files import write_drive
@@ -48,6 +48,23 @@ def test_wheels_antenna_and_clock_are_found(town, rides, tmp_path):
     assert found["odometer scale"].low < 1.02 < found["odometer scale"].high
     (tmp_path / "car.toml").write_text(found.to_toml(), encoding="utf-8")
     assert to_toml(read_vehicle(tmp_path / "car.toml")) == to_toml(found.vehicle)
+
+
+def test_sensors_that_never_move_tell_nothing(town, rides):
+    """A gyro that is always zero, and wheels that stand: no interval, and nothing is taken over."""
+    for log in (
+        lambda t: SpeedYawRate(t.time, t.speed, np.zeros(len(t.time))),
+        lambda t: WheelSpeeds(t.time, np.zeros(len(t.time)), np.zeros(len(t.time))),
+    ):
+        drives = [replace(ride.drive, odometry=log(ride.truth)) for ride in rides[:4]]
+        found = calibrate(drives, town)
+        turning = [
+            one for one in found.quantities if one.name.startswith(("gyro", "right", "track"))
+        ]
+        assert len(turning) == 2
+        assert not any(one.told for one in turning)
+        assert all(one.high == np.inf for one in turning)
+    assert not found["odometer scale"].told
 
 
 def test_a_gyro_s_bias_and_scale_are_found(town, rides):

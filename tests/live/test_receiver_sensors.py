@@ -1,11 +1,19 @@
 """Wheels and gyro of a dead-reckoning receiver, message by message, as in the log of it."""
 
+import asyncio
+from functools import partial
+
 import numpy as np
 import pytest
 
+from live.service import free_port
 from readers.test_ubx import CAR, NOON, esf, pvt, ride
 from whichroad import Distance, SpeedYaw, WheelTicks, YawRate, read_drive
 from whichroad.live.decode import NmeaStream
+from whichroad.live.health import Health
+from whichroad.live.senders import OneSender
+from whichroad.live.sources import Address, NmeaInput, listen_tcp
+from whichroad.writers.nmea_text import sealed
 
 
 def sensed(content, size=97):
@@ -65,6 +73,62 @@ def test_sensors_clock_begins_again_at_32_bits_and_wheels_turn_backwards():
     assert [one.time - NOON for one in found] == pytest.approx(np.arange(1.0, 40.0))
     steps = np.diff([one.distance for one in found])
     assert steps == pytest.approx(np.where(np.arange(2, 40) >= 20, -1.0, 1.0))
+
+
+def test_a_receiver_that_starts_anew_is_heard_from_its_next_epoch_on():
+    content = b""
+    for k in range(60):
+        tag = 900_000 + 1000 * k if k < 30 else 5_000 + 1000 * k
+        content += esf(tag, (10, 50 * k)) + pvt(k)
+    found, *_ = sensed(content)
+    missing = {round(one.time - NOON) for one in found} ^ set(range(1, 60))
+    assert missing == {30}  # as at the start, its clock is not known before
+
+
+def test_wheels_of_a_second_sender_on_a_port_are_refused():
+    content, *_ = ride(types=(8, 9))
+    taken = []
+
+    def sender(port, name):
+        made = NmeaInput(
+            health, NmeaStream(vehicle=CAR), lambda _, some, __: taken.append((name, *some))
+        )
+        made.port = port
+        return made
+
+    async def both():
+        port = OneSender()
+        first, second = sender(port, "first"), sender(port, "second")
+        for part in (content[k : k + 5000] for k in range(0, len(content), 5000)):
+            first.feed(part)
+            second.feed(part)
+
+    health = Health("port", "gnss")
+    asyncio.run(both())
+    assert {name for name, *_ in taken} == {"first"}
+    assert health.refused > 1000
+
+
+def test_who_has_left_a_port_does_not_hold_it():
+    """A sender that connects for each fix is heard each time."""
+    health, port = Health("port", "gnss"), free_port()
+
+    async def send():
+        address = Address("listen", "127.0.0.1", port)
+        make = partial(NmeaInput, health, deliver=lambda _, some, __: taken.extend(some))
+        server = asyncio.create_task(listen_tcp(address, health, lambda: make(stream=NmeaStream())))
+        for k in range(5):
+            await asyncio.sleep(0.1)
+            _, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(sealed(f"GPRMC,0800{k:02d}.00,A,4924.5,N,00242.1,E,5,90,010626,,,A"))
+            await writer.drain()
+            writer.close()
+        await asyncio.sleep(0.2)
+        server.cancel()
+
+    taken = []
+    asyncio.run(send())
+    assert (len(taken), health.refused) == (5, 0)
 
 
 def test_dead_reckoned_fixes_are_passed_over_beside_their_wheels():

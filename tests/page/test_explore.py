@@ -234,6 +234,6 @@ def test_a_truth_of_another_time_is_told(recorded: RecordedMessages, tmp_path: P
 
 
 def test_the_name_of_a_dropped_file_leads_nowhere_else(roads: RoadMap):
-    for name in ("", "..", "../.hidden"):
+    for name in ("", "..", "../.hidden", "a\0.csv", 60 * "\U0001f697" + ".csv"):
         with pytest.raises(WhichroadError, match="name"):
             DroppedFile(roads)(name, b"")

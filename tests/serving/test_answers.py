@@ -230,6 +230,28 @@ def test_units_and_an_encoded_line(town, body, fixes):
     assert again["summary"]["length"] == pytest.approx(km["summary"]["length"], rel=0.05)
 
 
+def test_distances_are_told_in_the_units_that_are_asked_for(town, body):
+    def told(units):
+        legs = trace_route(town, {**body, "units": units})["trip"]["legs"]
+        first = legs[0]["maneuvers"][0]
+        return first["length"], first["verbal_post_transition_instruction"].split()[-2:]
+
+    for units, whole, small in (
+        ("miles", "miles.", "feet."),
+        ("kilometers", "kilometers.", "meters."),
+    ):
+        length, (number, word) = told(units)
+        assert word in (whole, small)
+        per = {"feet.": 5280.0, "meters.": 1000.0}.get(word, 1.0)
+        assert float(number) == pytest.approx(length * per, abs=0.05 + 0.001 * per)
+
+
+def test_points_of_valhalla_with_one_time_are_taken_in_their_order(town, body):
+    still = [{**point, "time": 0} for point in body["shape"]]
+    none = [{n: v for n, v in point.items() if n != "time"} for point in body["shape"]]
+    assert trace_route(town, {**body, "shape": still}) == trace_route(town, {**body, "shape": none})
+
+
 def test_the_form_of_osrm_is_given_by_valhalla_too(town, body):
     answer = trace_route(town, {**body, "format": "osrm"})
     assert answer["code"] == "Ok"

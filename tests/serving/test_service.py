@@ -1,5 +1,6 @@
 """`whichroad serve` as a user starts it: many callers, bad ones, huge ones."""
 
+import asyncio
 import json
 import os
 import signal
@@ -8,12 +9,19 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import quote
 
 import httpx
+import numpy as np
 import pytest
 
-from whichroad import RoadMap, simulate_drive
+from whichroad import RoadMap, Settings, Vehicle, simulate_drive
 from whichroad.answers import osrm_match, trace_route
+from whichroad.answers.polylines import encoded
+from whichroad.live.traces import Traces
+from whichroad.serving.answering_process import plan_of
+from whichroad.serving.endpoints import Endpoints
+from whichroad.serving.lanes import Lane
 from whichroad.simulate import draw_town
 
 _CODE = "from whichroad.cli import main; main()"
@@ -125,6 +133,47 @@ def test_a_huge_trace_goes_beside_the_usual_ones(base, drive):
     health = httpx.get(base + "health").json()
     assert health["large"]["answered"] == 1
     assert answered >= 1
+
+
+def test_an_encoded_line_of_many_points_goes_to_the_large_traces(base, drive):
+    before = httpx.get(base + "health").json()["large"]["answered"]
+    places = [np.tile(column, 20) for column in drive[1:]]
+    line = f"polyline({encoded(*places)})"
+    answer = httpx.get(f"{base}match/v1/driving/{quote(line)}", timeout=60)
+    body = {"encoded_polyline": encoded(*places, 6), "costing": "auto"}
+    told = httpx.post(base + "trace_attributes", json=body, timeout=60)
+    assert (len(answer.json()["tracepoints"]), len(told.json()["matched_points"])) == (1200, 1200)
+    assert httpx.get(base + "health").json()["large"]["answered"] == before + 2
+
+
+def test_words_that_are_no_text_are_answered_and_end_no_process(base, drive):
+    before = httpx.get(base + "health").json()["usual"]["ended"]
+    odd = '{"costing": "\\ud800"}', json.dumps(body_of(drive) | {"id": "\ud800 100%25"})
+    refused, taken = (httpx.post(base + "trace_route", content=one) for one in odd)
+    assert (refused.status_code, refused.json()["error_code"]) == (400, 125)
+    assert (taken.status_code, taken.json()["id"]) == (200, "\ud800 100%25")
+    asked = httpx.get(base + "trace_route", params={"json": odd[1]})
+    assert asked.json() == taken.json()
+    assert httpx.get(base + "health").json()["usual"]["ended"] == before
+
+
+def test_what_is_too_slow_for_the_usual_lane_is_answered_by_the_large_one(town, drive):
+    async def asked():
+        plan = [plan_of(town, Vehicle(), Settings(), 1000, last) for last in (False, True)]
+        usual, large = Lane(plan[0], 1, 8, 1e-4), Lane(plan[1], 1, 8, 60.0)
+        traces = Traces(RoadMap.open(town), Vehicle(), Settings(), town)
+        await asyncio.gather(usual.start(), large.start())
+        try:
+            app = Endpoints(usual, large, traces).application(True, None)
+            transport = httpx.ASGITransport(app)
+            async with httpx.AsyncClient(transport=transport) as client:
+                answer = await client.get(address("http://localhost/", drive))
+            return answer.status_code, usual.ended, large.answered
+        finally:
+            traces.close()
+            await asyncio.gather(usual.close(), large.close())
+
+    assert asyncio.run(asked()) == (200, 1, 1)
 
 
 def test_a_process_that_dies_is_replaced(base, drive, process):

@@ -32,6 +32,11 @@ class AnswerError(WhichroadError):
         super().__init__(str(answer.get("message") or answer.get("error")))
         self.status, self.answer = status, answer
 
+    @property
+    def too_many(self) -> bool:
+        """Whether the trace has more points than are taken."""
+        return self.answer.get("code") == "TooBig" or self.answer.get("error_code") == 153
+
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.status, self.answer)
 

@@ -22,6 +22,7 @@ from .refusal import AnswerError, osrm_error, valhalla_error
 from .valhalla_answer import UNITS, Wish, attributes_answer, route_answer
 
 MOST_POINTS = 16_000  # of one trace, as Valhalla's own limit
+_ONE_TIME = 1e-3  # s, within which all points have one time, which tells nothing
 _COSTINGS = {"auto", "taxi", "bus", "truck", "hov"}
 _MATCHES = ("map_snap", "walk_or_snap", "edge_walk")
 _TAKEN = {  # options of OSRM that are understood and change nothing here
@@ -322,7 +323,7 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         raise ValueError("a place that is none")
     if time is not None and not (np.isfinite(time).all() and (np.abs(time) < 1e11).all()):
         raise ValueError("a time that is none")
-    if time is not None and (np.diff(time) < 0.0).any():
+    if time is not None and ((np.diff(time) < 0.0).any() or np.ptp(time) <= _ONE_TIME):
         time = None  # Valhalla takes points in their order, whatever their times are
     return Trace(lat, lon, time, accuracy)
 

@@ -20,6 +20,8 @@ UNITS = {"kilometers": 1000.0, "miles": 1609.344}
 _START, _CONTINUE, _DESTINATION = 1, 8, 4  # types of manoeuvres
 _TURNS = {"slight right": 9, "right": 10, "sharp right": 11, "uturn": 13, "sharp left": 14,
           "left": 15, "slight left": 16, "straight": _CONTINUE}  # fmt: skip
+_FOOT = 0.3048  # m
+_LEAST_MILES = 0.15  # below it a distance is told in feet
 _AT_ONCE = 200.0  # m up to which the next manoeuvre is told with this one
 
 
@@ -229,9 +231,16 @@ def _manoeuvre(step: Step, index: int, metres: float, wish: Wish) -> dict[str, A
         told["verbal_succinct_transition_instruction"] = instruction(step._replace(name=""), index)
         if index:
             told["verbal_transition_alert_instruction"] = text
-        far = f"{metres / 1000.0:.1f} kilometers" if metres >= 950 else f"{metres:.0f} meters"
-        told["verbal_post_transition_instruction"] = f"Continue for {far}."
+        told["verbal_post_transition_instruction"] = f"Continue for {_far(metres, wish.units)}."
     return told | ({"bearing_before": step.before} if index else {})
+
+
+def _far(metres: float, units: str) -> str:
+    """A distance in words."""
+    if units == "miles":
+        miles = metres / UNITS["miles"]
+        return f"{miles:.1f} miles" if miles >= _LEAST_MILES else f"{metres / _FOOT:.0f} feet"
+    return f"{metres / 1000.0:.1f} kilometers" if metres >= 950 else f"{metres:.0f} meters"
 
 
 def _streets(step: Step, refs: list[str]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from .quantities import (
     METHOD,
     SCALE,
     stepped,
+    untold,
     values_of,
     with_values,
 )
@@ -87,8 +88,13 @@ def settle(
                 "drives of the car"
             )
         now = stepped(values, whole)
-        apart = [stepped(values, _pooled(part)) for part in _left_out(sums)]
-        sigma = {name: _spread([one[name] for one in apart]) for name in names}
+        parts = [_pooled(part) for part in _left_out(sums)]
+        apart = [stepped(values, part) for part in parts]
+        blind = untold(whole).union(*map(untold, parts))  # what does not move is not known
+        sigma = {
+            name: math.inf if name in blind else _spread([one[name] for one in apart])
+            for name in names
+        }
         step = {name: now[name] - values[name] for name in names}
         for name in names:
             if name in first and abs(first[name]) > 4.0 * sigma[name]:

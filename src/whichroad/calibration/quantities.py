@@ -1,5 +1,6 @@
 """What is calibrated: its names and units, how it is read from a car and put into one."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -105,6 +106,18 @@ def with_values(start: Vehicle, values: Mapping[str, float], log: OdometryLog) -
     return replace(start, **fields, clock_offset=clock)  # type: ignore[arg-type]
 
 
+def untold(sums: ConsistencyStatistics) -> frozenset[str]:
+    """What the statistics of some drives tell nothing of: they would leave it as it is."""
+    names: set[str] = set()
+    if not sums.turned:
+        names |= {RATIO, TRACK, GYRO_SCALE, GYRO_BIAS}
+    if not sums.counted > 0.0:
+        names |= {SCALE}
+    if not sums.shift()[2] < math.inf:
+        names |= {FORWARD, LEFT, CLOCK}
+    return frozenset(names)
+
+
 def stepped(values: Mapping[str, float], sums: ConsistencyStatistics) -> dict[str, float]:
     """Where the statistics of some drives say that the numbers are, as filtered with `values`."""
     now = dict(values)
@@ -118,7 +131,7 @@ def stepped(values: Mapping[str, float], sums: ConsistencyStatistics) -> dict[st
         half = 0.5 * drift * now[TRACK] / gain
         now[RATIO] *= (1.0 + half) / (1.0 - half)
         now[TRACK] *= sums.scale / gain
-    if sigma_late < float("inf"):
+    if sigma_late < math.inf:
         now[FORWARD] += antenna.real
         now[LEFT] += antenna.imag
         now[CLOCK] -= late

@@ -311,13 +311,24 @@ class ConsistencyStatistics:
         variance = _WHEELS + _BENT * (gain - 1.0) ** 2
         return np.asarray(0.5 * variance * self._pairs[:, 2])
 
+    @property
+    def turned(self) -> bool:
+        """Whether the odometry turned so much that `turns` can tell."""
+        tt, ta, aa, _, _ = self._turning
+        return bool(tt >= _FEW_TURNS and tt * aa > ta * ta)
+
+    @property
+    def counted(self) -> float:
+        """Metres by the odometry alone."""
+        return float(self._metres[1])
+
     def turns(self) -> tuple[float, float]:
         """Turns as the filter corrects them over those of the odometer, and drift.
 
         Drift is in rad/m, or in rad/s where it is by time.
         """
         tt, ta, aa, th, ah = self._turning
-        if tt < _FEW_TURNS or tt * aa <= ta * ta:
+        if not self.turned:
             return 1.0, 0.0
         rest = tt * aa - ta * ta
         return float((th * aa - ah * ta) / rest), float((ah * tt - th * ta) / rest)

@@ -26,7 +26,7 @@ class Health:
     Attributes:
         count: Observations so far.
         skipped: Records that could not be used, as the source counts them.
-        refused: Fixes of a second sender on its port.
+        refused: Fixes and readings of a second sender on its port.
         link: `waiting`, `open`, `lost` or `ended`.
         delay: Typical s between an observation's own time and its arrival; None: not known.
         receiver: What a receiver said of its last fix.

@@ -30,6 +30,7 @@ from .counter_stream import CounterStream
 _STALE = 0.5  # s, largest age of a turn beside a speed
 _PAIR = 3.0  # s, longest time between two courses that show how the gyro is mounted
 _TURNED = 60.0  # degrees in turns, after which that is believed
+_RESTARTED = 1.0  # s by which a clock is set back where its receiver has started anew
 _WAITING = 1000  # readings that wait to be asked for, at most
 
 
@@ -145,8 +146,11 @@ class _Clock:
 
     def time(self, tag: float) -> float | None:
         """When a measurement was made, s since 1970; None: not known yet."""
-        if self._tag is not None and tag + self._turns < self._tag - 0.5e-3 * WRAP:
+        back = 0.0 if self._tag is None else self._tag - tag - self._turns
+        if back > 0.5e-3 * WRAP:
             self._turns += 1e-3 * WRAP
+        elif back > _RESTARTED:
+            self._least, self._until = [math.inf, math.inf], -math.inf
         self._tag = tag + self._turns
         offset = min(self._least)
         return self._tag + offset if offset < math.inf else None

@@ -50,10 +50,20 @@ async def asked_of(request: Request) -> tuple[Any, Any]:
         HTTPException: The body is something else, or does not come in time.
     """
     try:
-        async with asyncio.timeout(_BODY_TIME):
-            asked = json.loads(await request.body())
+        asked = json.loads(await body_of(request))
         return asked["action"], asked.get("value")
-    except TimeoutError:
-        raise HTTPException(408, "the body did not come in time") from None
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
         raise HTTPException(400, 'a JSON object with an "action" was expected') from None
+
+
+async def body_of(request: Request) -> bytes:
+    """The whole body of a request.
+
+    Raises:
+        HTTPException: It does not come in time.
+    """
+    try:
+        async with asyncio.timeout(_BODY_TIME):
+            return await request.body()
+    except TimeoutError:
+        raise HTTPException(408, "the body did not come in time") from None

@@ -43,6 +43,10 @@ class OneSender:
         self._holder, self._heard = sender, now
         return True
 
+    def hears(self, sender: Any) -> bool:
+        """Whether readings of a sender's own sensors are taken: not beside another that holds."""
+        return self._holder is None or self._holder is sender
+
     def leaves(self, sender: Any) -> None:
         """A sender is gone: the next that gives a fix is listened to."""
         if self._holder is sender:

@@ -125,7 +125,10 @@ class NmeaInput:
         before = self._stream.skipped
         fixes = self._stream.feed(data)
         self._health.skipped += self._stream.skipped - before
-        if sensed := self._stream.sensed():
+        sensed = self._stream.sensed()
+        if sensed and self.port is not None and not self.port.hears(self):
+            self._health.refused += len(sensed)
+        elif sensed:
             wheels = self._sensors()
             wheels.link = "open"
             self._deliver(wheels, sensed, self._arrival)
@@ -138,6 +141,12 @@ class NmeaInput:
     def exhausted(self) -> float:
         """Seconds that a sender who can wait should be left waiting."""
         return 0.0 if self._allowance > 65_536 else 0.1
+
+    def end(self) -> None:
+        """Nothing follows: what waits for more is passed on now."""
+        if self._quiet is not None:
+            self._quiet.cancel()
+        self._flush()
 
     def _flush(self) -> None:
         self._pass_on(self._stream.flush())
@@ -211,6 +220,7 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
         try:
             await _drain(reader, into)
         finally:
+            into.end()  # later it would hold the port again
             port.leaves(into)
             peers.pop(writer, None)
             writer.transport.abort()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..settings import Vehicle
 
 LARGEST = 32 * 1024 * 1024  # bytes of a file
+_LONGEST_NAME = 200  # bytes
 
 Opened = tuple[RecordedMessages, Remake | None]
 Opener = Callable[[str, bytes], Opened]
@@ -40,7 +41,7 @@ class DroppedFile:
             WhichroadError: It cannot be read or matched.
         """
         safe = Path(name.replace("\\", "/")).name
-        if not safe or safe.startswith(".") or len(safe) > 200:
+        if not safe or safe.startswith(".") or "\0" in safe or len(safe.encode()) > _LONGEST_NAME:
             raise SettingError("the name of a file was expected")
         with tempfile.TemporaryDirectory(prefix="whichroad-dropped-") as folder:
             path = Path(folder) / safe

@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import WhichroadError
 from ..live.access import AccessControl, is_local
-from ..live.refusals import HANDLERS, asked_of
+from ..live.refusals import HANDLERS, asked_of, body_of
 from ..live.web_server import listen, web_server
 from ..page import page_routes
 from ..page.compressed import compressed
@@ -92,8 +92,10 @@ def replay_app(
             raise HTTPException(409, "this replay takes no files")
         if opening.locked():
             raise HTTPException(429, "another file is being opened")
+        content = await body_of(request)
+        if opening.locked():
+            raise HTTPException(429, "another file is being opened")
         async with opening:
-            content = await request.body()
             try:
                 name = request.query_params.get("name", "")
                 await player.open(*await asyncio.to_thread(opener, name, content))

@@ -20,6 +20,7 @@ from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 
 OSRM, ATTRIBUTES, ROUTE = b"o", b"a", b"r"  # kinds of requests
+TOO_MANY_POINTS = 0  # in place of a status: the trace has more points than this process takes
 MOST_MEMORY = 512 * 1024 * 1024  # bytes that requests may take, where the system can limit it
 _VALHALLA = {ATTRIBUTES: trace_attributes, ROUTE: trace_route}
 
@@ -58,7 +59,7 @@ class Answerer:
         self._how: dict[str, Any] = {"vehicle": vehicle, "settings": settings, "most": most}
 
     def answer(self, request: bytes) -> tuple[int, bytes]:
-        """Status and body.
+        """Status and body; TOO_MANY_POINTS is the status of a trace that is too long.
 
         Args:
             request: The kind, and for OSRM the coordinates, a line feed and the options.
@@ -66,7 +67,7 @@ class Answerer:
         try:
             return 200, _json(self._asked(request[:1], request[1:]))
         except AnswerError as error:
-            return error.status, _json(error.answer)
+            return TOO_MANY_POINTS if error.too_many else error.status, _json(error.answer)
         except MemoryError:
             return 413, _json({"error": "the trace needs more memory than one trace may take"})
         except WhichroadError as error:
@@ -83,7 +84,7 @@ class Answerer:
 
 def _json(answer: dict[str, Any]) -> bytes:
     text = json.dumps(answer, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return text.encode()
+    return text.encode(errors="backslashreplace")  # half a surrogate pair stays JSON's escape
 
 
 def answer_all(answerer: Answerer, requests: BinaryIO, answers: BinaryIO) -> None:

@@ -1,12 +1,10 @@
 """The addresses of `whichroad serve`: those of OSRM and Valhalla, `/match` and `/health`."""
 
-import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Any
-from urllib.parse import unquote
 
 from starlette.applications import Starlette
-from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -14,15 +12,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from ..live.access import AccessControl
-from ..live.refusals import HANDLERS
+from ..live.refusals import HANDLERS, body_of
 from ..live.traces import LARGEST_TRACE, Traces
-from .answering_process import ATTRIBUTES, OSRM, ROUTE
-from .lanes import Lane
+from .answering_process import ATTRIBUTES, OSRM, ROUTE, TOO_MANY_POINTS
+from .lanes import Lane, TooSlow
 
 LARGEST_BODY = 4 * 1024 * 1024  # bytes of a request of Valhalla
 _LARGE = 65_536  # bytes of a request from which on it goes to the lane of large traces
-_MANY = 1000  # points likewise
-_BODY_TIME = 30.0  # s, timeout of a request's body
+MANY = 1000  # points likewise
 _PER_SECOND, _BURST = 2000.0, 4000.0  # requests of one client
 _ADDRESS = "whichroad.address"  # key of a scope: an address of OSRM
 _PLAIN = {"/match", "/trace_attributes", "/trace_route", "/health"}
@@ -97,17 +94,22 @@ class Endpoints:
     def _valhalla(self, kind: bytes) -> Callable[[Request], Awaitable[Response]]:
         async def handler(request: Request) -> Response:
             if request.method == "GET":
-                body = unquote(request.query_params.get("json", "")).encode()
+                body = request.query_params.get("json", "").encode()
             else:
-                body = await _body(request)
+                body = await body_of(request)
             return await self._answered(kind + body, body.count(b'"lat"'))
 
         return handler
 
     async def _answered(self, asked: bytes, points: int) -> Response:
-        large = len(asked) > _LARGE or points > _MANY
-        status, body = await (self.large if large else self.usual).ask(asked)
-        return Response(body, status, media_type="application/json")
+        """Ask the usual lane, and the large one about what is too much for that."""
+        status, body = TOO_MANY_POINTS, b""
+        if len(asked) <= _LARGE and points <= MANY:
+            with contextlib.suppress(TooSlow):
+                status, body = await self.usual.ask(asked)
+        if status == TOO_MANY_POINTS:  # an encoded line shows its length only to who decodes it
+            status, body = await self.large.ask(asked)
+        return Response(body, status or 400, media_type="application/json")
 
     async def health(self, request: Request) -> Response:
         """How the service is doing."""
@@ -129,16 +131,3 @@ def _osrm_refusal(parts: list[str]) -> dict[str, str] | None:
     if parts[1] != "v1":
         return {"code": "InvalidVersion", "message": f"Service {parts[0]} not found!"}
     return None
-
-
-async def _body(request: Request) -> bytes:
-    """The whole body.
-
-    Raises:
-        HTTPException: It does not come in time.
-    """
-    try:
-        async with asyncio.timeout(_BODY_TIME):
-            return await request.body()
-    except TimeoutError:
-        raise HTTPException(408, "the body did not come in time") from None

@@ -24,6 +24,13 @@ _BUFFER = 1 << 20  # bytes of an answer that wait to be sent on
 _RETRY = 1  # s after which to ask again while all processes are busy
 
 
+class TooSlow(HTTPException):
+    """A request takes longer than its lane allows."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(413, f"the trace takes longer than {seconds:g} s")
+
+
 class Answering:
     """One process."""
 
@@ -101,7 +108,8 @@ class Lane:
         """Status and body of a request.
 
         Raises:
-            HTTPException: Too many wait, or it takes too long or too much memory.
+            TooSlow: It takes too long.
+            HTTPException: Too many wait, or it takes too much memory.
         """
         if self.waiting >= self._most:
             self.refused += 1
@@ -123,7 +131,7 @@ class Lane:
             self.answered += 1
             return answer
         except TimeoutError:
-            raise HTTPException(413, f"the trace takes longer than {self._seconds:g} s") from None
+            raise TooSlow(self._seconds) from None
         except EOFError:
             raise HTTPException(413, "the trace needs more than one trace may take") from None
         finally:  # also of a request that was cancelled: its answer must not reach the next

@@ -15,12 +15,12 @@ from ..live.web_server import listen, web_server
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from .answering_process import plan_of
-from .endpoints import Endpoints
+from .endpoints import MANY, Endpoints
 from .lanes import Lane
 
 _LONGEST_REQUEST = 131_072  # bytes of a request's head: OSRM's addresses hold the trace
 _WAITING, _WAITING_LARGE = 256, 8  # requests that wait, at most
-_USUAL_TIME, _LARGE_TIME = 20.0, 120.0  # s that one request may take
+_USUAL_TIME, _LARGE_TIME = 3.0, 120.0  # s that one request may take; slower ones count as large
 
 
 @dataclass(slots=True)
@@ -67,7 +67,8 @@ def serve(plan: Plan) -> None:
 
 async def _run(plan: Plan, compiled: Path) -> None:
     def lane(processes: int, waiting: int, seconds: float, last: bool) -> Lane:
-        told = plan_of(compiled, plan.vehicle, plan.settings, plan.most, last)
+        most = plan.most if last else min(plan.most, MANY)
+        told = plan_of(compiled, plan.vehicle, plan.settings, most, last)
         return Lane(told, processes, waiting, seconds)
 
     usual = lane(plan.workers or os.cpu_count() or 1, _WAITING, _USUAL_TIME, False)
