@@ -13,7 +13,7 @@ from .gnss import (
     observe_state,
 )
 from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
-from .inflation import bias_time, is_inflated, is_vouched
+from .inflation import bias_time, is_alone, is_inflated, is_vouched
 from .reported_motion import LATENCY, observe_reported
 from .sides import loosen, take_sides
 from .state import (
@@ -319,7 +319,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     lost = state.mode == WHEELS and _is_lost(belief)
     if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
         _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
-    if is_inflated(state, par, epoch) and _is_unlikely(belief, ctx, epoch):
+    if is_alone(state, par, epoch) and _is_unlikely(belief, ctx, epoch):
         _add_restarts(belief, path, ctx, epoch, white, True, _RESTARTED)
     _observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED

@@ -12,6 +12,7 @@ from .._compile import Record, kernel
 from .state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
 
 NEVER = 1e9  # s, adaptation times beyond this mean: never
+FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
 _SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
 _ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
 _PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
@@ -34,6 +35,14 @@ def is_inflated(state: Record, par: Record, epoch: Record) -> bool:
     """Whether the receiver may err more than it reports, and nothing but roads can show it."""
     adapts = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
     return bool(adapts and state.mode == CLOCK and not is_vouched(state, epoch))
+
+
+@kernel
+def is_alone(state: Record, par: Record, epoch: Record) -> bool:
+    """The same, or its speeds may come out of a filter, so that nothing measured is beside it."""
+    adapts = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
+    filtered = state.mode == CLOCK and epoch.speed_sigma >= FILTERED
+    return bool((adapts and filtered) or is_inflated(state, par, epoch))
 
 
 @kernel

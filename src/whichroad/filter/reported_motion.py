@@ -9,11 +9,11 @@ import math
 from .._compile import Record, kernel
 from ..graph.geometry import wrap
 from .gnss import has_course, observe_state
+from .inflation import FILTERED
 from .state import Belief, Context, H, K
 
 LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
-_DOPPLER = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter,
-_LATE = 0.5  # and lags by so much (s), as far as is known,
+_LATE = 0.5  # s, by which speeds and courses of a filter lag, as far as is known,
 _SAFETY = 2.0  # times the latency that courses show: speeds may be later
 _TURNS = 0.03  # rad²/s², weight of that,
 _LATEST = 3.0  # s; and by no more than this
@@ -81,7 +81,7 @@ def observe_reported(
         thin: Factor on variances of reports that come sooner than every second.
     """
     state = belief.state[0]
-    filtered = epoch.speed_sigma >= _DOPPLER
+    filtered = epoch.speed_sigma >= FILTERED
     late = LATENCY
     if filtered:
         late = min(max(_SAFETY * latency_of(state), LATENCY), _LATEST)
