@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 GEOD = pyproj.Geod(ellps="WGS84")
 SHIFT = (2.0, -3.0)  # m, the map's error
-SETTINGS = whichroad.Settings(protection_risk=1e-2)
+SETTINGS = whichroad.Settings(protection_risk=1e-2, gnss_inflation=1.0)  # errs as it says
 
 # as drawn: the second one against the drive, the second and third are one edge
 STREETS: dict[str, dict[str, Any]] = {

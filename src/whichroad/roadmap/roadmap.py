@@ -240,17 +240,21 @@ class RoadMap(EdgeGeometry):
 
     def node_ids(self, node: ArrayLike) -> list[int | str]:
         """The source's ids of (n,) junctions, numbers of `from_node` and `to_node`."""
-        rows = np.asarray(node)
         if isinstance(self.node_id, Texts):
-            return list(self.node_id.words(rows))
-        return cast(list[int | str], self.node_id[rows].tolist())
+            return list(self.node_id.words(np.asarray(node)))
+        return cast(list[int | str], self.node_id[np.asarray(node)].tolist())
 
     def edge_id(self, edge: int) -> int:
         """The id of an edge in tables: its number, the same for every build of the same input."""
         return int(edge)
 
     def attributes(self, edge: int, s: float | None = None) -> dict[str, Any]:
-        """What is known of the road at a place, as `attribute` takes it; absent values: None."""
+        """What is known of the road at a place; absent values: None.
+
+        Args:
+            edge: Its number.
+            s: True m from its start; None: the edge's longest piece.
+        """
         way = self._way_at(edge, s)
         return {name: self._values(name, way)[0] for name in self.ways if name not in HIDDEN}
 
