@@ -63,7 +63,7 @@ class Localizer(LooksBack):
             the filter.
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
         places: Point objects for `Estimate.ahead`: `Places`, or a table or path as that takes it.
-        sensors: Further sensors (`whichroad.sensors`), of which `SensorReading`s come.
+        sensors: Further ones (`whichroad.sensors`); each reading comes as a `SensorReading`.
 
     Raises:
         SettingError: The lag is not a number of seconds, or the start is not on the map.
