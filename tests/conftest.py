@@ -2,9 +2,13 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from whichroad import RoadMap
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -23,3 +27,14 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the real data is not here: {folder} (set WHICHROAD_DATA)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def town(tmp_path_factory: pytest.TempPathFactory) -> "RoadMap":
+    """The map of the small drawn town of the demo; nobody changes it."""
+    from whichroad import RoadMap
+    from whichroad.simulate import draw_town
+
+    path = tmp_path_factory.mktemp("town") / "town.osm"
+    path.write_text(draw_town(), encoding="utf-8")
+    return RoadMap.from_osm(path)

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whichroad import DriveError, RoadMap, Vehicle, calibrate, cli, read_vehicle, simulate_drive
+from whichroad import DriveError, Vehicle, calibrate, cli, read_vehicle, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.observations import SpeedYawRate, WheelSpeeds
 from whichroad.settings import to_toml
-from whichroad.simulate import PRESETS, draw_town
+from whichroad.simulate import PRESETS
 from whichroad.simulate.drive_files import write_drive
 
 LATE = 0.15  # s
@@ -18,13 +18,6 @@ CAR = replace(
     PRESETS["good"], metres_per_tick=0.0404 * 1.02, scale_sigma=0.0, differential_sigma=0.0,
     track_width=1.55, track_sigma=0.0, antenna_forward=1.5,
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="module")

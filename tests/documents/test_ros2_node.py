@@ -10,8 +10,7 @@ import pyproj
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from whichroad import GeoFix, Localizer, RoadMap, simulate_drive
-from whichroad.simulate import draw_town
+from whichroad import GeoFix, Localizer, simulate_drive
 
 NODE = Path(__file__).parents[2] / "docs" / "ros2_node.py"
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -36,10 +35,8 @@ def empty(what, name):
 
 
 @pytest.fixture(scope="module")
-def roads(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
+def roads(town):
+    return town
 
 
 @pytest.fixture(scope="module")

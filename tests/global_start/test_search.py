@@ -20,19 +20,11 @@ from whichroad.global_start import is_vague, prior_components
 from whichroad.observations import Drive, Fixes, StartPose
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.settings import Settings
-from whichroad.simulate import SimulatedDrive, draw_town, drivable, simulate_drive
+from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from .wheels import PLANE, wheels_of
 
 SURE = 0.95
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> whichroad.RoadMap:
-    """The drawn town, some 20 km of streets."""
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return whichroad.RoadMap.from_osm(path)
 
 
 def driven(town: whichroad.RoadMap, seed: int, length_m: float = 2000.0) -> SimulatedDrive:

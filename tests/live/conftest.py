@@ -2,17 +2,8 @@
 
 import pytest
 
-from whichroad import GeoFix, RoadMap, WheelTicks, simulate_drive
-from whichroad.simulate import draw_town
+from whichroad import GeoFix, WheelTicks, simulate_drive
 from whichroad.simulate.drive_files import write_drive
-
-
-@pytest.fixture(scope="session")
-def town(tmp_path_factory):
-    """The map of a small town."""
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="session")

@@ -19,20 +19,12 @@ from whichroad.evaluate import (
     pool,
     score,
 )
-from whichroad.roadmap import RoadMap
-from whichroad.simulate import PRESETS, draw_town, drivable, simulate_drive, truth_table
+from whichroad.simulate import PRESETS, drivable, simulate_drive, truth_table
 
 SEEDS = range(64)
 LENGTH = 3000.0  # m
 SCENARIOS = ("good", "outage")
 IN_95 = 2  # place in `whichroad.evaluate.score.COVERAGE`
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="module")

@@ -28,13 +28,11 @@ from whichroad.evaluate import Comparison, anees_band, compare, pool
 from whichroad.filter.estimate import Output
 from whichroad.geodesy.plane import Plane
 from whichroad.recorded import localize_recorded
-from whichroad.roadmap import RoadMap
 from whichroad.simulate import (
     GOOD,
     Pull,
     demo_route,
     demo_scenes,
-    draw_town,
     simulate_drive,
     truth_table,
 )
@@ -189,13 +187,6 @@ class Demo(NamedTuple):
 
     driven: np.ndarray  # (n,) m
     answer: Comparison
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="module")

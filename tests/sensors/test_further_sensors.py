@@ -9,23 +9,15 @@ import pyarrow as pa
 import pytest
 
 import whichroad
-from whichroad import GeoFix, Localizer, RoadMap, WheelTicks, sensors, simulate_drive
+from whichroad import GeoFix, Localizer, WheelTicks, sensors, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.errors import ReadError, SettingError
 from whichroad.geodesy.angles import bearing_of
 from whichroad.sensed import Sensed
 from whichroad.sensors import Attribute, Compass, Heading, Range, SensorReading
 from whichroad.sensors.lasting import Lasting
-from whichroad.simulate import draw_town
 
 RANGE_M = 30.0
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="module")

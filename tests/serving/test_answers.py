@@ -7,10 +7,9 @@ import pytest
 from routingpy.routers import Valhalla
 from routingpy.routers.osrm import OSRM
 
-from whichroad import RoadMap, match, simulate_drive
+from whichroad import match, simulate_drive
 from whichroad.answers import AnswerError, osrm_match, trace_attributes, trace_route
 from whichroad.answers.polylines import decoded, encoded
-from whichroad.simulate import draw_town
 
 FULL = "geometries=geojson&overview=full&annotations=true&steps=true"
 MATCHING = {"confidence", "legs", "weight_name", "weight", "duration", "distance", "geometry"}
@@ -33,14 +32,6 @@ EDGE = {
     "road_class", "speed", "speed_type", "speeds_non_faded", "country_crossing", "forward",
     "traffic_signal", "length", "end_node",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    """The map of a small town."""
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
 
 
 @pytest.fixture(scope="module")

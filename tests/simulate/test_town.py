@@ -19,13 +19,6 @@ from whichroad.simulate import (
 from whichroad.simulate.town import places
 
 
-@pytest.fixture(scope="module")
-def town(tmp_path_factory):
-    path = tmp_path_factory.mktemp("town") / "town.osm"
-    path.write_text(draw_town(), encoding="utf-8")
-    return RoadMap.from_osm(path)
-
-
 def junction(town, name):
     return int(np.searchsorted(town.node_id, places()[name]))
 
