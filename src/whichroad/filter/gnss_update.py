@@ -13,13 +13,11 @@ from .gnss import (
     observe_state,
 )
 from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
-from .inflation import bias_time, is_alone, is_inflated, is_vouched
+from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched
 from .reported_motion import LATENCY, observe_reported
 from .sides import loosen, take_sides
 from .state import (
     CLOCK,
-    GX,
-    GY,
     NOTHING,
     OFF_ROAD,
     WHEELS,
@@ -34,8 +32,7 @@ from .state import (
     normalise,
 )
 
-_WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
-_RESTARTED = 0.1  # P(the belief was wrong) then
+_RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
@@ -114,6 +111,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.factor_time = epoch.time
     state.unlearnt = 0.0
     state.on_road_at = epoch.time
+    state.restarted_at = epoch.time
     state.learnt_time = 0.0
     state.fix_1[2] = -math.inf
     state.fix_2[2] = -math.inf
@@ -177,25 +175,6 @@ def _add_restarts(
             math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
         )  # fmt: skip
         cold_start(belief, path, ctx, fix, start, share)
-
-
-@kernel(inline=True)
-def _is_unlikely(belief: Belief, ctx: Context, epoch: Record) -> bool:
-    """Whether a receiver alone would err more than it does one time in a hundred.
-
-    Its error follows any wrong road.  So the belief is doubted, once in some seconds.
-    """
-    state = belief.state[0]
-    if ctx.par[0].gnss_lost == 0.0 or epoch.time < state.on_road_at + _LOST_TIME:
-        return False
-    energy = 0.0
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
-    if energy < _WILD:
-        return False
-    state.on_road_at = epoch.time
-    return True
 
 
 @kernel(inline=True)
@@ -319,7 +298,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     lost = state.mode == WHEELS and _is_lost(belief)
     if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
         _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
-    if is_alone(state, par, epoch) and _is_unlikely(belief, ctx, epoch):
+    alone = par.gnss_lost > 0.0 and is_alone(state, par, epoch)
+    if alone and is_unlikely(belief, epoch.time):
         _add_restarts(belief, path, ctx, epoch, white, True, _RESTARTED)
     _observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED

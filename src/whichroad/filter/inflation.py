@@ -17,6 +17,8 @@ _SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
 _ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
 _PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
+_WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
+_PAUSE = 5.0  # s between two starts at its fixes
 _LIGHT = 0.01  # weight below which a hypothesis says nothing
 
 
@@ -31,18 +33,42 @@ def is_vouched(state: Record, epoch: Record) -> bool:
 
 
 @kernel
+def _may_inflate(state: Record, par: Record) -> bool:
+    """Whether the settings ask for it, and there is no odometry."""
+    asked = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
+    return bool(asked and state.mode == CLOCK)
+
+
+@kernel
 def is_inflated(state: Record, par: Record, epoch: Record) -> bool:
     """Whether the receiver may err more than it reports, and nothing but roads can show it."""
-    adapts = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
-    return bool(adapts and state.mode == CLOCK and not is_vouched(state, epoch))
+    return bool(_may_inflate(state, par) and not is_vouched(state, epoch))
 
 
 @kernel
 def is_alone(state: Record, par: Record, epoch: Record) -> bool:
     """The same, or its speeds may come out of a filter, so that nothing measured is beside it."""
-    adapts = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
-    filtered = state.mode == CLOCK and epoch.speed_sigma >= FILTERED
-    return bool((adapts and filtered) or is_inflated(state, par, epoch))
+    filtered = epoch.speed_sigma >= FILTERED
+    return bool(_may_inflate(state, par) and (filtered or not is_vouched(state, epoch)))
+
+
+@kernel(inline=True)
+def is_unlikely(belief: Belief, time: float) -> bool:
+    """Whether the error of a receiver is larger than it is in 97 % of the time; once in 5 s.
+
+    Its error follows a wrong road wherever that leads.
+    """
+    state = belief.state[0]
+    if time < state.restarted_at + _PAUSE:
+        return False
+    energy = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+    if energy < _WILD:
+        return False
+    state.restarted_at = time
+    return True
 
 
 @kernel

@@ -14,9 +14,9 @@ from .state import Belief, Context, H, K
 
 LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
 _LATE = 0.5  # s, by which speeds and courses of a filter lag, as far as is known,
-_SAFETY = 2.0  # times the latency that courses show: speeds may be later
 _TURNS = 0.03  # rad²/s², weight of that,
 _LATEST = 3.0  # s; and by no more than this
+_SAFETY = 2.0  # times the latency that courses show: speeds may be later
 _SECOND, _APART = 0.95, 2.5  # s, between fixes whose direction is compared with the course,
 _FAR = 5.0  # and m
 _MOST = 1.2  # rad, largest difference that says something of the latency

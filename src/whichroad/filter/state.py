@@ -109,6 +109,7 @@ FILTER = np.dtype(
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m
         ("map_time", "f8"),  # time of the last map observation, s (paper preset)
         ("on_road_at", "f8"),  # time of the last fix at which the roads had half of the weight, s
+        ("restarted_at", "f8"),  # of the last start at a fix of a receiver alone, s
         # the receiver's noise, as learnt (filter.gnss_noise)
         ("gnss_factor", "f8"),  # on reported variances; 0 before the first fix
         ("innovation_factor", "f8"),  # the same by innovations,
