@@ -17,7 +17,7 @@ from .filter.silence import SPARSE
 from .geodesy.angles import heading_of, radians
 from .observations import Array, Drive, SensorReading
 from .roadmap import RoadMap
-from .roadmap.attribute_shares import attribute_name
+from .roadmap.attribute_names import known_name
 from .sensors.gnss import LEAST_SIGMA, ellipse
 from .sensors.kinds import (
     Attribute,
@@ -194,7 +194,7 @@ class Sensed:
         Raises:
             SettingError: The map has no such attribute, or more values are told apart than can be.
         """
-        column = attribute_name(self.roads, name)
+        column = known_name(self.roads.ways, name)
         if column not in self._attributes:
             self._attributes[column] = {}
             more = np.full((1, len(self.roads.pieces.way)), CLASSES - 1, np.uint8)

@@ -13,7 +13,8 @@ from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
 from ..places import Places, RelativePlace
 from ..roadmap import RoadMap
-from ..roadmap.attribute_shares import attribute_name, shares_by_value
+from ..roadmap.attribute_names import known_name
+from ..roadmap.attribute_shares import shares_by_value
 from ..tables.status import RECENT, STATUS, reason
 from .epoch_filter import Living, Row, living, row_of
 
@@ -217,7 +218,7 @@ class Estimate:
         Raises:
             SettingError: The map has no such attribute.
         """
-        column = attribute_name(self._roads, name)
+        column = known_name(self._roads.ways, name)
         places = ((h.edge, h.abscissa, h.p) for h in self.hypotheses if h.edge is not None)
         return shares_by_value(self._roads, column, places)
 

@@ -3,17 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from .attribute_names import known_name
 from .roadmap import RoadMap
-
-
-def attribute_name(roads: RoadMap, name: str) -> str:
-    """The map's name of an attribute, which may be given as OpenStreetMap has it.
-
-    Raises:
-        SettingError: The map has no such attribute.
-    """
-    return known_name(roads.ways, name)
 
 
 def shares_by_value(
@@ -23,7 +13,7 @@ def shares_by_value(
 
     Args:
         roads: The map.
-        column: Of `attribute_name`.
+        column: Of `attribute_names.known_name`.
         places: Edge, m from its start (None: its longest piece) and P, of each road.
 
     Returns:

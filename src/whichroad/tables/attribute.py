@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
-from ..roadmap.attribute_shares import attribute_name, shares_by_value
+from ..roadmap.attribute_names import known_name
+from ..roadmap.attribute_shares import shares_by_value
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -21,7 +22,7 @@ def attribute_table(points: pa.Table, roads: "RoadMap", name: str) -> pa.Table:
     Returns:
         Columns `drive_id, time, value, p`.
     """
-    column = attribute_name(roads, name)
+    column = known_name(roads.ways, name)
     names = ("edge_id", "abscissa_m", "alternatives")
     rows, values, shares = [], [], []
     for k, (edge, s, roads_there) in enumerate(
