@@ -79,6 +79,8 @@ def plot_answer(
     if alone and len(known):
         ax.legend(loc="best")
         ax.set(xlabel="longitude (degrees)", ylabel="latitude (degrees)")
+        ax.ticklabel_format(useOffset=False)
+        ax.tick_params(axis="x", rotation=45)
         if roads is not None and (credit := attribution(roads)):
             ax.annotate(
                 credit, (1.0, 0.0), xycoords="axes fraction", ha="right", va="bottom", size=7
