@@ -7,7 +7,7 @@ as a whole by 0.5 to 30 m.  Phones report fixes seldom, with an accuracy of unkn
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from .figures import clopper_pearson, upper_bound
 from .maps import draw_map
 from .nets import sumo_tool
 from .receivers import ANTENNA, Fixes, receive
+from .situations import situations
 from .wheels import count_wheels
 
 SEEDS = range(3)
@@ -30,21 +31,6 @@ FAR = 3000.0  # m of travel, beyond which something has been learnt
 CANYONS = (4.0, 8.0, 12.0)  # m, slow error of each axis
 OFFSETS = (0.5, 4.0, 15.0, 30.0)  # m, of a map as a whole
 CANYON_TIME = 30.0  # s, for which the slow error lasts
-
-
-@dataclass
-class Count:
-    """Sums over epochs of drives: all that count, and those beyond 3 km."""
-
-    drives: int = 0
-    all: "Sums" = None  # type: ignore[assignment]
-    far: "Sums" = None  # type: ignore[assignment]
-    declared: int = 0
-    wrong: int = 0
-    decisions: int = 0
-
-    def __post_init__(self) -> None:
-        self.all, self.far = Sums(), Sums()
 
 
 @dataclass
@@ -56,12 +42,11 @@ class Sums:
     exceeded: int = 0
     right: int = 0
     nees: float = 0.0
-    levels: list[float] = None  # type: ignore[assignment]
+    levels: list[float] = field(default_factory=list)
 
     def add(self, said: scoring.Said, which: np.ndarray) -> None:
         """Add some epochs of a drive, (n,) bool."""
         sums = scoring.pose_sums(said, which)
-        self.levels = self.levels or []
         if sums.epochs:
             self.epochs += sums.epochs
             self.inside += sums.inside
@@ -69,6 +54,18 @@ class Sums:
             self.right += sums.right
             self.nees += sums.nees
             self.levels.append(sums.level)
+
+
+@dataclass
+class Count:
+    """Sums over epochs of drives: all that count, and those beyond 3 km."""
+
+    drives: int = 0
+    all: Sums = field(default_factory=Sums)
+    far: Sums = field(default_factory=Sums)
+    declared: int = 0
+    wrong: int = 0
+    decisions: int = 0
 
 
 def gauss_markov(time: np.ndarray, lasts: float, random: np.random.Generator) -> np.ndarray:
@@ -241,8 +238,6 @@ def _add(
     count: Count, world: World, number: int, case: Case, random: np.random.Generator,
     options: Options,
 ) -> None:  # fmt: skip
-    from .situations import situations
-
     table, truth, chart = case(world, number, random, options)
     if len(table) < 10:
         return
