@@ -4,22 +4,29 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from scenes import drive_along, epochs_of, gnss, grid_town, network, steps
+from oracles.textbook import condition
+from scenes import On, belief_on, context, drive_along, epochs_of, grid_town, network, steps
+from scenes import gnss as fixes_of
+from strategies import UNITS, gaussians
 from whichroad._compile import Records, jit
-from whichroad.filter import reported_motion
-from whichroad.filter.state import CLOCK, H, K
+from whichroad.filter import gnss, reported_motion
+from whichroad.filter.state import CLOCK, H, K, N
 
 TOWN = network(grid_town())
 BLOCKS = [(0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3), (4, 4)]
 DRIVE = drive_along([(120 * i, 120 * j) for i, j in BLOCKS])
 EVERY = np.arange(0, len(DRIVE.time), round(1.0 / (DRIVE.time[1] - DRIVE.time[0])))
+CTX = context(TOWN)
+observe_state = jit(gnss.observe_state)
 latency_of = jit(reported_motion.latency_of)
 
 
 def reports(late: float, sigma: float) -> Records:
     """Fixes with speed and course as they were `late` seconds ago."""
-    epochs = epochs_of(DRIVE, gnss(DRIVE, sigma=2.0, seed=1), EVERY)[EVERY].copy()
+    epochs = epochs_of(DRIVE, fixes_of(DRIVE, sigma=2.0, seed=1), EVERY)[EVERY].copy()
     when = DRIVE.time[EVERY] - late
     heading = np.interp(when, DRIVE.time, np.unwrap(DRIVE.heading))
     epochs.course, epochs.course_sigma = np.angle(np.exp(1j * heading)), 0.05
@@ -35,13 +42,26 @@ def test_courses_in_turns_show_how_late_they_are(late: float):
     assert min(late, 1.3) - 0.5 < latency_of(belief.state[0]) < late + 0.5
 
 
-@pytest.mark.parametrize("late", [0.0, 1.0])
-def test_late_courses_without_a_sigma_keep_the_road_that_is_driven(late: float):
-    off = [
-        math.hypot(output.rows.x[k] - DRIVE.x[EVERY[k]], output.rows.y[k] - DRIVE.y[EVERY[k]])
-        for k, _, output in steps(TOWN, reports(late, 0.5), mode=CLOCK)
-    ]
-    assert np.sqrt(np.mean(np.square(off))) < 6.0
+@given(gaussians, st.sampled_from([H, K]), st.floats(-3.0, 3.0), st.floats(0.01, 1.0))
+def test_a_report_moves_a_hypothesis_unless_chance_explains_it_better(gaussian, index, off, sigma):
+    """Where it moves, it does by the Kalman update; the density of wrong reports is added."""
+    row = np.zeros((1, N))
+    row[0, index] = 1.0
+    mean, cov, log_density = condition(
+        gaussian.mean, gaussian.cov, row, np.array([off]), np.array([[sigma**2]])
+    )
+    for wrong in (0.0, 0.05):
+        belief = belief_on(TOWN, [On(0, 60.0)])
+        hyp = belief.hyp[0]
+        hyp["mu"][:], hyp["cov"][:] = gaussian.mean, gaussian.cov
+        observe_state(belief, CTX, index, float(gaussian.mean[index]) + off, sigma**2, wrong)
+        kept = math.exp(log_density) < wrong
+        np.testing.assert_allclose(
+            hyp["mu"] / UNITS, (gaussian.mean if kept else mean) / UNITS, atol=1e-9
+        )
+        np.testing.assert_allclose(hyp["cov"], gaussian.cov if kept else cov, atol=1e-8)
+        expected = np.logaddexp(log_density, math.log(wrong)) if wrong else log_density
+        assert hyp.log_weight == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_zero_while_driving_stops_nobody():
