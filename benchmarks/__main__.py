@@ -49,6 +49,7 @@ BENCHMARKS = {
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
     "calibrate": ("calibration.run", "cars from their own drives: errors, coverage"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
+    "build": ("building.run", "memory of building a map of 10 million edges, by the slope"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (
         "live.run",

@@ -6,7 +6,7 @@ anything to report of their reading.  Others are read one by one, with the same 
 A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,6 +104,11 @@ class Job(NamedTuple):
     crs: Any = None
     give: frozenset[str] = ALL  # tables that are made; the others come out empty
     sensors: tuple[Sensor, ...] = ()
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What results name as their map."""
+        return self.roads.identity
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
@@ -245,11 +250,19 @@ def _unexpected(error: Exception) -> str:
 
 def _remarked(drives: pa.Table, chunk: TripBatch) -> pa.Table:
     """The rows of a chunk's trips, with what its reading has to say of some."""
-    rows = drives.to_pylist()
-    for k in chunk.again:
-        rows[k]["notes"] = [*rows[k]["notes"], _AGAIN]
+    rows = noted(drives, {k: [_AGAIN] for k in chunk.again}).to_pylist()
     for k, standing in chunk.standing.items():
         rows[k]["skipped"] = [*rows[k]["skipped"], (STANDING, standing)]
+    return pa.Table.from_pylist(rows, DRIVES)
+
+
+def noted(drives: pa.Table, notes: Mapping[int, list[str]]) -> pa.Table:
+    """The rows of trips, some of them with further notes."""
+    if not notes:
+        return drives
+    rows = drives.to_pylist()
+    for k, more in notes.items():
+        rows[k]["notes"] = [*rows[k]["notes"], *more]
     return pa.Table.from_pylist(rows, DRIVES)
 
 
