@@ -6,13 +6,14 @@ Each extract holds a town several times, every copy with ids and places of its o
 """
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import whichroad
 
 from . import Figure, Options
 
@@ -55,12 +56,12 @@ def built(extract: Path, target: Path) -> tuple[int, float, float, int]:
         "print('used', u.ru_maxrss, u.ru_utime + u.ru_stime)"
     )
     line = [sys.executable, "-c", code, str(extract), "-o", str(target), "--force"]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    # arrays of a country are given back to the system when they are freed: so are these
+    given_back = {**os.environ, "MALLOC_MMAP_THRESHOLD_": str(1 << 16)}
+    done = subprocess.run(line, capture_output=True, text=True, check=False, env=given_back)
     told = [text.split() for text in done.stdout.splitlines() if text.startswith("used ")]
     if not told:
         raise RuntimeError(done.stderr[-2000:])
-    import whichroad
-
     edges = len(whichroad.RoadMap.open(target))
     return edges, float(told[0][1]) / 1024, float(told[0][2]), target.stat().st_size
 

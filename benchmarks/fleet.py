@@ -36,6 +36,7 @@ FIXES = 250  # of a trip
 STEP = 5  # s between fixes
 DRIVES = 40  # that are simulated
 NOISE = 2.0  # m, the copies' own
+KILLS = 20
 PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split")
 
 
@@ -216,28 +217,54 @@ class Bench:
         ]
 
     def kill(self) -> list[Figure]:
-        """Kill -9 at twenty random moments, then to the end: the same bytes."""
+        """Kill -9 at twenty random moments of runs that go on: the same bytes in the end."""
         part = self.folder / "part.parquet"
-        pq.write_table(self.table.slice(0, 2000 * FIXES), part, row_group_size=1 << 16)
-        more = ("--points", "slim", "--resume")
+        pq.write_table(self.table.slice(0, min(2000, self.trips) * FIXES), part,
+                       row_group_size=1 << 16)  # fmt: skip
         began = time.monotonic()
-        self.fleet(part, "whole", *more).wait()
+        self._in_units(part, "whole").wait()
         seconds = time.monotonic() - began
-        shutil.rmtree(self.folder / "cut", ignore_errors=True)
-        chance, killed = random.Random(7), 0
-        for _ in range(20):
-            process = self.command(part, "cut", *more)
-            time.sleep(chance.uniform(0.1, 0.8) * seconds)
-            killed += process.poll() is None
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-        self.command(part, "cut", *more).wait()
-        same = all(
-            (self.folder / "cut" / path.relative_to(self.folder / "whole")).read_bytes()
-            == path.read_bytes()
-            for path in (self.folder / "whole").rglob("part-*.parquet")
+        chance, killed, finished, same = random.Random(7), 0, 0, True
+        while killed < KILLS:
+            process = self._in_units(part, "cut")
+            try:
+                process.wait(chance.uniform(0.1, 0.8) * seconds)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+                killed += 1
+            if process.wait() == 0:
+                same, finished = same and self._same("cut", "whole"), finished + 1
+                shutil.rmtree(self.folder / "cut")
+        self._in_units(part, "cut").wait()
+        same = same and self._same("cut", "whole")
+        return [
+            Figure("killed and resumed: the same bytes", float(same), ">= 1", "", killed),
+            Figure("runs that came to their end", float(finished + 1), "", "", killed),
+        ]
+
+    def _in_units(self, source: Path, out: str) -> subprocess.Popen[bytes]:
+        """A run of two processes in a dozen units, that goes on where one is."""
+        rows = max(min(2000, self.trips) * FIXES // 12, 1)
+        code = (
+            "from whichroad.fleet import run_fleet\n"
+            "import sys\n"
+            "run_fleet(sys.argv[1], sys.argv[2], sys.argv[3], trip_id='trip_id', order='sorted',\n"
+            "          points='slim', workers=2, resume=True, unit_rows=int(sys.argv[4]))"
         )
-        return [Figure("killed and resumed: the same bytes", float(same), ">= 1", "", killed)]
+        line = [str(source), str(self.map), str(self.folder / out), str(rows)]
+        return subprocess.Popen([sys.executable, "-c", code, *line])
+
+    def _same(self, one: str, other: str) -> bool:
+        """Whether two runs wrote the same files."""
+        names = [
+            sorted(path.relative_to(self.folder / out)
+                   for path in (self.folder / out).rglob("part-*.parquet"))
+            for out in (one, other)
+        ]  # fmt: skip
+        return names[0] == names[1] and all(
+            (self.folder / one / name).read_bytes() == (self.folder / other / name).read_bytes()
+            for name in names[0]
+        )
 
     def poison(self) -> list[Figure]:
         """1 % of the trips spoilt, and one of a million points: the rest as it was."""

@@ -13,8 +13,9 @@ from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .attribute_names import HIDDEN, known_name, refusal
-from .compile import Network, Pieces, compile_streets
+from .compile import Network, compile_streets
 from .edge_geometry import EdgeGeometry
+from .laid_out import Pieces
 from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
