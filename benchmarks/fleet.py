@@ -4,7 +4,7 @@ Rates are by processor seconds of all processes, each part beside `match_many` o
 in the same minute.  Trips are drives simulated in Heidelberg, with a fix every five seconds;
 each comes several times, with errors of its own and at another time.
 
-    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split]
+    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split,speeds]
                                [--drives TRIPS]
 """
 
@@ -27,7 +27,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 import whichroad
-from whichroad.simulate import drivable, simulate_drive
+from whichroad.simulate import drivable, random_route, simulate_drive
 
 from . import Figure, Options
 
@@ -37,7 +37,8 @@ STEP = 5  # s between fixes
 DRIVES = 40  # that are simulated
 NOISE = 2.0  # m, the copies' own
 KILLS = 20
-PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split")
+SPREAD = 0.1  # log, of edges, of drivers and of passages
+PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split", "speeds")
 
 
 def run(options: Options) -> list[Figure]:
@@ -333,6 +334,55 @@ class Bench:
         line = [sys.executable, "-c", code, str(few), str(self.map)]
         took = min(cost(lambda: subprocess.run(line, check=True)) for _ in range(5))
         return [Figure("first answer of match_many, kernels there", took, "<= 2", "s")]
+
+    def speeds(self) -> list[Figure]:
+        """How often the intervals of edges hold the speed that was driven, a fix every 10 s."""
+        rng = np.random.default_rng(11)
+        truth = self.roads.arrays.edges.speed * np.exp(SPREAD * rng.normal(size=len(self.roads)))
+        allowed = drivable(self.roads.arrays, rng)
+        trips = min(2000, self.trips)
+        routes = [
+            random_route(self.roads.arrays, 8000.0, rng, allowed) for _ in range(-(-trips // 5))
+        ]
+        table = pa.concat_tables(
+            [self._driven(routes[k // 5], truth, f"trip {k:05}", rng) for k in range(trips)]
+        )
+        tables = whichroad.match_many(table, self.roads, threads=1)
+        found = whichroad.speeds(tables.path, hours=False, drives=tables.drives)
+        found = found.filter((found["passages"].to_numpy() >= 10) & ~np.isnan(
+            found["high_mps"].to_numpy(zero_copy_only=False)))  # fmt: skip
+        # one over the speed has the mean of two log-normal factors of one spread
+        true = truth[found["edge_id"].to_numpy()] * np.exp(-(SPREAD**2))
+        low, high = (found[name].to_numpy() for name in ("low_mps", "high_mps"))
+        ratio = found["speed_mps"].to_numpy() / true
+        n = len(true)
+        return [
+            Figure("intervals that hold the speed of an edge",
+                   100.0 * float(((low <= true) & (true <= high)).mean()), "92..98", "%", n),
+            Figure("median width of an interval", 100.0 * float(np.median((high - low) / true)),
+                   "", "%", n),
+            Figure("median of speed over the true one", float(np.median(ratio)), "", "", n),
+        ]  # fmt: skip
+
+    def _driven(
+        self, route: np.ndarray, truth: np.ndarray, name: str, rng: np.random.Generator
+    ) -> pa.Table:
+        """A trip along a route: a driver, and a passage of each edge, are faster or slower."""
+        edges, vertices = self.roads.arrays.edges[route], self.roads.arrays.vertices
+        pace = np.exp(SPREAD * (rng.normal() + rng.normal(size=len(route))))
+        end = np.cumsum(edges.length)
+        time_ = np.concatenate([[0.0], np.cumsum(edges.length / (truth[route] * pace))])
+        at = np.arange(0.0, time_[-1], 10.0)
+        gone = np.interp(at, time_, np.concatenate([[0.0], end]))
+        rows = [np.arange(a, b + 1)
+                for a, b in zip(edges.first_vertex, edges.last_vertex, strict=True)]  # fmt: skip
+        shape = np.concatenate(rows)
+        along = vertices.s[shape] + np.repeat(end - edges.length, [len(one) for one in rows])
+        x, y = (np.interp(gone, along, vertices[n][shape]) for n in ("x", "y"))
+        noise = rng.normal(0.0, 3.0, (2, len(at)))
+        lat, lon = self.roads.plane.to_geodetic(x + noise[0], y + noise[1])
+        start = 1.7e9 + float(rng.uniform(0.0, 30 * 86400.0))
+        return pa.table({"trip_id": [name] * len(at), "time": start + at, "lat": lat, "lon": lon})
 
     def split(self) -> list[Figure]:
         """Ends of trips of 100 vehicles in 30 days."""

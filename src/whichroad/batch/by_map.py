@@ -76,9 +76,9 @@ class MapsJob(NamedTuple):
             if own is not None and len(own) == 1:
                 yield _Part(name, rows, own[0].map, None, trip)
             else:  # to be cut, or by other columns
-                yield from self._cut(name, rows, trip)
+                yield from self._at_borders(name, rows, trip)
 
-    def _cut(self, name: str, rows: pa.Table, trip: int) -> Iterator[_Part]:
+    def _at_borders(self, name: str, rows: pa.Table, trip: int) -> Iterator[_Part]:
         """The parts of a trip, or all of it where it cannot be read."""
         rows, time = in_time_order(rows)
         at, lat, lon = self._fixes(rows, time)

@@ -14,7 +14,7 @@ from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tabl
 from ..errors import WriteError
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
-from ..writers.parquet import schema_of, spatial
+from ..writers.parquet import repeating, schema_of, spatial
 from .units import Unit, batches_of
 
 SCHEMA_KEY, SCHEMA_VERSION = b"whichroad_schema", b"1"
@@ -119,7 +119,10 @@ def _growing(task: Task, name: str, unit: str, identity: dict[str, Any]) -> Iter
     schema = schema.with_metadata({**schema.metadata, SCHEMA_KEY: SCHEMA_VERSION})
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with pq.ParquetWriter(beside, schema, compression="zstd", compression_level=_LEVEL) as file:
+        with pq.ParquetWriter(
+            beside, schema, compression="zstd", compression_level=_LEVEL,
+            use_dictionary=repeating(schema),
+        ) as file:  # fmt: skip
             yield lambda part: file.write_table(
                 pa.Table.from_arrays(spatial(part).columns, schema=schema), _GROUP
             )

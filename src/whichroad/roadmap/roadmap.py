@@ -48,10 +48,8 @@ class RoadMap(EdgeGeometry):
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
         ways: Mapping[str, Column], about: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.arrays = arrays
-        self.plane = plane
-        self.pieces = pieces
-        self.way = way
+        self.arrays, self.plane = arrays, plane
+        self.pieces, self.way = pieces, way
         self.node_id = node_id
         self.ways = dict(ways)
         self._about = dict(about)
