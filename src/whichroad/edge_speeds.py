@@ -3,7 +3,7 @@
 The mean is the harmonic one, distance over time.  Each passage counts by its probability and by
 how much of it was seen: `length / (length + REACH * interval)`, where the interval is that of
 the drive's fixes.  The share depends on no speed, so that slow passages count no more than fast
-ones.  The 95 % interval is that of a ratio estimator, in seconds a metre.
+ones.  The 95 % interval is that of a ratio estimator, in seconds a metre, and of what was not seen.
 """
 
 from collections.abc import Iterable, Iterator
@@ -192,7 +192,7 @@ class _Sums:
         self._words: dict[Any, int] = {}  # of sources, or of a map and an edge of it
         self._of_maps = False
         self._keys: list[Ints] = []
-        self._sums: list[NDArray[np.float64]] = []  # (k, 7) n, w, wd, wt, (wd)², wd wt, (wt)²
+        self._sums: list[NDArray[np.float64]] = []  # (k, 8), see `_interval`
         self._pairs: list[Ints] = []  # key and hash of a vehicle
         self._rows = 0
 
@@ -211,9 +211,12 @@ class _Sums:
             hour = 24 * day + clock
         key = (self._ids(table) * 2 + table["forward"].to_numpy()) * _HOURS + hour
         drives, at = _hashes(table["drive_id"])
-        weight = p * length / (length + REACH * intervals(drives)[at])
+        seen = length / (length + REACH * intervals(drives)[at])
+        weight = p * seen
         wd, wt = weight * length, weight * time
-        self._put(key, np.column_stack([np.ones(len(p)), weight, wd, wt, wd**2, wd * wt, wt**2]))
+        squares = (wd**2, wd * wt, wt**2)
+        unseen = wd * (1.0 - seen)
+        self._put(key, np.column_stack([np.ones(len(p)), weight, wd, wt, *squares, unseen]))
         vehicle = pc.replace_substring_regex(table["drive_id"], r"/[0-9]+$", "")
         vehicles, at = _hashes(vehicle)
         hashed = (vehicles >> np.uint64(64 - _BITS)).astype(np.int64)
@@ -260,7 +263,7 @@ class _Sums:
     def table(self, hours: bool) -> pa.Table:
         """What was found, by id, direction and hour."""
         if not self._keys:
-            self._put(np.empty(0, np.int64), np.empty((0, 7)))
+            self._put(np.empty(0, np.int64), np.empty((0, 8)))
             self._pairs.append(np.empty(0, np.int64))
         self._merge()
         (keys,), (sums,), (pairs,) = self._keys, self._sums, self._pairs
@@ -301,14 +304,22 @@ def _interval(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     """95 % interval of distance over time: Student's, of the ratio of time to distance.
 
     With r = Σ wt / Σ wd, the residuals wt - r wd have the variance Σ (wt - r wd)²; what is
-    effective of the number of passages is (Σ wd)² / Σ (wd)².
+    effective of the number of passages is (Σ wd)² / Σ (wd)².  What was not seen is guessed from
+    the roads before and behind.  These differ from a road as one passage differs from another,
+    however many passages there are.
+
+    Args:
+        sums: (k, 8) of n, w, wd, wt, (wd)², wd wt, (wt)² and wd times the share not seen.
     """
-    n, _, wd, wt, dd, dt, tt = sums.T
+    n, _, wd, wt, dd, dt, tt, unseen = sums.T
     ratio = wt / wd
     squares = np.maximum(tt - 2.0 * ratio * dt + ratio**2 * dd, 0.0)
     effective = np.minimum(wd**2 / dd, n)
     freedom = np.maximum(effective - 1.0, 1.0)
-    half = _student(freedom) * np.sqrt(squares * (1.0 + 1.0 / freedom)) / wd
+    variance = squares * (1.0 + 1.0 / freedom)
+    half = np.hypot(
+        _student(freedom) * np.sqrt(variance) / wd, _Z * unseen / wd * np.sqrt(variance / dd)
+    )
     with np.errstate(divide="ignore"):
         high = np.where(ratio > half, 1.0 / np.maximum(ratio - half, 0.0), np.inf)
     return 1.0 / (ratio + half), high
