@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +11,8 @@ import pyarrow as pa
 
 from ..errors import SettingError
 from ..readers import read_vehicle
-from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.dates import zone_of
+from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, shared_map
@@ -39,6 +40,8 @@ def match_many(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     threads: int | None = None,
@@ -62,6 +65,8 @@ def match_many(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
+        columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
@@ -79,8 +84,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, sensors=sensors, split=split, threads=threads,
-            progress=progress,
+            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors, split=split,
+            threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -96,6 +101,8 @@ def match_stream(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     threads: int | None = None,
@@ -112,8 +119,10 @@ def match_stream(
     if threads is not None and threads < 1:
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
-    job = job_of(roads, vehicle, settings, lag, attributes, crs)._replace(sensors=tuple(sensors))
-    own = Sensed(sensors, job.roads).columns if sensors else {}
+    own, drive_id = own_names(columns, drive_id)
+    job = job_of(roads, vehicle, settings, lag, attributes, crs, columns=own, tz=tz)
+    job = job._replace(sensors=tuple(sensors))
+    own |= Sensed(sensors, job.roads).columns if sensors else {}
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -135,6 +144,8 @@ def match_batches(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     split: str | float | None = None,
     ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
@@ -153,6 +164,8 @@ def match_batches(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to points.
         crs: Reference system of `x, y` columns.
+        columns: Own names of columns, as in `match_many`.
+        tz: Likewise.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
             as behind a sort: reading them takes less time.
@@ -168,7 +181,9 @@ def match_batches(
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     wanted = frozenset(("points" if give == "slim" else give,))
-    job = job_of(map, vehicle, settings, lag, attributes and give == "points", crs, wanted)
+    own, trip_id = own_names(columns, trip_id)
+    points = attributes and give == "points"
+    job = job_of(map, vehicle, settings, lag, points, crs, wanted, columns=own, tz=tz)
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -181,9 +196,9 @@ def match_tables(
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split)
+        chunks = ordered_batches(batches, trip_id, split=split, own=job.columns)
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=job.columns)
     for chunk in chunks:
         yield job.tables(chunk)
 
@@ -195,17 +210,24 @@ def slim(points: pa.Table) -> pa.Table:
 
 def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
-    give: frozenset[str] = ALL,
+    give: frozenset[str] = ALL, *, columns: Mapping[str, str | int] | None = None,
+    tz: str | None = None,
 ) -> Job:  # fmt: skip
     """What all trips share.
 
     Raises:
+        ReadError: There is no such zone.
         MapError: The map is not one.
         SettingError: A setting is out of bounds.
     """
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
-    return Job(shared_map(roads), vehicle, settings, Lag.of(lag), attributes, crs, give)
+    zone_of(tz)
+    road_map = shared_map(roads)
+    return Job(
+        road_map, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {},
+        tz=tz,
+    )  # fmt: skip
 
 
 def _in_order(

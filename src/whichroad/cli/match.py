@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
-_PRINTED_APART = ("skipped", "notes", "diagnosis")
+_PRINTED_APART = ("skipped", "notes", "diagnosis", "fixes_outside_map")
 _LABELS = {  # what people read; the way first, as its parts share its probability at junctions
     "mean_p_way": "mean P of the way",
     "mean_p_road": "mean P of the edge",
@@ -165,13 +165,13 @@ def match(
     from ..roadmap import open_map
     from ..tables.schema import thinned
 
-    defaults = not (can or dbc or start or mask or report or lineage or own or tz or places)
+    defaults = not (can or dbc or start or mask or report or lineage or places)
     defaults = defaults and model is Model.default
-    if len(drive) == 1 and defaults and are_many(drive[0], id_):
+    if len(drive) == 1 and defaults and are_many(drive[0], id_, own):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
-            drive_id=id_ or "drive_id",
+            drive_id=id_ or "drive_id", columns=own, tz=tz,
         )  # fmt: skip
     with progress_line() as progress:
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)

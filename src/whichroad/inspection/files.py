@@ -94,6 +94,8 @@ class _Files:
         self.answer: Path | None = None
         self.left_out = False  # whether one of them is a truth or a path
         self.read: list[Drive] = []
+        self.alone = 0  # drives of single files
+        self.noted: set[str] = set()
 
     def take(self, path: Path, *, about_car: bool = False) -> None:
         """Find out what a file is, and say what it holds or why it cannot be understood."""
@@ -192,6 +194,14 @@ class _Files:
         except WhichroadError as error:
             self.sections.append(Section("all files together", [], (f"error: {error}",)))
             return
+        if len(drives) == self.alone:  # each was described
+            notes = dict.fromkeys(
+                note for d in drives for note in d.notes if note not in self.noted
+            )
+            said = tuple(f"note: {note}" for note in notes)
+            self.sections.append(Section(f"all files together: {len(drives):,} drives", [], said))
+            self.read = drives
+            return
         self.sections.append(Section("all files together", [("drives", f"{len(drives):,}")]))
         self._describe(drives)
 
@@ -201,7 +211,8 @@ class _Files:
         return None if self.vehicle is None else self.vehicle[1]
 
     def _describe(self, drives: list[Drive]) -> None:
-        self.read = drives
+        self.read, self.alone = drives, self.alone + len(drives)
+        self.noted |= {note for drive in drives for note in drive.notes}
         self.sections += [drive_section(drive, self.settings) for drive in drives[:_MOST]]
         if len(drives) > _MOST:
             self.sections.append(Section(f"and {len(drives) - _MOST:,} more drives", []))
@@ -258,10 +269,10 @@ def _looks_like_roads(path: Path) -> bool:
     name = path.name.lower()
     if name.endswith((".csv", ".tsv", ".parquet", ".geoparquet")):
         try:
-            names = {name.lower() for name in _seen(path, {}).names}
+            seen = _seen(path, {})
         except WhichroadError:
             return False
-        return bool(names & _LINES) and not any("time" in n or "date" in n for n in names)
+        return bool({name.lower() for name in seen.names} & _LINES) and "time" not in seen.found
     if not name.endswith((".geojson", ".json")):
         return True
     try:

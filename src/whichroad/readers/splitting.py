@@ -6,6 +6,7 @@ are the same whatever engine brought the rows together.
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -61,7 +62,9 @@ def seconds_of(text: str | float | None) -> float | None:
     return seconds
 
 
-def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]":
+def split_trips(
+    table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None
+) -> "tuple[pa.Table, list[Part]]":
     """The rows of one vehicle in the order of time, and the trips among them.
 
     A trip ends before a pause of more than `pause` without a fix, when the vehicle begins to
@@ -70,11 +73,12 @@ def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]
     Args:
         table: All rows of a vehicle, with times; rows without a readable time come last.
         pause: s.
+        own: Own names of columns, as `names.find` takes them.
 
     Returns:
         The table in order, and its trips; at least one where there are rows.
     """
-    found = find(table.column_names)
+    found = find(table.column_names, own)
     if "time" not in found:
         return table, [Part(0, table.num_rows, 0)]
     meaning = found["time"]
