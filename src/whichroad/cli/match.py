@@ -252,8 +252,10 @@ def print_summary(result: "Result") -> None:
         if outside := one.get("fixes_outside_map"):
             fixes = one["fixes"] + one["fixes_masked"]
             typer.echo(f"note: {one['drive_id']}: {outside_note(outside, fixes)}", err=True)
-    for finding in (finding for one in each for finding in one.get("diagnosis", ())):
-        typer.echo(_finding_line(finding), err=True)
+    for one in each:
+        whose = f"{one['drive_id']}: " if len(each) > 1 else ""
+        for finding in one.get("diagnosis", ()):
+            typer.echo(f"{whose}{_finding_line(finding)}", err=True)
     if len(each) > _EACH:
         print_table("all", [(name, result.summary[name]) for name in _OF_ALL])
     for one in each if len(each) <= _EACH else ():

@@ -1,5 +1,6 @@
 """Files of any kind: what each holds, and the command that would match them."""
 
+import re
 import shlex
 from collections import Counter
 from collections.abc import Sequence
@@ -264,14 +265,24 @@ def _seen(path: Path, reading: dict[str, Any]) -> Seen:
     return table_of(Source.of(path), Counter(), Reading.of(**reading))
 
 
+def _first_names(path: Path) -> set[str]:
+    """What may be the names of the columns of a text."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            line = file.readline(1 << 16)
+    except OSError:
+        return set()
+    return {word.strip(' "\n').lower() for word in re.split(r"[,;\t|]", line)}
+
+
 def _looks_like_roads(path: Path) -> bool:
     """Whether a table seems to be one of roads: its geometries are lines, and it has no times."""
     name = path.name.lower()
     if name.endswith((".csv", ".tsv", ".parquet", ".geoparquet")):
         try:
             seen = _seen(path, {})
-        except WhichroadError:
-            return False
+        except WhichroadError:  # none of its columns is one of a drive
+            return name.endswith((".csv", ".tsv")) and bool(_first_names(path) & _LINES)
         return bool({name.lower() for name in seen.names} & _LINES) and "time" not in seen.found
     if not name.endswith((".geojson", ".json")):
         return True
