@@ -1,5 +1,6 @@
 """Rubbish gets a 4xx, strangers stay outside, slow clients are dropped, and the service lives."""
 
+import asyncio
 import json
 import os
 import socket
@@ -10,6 +11,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from live.service import Served, drive_files
+from whichroad.live.app import Service, application
+from whichroad.live.broadcaster import Broadcaster
+from whichroad.live.filter_loop import FilterLoop
+from whichroad.online import Localizer
 
 pytestmark = pytest.mark.slow
 
@@ -123,7 +128,7 @@ def test_a_token_is_asked_of_everybody(files):
         with pytest.raises(InvalidStatus):
             connect(f"ws://127.0.0.1:{one.port}/ws")
         with connect(f"ws://127.0.0.1:{one.port}/ws?token=s3cret") as socket_:
-            assert json.loads(socket_.recv(timeout=10))["version"] == 1
+            assert json.loads(socket_.recv(timeout=60))["version"] == 1
 
 
 def test_a_large_or_talkative_websocket_is_closed_or_slowed(served):
@@ -131,7 +136,7 @@ def test_a_large_or_talkative_websocket_is_closed_or_slowed(served):
         with connect(f"ws://127.0.0.1:{served.port}/ws") as socket_:
             socket_.send("x" * 10_000)
             for _ in range(1000):
-                socket_.recv(timeout=10)
+                socket_.recv(timeout=60)
 
     with pytest.raises(ConnectionClosed):
         shout()
@@ -163,14 +168,33 @@ def test_who_does_not_read_is_dropped_and_delays_nobody(served):
     served.control("seek", 0)
     served.control("resume")
     with served.listen() as other:
-        end = time.monotonic() + 20
+        end = time.monotonic() + 120
         while served.get("/health")["listeners"] > listeners and time.monotonic() < end:
-            other.recv(timeout=5)
+            other.recv(timeout=60)
     gone = served.until(lambda said: said["listeners"] < listeners, "/health")
     assert gone["answered"]
     stalled.close()
 
 
-def test_too_many_requests_are_refused(served):
-    statuses = {served.ask("GET", "/health")[0] for _ in range(700)}
-    assert statuses == {200, 429}
+def test_too_many_requests_are_refused(town):
+    """By the application itself: over sockets a busy machine may ask too slowly."""
+    app = application(Service(FilterLoop(Localizer(town)), Broadcaster()))
+    scope = {
+        "type": "http", "http_version": "1.1", "method": "GET", "scheme": "http",
+        "path": "/health", "raw_path": b"/health", "root_path": "", "query_string": b"",
+        "headers": [(b"host", b"localhost")], "client": ("127.0.0.1", 1), "server": ("::1", 80),
+    }  # fmt: skip
+    statuses = set()
+
+    async def receive():
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message):
+        statuses.add(message.get("status"))
+
+    async def ask():
+        for _ in range(700):
+            await app(dict(scope), receive, send)
+
+    asyncio.run(ask())
+    assert statuses - {None} == {200, 429}
