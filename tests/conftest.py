@@ -19,6 +19,44 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 ROOT = Path(__file__).parents[1]
 
+# Files that take long, the longest first.  They are begun before the others, so that none is left
+# for the end, when one worker would run it and the other would wait.
+LONG = (
+    "native/test_ways.py",
+    "fleet/test_spark.py",
+    "page/test_layout.py",
+    "live/test_traces.py",
+    "page/test_browser.py",
+    "page/test_explore.py",
+    "experiments/test_experiments.py",
+    "documents/test_blocks.py",
+    "calibration/test_calibrate.py",
+    "live/test_web.py",
+    "live/test_service.py",
+    "live/test_access.py",
+    "serving/test_service.py",
+    "fleet/test_fleet.py",
+    "live/test_crash.py",
+    "experiments/test_other_answers.py",
+    "scenes/test_paper_scenes.py",
+    "scenes/test_consistency.py",
+    "documents/test_notebooks.py",
+    "fleet/test_batches.py",
+    "native/test_jit.py",
+    "test_house.py",
+)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let workers take files in the order below: xdist's own begins with those of many tests."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take long first."""
+    place = {ROOT / "tests" / name: k for k, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path, len(LONG)))
+
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:

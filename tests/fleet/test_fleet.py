@@ -91,7 +91,7 @@ def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(
             "lon": one["lon"].to_numpy()[at],
         }
     )
-    pq.write_table(table, tmp_path / "t.parquet")
+    pq.write_table(table, tmp_path / "t.parquet", row_group_size=1000)
     done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1)
     assert done.done.trips == done.done.answered == many
     assert done.done.fixes == 2 * many

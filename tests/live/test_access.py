@@ -77,24 +77,6 @@ def test_a_trace_that_is_none_is_a_4xx_without_paths(served, kind, body, status)
     assert b".py" not in said
 
 
-def test_a_posted_trace_is_matched(served, ride):
-    fixes = ride.drive.fixes
-    columns = {"time": fixes.time, "lat": fixes.lat_deg, "lon": fixes.lon_deg}
-    body = json.dumps({name: values[:60].tolist() for name, values in columns.items()})
-    status, said = served.ask("POST", "/match", body, {"content-type": "application/json"})
-    assert status == 200
-    answer = json.loads(said)
-    assert len(answer["points"]) == 60
-    assert answer["points"][30]["p_road"] > 0.5
-    assert answer["path"]["features"][0]["geometry"]["type"] == "LineString"
-    log = "\n".join(f"{t},{a},{b}" for t, a, b in zip(*(c[:60] for c in columns.values())))  # noqa: B905
-    status, again = served.ask(
-        "POST", "/match", "time,lat,lon\n" + log, {"content-type": "text/csv"}
-    )
-    assert status == 200
-    assert len(json.loads(again)["points"]) == 60
-
-
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -115,20 +97,6 @@ def test_a_websocket_of_another_origin_is_refused(served):
     with pytest.raises(InvalidStatus) as refused:
         connect(f"ws://127.0.0.1:{served.port}/ws", origin="https://evil.example")
     assert refused.value.response.status_code == 403
-
-
-def test_a_token_is_asked_of_everybody(files):
-    options = ("--map", files / "town.map", *drive_files(files / "drive"), "--speed", 10)
-    with Served(*options, "--token", "s3cret") as one:
-        assert one.ask("GET", "/estimate")[0] == 401
-        assert one.ask("GET", "/estimate?token=wrong")[0] == 401
-        assert one.ask("GET", "/health", headers={"Authorization": "Bearer s3cret"})[0] == 200
-        assert one.ask("GET", "/health?token=s3cret")[0] == 200
-        assert one.ask("GET", "/health", headers={"Cookie": "whichroad=s3cret"})[0] == 200
-        with pytest.raises(InvalidStatus):
-            connect(f"ws://127.0.0.1:{one.port}/ws")
-        with connect(f"ws://127.0.0.1:{one.port}/ws?token=s3cret") as socket_:
-            assert json.loads(socket_.recv(timeout=60))["version"] == 1
 
 
 def test_a_large_or_talkative_websocket_is_closed_or_slowed(served):

@@ -129,7 +129,9 @@ def test_a_huge_trace_goes_beside_the_usual_ones(base, drive):
     laps = [[t + 70.0 * lap for t in drive[0]] for lap in range(60)]
     long = [[t for lap in laps for t in lap], drive[1] * 60, drive[2] * 60]
     with ThreadPoolExecutor(1) as callers, httpx.Client() as client:
-        huge = callers.submit(httpx.post, base + "trace_attributes", json=body_of(long), timeout=300)
+        huge = callers.submit(
+            httpx.post, base + "trace_attributes", json=body_of(long), timeout=300
+        )
         answered = 0
         while not huge.done():
             assert client.get(usual).status_code == 200
@@ -163,9 +165,7 @@ def test_words_that_are_no_text_are_answered_and_end_no_process(base, drive):
     assert httpx.get(base + "health").json()["usual"]["ended"] == before
 
 
-def test_what_is_too_slow_for_the_usual_lane_is_answered_by_the_large_one(
-    town, drive, monkeypatch
-):
+def test_what_is_too_slow_for_the_usual_lane_is_answered_by_the_large_one(town, drive, monkeypatch):
     monkeypatch.setattr(lanes, "_CODE", KEEPS_PACE + lanes._CODE)
 
     async def asked():
