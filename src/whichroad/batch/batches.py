@@ -15,12 +15,13 @@ from ..readers.dates import zone_of
 from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
-from ..roadmap import RoadMap, shared_map
+from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
 from ..sensed import Sensed
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
-from ..tables.schema import DRIVES, PATH, POINTS, SLIM
+from ..tables.schema import DRIVES, MAP, PATH, POINTS, SLIM
+from .by_map import MapsJob
 from .trips import ALL, Job, Tables, joined
 
 Progress = Callable[[str, int, int], None]
@@ -29,10 +30,13 @@ Give = Literal["path", "points", "slim", "drives"]
 SCHEMAS: dict[str, pa.Schema] = {"points": POINTS, "slim": SLIM, "path": PATH, "drives": DRIVES}
 """Of what `match_batches` gives."""
 
+MAPS_SCHEMAS: dict[str, pa.Schema] = {name: one.append(MAP) for name, one in SCHEMAS.items()}
+"""The same where the map is a folder: the column `map` names the file of each row."""
+
 
 def match_many(
     table: Any,
-    roads: RoadMap | str | Path,
+    roads: RoadMap | RoadMaps | str | Path,
     *,
     drive_id: str = "drive_id",
     vehicle: Vehicle | str | Path | None = None,
@@ -57,7 +61,8 @@ def match_many(
             a DataFrame, the path of a Parquet or Arrow file or a folder of them, a dataset,
             or an iterator of record batches.  Rows of a trip lie together, in a table in
             memory in any order.
-        roads: A `RoadMap`, or the path of one, which a process opens once.
+        roads: A `RoadMap`, or the path of one, which a process opens once.  Or a folder of
+            compiled maps: each trip takes the one that holds it, which the column `map` names.
         drive_id: The column that names the trip; the default also finds its usual aliases, and
             those of vehicles where no column names trips.
         vehicle: Of all trips.
@@ -93,7 +98,7 @@ def match_many(
 
 def match_stream(
     table: Any,
-    roads: RoadMap | str | Path,
+    roads: RoadMap | RoadMaps | str | Path,
     *,
     drive_id: str = "drive_id",
     vehicle: Vehicle | str | Path | None = None,
@@ -120,9 +125,12 @@ def match_stream(
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
     own, drive_id = own_names(columns, drive_id)
-    job = job_of(roads, vehicle, settings, lag, attributes, crs, columns=own, tz=tz)
-    job = job._replace(sensors=tuple(sensors))
-    own |= Sensed(sensors, job.roads).columns if sensors else {}
+    job = job_of(
+        roads, vehicle, settings, lag, attributes, crs, sensors=sensors, split=split is not None,
+        columns=own, tz=tz,
+    )  # fmt: skip
+    one = job.job.roads if isinstance(job, MapsJob) else job.roads
+    own |= Sensed(sensors, one).columns if sensors else {}
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -135,7 +143,7 @@ def match_stream(
 
 def match_batches(
     batches: Any,
-    map: RoadMap | str | Path,
+    map: RoadMap | RoadMaps | str | Path,
     *,
     give: Give = "path",
     trip_id: str = "drive_id",
@@ -156,7 +164,8 @@ def match_batches(
     Args:
         batches: As the table of `match_many`; batches may end within trips.  All rows of a trip
             are in it, together.
-        map: The path of a map that the process sees; it is opened once.  Or a `RoadMap`.
+        map: The path of a map, or of a folder of maps, that the process sees; it is opened
+            once.  Or a `RoadMap`.
         give: Which table.  `slim` are points without poses: `SCHEMAS` has the columns of each.
         trip_id: The column that names the trip, as `drive_id` of `match_many`.
         vehicle: Of all trips.
@@ -183,7 +192,10 @@ def match_batches(
     wanted = frozenset(("points" if give == "slim" else give,))
     own, trip_id = own_names(columns, trip_id)
     points = attributes and give == "points"
-    job = job_of(map, vehicle, settings, lag, points, crs, wanted, columns=own, tz=tz)
+    job = job_of(
+        map, vehicle, settings, lag, points, crs, wanted, split=split is not None, columns=own,
+        tz=tz,
+    )  # fmt: skip
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -192,7 +204,7 @@ def match_batches(
 
 
 def match_tables(
-    batches: Any, job: Job, trip_id: str, split: float | None, *, ordered: bool
+    batches: Any, job: Job | MapsJob, trip_id: str, split: float | None, *, ordered: bool
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
@@ -205,15 +217,15 @@ def match_tables(
 
 def slim(points: pa.Table) -> pa.Table:
     """Points without poses: time, road, place on it and probabilities."""
-    return points.select(SLIM.names)
+    return points.select([*SLIM.names, *({MAP.name} & set(points.column_names))])
 
 
 def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
-    give: frozenset[str] = ALL, *, columns: Mapping[str, str | int] | None = None,
-    tz: str | None = None,
-) -> Job:  # fmt: skip
-    """What all trips share.
+    give: frozenset[str] = ALL, *, sensors: Sequence[Sensor] = (), split: bool = False,
+    columns: Mapping[str, str | int] | None = None, tz: str | None = None,
+) -> Job | MapsJob:  # fmt: skip
+    """What all trips share; `split`: they are parts already.
 
     Raises:
         ReadError: There is no such zone.
@@ -223,11 +235,18 @@ def job_of(
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     zone_of(tz)
-    road_map = shared_map(roads)
-    return Job(
-        road_map, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {},
-        tz=tz,
+    maps = shared_maps(Path(roads)) if is_folder(roads) else roads
+    one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
+    job = Job(
+        one, vehicle, settings, Lag.of(lag), attributes, crs, give, tuple(sensors), columns or {},
+        tz,
     )  # fmt: skip
+    return MapsJob(maps, job, split) if isinstance(maps, RoadMaps) else job
+
+
+def is_folder(roads: Any) -> bool:
+    """Whether this names a folder of maps."""
+    return isinstance(roads, str | Path) and Path(roads).is_dir()
 
 
 def _in_order(

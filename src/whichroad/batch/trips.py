@@ -112,6 +112,11 @@ class Job(NamedTuple):
     columns: Mapping[str, str | int] = {}  # own names, as `names.find` takes them
     tz: str | None = None  # of times that name no zone
 
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What results name as their map."""
+        return self.roads.identity
+
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
         made = self._tables(chunk)
@@ -261,11 +266,19 @@ def _unexpected(error: Exception) -> str:
 
 def _remarked(drives: pa.Table, chunk: TripBatch) -> pa.Table:
     """The rows of a chunk's trips, with what its reading has to say of some."""
-    rows = drives.to_pylist()
-    for k in chunk.again:
-        rows[k]["notes"] = [*rows[k]["notes"], _AGAIN]
+    rows = noted(drives, {k: [_AGAIN] for k in chunk.again}).to_pylist()
     for k, standing in chunk.standing.items():
         rows[k]["skipped"] = [*rows[k]["skipped"], (STANDING, standing)]
+    return pa.Table.from_pylist(rows, DRIVES)
+
+
+def noted(drives: pa.Table, notes: Mapping[int, list[str]]) -> pa.Table:
+    """The rows of trips, some of them with further notes."""
+    if not notes:
+        return drives
+    rows = drives.to_pylist()
+    for k, more in notes.items():
+        rows[k]["notes"] = [*rows[k]["notes"], *more]
     return pa.Table.from_pylist(rows, DRIVES)
 
 

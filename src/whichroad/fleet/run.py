@@ -20,11 +20,11 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from ..batch.batches import cores
+from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
 from ..readers import read_vehicle
 from ..readers.splitting import seconds_of
-from ..roadmap import RoadMap, open_map
+from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
@@ -82,7 +82,7 @@ def run_fleet(
     Args:
         trips: Files, folders (also partitioned), patterns: Parquet, GeoParquet, Arrow, CSV; or
             a query of DuckDB that begins with SELECT, FROM or WITH.
-        map: A compiled map; another is compiled first.
+        map: A compiled map, or a folder of them; another map is compiled first.
         out: The folder.
         trip_id: The column that names trips; the default finds its usual aliases.
         split: As in `match_many`.
@@ -182,8 +182,10 @@ def _make(folder: Path, points: str) -> None:
         ) from None
 
 
-def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap]:
-    """The path of a compiled map, and the map."""
+def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap | RoadMaps]:
+    """The path of a compiled map or of a folder of them, and the map or maps."""
+    if is_folder(map):
+        return Path(map).resolve(), shared_maps(Path(map))
     path, roads = Path(map), open_map(map)
     if not is_compiled(path):
         path = folder / _WORK / "compiled.map"

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..batch.batches import SCHEMAS, job_of, match_tables, slim
+from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tables, slim
 from ..errors import WriteError
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
-from ..writers.parquet import schema_of, spatial
+from ..writers.parquet import repeating, schema_of, spatial
 from .units import Unit, batches_of
 
 SCHEMA_KEY, SCHEMA_VERSION = b"whichroad_schema", b"1"
@@ -85,8 +85,11 @@ def run_unit(task: Task, unit: Unit) -> Done:
         WriteError: A file cannot be written.
     """
     give = frozenset(task.tables) | {"drives"}
-    job = job_of(task.map, task.vehicle, task.settings, task.lag, False, task.crs, give)
-    identity = job.roads.identity
+    job = job_of(
+        task.map, task.vehicle, task.settings, task.lag, False, task.crs, give,
+        split=task.split is not None,
+    )  # fmt: skip
+    identity = job.identity
     rows = batches_of(unit, task.trip_id)
     parts: dict[str, list[pa.Table]] = {"path": [], "drives": []}
     with ExitStack() as files:
@@ -110,12 +113,16 @@ def run_unit(task: Task, unit: Unit) -> Done:
 def _growing(task: Task, name: str, unit: str, identity: dict[str, Any]) -> Iterator[Any]:
     """A function that writes parts of a table to the file of a unit, whole at the end."""
     path = task.folder(name) / f"{unit}.parquet"
-    empty = with_map(SCHEMAS[task.tables[name]].empty_table(), identity)
+    schemas = MAPS_SCHEMAS if is_folder(task.map) else SCHEMAS
+    empty = with_map(schemas[task.tables[name]].empty_table(), identity)
     schema = schema_of(empty, bounds=False)
     schema = schema.with_metadata({**schema.metadata, SCHEMA_KEY: SCHEMA_VERSION})
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with pq.ParquetWriter(beside, schema, compression="zstd", compression_level=_LEVEL) as file:
+        with pq.ParquetWriter(
+            beside, schema, compression="zstd", compression_level=_LEVEL,
+            use_dictionary=repeating(schema),
+        ) as file:  # fmt: skip
             yield lambda part: file.write_table(
                 pa.Table.from_arrays(spatial(part).columns, schema=schema), _GROUP
             )

@@ -138,6 +138,9 @@ DRIVES = pa.schema(
 )
 """One row per trip of many, also where it has no answer."""
 
+MAP = pa.field("map", pa.string())
+"""The last column of all tables of trips on several maps: the file of the row's map."""
+
 _WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 _WKB_HEAD = np.dtype([("order", "u1"), ("type", "<u4"), ("count", "<u4")])
 
