@@ -137,7 +137,8 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        lateral, tx, ty = track(belief, ctx.roads, i)
+        track(belief, ctx.roads, i)
+        lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov
         s = begin + odometer * hyp.mu[K]

@@ -13,7 +13,7 @@ from . import paper
 from .along import advance_along, forward_only
 from .births import exchange_off_road, turn_round, turn_with_heading
 from .branching import BRANCH_THRESHOLD, branch
-from .estimate import Output, summarise
+from .estimate import Output, describe
 from .evidence import observe_evidence
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
@@ -395,6 +395,7 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
 @kernel(inline=True)
 def _summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
     """The estimate of epoch k; in the paper the pose of the most probable hypothesis."""
-    summarise(belief, ctx, output, k, chi2)
+    state = belief.state[0]
+    describe(belief, ctx, output, k, chi2, state.changed == 1 or ctx.par[0].paper == 1)
     if ctx.par[0].paper:
         paper.keep_most_probable(belief, ctx, output, k)
