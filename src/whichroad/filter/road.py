@@ -19,7 +19,7 @@ from ..graph.geometry import (
     wrap,
 )
 from ..graph.network import Roads, is_at_node
-from .gaussian import LOG_2PI, update, update_across
+from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
@@ -162,16 +162,18 @@ def _observe_road(
     s = update_across(mean, hyp.cov, ty, -tx, nu, noise.lateral, scale)
     misfit = nu * nu / s
     if with_heading:
-        row = ctx.work.row
-        for j in range(N):
-            row[j] = 0.0
-        row[H] = 1.0
-        row[X] = -hyp.scratch[_SLOPE] * tx
-        row[Y] = -hyp.scratch[_SLOPE] * ty
-        row[MX] = row[X]
-        row[MY] = row[Y]
         nu = wrap(hyp.scratch[_HEADING] - mean[H])
-        s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
+        slope = hyp.scratch[_SLOPE]
+        if slope == 0.0:
+            s_heading = update_state(mean, hyp.cov, H, nu, noise.heading, scale)
+        else:
+            row = ctx.work.row
+            for j in range(N):
+                row[j] = 0.0
+            row[H] = 1.0
+            row[X] = row[MX] = -slope * tx
+            row[Y] = row[MY] = -slope * ty
+            s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
         misfit += nu * nu / s_heading
         s *= s_heading
     return misfit, s

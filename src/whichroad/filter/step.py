@@ -67,7 +67,7 @@ _MOST_PIECES = 10_000  # of an epoch's arc
 _NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
 
 
-@kernel
+@kernel(inline=True)
 def step(
     belief: Belief, path: Path, history: History, epoch: Record, output: Output, ctx: Context,
     k: int,
@@ -185,7 +185,7 @@ def _predict(
         paper.predict(belief, ctx, epoch, dt)
         return
     if epoch.gyro == BY_GYRO and state.motion == PLANE:
-        rest(belief, ctx, epoch, dt)
+        rest(belief, epoch, dt)
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
@@ -225,12 +225,13 @@ def _predict_wheels(
     state = belief.state[0]
     pieces = pieces_of(epoch.arc)
     move = increment_of(epoch, pieces, dt)
-    metres = abs(epoch.arc) * (1.0 / pieces)
+    arc = epoch.arc if pieces == 1 else epoch.arc / pieces
+    metres = abs(move.arc)
     for piece in range(pieces):
         if piece > 0:
             if state.changed:
                 normalise(belief)
-            if branch(belief, path, ctx, epoch.arc / pieces, 0.0):
+            if branch(belief, path, ctx, arc, 0.0):
                 state.changed = 1
             if state.changed:
                 reduce(belief, path, ctx)
@@ -240,7 +241,7 @@ def _predict_wheels(
         if metres > 0.0 or move.turn != 0.0:  # else nothing moves
             for i in range(state.count):
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
-        _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
+        _count_motion(state, abs(arc), dt / pieces)
     if dt > 1e-6:
         state.turn_rate[0] = epoch.turn / dt
         state.turn_rate[1] += (state.turn_rate[0] - state.turn_rate[1]) * dt / (dt + _TURN_TIME)
@@ -249,6 +250,8 @@ def _predict_wheels(
 @kernel
 def pieces_of(arc: float) -> int:
     """Equal pieces in which an arc (m) is predicted."""
+    if abs(arc) <= _PIECE:
+        return 1
     return max(1, math.ceil(min(abs(arc) / _PIECE, _MOST_PIECES)))
 
 
