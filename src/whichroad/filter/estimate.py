@@ -117,11 +117,11 @@ def describe(
     state = belief.state[0]
     ranking = state.ranking
     out = output.rows[k]
-    if changed:
+    if changed or ctx.par[0].paper:
         ranking.known = 0
     if ranking.known == 0:
         set_odds(belief, ctx.par[0].protection_risk)
-    off = _moments(belief, ctx, out)
+    off = _moments(belief, out)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -209,7 +209,7 @@ def _status(state: Record, par: Record, off: float, p_way: float, facing: float)
 
 
 @kernel(inline=True)
-def _moments(belief: Belief, ctx: Context, out: Record) -> float:
+def _moments(belief: Belief, out: Record) -> float:
     """Mean and covariance of the mixture, in the world and on the map; returns P(off road).
 
     Deviations are from the heaviest hypothesis, and headings on the circle.

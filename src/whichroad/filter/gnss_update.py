@@ -2,7 +2,7 @@
 
 import math
 
-from .._compile import Record, kernel
+from .._compile import Record, Vector, kernel
 from .births import Start, cold_start
 from .gnss import (
     Axes,
@@ -124,6 +124,15 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
 
 
 @kernel(inline=True)
+def _axes(fix: Vector, white: float, thin: float) -> Axes:
+    """The axes of a fix; white noise of so many reported sigmas, `thin` times its variance."""
+    return Axes(
+        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
+        (white * fix[3]) ** 2 * thin,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
 def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
     """A standing vehicle's fix observes the receiver's noise, and not the position."""
     state = belief.state[0]
@@ -131,7 +140,7 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
     interval = max(epoch.time - state.last_fix, 0.0)
     update_root(belief, fix, state.gnss_factor, interval)
     white = math.sqrt(state.gnss_factor) * ctx.par[0].gnss_white_ratio
-    innovations(belief, ctx, fix, Axes(math.cos(fix[4]), math.sin(fix[4]), 0.0, 0.0))
+    innovations(belief, ctx, fix, _axes(fix, white, 1.0))
     learn_factor(belief, ctx, epoch, white, 0.0)
     state.last_fix = epoch.time
 
@@ -282,10 +291,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
     thin = max(1.0, 1.0 / max(interval, 0.01))
-    axes = Axes(
-        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
-        (white * fix[3]) ** 2 * thin,
-    )  # fmt: skip
+    axes = _axes(fix, white, thin)
     innovations(belief, ctx, fix, axes)
     doubted = _learn(belief, ctx, epoch, white)
     state.moving = 0.0

@@ -225,13 +225,12 @@ def _predict_wheels(
     state = belief.state[0]
     pieces = pieces_of(epoch.arc)
     move = increment_of(epoch, pieces, dt)
-    arc = epoch.arc if pieces == 1 else epoch.arc / pieces
     metres = abs(move.arc)
     for piece in range(pieces):
         if piece > 0:
             if state.changed:
                 normalise(belief)
-            if branch(belief, path, ctx, arc, 0.0):
+            if branch(belief, path, ctx, epoch.arc / pieces, 0.0):
                 state.changed = 1
             if state.changed:
                 reduce(belief, path, ctx)
@@ -241,7 +240,7 @@ def _predict_wheels(
         if metres > 0.0 or move.turn != 0.0:  # else nothing moves
             for i in range(state.count):
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
-        _count_motion(state, abs(arc), dt / pieces)
+        _count_motion(state, metres, dt / pieces)
     if dt > 1e-6:
         state.turn_rate[0] = epoch.turn / dt
         state.turn_rate[1] += (state.turn_rate[0] - state.turn_rate[1]) * dt / (dt + _TURN_TIME)
@@ -250,8 +249,6 @@ def _predict_wheels(
 @kernel
 def pieces_of(arc: float) -> int:
     """Equal pieces in which an arc (m) is predicted."""
-    if abs(arc) <= _PIECE:
-        return 1
     return max(1, math.ceil(min(abs(arc) / _PIECE, _MOST_PIECES)))
 
 
@@ -398,7 +395,6 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
 @kernel(inline=True)
 def _summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
     """The estimate of epoch k; in the paper the pose of the most probable hypothesis."""
-    state = belief.state[0]
-    describe(belief, ctx, output, k, chi2, state.changed == 1 or ctx.par[0].paper == 1)
+    describe(belief, ctx, output, k, chi2, belief.state[0].changed == 1)
     if ctx.par[0].paper:
         paper.keep_most_probable(belief, ctx, output, k)
