@@ -32,6 +32,7 @@ from .epoch import EPOCH as EPOCH
 from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
+from .ranks import RANKING
 from .sources import REPORTS, VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
@@ -61,6 +62,9 @@ HYPOTHESIS = np.dtype(
         ("weight", "f8"),  # exp(log_weight), set by `normalise`
         ("along", "f8"),  # abscissa on its edge, m
         ("along_sigma", "f8"),  # m
+        ("lateral", "f8"),  # offset from the edge when last tracked, m, right positive
+        ("tangent", "f8", (2,)),  # of the edge there
+        ("odds", "f8", (2,)),  # of its weight over the risk: twice the logarithm, the root of that
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
@@ -83,6 +87,7 @@ FILTER = np.dtype(
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
+        ("ranking", RANKING),  # of the edges, in the last estimate
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
