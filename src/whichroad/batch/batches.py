@@ -15,7 +15,6 @@ from ..readers.many_trips import TripBatch, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, shared_map
-from ..sensed import Sensed
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
@@ -40,6 +39,7 @@ def match_many(
     attributes: bool = False,
     crs: Any = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -63,6 +63,8 @@ def match_many(
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
+        places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
+            those within 500 m ahead and within 50 m of each epoch.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
         threads: How many trips side by side; None: one for each core this process may use.
@@ -79,8 +81,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, sensors=sensors, split=split, threads=threads,
-            progress=progress,
+            attributes=attributes, crs=crs, sensors=sensors, places=places, split=split,
+            threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -97,6 +99,7 @@ def match_stream(
     attributes: bool = False,
     crs: Any = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -112,8 +115,8 @@ def match_stream(
     if threads is not None and threads < 1:
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
-    job = job_of(roads, vehicle, settings, lag, attributes, crs)._replace(sensors=tuple(sensors))
-    own = Sensed(sensors, job.roads).columns if sensors else {}
+    job = job_of(roads, vehicle, settings, lag, attributes, crs).with_more(sensors, places)
+    own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -135,6 +138,7 @@ def match_batches(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
@@ -153,6 +157,7 @@ def match_batches(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to points.
         crs: Reference system of `x, y` columns.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the batches.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
             as behind a sort: reading them takes less time.
@@ -169,6 +174,7 @@ def match_batches(
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     wanted = frozenset(("points" if give == "slim" else give,))
     job = job_of(map, vehicle, settings, lag, attributes and give == "points", crs, wanted)
+    job = job.with_more(sensors, None)
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -181,9 +187,10 @@ def match_tables(
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split)
+        chunks = ordered_batches(batches, trip_id, split=split, own=job.own_columns())
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+        own = job.own_columns()
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own)
     for chunk in chunks:
         yield job.tables(chunk)
 

@@ -22,7 +22,17 @@ from ..filter.state import (
     new_work,
 )  # fmt: skip
 from ..global_start import start_at
-from ..observations import Distance, GeoFix, Observation, SensorReading, StartPose, YawRate
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SensorReading,
+    SpeedYaw,
+    StartPose,
+    WheelSpeed,
+    WheelTicks,
+    YawRate,
+)
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
@@ -42,6 +52,8 @@ from .sensing import Sensing
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
+_RANK = {Distance: 0, SpeedYaw: 1, WheelSpeed: 2, WheelTicks: 3}  # what is used where all come
+_SECOND = "odometry beside another one (not used)"
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
@@ -151,6 +163,9 @@ class Localizer(LooksBack):
             self._take_fix(possible, max(late, 0.0))
         elif isinstance(possible, SensorReading):
             return self._take_sensed(possible)
+        elif self._is_second(possible):
+            self.skipped[_SECOND] = self.skipped.get(_SECOND, 0) + 1
+            return False
         else:
             self._take_odometry(possible)
         if self._filter.mode != CLOCK:
@@ -161,6 +176,11 @@ class Localizer(LooksBack):
     def answered(self) -> bool:
         """Whether there is an answer yet: a fix came, or a pose was given."""
         return self._filter.count > 0
+
+    @property
+    def sensor_columns(self) -> dict[str, str]:
+        """The columns that its further sensors read, by the alias that has readers keep them."""
+        return self._sensing.sensed.columns
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -217,6 +237,14 @@ class Localizer(LooksBack):
             arc, turn = arc * (1.0 - part), turn * (1.0 - part)
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
         return arc - taken[1], turn - taken[2]
+
+    def _is_second(self, reading: Reading) -> bool:
+        """Whether odometry of a better kind is heard now: one kind moves the vehicle at a time."""
+        now = self._reading
+        if now is None or type(now) is type(reading):
+            return False
+        better = _RANK[type(now)] > _RANK[type(reading)]
+        return better and not self._is_silent(reading.time - now.time)
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""

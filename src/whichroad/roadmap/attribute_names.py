@@ -8,6 +8,8 @@ from ..errors import SettingError
 
 _NAMES = {"maxspeed": "speed_limit_kmh"}  # as OpenStreetMap calls it
 HIDDEN = ("back_id", "paired")  # columns that are no attributes
+LEVEL = "level"  # made of `LEVELS`: how many roads it is above the ground
+LEVELS = ("layer", "bridge", "tunnel")
 
 
 def known_name(columns: Iterable[str], name: Any) -> str:
@@ -21,6 +23,7 @@ def known_name(columns: Iterable[str], name: Any) -> str:
         SettingError: The map has no such attribute.
     """
     known = [*sorted(n for n in columns if n not in HIDDEN), *_NAMES]
+    known += [LEVEL] if set(LEVELS) <= set(known) else []
     if name not in known:
         close = difflib.get_close_matches(str(name), known, 2, 0.6)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
