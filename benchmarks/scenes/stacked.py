@@ -1,8 +1,10 @@
 """Roads above each other: which of two is driven, by GNSS alone, by heights and by the sky.
 
     bridge    a road splits; one branch climbs to a bridge and runs 550 m right above the other
+              (in three of a hundred drives the other one goes down instead)
     sunken    the same, and the other branch goes down instead
     tunnel    a road splits; one branch runs 550 m in a tunnel right below the other
+    real      tunnels of Monaco and Andorra with a street above them, approached from 400 m away
     crossing  two roads cross at 2 degrees, one above the other; the drive begins near there
 
 The ground rises and falls by a slope of 1.5 % that lasts for 400 m.  A receiver's height errs by
@@ -33,12 +35,13 @@ from .drives import Row, Table, each, named, world
 
 SEEDS = range(12_000, 13_000)
 LEVELS = (0.9, 0.999)  # P from which on a road is declared
-SCENES = ("bridge", "sunken", "tunnel", "crossing")
+SCENES = ("bridge", "sunken", "tunnel", "crossing", "real")
 SETTINGS = replace(GOOD, stop_probability=0.1, lane_change_rate=0.0)
 _APPROACH, _AFTER = 600.0, 500.0
 _FROM, _TO = 150.0, 700.0  # m behind the fork, where one road is above the other
 _ANGLE = np.radians(2.0)  # of roads that cross
 _CLIMB = (5.5, 7.5)  # m from road to road
+_SINKS = 0.03  # of the bridges, at which the other road goes down instead
 _SLOPE, _SLOPE_M = 0.015, 400.0  # of the ground
 _ABOVE, _BELOW = "Above", "Below"
 
@@ -141,7 +144,7 @@ def over_ground(scene: str, truth: str, at: np.ndarray, draw: np.random.Generato
     begin, end = (_FROM, _TO) if scene != "crossing" else (-60.0, 60.0)
     up = np.clip((at - begin + ramp) / ramp, 0.0, 1.0) * np.clip((end + ramp - at) / ramp, 0.0, 1.0)
     smooth = 0.5 - 0.5 * np.cos(np.pi * up)
-    lower = scene in ("sunken", "tunnel")
+    lower = scene in ("sunken", "tunnel") or draw.random() < _SINKS
     moves = truth == (_BELOW if lower else _ABOVE)
     return (-climb if lower else climb) * smooth * moves
 
@@ -176,18 +179,19 @@ def sky(drive: SimulatedDrive, covered: np.ndarray, draw: np.random.Generator) -
 def one(seed: int, *, settings: Settings, scenes: tuple[str, ...]) -> Row:
     """A drive through each scene, by each sensor."""
     row: Row = {}
-    for scene in scenes:
+    for scene in (one for one in scenes if one != "real"):
         pair: Pair = world["stacked"][scene]
         draw = np.random.default_rng([seed, SCENES.index(scene), 71])
         truth, other = draw.permutation([_ABOVE, _BELOW]).tolist()
         drive, at = _drive(pair, scene, truth, seed)
         over = over_ground(scene, truth, at, draw)
         told: dict[str, list[Told]] = {"GNSS alone": []}
-        told["height by satellites"] = [heights(drive, over, Height(), draw)]
-        told["barometer"] = [heights(drive, over, BAROMETER, draw)]
-        if scene == "tunnel":
+        if scene == "tunnel":  # heights say nothing of tunnels
             under = (at >= _FROM) & (at < _TO) & (truth == _BELOW)
             told["sky"] = [sky(drive, under, draw)]
+        else:
+            told["height by satellites"] = [heights(drive, over, Height(), draw)]
+            told["barometer"] = [heights(drive, over, BAROMETER, draw)]
         for name, given in told.items():
             for what, value in _said(pair, drive, given, at, truth, other, scene, settings):
                 row[f"{scene}, {name}: {what}"] = value
@@ -202,19 +206,30 @@ def _said(
     scene: str, settings: Settings,
 ) -> Iterator[tuple[str, float]]:  # fmt: skip
     """P at the end of the stacked part, and the first road declared in it at each P."""
-    roads = pair.roads
+    rows, k = _located(pair.roads, drive, told, settings)
+    low, high = (_FROM, _TO) if scene != "crossing" else (-1500.0, 150.0)
+    inside = np.flatnonzero((at >= low) & (at < high) & (k >= 0) & (rows.live[k] > 0))
+    found = rows[k[inside]]
+    right, wrong = (_p_of(found, named(pair.roads, name)) for name in (truth, other))
+    return _declared(right, wrong, -1 if scene != "crossing" else len(right) // 2)
+
+
+def _located(
+    roads: RoadMap, drive: SimulatedDrive, told: list[Told], settings: Settings
+) -> tuple[Any, np.ndarray]:
+    """The filter's rows, and which of them holds at each truth; -1: none."""
     readings = tuple(sorted((o for _, given in told for o in given), key=lambda o: o.time))
     sensed = Sensed([sensor for sensor, _ in told], roads) if told else None
     timeline = build_timeline(
         replace(drive.drive, sensed=readings), roads.plane, drive.vehicle, (), sensed
     )
-    rows = localize_recorded(roads, timeline, vehicle=drive.vehicle, settings=settings).output.rows
+    found = localize_recorded(roads, timeline, vehicle=drive.vehicle, settings=settings)
     k = np.searchsorted(timeline.epochs.time, drive.truth.time + 1e-3) - 1
-    low, high = (_FROM, _TO) if scene != "crossing" else (-1500.0, 150.0)
-    inside = np.flatnonzero((at >= low) & (at < high) & (k >= 0) & (rows.live[k] > 0))
-    found = rows[k[inside]]
-    right, wrong = (_p_of(found, named(roads, name)) for name in (truth, other))
-    last = -1 if scene != "crossing" else len(right) // 2
+    return found.output.rows, k
+
+
+def _declared(right: np.ndarray, wrong: np.ndarray, last: int) -> Iterator[tuple[str, float]]:
+    """P at one epoch, and the first road that was declared at each P."""
     yield "p right", float(right[last])
     yield "p wrong", float(wrong[last])
     for p in LEVELS:
@@ -234,13 +249,22 @@ def run(options: Options) -> list[Figure]:
     seeds = options.seeds or SEEDS
     scenes = tuple(options.more.get("classes", ",".join(SCENES)).split(","))
     work: Callable[[int], Row] = partial(one, settings=options.settings(), scenes=scenes)
-    rows = each(work, seeds, options, prepare)
-    table = Table(rows, seeds)
-    figures = []
-    for case in dict.fromkeys(key.partition(":")[0] for key in rows[0] if ":" in key):
+    rows: list[Row] = []
+    if scenes != ("real",):
+        rows += each(work, seeds, options, prepare)
+    if "real" in scenes:
+        files = [str(options.need("maps", f"{town}.osm.pbf")) for town in _TOWNS]
+        rows += each(partial(real, settings=options.settings()), seeds, options, _open_towns, files)
+    return list(_figures(rows, Table(rows, seeds)))
+
+
+def _figures(rows: list[Row], table: Table) -> Iterator[Figure]:
+    """Of each scene and sensor."""
+    for case in dict.fromkeys(key.partition(":")[0] for row in rows for key in row if ":" in key):
         alone = case.endswith("alone")
-        p = [(r[f"{case}: p {what}"], what == "right") for r in rows for what in ("right", "wrong")]
-        figures += [
+        p = [(r[f"{case}: p {what}"], what == "right") for r in rows if f"{case}: p right" in r
+             for what in ("right", "wrong")]  # fmt: skip
+        yield from [
             Figure(f"{case}: calibration error", calibration_error(np.array(p, float)),
                    "<= 0.02" if alone else "", "", len(p), None, table.seeds),
             Figure(f"{case}: by chance below", by_chance(np.array(p, float)), "", "", len(p)),
@@ -252,4 +276,94 @@ def run(options: Options) -> list[Figure]:
             table.share(f"{case}: wrong at P >= 0.999", f"{case}: wrong at 0.999",
                         f"{case}: declared at 0.999", "" if alone else "<= 0.1"),
         ]  # fmt: skip
-    return figures
+
+
+_TOWNS = ("monaco", "andorra")
+_BESIDE_M, _ALIKE, _LONG_M = 15.0, 0.87, 60.0  # of a street above a tunnel: away, cosine, length
+_BEFORE_M, _BEHIND_M = 400.0, 250.0  # driven before and behind
+
+
+class Real(NamedTuple):
+    """A tunnel of a real map, and a street above a part of it."""
+
+    roads: RoadMap
+    tunnel: int  # edge
+    street: int
+
+
+def _tunnels(roads: RoadMap) -> Iterator[Real]:
+    """Tunnels with a street above them that runs the same way for a while."""
+    edges, tunnel = roads.arrays.edges, np.array(roads.column("tunnel"), bool)
+    open_ = np.flatnonzero(~tunnel & (edges.rule == 0)).tolist()
+    at = [(e, s) for e in open_ for s in np.arange(0.0, edges.length[e], 10.0).tolist()]
+    places, own = np.array([roads.at(*one)[:3] for one in at]), np.array([e for e, _ in at])
+    for edge in np.flatnonzero(tunnel & (edges.rule == 0) & (edges.length > 120.0)).tolist():
+        above: dict[int, float] = {}
+        for s in np.arange(15.0, edges.length[edge] - 15.0, 15.0).tolist():
+            x, y, heading = roads.at(edge, s)[:3]
+            near = np.hypot(places[:, 0] - x, places[:, 1] - y) < _BESIDE_M
+            near &= np.cos(places[:, 2] - heading) > _ALIKE
+            for street in set(own[near].tolist()):
+                above[street] = above.get(street, 0.0) + 15.0
+        if above and max(above.values()) >= _LONG_M:
+            yield Real(roads, edge, max(above, key=lambda street: above[street]))
+
+
+def _through(roads: RoadMap, edge: int, draw: np.random.Generator) -> list[int]:
+    """A way that leads through an edge, by turns that break no rule."""
+    edges, turns = roads.arrays.edges, roads.arrays.turns
+    origin = np.repeat(np.arange(len(edges)), edges.end_turn - edges.first_turn)
+    usable = (turns.rule == 0) & (np.abs(turns.angle) < 2.0) & (edges.rule[turns.edge] == 0)
+    usable &= edges.rule[origin] == 0
+    way = [edge]
+    for reach, behind in ((_BEFORE_M, False), (_BEHIND_M, True)):
+        driven = 0.0
+        while driven < reach:
+            here = way[-1] if behind else way[0]
+            found = (turns.edge if behind else origin)[
+                usable & ((origin if behind else turns.edge) == here)
+            ]
+            found = np.setdiff1d(found, way)
+            if not len(found):
+                break
+            other = int(draw.choice(found))
+            driven += float(edges.length[other])
+            way = [*way, other] if behind else [other, *way]
+    return way
+
+
+def _open_towns(*files: str) -> None:
+    """The tunnels of this process."""
+    world["tunnels"] = [one for file in files for one in _tunnels(RoadMap.from_osm(file))]
+
+
+def real(seed: int, *, settings: Settings) -> Row | None:
+    """A drive through a tunnel, or along the street above it, with the sky and without."""
+    draw = np.random.default_rng([seed, 73])
+    found: Real = world["tunnels"][seed % len(world["tunnels"])]
+    roads = found.roads
+    edge, other = draw.permutation([found.tunnel, found.street]).tolist()
+    route = _through(roads, edge, draw)
+    under = np.array(roads.column("tunnel"), bool)
+    length = roads.arrays.edges.length[route]
+    begin = np.cumsum(length) - length
+    dark = tuple(
+        (float(b), float(b + n)) for b, n, e in zip(begin, length, route, strict=True) if under[e]
+    )
+    try:
+        drive = simulate_drive(roads, seed=seed, scenario=SETTINGS, route=route, outages_m=dark)
+    except ValueError:
+        return None
+    covered = under[drive.truth.edge]
+    row: Row = {}
+    for name, told in (("GNSS alone", []), ("sky", [sky(drive, covered, draw)])):
+        rows, k = _located(roads, drive, told, settings)
+        on = np.flatnonzero((drive.truth.edge == edge) & (k >= 0) & (rows.live[k] > 0))
+        if not len(on):
+            return None
+        said = rows[k[on]]
+        both = {one: np.isin(np.arange(len(roads)), [one, roads.arrays.edges.opposite[one]])
+                for one in (edge, other)}  # fmt: skip
+        right, wrong = (_p_of(said, both[one]) for one in (edge, other))
+        row |= {f"real, {name}: {what}": v for what, v in _declared(right, wrong, len(on) // 2)}
+    return row

@@ -22,17 +22,7 @@ from ..filter.state import (
     new_work,
 )  # fmt: skip
 from ..global_start import start_at
-from ..observations import (
-    Distance,
-    GeoFix,
-    Observation,
-    SensorReading,
-    SpeedYaw,
-    StartPose,
-    WheelSpeed,
-    WheelTicks,
-    YawRate,
-)
+from ..observations import Distance, GeoFix, Observation, SensorReading, StartPose, YawRate
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
@@ -47,13 +37,12 @@ from .epoch_filter import EpochFilter
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .looks_back import LooksBack
+from .one_odometry import SECOND, is_worse
 from .sensing import Sensing
 
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
-_RANK = {Distance: 0, SpeedYaw: 1, WheelSpeed: 2, WheelTicks: 3}  # what is used where all come
-_SECOND = "odometry beside another one (not used)"
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
@@ -163,11 +152,8 @@ class Localizer(LooksBack):
             self._take_fix(possible, max(late, 0.0))
         elif isinstance(possible, SensorReading):
             return self._take_sensed(possible)
-        elif self._is_second(possible):
-            self.skipped[_SECOND] = self.skipped.get(_SECOND, 0) + 1
+        elif not self._take_odometry(possible):
             return False
-        else:
-            self._take_odometry(possible)
         if self._filter.mode != CLOCK:
             self._statistics.accumulate(*self._filter.numbers())
         return True
@@ -207,13 +193,18 @@ class Localizer(LooksBack):
         double.run()
         return self._answers.of(double, self._far_fix)
 
-    def _take_odometry(self, reading: Reading) -> None:
+    def _take_odometry(self, reading: Reading) -> bool:
+        now = self._reading
+        if now and is_worse(reading, now) and not self._is_silent(reading.time - now.time):
+            self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
+            return False
         arc, turn = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
         self._filter.fill(reading.time, arc, turn, 1, self._gyro.alone)
         self._run()
+        return True
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
         """Arc and turn since the last epoch, less what a fix in between already took."""
@@ -237,14 +228,6 @@ class Localizer(LooksBack):
             arc, turn = arc * (1.0 - part), turn * (1.0 - part)
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
         return arc - taken[1], turn - taken[2]
-
-    def _is_second(self, reading: Reading) -> bool:
-        """Whether odometry of a better kind is heard now: one kind moves the vehicle at a time."""
-        now = self._reading
-        if now is None or type(now) is type(reading):
-            return False
-        better = _RANK[type(now)] > _RANK[type(reading)]
-        return better and not self._is_silent(reading.time - now.time)
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""

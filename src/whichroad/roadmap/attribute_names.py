@@ -1,8 +1,11 @@
 """What attributes of roads are called, and what is said of a name or an edge that is not one."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SettingError
 
@@ -31,6 +34,19 @@ def known_name(columns: Iterable[str], name: Any) -> str:
             f"attribute: {name!r} is none of this map; one of {', '.join(known)} was expected{hint}"
         )
     return _NAMES.get(name, str(name))
+
+
+def levels_of(columns: Mapping[str, Any], way: NDArray[Any]) -> list[int]:
+    """How many roads each of some streets is above the ground: by `layer`, else by what it is.
+
+    Args:
+        columns: Of the map's table of streets.
+        way: (n,) their numbers.
+    """
+    layer, bridge, tunnel = (np.asarray(columns[one])[way] for one in LEVELS)
+    tagged = np.where(tunnel > 0, -1, np.where(bridge > 0, 1, 0))
+    levels: list[int] = np.where(layer == 0, tagged, layer).tolist()
+    return levels
 
 
 def refusal(columns: Iterable[str], edges: int, name: Any, edge: Any) -> SettingError:

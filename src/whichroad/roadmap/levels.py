@@ -1,8 +1,9 @@
-"""How high roads are over the ground, by the levels of the map: bridges, tunnels, their ramps.
+"""How high roads are over the ground, by the levels of the map: bridges, dips, their ramps.
 
 Maps tell no heights, but which roads are above others: `layer`, `bridge`, `tunnel`.  A level is
-taken to be 6.5 m.  On the ground, within 120 m of a bridge or tunnel along roads, the road is on a
-ramp that leads to it.
+taken to be 6.5 m.  On the ground, within 120 m of a bridge along roads, the road is on a ramp that
+leads to it; likewise where it dips below another one.  Of tunnels nothing is told: those in hills
+have no ramp.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -38,6 +39,7 @@ class Profile(NamedTuple):
 def profile(roads: "RoadMap") -> Profile:
     """Heights of all roads over the ground."""
     level = np.array(roads.at_pieces(LEVEL), float).clip(-1.0, 1.9)
+    level[np.array(roads.at_pieces("tunnel"), bool)] = 0.0  # hills have them, without a ramp
     first = np.asarray(roads.pieces.first, np.int64)
     count = np.diff(first)
     edge: Numbers = np.repeat(np.arange(len(count)), count)

@@ -12,7 +12,7 @@ from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
-from .attribute_names import HIDDEN, LEVEL, LEVELS, known_name, refusal
+from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
 from .compile import Network, Pieces, compile_streets
 from .edge_geometry import EdgeGeometry
 from .source_places import SourcePlace, on_source
@@ -309,9 +309,7 @@ class RoadMap(EdgeGeometry):
     def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
         """A column's values as plain Python, for some streets."""
         if name == LEVEL:
-            layer, bridge, tunnel = (np.asarray(self.ways[one])[way] for one in LEVELS)
-            tagged = np.where(tunnel > 0, -1, np.where(bridge > 0, 1, 0))
-            return cast(list[Any], np.where(layer == 0, tagged, layer).tolist())
+            return levels_of(self.ways, way)
         column = self.ways[name]
         if isinstance(column, Texts):
             return [word or None for word in column.words(way)]
