@@ -50,6 +50,27 @@ def usual(town, table):
     return match_many(table, town)
 
 
+def test_a_fleet_hears_sensors_and_tells_places(tmp_path, town, table):
+    rows = table.slice(0, 400).append_column("satellites", pa.array([8.0] * 400))
+    pq.write_table(rows, tmp_path / "trips.parquet")
+    places = tmp_path / "marks.csv"
+    places.write_text(f"id,lat,lon\nmark,{rows['lat'][40]},{rows['lon'][40]}\n")
+    sky, out = [whichroad.sensors.Sky()], tmp_path / "out"
+    options = {"trip_id": "trip_id", "workers": 1, "sensors": sky, "places": places}
+    run_fleet(tmp_path / "trips.parquet", town, out, **options)
+    usual = match_many(rows, town, drive_id="trip_id", sensors=sky, places=places)
+    same(out, usual)
+    for name in ("ahead", "nearby"):
+        assert len(getattr(usual, name))
+        assert rows_of(out, name).to_pylist() == getattr(usual, name).to_pylist()
+    notes = [note for row in rows_of(out, "drives")["notes"].to_pylist() for note in row]
+    assert not any("not heard" in note for note in notes)
+    with pytest.raises(WriteError, match="places"):
+        run_fleet(tmp_path / "trips.parquet", town, out, resume=True, **options | {"places": None})
+    with pytest.raises(ReadError, match="does not exist"):
+        run_fleet(tmp_path / "trips.parquet", town, tmp_path / "b", places="nowhere.csv")
+
+
 def test_rows_in_any_order_give_what_rows_in_order_give(tmp_path, town, table, shuffled, usual):
     pq.write_table(shuffled, tmp_path / "any.parquet")
     pq.write_table(table, tmp_path / "sorted.parquet", row_group_size=700)

@@ -16,7 +16,6 @@ from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
-from ..sensed import Sensed
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
@@ -47,6 +46,7 @@ def match_many(
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -73,6 +73,8 @@ def match_many(
         columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
+        places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
+            those within 500 m ahead and within 50 m of each epoch.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
         threads: How many trips side by side; None: one for each core this process may use.
@@ -89,8 +91,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors, split=split,
-            threads=threads, progress=progress,
+            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors,
+            places=places, split=split, threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -109,6 +111,7 @@ def match_stream(
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -126,11 +129,9 @@ def match_stream(
     workers = threads or cores()
     own, drive_id = own_names(columns, drive_id)
     job = job_of(
-        roads, vehicle, settings, lag, attributes, crs, sensors=sensors, split=split is not None,
-        columns=own, tz=tz,
-    )  # fmt: skip
-    one = job.job.roads if isinstance(job, MapsJob) else job.roads
-    own |= Sensed(sensors, one).columns if sensors else {}
+        roads, vehicle, settings, lag, attributes, crs, split=split is not None, columns=own, tz=tz
+    ).with_more(sensors, places)
+    own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -154,6 +155,7 @@ def match_batches(
     crs: Any = None,
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
@@ -175,6 +177,7 @@ def match_batches(
         crs: Reference system of `x, y` columns.
         columns: Own names of columns, as in `match_many`.
         tz: Likewise.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the batches.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
             as behind a sort: reading them takes less time.
@@ -195,7 +198,7 @@ def match_batches(
     job = job_of(
         map, vehicle, settings, lag, points, crs, wanted, split=split is not None, columns=own,
         tz=tz,
-    )  # fmt: skip
+    ).with_more(sensors, None)  # fmt: skip
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -208,9 +211,10 @@ def match_tables(
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split, own=job.columns)
+        chunks = ordered_batches(batches, trip_id, split=split, own=job.own_columns())
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=job.columns)
+        own = job.own_columns()
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own)
     for chunk in chunks:
         yield job.tables(chunk)
 
@@ -222,7 +226,7 @@ def slim(points: pa.Table) -> pa.Table:
 
 def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
-    give: frozenset[str] = ALL, *, sensors: Sequence[Sensor] = (), split: bool = False,
+    give: frozenset[str] = ALL, *, split: bool = False,
     columns: Mapping[str, str | int] | None = None, tz: str | None = None,
 ) -> Job | MapsJob:  # fmt: skip
     """What all trips share; `split`: they are parts already.
@@ -238,9 +242,8 @@ def job_of(
     maps = shared_maps(Path(roads)) if is_folder(roads) else roads
     one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
     job = Job(
-        one, vehicle, settings, Lag.of(lag), attributes, crs, give, tuple(sensors), columns or {},
-        tz,
-    )  # fmt: skip
+        one, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {}, tz=tz
+    )
     return MapsJob(maps, job, split) if isinstance(maps, RoadMaps) else job
 
 

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ..errors import WhichroadError
+from ..errors import SettingError, WhichroadError
 from ..observations import Array
 from ..readers import drive_from_table
 from ..readers.many_trips import TripBatch
@@ -17,6 +17,7 @@ from ..readers.names import find
 from ..readers.reported_fixes import is_place
 from ..readers.splitting import degrees_of, in_time_order
 from ..roadmap import RoadMaps, Share
+from ..sensors import Sensor
 from ..tables.provenance import with_map
 from ..tables.schema import MAP
 from .trips import Job, Tables, joined, noted
@@ -43,6 +44,23 @@ class MapsJob(NamedTuple):
     def identity(self) -> dict[str, Any]:
         """What results name as their map."""
         return self.maps.identity
+
+    def with_more(self, sensors: Sequence[Sensor], places: Any) -> "MapsJob":
+        """The job with further sensors, as `Job.with_more`; places belong to one map.
+
+        Raises:
+            SettingError: A sensor is none, or places are given.
+        """
+        if places is not None:
+            raise SettingError(
+                f"places are read for one map, and {self.maps.origin} has {len(self.maps):,}; "
+                "pass the path of one map"
+            )
+        return self._replace(job=self.job.with_more(sensors, None))
+
+    def own_columns(self) -> dict[str, str | int]:
+        """As `Job.own_columns`."""
+        return self.job.own_columns()
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk, with a column that names the map of each row."""

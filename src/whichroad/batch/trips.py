@@ -18,6 +18,7 @@ from ..epochs import Timeline, epochs_of_fixes
 from ..errors import SettingError, WhichroadError
 from ..filter.state import CLOCK, new_epochs
 from ..matching import are_near, timeline_of, tuned_by
+from ..places import Places, places_on
 from ..readers import drive_from_table
 from ..readers.dates import zone_of
 from ..readers.many_trips import APART, TripBatch
@@ -25,18 +26,20 @@ from ..readers.regular_trips import batched_fixes
 from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
-from ..sensed import Sensed
+from ..sensed import Sensed, checked, columns_of
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.provenance import with_map
+from ..tables.relative_places import Surroundings, relative_schema
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from ..traversals import traversals
 from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
-ALL = frozenset(("points", "path", "drives"))
+ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
+AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are told
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"
@@ -49,9 +52,14 @@ class Tables(NamedTuple):
     points: pa.Table  # one row per epoch, `tables.schema.POINTS`
     path: pa.Table  # one row per edge driven, `tables.schema.PATH`
     drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
+    ahead: pa.Table = relative_schema(None).empty_table()  # of places=: one row per epoch and place
+    nearby: pa.Table = relative_schema(None).empty_table()  # likewise, within a circle
 
     def __repr__(self) -> str:
-        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in self._asdict().items())
+        tables = self._asdict() if len(self.ahead) + len(self.nearby) else dict(
+            zip(self._fields[:3], self[:3], strict=True)
+        )  # fmt: skip
+        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in tables.items())
 
 
 def joined(parts: Sequence[Tables]) -> Tables:
@@ -111,11 +119,25 @@ class Job(NamedTuple):
     sensors: tuple[Sensor, ...] = ()
     columns: Mapping[str, str | int] = {}  # own names, as `names.find` takes them
     tz: str | None = None  # of times that name no zone
+    places: Places | None = None
 
     @property
     def identity(self) -> dict[str, Any]:
         """What results name as their map."""
         return self.roads.identity
+
+    def with_more(self, sensors: Sequence[Sensor], places: Any) -> "Job":
+        """The job with further sensors and with places, as `match` takes them.
+
+        Raises:
+            ReadError: It is no table of places.
+            SettingError: A sensor is none, or there is no place.
+        """
+        return self._replace(sensors=checked(sensors), places=places_on(places, self.roads))
+
+    def own_columns(self) -> dict[str, str | int]:
+        """Own names of columns, and the columns that the sensors read by the alias they need."""
+        return {**self.columns, **columns_of(self.sensors)}
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
@@ -138,7 +160,7 @@ class Job(NamedTuple):
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as possible."""
         regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
-        batched = self.lag is None and not self.sensors
+        batched = self.lag is None and not self.sensors and self.places is None
         single = np.flatnonzero(~regular.usable if batched else np.ones(trips))
         while trip < trips:
             end = int(next(iter(single[single >= trip]), trips))
@@ -216,8 +238,9 @@ class Job(NamedTuple):
                     drive = sensed.reported(drive)
                 skipped, notes = dict(drive.skipped), drive.notes
             recorded = localize_recorded(
-                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
-            )
+                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
+                poses=self.places is not None,
+            )  # fmt: skip
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
             batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])
@@ -243,7 +266,8 @@ class Job(NamedTuple):
         )
         found = [a for a in answers if isinstance(a, _Answer)]
         columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
-        made = Tables(columns.empty_table(), PATH.empty_table(), drives)
+        none = relative_schema(self.places).empty_table()
+        made = Tables(columns.empty_table(), PATH.empty_table(), drives, none, none)
         if not found or self.give == {"drives"}:
             return made
         names = [name for a in found for name in a.names]
@@ -257,6 +281,18 @@ class Job(NamedTuple):
         if "path" in self.give:
             path = path_table(names, batch.driven, self.roads, batch.first_edge)
             made = made._replace(path=path)
+        return self._with_places(made, found)
+
+    def _with_places(self, made: Tables, found: "Sequence[_Answer]") -> Tables:
+        """The tables with the places ahead and near at each epoch, where they are asked for."""
+        if self.places is None:
+            return made
+        about = [Surroundings(a.names[0], a.batch.epochs, a.batch.output, self.places)
+                 for a in found]  # fmt: skip
+        if "ahead" in self.give:
+            made = made._replace(ahead=pa.concat_tables([one.ahead(AHEAD_M) for one in about]))
+        if "nearby" in self.give:
+            made = made._replace(nearby=pa.concat_tables([one.nearby(NEARBY_M) for one in about]))
         return made
 
 

@@ -69,6 +69,8 @@ HYPOTHESIS = np.dtype(
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
+        ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
+        ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
@@ -343,6 +345,10 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
+    for k in range(2):
+        for a in range(3):
+            hyp.ground[k, a] = 0.0
+    hyp.sinks = 0.0
     hyp.blames = NOTHING
     hyp.path_entry = -1
     hyp.edge = edge

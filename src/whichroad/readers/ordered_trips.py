@@ -27,9 +27,11 @@ from .many_trips import (
 if TYPE_CHECKING:
     import pyarrow as pa
 
+_NONE: Own = {}
+
 
 def ordered_batches(
-    batches: Iterable[Any], drive_id: str, *, split: float | None = None, own: Own
+    batches: Iterable[Any], drive_id: str, *, split: float | None = None, own: Own = _NONE
 ) -> Iterator[TripBatch]:
     """Cut a stream into whole trips.
 
