@@ -6,6 +6,7 @@ could not.  So it pays for each metre, and for turns: that much the turns driven
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,23 @@ from ..graph.network import Roads
 from ..observations import Array
 
 PRIOR = 0.5  # probability of a start that is on no road of the map
-RETURN = 1e-6  # 1/m, rate of coming on to the map
+RETURN = 1e-7  # 1/m, rate of coming on to the map
 SIGMA = 1e6  # m, of where it is
 
 _PIECE = 5.0  # m of road that may turn
-_RUNS_ON = 0.3  # rad, sigma of the turn in such a piece where a road runs on
+_RUNS_ON = 0.3  # rad, sigma of the turn in such a piece where a road runs on, straight or as before
 _CORNERS = 0.2  # share of the pieces that turn by anything
 _CORNER = 0.4  # density of these turns over the peak of the others
 _GOES_ON = 0.5  # share of those who leave the map where a road of it ends
 
 
-def turn_cost(turn: float, metres: float) -> float:
+def turn_cost(turn: float, metres: float, before: float = 0.0) -> float:
     """What a vehicle elsewhere pays for a turn, nats.
 
-    With n = metres / 5 m pieces and τ = turn / n the density of τ, over that of a perfect fit:
+    With n = metres / 5 m pieces, τ = turn / n, and τ₀ that of the piece before, the density of τ
+    over that of a perfect fit:
 
-        q = (1 − c) exp(−½ (τ/σ)²) + c k,    cost = −n log q
+        q = (1 − c) (½ exp(−½ (τ/σ)²) + ½ exp(−½ ((τ − τ₀)/σ)²)) + c k,    cost = −n log q
 
     The numbers make it fall as the evidence of all roads of a map does while these are many:
     drives in Andorra and Monaco, seeds 100 to 111.
@@ -37,11 +39,14 @@ def turn_cost(turn: float, metres: float) -> float:
     Args:
         turn: rad, over so many metres.
         metres: Driven.
+        before: rad/m, how the road turned until then.
     """
     if metres <= 0.0:
         return 0.0
     pieces = metres / _PIECE
-    runs_on = math.exp(-0.5 * (turn / pieces / _RUNS_ON) ** 2)
+    straight = turn / pieces / _RUNS_ON
+    steady = straight - before * _PIECE / _RUNS_ON
+    runs_on = 0.5 * (math.exp(-0.5 * straight**2) + math.exp(-0.5 * steady**2))
     return -pieces * math.log((1.0 - _CORNERS) * runs_on + _CORNERS * _CORNER)
 
 
@@ -66,16 +71,17 @@ def gain_of(before: Array, gain: Array, usual: float) -> float:
 def behind_ends(roads: Roads) -> NDArray[np.bool_]:
     """Edges (E,) that are entered by turning round where a road ends, or the map does."""
     edges, turns = roads.edges, roads.turns
-    alone = edges.end_turn - edges.first_turn == 1
-    last = np.minimum(edges.first_turn, max(len(turns) - 1, 0))
-    ends = np.flatnonzero(alone & (turns.edge[last] == edges.opposite)) if len(turns) else []
     found = np.zeros(len(edges), np.bool_)
-    found[edges.opposite[ends]] = True
+    if len(turns):
+        only = turns.edge[np.minimum(edges.first_turn, len(turns) - 1)]
+        alone = edges.end_turn - edges.first_turn == 1
+        found[edges.opposite[alone & (only == edges.opposite)]] = True
     return found
 
 
-def leaving(weight: Array, edge: NDArray[np.int32], new: NDArray[np.bool_],
-            behind: NDArray[np.bool_]) -> Array:  # fmt: skip
+def leaving(
+    weight: Array, edge: NDArray[Any], new: NDArray[np.bool_], behind: NDArray[np.bool_]
+) -> Array:
     """The share of each hypothesis (n,) that goes on beyond the end of its road.
 
     Args:

@@ -104,7 +104,7 @@ class _Search:
         self.path = new_path(max(1 << 16, 16 * len(self.prior.edge)))
         self.since_beginning, self.again = 0.0, _AGAIN
         self.swing = 0.0  # rad, sum of recent turns
-        self.turned = 0.0  # rad since the map was observed
+        self.turned, self.bend = 0.0, 0.0  # rad since the map was observed; rad/m before
         self.behind = elsewhere.behind_ends(roads.arrays)
         initial_state(self.mixture, float(timeline.epochs.time[0]), settings)
         self._begin_off_road()
@@ -186,11 +186,10 @@ class _Search:
         share = elsewhere.leaving(weight, edge, self.column("new_edge") == 1, self.behind)
         share[_OFF:][edge[_OFF:] == OFF_ROAD] = 1.0
         gone = float(share @ weight)
-        if gone <= 0.0:
-            return
-        log_weight = self.column("log_weight")
-        log_weight += np.log(np.maximum(1.0 - share, 1e-300))
-        log_weight[_ELSEWHERE] = np.logaddexp(log_weight[_ELSEWHERE], math.log(gone))
+        if gone > 0.0:
+            log_weight = self.column("log_weight")
+            log_weight += np.log(np.maximum(1.0 - share, 1e-300))
+            log_weight[_ELSEWHERE] = np.logaddexp(log_weight[_ELSEWHERE], math.log(gone))
 
     def _observe(self) -> None:
         given, par = self.settings, self.ctx.par
@@ -201,9 +200,8 @@ class _Search:
             given.edge_heading_sigma, loose * given.node_heading_sigma
         )
         before = self.column("log_weight").copy()
-        metres = float(self.state["since_map"][0])
         observe_map(self.mixture, self.ctx, True)
-        self._weigh_elsewhere(before, metres)
+        self._weigh_elsewhere(before, float(self.state["since_map"][0]))
         self.state["since_map"] = 0.0
 
     def _weigh_elsewhere(self, before: Array, metres: float) -> None:
@@ -213,8 +211,9 @@ class _Search:
         usual = float(gain[_ELSEWHERE]) + self.settings.off_road_cost * metres  # wide: on any road
         log_weight[_YARD] = before[_YARD] + gain[_ELSEWHERE]
         own = elsewhere.gain_of(before[_OFF:], gain[_OFF:], usual)
-        log_weight[_ELSEWHERE] = before[_ELSEWHERE] + own - elsewhere.turn_cost(self.turned, metres)
-        self.turned = 0.0
+        cost = elsewhere.turn_cost(self.turned, metres, self.bend)
+        log_weight[_ELSEWHERE] = before[_ELSEWHERE] + own - cost
+        self.turned, self.bend = 0.0, self.turned / metres if metres > 0.0 else 0.0
 
     def hear(self, epochs: Records) -> None:
         """What further sensors say in these epochs, all at the last one."""
