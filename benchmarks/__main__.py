@@ -44,6 +44,7 @@ BENCHMARKS = {
     "learnt": ("worlds.learnt.run", "receivers and maps whose errors nobody told: true ellipses?"),
     "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
+    "stacked": ("scenes.stacked.run", "roads above each other: GNSS alone, heights, the sky"),
     "evidence": ("evidence.run", "further sensors: ranges, a compass, each removed, each faulty"),
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),

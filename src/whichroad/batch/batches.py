@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
@@ -11,11 +11,11 @@ import pyarrow as pa
 
 from ..errors import SettingError
 from ..readers import read_vehicle
-from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.dates import zone_of
+from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
-from ..sensed import Sensed
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
@@ -43,7 +43,10 @@ def match_many(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -67,7 +70,11 @@ def match_many(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
+        columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
+        places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
+            those within 500 m ahead and within 50 m of each epoch.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
         threads: How many trips side by side; None: one for each core this process may use.
@@ -84,8 +91,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, sensors=sensors, split=split, threads=threads,
-            progress=progress,
+            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors,
+            places=places, split=split, threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -101,7 +108,10 @@ def match_stream(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -117,11 +127,11 @@ def match_stream(
     if threads is not None and threads < 1:
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
+    own, drive_id = own_names(columns, drive_id)
     job = job_of(
-        roads, vehicle, settings, lag, attributes, crs, sensors=sensors, split=split is not None
-    )  # fmt: skip
-    one = job.job.roads if isinstance(job, MapsJob) else job.roads
-    own = Sensed(sensors, one).columns if sensors else {}
+        roads, vehicle, settings, lag, attributes, crs, split=split is not None, columns=own, tz=tz
+    ).with_more(sensors, places)
+    own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -143,6 +153,9 @@ def match_batches(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
@@ -162,6 +175,9 @@ def match_batches(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to points.
         crs: Reference system of `x, y` columns.
+        columns: Own names of columns, as in `match_many`.
+        tz: Likewise.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the batches.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
             as behind a sort: reading them takes less time.
@@ -177,8 +193,12 @@ def match_batches(
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     wanted = frozenset(("points" if give == "slim" else give,))
+    own, trip_id = own_names(columns, trip_id)
     points = attributes and give == "points"
-    job = job_of(map, vehicle, settings, lag, points, crs, wanted, split=split is not None)
+    job = job_of(
+        map, vehicle, settings, lag, points, crs, wanted, split=split is not None, columns=own,
+        tz=tz,
+    ).with_more(sensors, None)  # fmt: skip
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -191,9 +211,10 @@ def match_tables(
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split)
+        chunks = ordered_batches(batches, trip_id, split=split, own=job.own_columns())
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+        own = job.own_columns()
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own)
     for chunk in chunks:
         yield job.tables(chunk)
 
@@ -205,19 +226,24 @@ def slim(points: pa.Table) -> pa.Table:
 
 def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
-    give: frozenset[str] = ALL, *, sensors: Sequence[Sensor] = (), split: bool = False,
+    give: frozenset[str] = ALL, *, split: bool = False,
+    columns: Mapping[str, str | int] | None = None, tz: str | None = None,
 ) -> Job | MapsJob:  # fmt: skip
     """What all trips share; `split`: they are parts already.
 
     Raises:
+        ReadError: There is no such zone.
         MapError: The map is not one.
         SettingError: A setting is out of bounds.
     """
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
+    zone_of(tz)
     maps = shared_maps(Path(roads)) if is_folder(roads) else roads
     one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
-    job = Job(one, vehicle, settings, Lag.of(lag), attributes, crs, give, tuple(sensors))
+    job = Job(
+        one, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {}, tz=tz
+    )
     return MapsJob(maps, job, split) if isinstance(maps, RoadMaps) else job
 
 

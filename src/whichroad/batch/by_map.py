@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ..errors import WhichroadError
+from ..errors import SettingError, WhichroadError
 from ..observations import Array
 from ..readers import drive_from_table
 from ..readers.many_trips import TripBatch
@@ -17,6 +17,7 @@ from ..readers.names import find
 from ..readers.reported_fixes import is_place
 from ..readers.splitting import degrees_of, in_time_order
 from ..roadmap import RoadMaps, Share
+from ..sensors import Sensor
 from ..tables.provenance import with_map
 from ..tables.schema import MAP
 from .trips import Job, Tables, joined, noted
@@ -44,6 +45,23 @@ class MapsJob(NamedTuple):
         """What results name as their map."""
         return self.maps.identity
 
+    def with_more(self, sensors: Sequence[Sensor], places: Any) -> "MapsJob":
+        """The job with further sensors, as `Job.with_more`; places belong to one map.
+
+        Raises:
+            SettingError: A sensor is none, or places are given.
+        """
+        if places is not None:
+            raise SettingError(
+                f"places are read for one map, and {self.maps.origin} has {len(self.maps):,}; "
+                "pass the path of one map"
+            )
+        return self._replace(job=self.job.with_more(sensors, None))
+
+    def own_columns(self) -> dict[str, str | int]:
+        """As `Job.own_columns`."""
+        return self.job.own_columns()
+
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk, with a column that names the map of each row."""
         parts = list(self._parts(chunk))
@@ -60,7 +78,7 @@ class MapsJob(NamedTuple):
 
     def _parts(self, chunk: TripBatch) -> Iterator[_Part]:
         """Each trip with its map; those that no map holds whole in parts."""
-        found = find(chunk.table.column_names)
+        found = find(chunk.table.column_names, self.job.columns)
         lat, lon = (degrees_of(chunk.table, found.get(name)) for name in ("lat", "lon"))
         place = is_place(lat, lon)
         count = np.add.reduceat(place, chunk.first[:-1], dtype=np.int64)
@@ -80,7 +98,7 @@ class MapsJob(NamedTuple):
 
     def _at_borders(self, name: str, rows: pa.Table, trip: int) -> Iterator[_Part]:
         """The parts of a trip, or all of it where it cannot be read."""
-        rows, time = in_time_order(rows)
+        rows, time = in_time_order(rows, self.job.columns)
         at, lat, lon = self._fixes(rows, time)
         if not len(at):
             yield _Part(name, rows, 0, None, trip)
@@ -100,14 +118,19 @@ class MapsJob(NamedTuple):
 
     def _fixes(self, rows: pa.Table, time: Array) -> tuple[Array, Array, Array]:
         """Times and places of the fixes of a trip whose rows are in the order of time."""
-        found = find(rows.column_names)
+        found = find(rows.column_names, self.job.columns)
         if {"lat", "lon"} <= found.keys():
             lat, lon = (degrees_of(rows, found[name]) for name in ("lat", "lon"))
             good = is_place(lat, lon) & np.isfinite(time)
             return time[good], lat[good], lon[good]
         try:
             fixes = drive_from_table(
-                rows, vehicle=self.job.vehicle, settings=self.job.settings, crs=self.job.crs
+                rows,
+                vehicle=self.job.vehicle,
+                settings=self.job.settings,
+                crs=self.job.crs,
+                columns=self.job.columns,
+                tz=self.job.tz,
             )[0].fixes
         except WhichroadError:  # matching the trip will say why
             fixes = None

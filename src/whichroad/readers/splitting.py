@@ -6,6 +6,7 @@ are the same whatever engine brought the rows together.
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -61,7 +62,9 @@ def seconds_of(text: str | float | None) -> float | None:
     return seconds
 
 
-def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]":
+def split_trips(
+    table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None
+) -> "tuple[pa.Table, list[Part]]":
     """The rows of one vehicle in the order of time, and the trips among them.
 
     A trip ends before a pause of more than `pause` without a fix, when the vehicle begins to
@@ -70,12 +73,13 @@ def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]
     Args:
         table: All rows of a vehicle, with times; rows without a readable time come last.
         pause: s.
+        own: Own names of columns, as `names.find` takes them.
 
     Returns:
         The table in order, and its trips; at least one where there are rows.
     """
-    table, time = in_time_order(table)
-    found = find(table.column_names)
+    table, time = in_time_order(table, own)
+    found = find(table.column_names, own)
     lat, lon = (degrees_of(table, found.get(name)) for name in ("lat", "lon"))
     rows = np.flatnonzero(np.isfinite(time) & is_place(lat, lon))
     if not len(rows):
@@ -83,12 +87,15 @@ def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]
     return table, _parts(time, rows, lat[rows], lon[rows], pause)
 
 
-def in_time_order(table: "pa.Table") -> "tuple[pa.Table, Array]":
+def in_time_order(
+    table: "pa.Table", own: Mapping[str, str | int] | None = None
+) -> "tuple[pa.Table, Array]":
     """The rows of a vehicle in the order of time, and their times, s.
 
-    Rows without a readable time come last, their time is infinite.
+    Rows without a readable time come last, their time is infinite. `own` names columns, as
+    `names.find` takes them.
     """
-    found = find(table.column_names)
+    found = find(table.column_names, own)
     unknown = np.full(table.num_rows, np.inf)
     if "time" not in found:
         return table, unknown

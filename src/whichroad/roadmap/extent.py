@@ -24,11 +24,23 @@ _TRIED = 20  # fixes of which the nearest is named
 _HALF = 2**31  # rows of cells count from -2³¹, as in `graph.index.cell_key`
 
 
-def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
-    """Whether each of (n,) places is within `NEAR` of a road of the map."""
+def are_near(
+    lat_deg: Array, lon_deg: Array, roads: RoadMap, at: Array | None = None
+) -> NDArray[np.bool_]:
+    """Whether each of (n,) places is within `NEAR` of a road of the map.
+
+    Args:
+        lat_deg: (n,)
+        lon_deg: (n,)
+        roads: The map.
+        at: (n, 2) the same in the map's plane, where they are known there.
+    """
     near = np.zeros(len(lat_deg), np.bool_)
     some = np.flatnonzero(_beyond(roads, lat_deg, lon_deg) <= NEAR)
-    x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
+    if at is None:
+        x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
+    else:
+        x, y = at[some, 0], at[some, 1]
     near[some] = _beside_full_cells(roads, x, y)
     found = records(1, index.CANDIDATE)
     for k in np.flatnonzero(~near[some]).tolist():

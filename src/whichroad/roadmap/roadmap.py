@@ -12,7 +12,7 @@ from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
-from .attribute_names import HIDDEN, known_name, refusal
+from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
 from .compile import Network, compile_streets
 from .edge_geometry import EdgeGeometry
 from .laid_out import Pieces
@@ -307,6 +307,8 @@ class RoadMap(EdgeGeometry):
 
     def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
         """A column's values as plain Python, for some streets."""
+        if name == LEVEL:
+            return levels_of(self.ways, way)
         column = self.ways[name]
         if isinstance(column, Texts):
             return [word or None for word in column.words(way)]

@@ -175,7 +175,10 @@ def is_compiled(path: Path) -> bool:
 
 
 def _refusal(path: Path, seen: str) -> str:
-    return f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`"
+    return (
+        f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`, or read "
+        "roads by RoadMap.from_osm or RoadMap.from_edges"
+    )
 
 
 def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:

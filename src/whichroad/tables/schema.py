@@ -125,6 +125,7 @@ DRIVES = pa.schema(
         ("epochs", pa.int64()),
         ("fixes", pa.int64()),
         ("epochs_without_answer", pa.int64()),
+        ("fixes_outside_map", pa.int64()),  # farther than 1 km from every road
         ("duration_s", pa.float64()),
         ("path_m", pa.float64()),
         ("edges", pa.int64()),
