@@ -51,8 +51,7 @@ class RoadMap(EdgeGeometry):
         self.arrays, self.plane = arrays, plane
         self.pieces, self.way = pieces, way
         self.node_id = node_id
-        self.ways = dict(ways)
-        self._about = dict(about)
+        self.ways, self._about = dict(ways), dict(about)
         self._reach: float | None = None
         self._fingerprint: str | None = None
 
