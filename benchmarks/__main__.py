@@ -49,7 +49,9 @@ BENCHMARKS = {
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
     "calibrate": ("calibration.run", "cars from their own drives: errors, coverage"),
+    "outages": ("calibration.outages", "1.5 km without GNSS of cars that were calibrated"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),
+    "build": ("building.run", "memory of building a map of 10 million edges, by the slope"),
     "fleet": ("fleet.run", "fleets: cost beside the filter, order, memory, kill -9, poison"),
     "live": (
         "live.run",

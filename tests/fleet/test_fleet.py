@@ -23,6 +23,7 @@ from whichroad.batch import match_many
 from whichroad.cli import app
 from whichroad.errors import DriveError, ReadError, SettingError, WriteError
 from whichroad.fleet import run_fleet
+from whichroad.readers import many_trips
 from whichroad.tables.schema import DRIVES, PATH, SLIM
 
 
@@ -95,8 +96,11 @@ def test_processes_give_what_one_gives(tmp_path, town, table, usual):
     assert told[-1].done.rows == told[-1].rows == table.num_rows
 
 
-def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(tmp_path, town):
-    many = 70_000
+def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(
+    tmp_path, town, monkeypatch
+):
+    monkeypatch.setattr(many_trips, "APART", 5000)
+    many = 6000
     one = trip("x", 2)
     names = np.tile([f"v{i:05}" for i in range(many)], 2)
     at = np.repeat([10, 14], many)  # all vehicles at one moment, and then at the next
@@ -108,8 +112,8 @@ def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(tmp_pat
             "lon": one["lon"].to_numpy()[at],
         }
     )
-    pq.write_table(table, tmp_path / "t.parquet")
-    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=2)
+    pq.write_table(table, tmp_path / "t.parquet", row_group_size=1000)
+    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1)
     assert done.done.trips == done.done.answered == many
     assert done.done.fixes == 2 * many
     with pytest.raises(ReadError, match="comes again after others"):

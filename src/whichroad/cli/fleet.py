@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..wording import counted
-from .arguments import CrsOption, MapOption, SensorOption, VehicleOption, read_sensors
+from .arguments import CrsOption, SensorOption, VehicleOption, read_sensors
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -25,7 +25,14 @@ def fleet(
             "a query of DuckDB that begins with SELECT, FROM or WITH.",
         ),
     ],
-    roads: MapOption,
+    roads: Annotated[
+        Path,
+        typer.Option(
+            "--map",
+            help="A map, as of `whichroad match`, or a folder of compiled maps. Each trip takes "
+            "the map of a folder that holds it.",
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the tables.")],
     trip_id: Annotated[
         str,

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
-_PRINTED_APART = ("skipped", "notes", "diagnosis")
+_PRINTED_APART = ("skipped", "notes", "diagnosis", "fixes_outside_map")
 _LABELS = {  # what people read; the way first, as its parts share its probability at junctions
     "mean_p_way": "mean P of the way",
     "mean_p_road": "mean P of the edge",
@@ -169,13 +169,13 @@ def match(
     from ..sensed import columns_of
     from ..tables.schema import thinned
 
-    defaults = not (can or dbc or start or mask or report or lineage or own or tz or places)
+    defaults = not (can or dbc or start or mask or report or lineage or places)
     defaults = defaults and model is Model.default
-    if len(drive) == 1 and defaults and are_many(drive[0], id_):
+    if len(drive) == 1 and defaults and are_many(drive[0], id_, own):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
-            drive_id=id_ or "drive_id", sensors=more,
+            drive_id=id_ or "drive_id", columns=own, tz=tz, sensors=more,
         )  # fmt: skip
     with progress_line() as progress:
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
@@ -263,8 +263,10 @@ def print_summary(result: "Result") -> None:
         if outside := one.get("fixes_outside_map"):
             fixes = one["fixes"] + one["fixes_masked"]
             typer.echo(f"note: {one['drive_id']}: {outside_note(outside, fixes)}", err=True)
-    for finding in (finding for one in each for finding in one.get("diagnosis", ())):
-        typer.echo(_finding_line(finding), err=True)
+    for one in each:
+        whose = f"{one['drive_id']}: " if len(each) > 1 else ""
+        for finding in one.get("diagnosis", ()):
+            typer.echo(f"{whose}{_finding_line(finding)}", err=True)
     if len(each) > _EACH:
         print_table("all", [(name, result.summary[name]) for name in _OF_ALL])
     for one in each if len(each) <= _EACH else ():

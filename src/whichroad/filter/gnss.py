@@ -10,7 +10,14 @@ from typing import NamedTuple
 from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
-from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
+from .gaussian import (
+    LOG_2PI,
+    condition,
+    innovation_variance,
+    log_density,
+    update_pair,
+    update_state,
+)
 from .state import (
     GX,
     GY,
@@ -27,6 +34,8 @@ from .state import (
     move_row,
 )
 
+_WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
+_LOG_WRONG = -4.6  # and the logarithm of how often it is
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 
@@ -39,7 +48,8 @@ class Axes(NamedTuple):
     r1: float  # and across it
 
 
-NU0, NU1, V00, V01, V11 = range(5)  # scratch: innovations and their covariance, no white part
+# scratch: innovations and their covariance without white noise; the lever arm in the plane
+NU0, NU1, V00, V01, V11, ARM_X, ARM_Y = range(7)
 
 
 @kernel
@@ -108,6 +118,7 @@ def innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
         hyp = belief.hyp[i]
         to = hyp.scratch
         arm = lever_arm(hyp.mu[H], lever)
+        to[ARM_X], to[ARM_Y] = arm
         to[NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
         to[NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
         to[V00] = _gain(hyp.cov, row, g)
@@ -135,7 +146,7 @@ def _drop_refuted(belief: Belief, least: float) -> None:
 def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
     """Condition a hypothesis on both axes of a fix, the second one given the first."""
     row = ctx.work.row
-    arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
+    arm = (hyp.scratch[ARM_X], hyp.scratch[ARM_Y])
     s0 = hyp.scratch[V00]
     s1 = hyp.scratch[V11]
     g = new_row()
@@ -177,6 +188,28 @@ def observe_position(
 
 
 @kernel(inline=True)
+def _weigh(belief: Belief, axes: Axes, extra0: float, extra1: float) -> None:
+    """Weigh every hypothesis by a fix of some extra variance along its axes, m².
+
+    One that ignores the fix takes it to be wrong.
+    """
+    state = belief.state[0]
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        to = hyp.scratch
+        wrong = hyp.ignores == 1
+        s0 = to[V00] + axes.r0 + (_WRONG_VARIANCE if wrong else extra0)
+        to[NU1] -= to[NU0] * to[V01] / s0
+        s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + (_WRONG_VARIANCE if wrong else extra1)
+        misfit = to[NU0] * to[NU0] / s0 + to[NU1] * to[NU1] / s1
+        hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
+        if wrong:
+            hyp.log_weight += _LOG_WRONG
+        to[V00] = s0
+        to[V11] = s1
+
+
+@kernel(inline=True)
 def observe_given(
     belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, jumps: bool, refuted: float
 ) -> float:
@@ -185,9 +218,13 @@ def observe_given(
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
+    least = 0.01
+    for i in range(state.count):
+        if belief.hyp[i].ignores == 1:
+            least -= 0.01 * belief.hyp[i].weight
     for i in range(state.count):
         hyp = belief.hyp[i]
-        if hyp.weight < 0.01:
+        if hyp.weight < least or hyp.ignores == 1:
             continue
         s0 = hyp.scratch[V00] + axes.r0
         s1 = hyp.scratch[V11] + axes.r1
@@ -206,20 +243,12 @@ def observe_given(
         innovations(belief, ctx, fix, axes)
         extra0 = 0.0
         extra1 = 0.0
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        to = hyp.scratch
-        s0 = to[V00] + axes.r0 + extra0
-        to[NU1] -= to[NU0] * to[V01] / s0
-        s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + extra1
-        misfit = to[NU0] * to[NU0] / s0 + to[NU1] * to[NU1] / s1
-        hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
-        to[V00] = s0
-        to[V11] = s1
+    _weigh(belief, axes, extra0, extra1)
     if refuted > 0.0:
         _drop_refuted(belief, refuted)
     for i in range(state.count):
-        _condition(belief.hyp[i], state, ctx, fix, axes)
+        if belief.hyp[i].ignores == 0:
+            _condition(belief.hyp[i], state, ctx, fix, axes)
     return best
 
 
@@ -238,10 +267,6 @@ def observe_state(
         wrong: Density of values that say nothing of the vehicle, in 1/rad or s/m: a hypothesis
             that they fit better is not moved.
     """
-    row = ctx.work.row
-    for j in range(N):
-        row[j] = 0.0
-    row[index] = 1.0
     scale = belief.state[0].scale
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
@@ -255,7 +280,8 @@ def observe_state(
                 hyp.log_weight += math.log(fits + wrong)
                 continue
             hyp.log_weight += math.log(1.0 + wrong / fits)
-        hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, scale)
+        s = update_state(hyp.mu, hyp.cov, index, nu, variance, scale)
+        hyp.log_weight += log_density(nu, s)
 
 
 @kernel

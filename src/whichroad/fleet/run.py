@@ -20,12 +20,12 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from ..batch.batches import cores
+from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
 from ..places.place_table import read_places
 from ..readers import read_vehicle
 from ..readers.splitting import seconds_of
-from ..roadmap import RoadMap, open_map
+from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
 from ..sensed import checked, columns_of
 from ..sensors import Sensor
@@ -87,7 +87,7 @@ def run_fleet(
     Args:
         trips: Files, folders (also partitioned), patterns: Parquet, GeoParquet, Arrow, CSV; or
             a query of DuckDB that begins with SELECT, FROM or WITH.
-        map: A compiled map; another is compiled first.
+        map: A compiled map, or a folder of them; another map is compiled first.
         out: The folder.
         trip_id: The column that names trips; the default finds its usual aliases.
         split: As in `match_many`.
@@ -117,6 +117,8 @@ def run_fleet(
     began = time.monotonic()
     _check(order, points, workers)
     if places is not None:
+        if is_folder(map):
+            raise SettingError(f"{map}: places are read for one map, and this is a folder of them")
         read_places(places)
     folder = Path(out)
     inputs = inputs_of([trips] if isinstance(trips, str | Path) else trips)
@@ -193,8 +195,10 @@ def _make(folder: Path, tables: Sequence[str]) -> None:
         ) from None
 
 
-def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap]:
-    """The path of a compiled map, and the map."""
+def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap | RoadMaps]:
+    """The path of a compiled map or of a folder of them, and the map or maps."""
+    if is_folder(map):
+        return Path(map).resolve(), shared_maps(Path(map))
     path, roads = Path(map), open_map(map)
     if not is_compiled(path):
         path = folder / _WORK / "compiled.map"

@@ -116,7 +116,7 @@ def _check(path: Path, name: Any, seen: set[int]) -> None:
     seen.add(mark)
 
 
-def batches_of(unit: Unit, trip_id: str, own: Mapping[str, str]) -> Iterator[pa.RecordBatch]:
+def batches_of(unit: Unit, trip_id: str, own: Mapping[str, str | int]) -> Iterator[pa.RecordBatch]:
     """The rows of a unit, some at a time; `own` as in `inputs.used_columns`.
 
     Raises:
@@ -132,7 +132,7 @@ def batches_of(unit: Unit, trip_id: str, own: Mapping[str, str]) -> Iterator[pa.
 
 
 def _rows(
-    file: pq.ParquetFile, low: int, high: int, trip_id: str, own: Mapping[str, str]
+    file: pq.ParquetFile, low: int, high: int, trip_id: str, own: Mapping[str, str | int]
 ) -> Iterator[pa.RecordBatch]:
     """Rows low to high - 1 of a file; row groups without any are not read."""
     used = used_columns(file.schema_arrow.names, trip_id, "trips", own)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..batch.batches import SCHEMAS, job_of, match_tables, slim
+from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tables, slim
 from ..errors import WriteError
 from ..places import Places
 from ..roadmap import shared_map
@@ -19,7 +19,7 @@ from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
 from ..tables.relative_places import relative_schema
-from ..writers.parquet import schema_of, spatial
+from ..writers.parquet import repeating, schema_of, spatial
 from .units import Unit, batches_of
 
 SCHEMA_KEY, SCHEMA_VERSION = b"whichroad_schema", b"1"
@@ -94,10 +94,13 @@ def run_unit(task: Task, unit: Unit) -> Done:
         WriteError: A file cannot be written.
     """
     give = frozenset(task.tables) | {"drives"}
-    job = job_of(task.map, task.vehicle, task.settings, task.lag, False, task.crs, give)
+    job = job_of(
+        task.map, task.vehicle, task.settings, task.lag, False, task.crs, give,
+        split=task.split is not None,
+    )  # fmt: skip
     about = None if task.places is None else _places(task.places, task.map)
     job = job.with_more(task.sensors, about)
-    identity = job.roads.identity
+    identity = job.identity
     rows = batches_of(unit, task.trip_id, job.own_columns())
     last = [name for name in task.tables if name != "points"]  # drives say that the unit is done
     parts: dict[str, list[pa.Table]] = {name: [] for name in last}
@@ -131,13 +134,17 @@ def _growing(
     """A function that writes parts of a table to the file of a unit, whole at the end."""
     path = task.folder(name) / f"{unit}.parquet"
     kind = task.tables[name]
-    columns = SCHEMAS[kind] if kind in SCHEMAS else relative_schema(about)
+    schemas = MAPS_SCHEMAS if is_folder(task.map) else SCHEMAS
+    columns = schemas[kind] if kind in schemas else relative_schema(about)
     empty = with_map(columns.empty_table(), identity)
     schema = schema_of(empty, bounds=False)
     schema = schema.with_metadata({**schema.metadata, SCHEMA_KEY: SCHEMA_VERSION})
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with pq.ParquetWriter(beside, schema, compression="zstd", compression_level=_LEVEL) as file:
+        with pq.ParquetWriter(
+            beside, schema, compression="zstd", compression_level=_LEVEL,
+            use_dictionary=repeating(schema),
+        ) as file:  # fmt: skip
             yield lambda part: file.write_table(
                 pa.Table.from_arrays(spatial(part).columns, schema=schema), _GROUP
             )

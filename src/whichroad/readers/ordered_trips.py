@@ -44,10 +44,10 @@ def ordered_batches(
     Raises:
         ReadError: A trip comes again after others, or there is no such column.
     """
-    tables = map(of_vehicles, _whole_tables(batches, drive_id, own))
+    tables = (of_vehicles(table, own) for table in _whole_tables(batches, drive_id, own))
     if split:
         trips = (Trip(*trip) for table in tables for trip in cut(table))
-        yield from packed(split_each(trips, split), True)
+        yield from packed(split_each(trips, split, own), True)
         return
     seen: set[int] = set()
     for table in tables:

@@ -13,8 +13,9 @@ from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
 from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
-from .compile import Network, Pieces, compile_streets
+from .compile import Network, compile_streets
 from .edge_geometry import EdgeGeometry
+from .laid_out import Pieces
 from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
@@ -47,10 +48,8 @@ class RoadMap(EdgeGeometry):
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
         ways: Mapping[str, Column], about: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.arrays = arrays
-        self.plane = plane
-        self.pieces = pieces
-        self.way = way
+        self.arrays, self.plane = arrays, plane
+        self.pieces, self.way = pieces, way
         self.node_id = node_id
         self.ways = dict(ways)
         self._about = dict(about)
