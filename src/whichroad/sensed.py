@@ -62,9 +62,7 @@ class Sensed:
         self._heard: set[str] = set()  # sensors of which there was a reading
         self._attributes: dict[str, dict[Any, int]] = {}  # column -> class of each value
         self._classes = NO_EVIDENCE.classes
-        pieces = roads.pieces
-        self._first = np.ascontiguousarray(pieces.first, np.int32)
-        self._start = np.ascontiguousarray(pieces.start, np.float64)
+        self._first, self._start = NO_EVIDENCE.first, NO_EVIDENCE.start  # until they are used
         self._piece: Ints32 | None = None  # the map's piece of each that is told apart
         self._gains: dict[int, Gains] = {}  # of sensors of heights
 
@@ -231,6 +229,10 @@ class Sensed:
         """
         column = known_name(self.roads.ways, name)
         if column not in self._attributes:
+            if not self._attributes:
+                pieces = self.roads.pieces
+                self._first = np.ascontiguousarray(pieces.first, np.int32)
+                self._start = np.ascontiguousarray(pieces.start, np.float64)
             self._attributes[column] = {}
             more = np.full((1, len(self._start)), CLASSES - 1, np.uint8)
             known = self._classes.reshape(-1, more.shape[1])

@@ -39,34 +39,60 @@ from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
-AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are told
+_NONE = relative_schema(None).empty_table()
+AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are given
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"
 )
 
 
-class Tables(NamedTuple):
-    """Estimates of many trips."""
+class _Tables(NamedTuple):
+    points: pa.Table
+    path: pa.Table
+    drives: pa.Table
 
-    points: pa.Table  # one row per epoch, `tables.schema.POINTS`
-    path: pa.Table  # one row per edge driven, `tables.schema.PATH`
-    drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
-    ahead: pa.Table = relative_schema(None).empty_table()  # of places=: one row per epoch and place
-    nearby: pa.Table = relative_schema(None).empty_table()  # likewise, within a circle
+
+class Tables(_Tables):
+    """Estimates of many trips.
+
+    Attributes:
+        points: One row per epoch, `tables.schema.POINTS`.
+        path: One row per edge driven, `tables.schema.PATH`.
+        drives: One row per trip, `tables.schema.DRIVES`, also where there is no answer.
+        ahead: Of `places=`: one row per epoch and place that lies ahead.
+        nearby: Likewise of those within a circle.
+    """
+
+    ahead: pa.Table
+    nearby: pa.Table
+
+    def __new__(
+        cls, points: pa.Table, path: pa.Table, drives: pa.Table, ahead: pa.Table = _NONE,
+        nearby: pa.Table = _NONE,
+    ) -> "Tables":  # fmt: skip
+        """Three tables, and two that stand beside them."""
+        self = super().__new__(cls, points, path, drives)
+        self.ahead, self.nearby = ahead, nearby
+        return self
+
+    def every(self) -> tuple[pa.Table, ...]:
+        """All five, in the order of the arguments."""
+        return (*self, self.ahead, self.nearby)
 
     def __repr__(self) -> str:
-        tables = self._asdict() if len(self.ahead) + len(self.nearby) else dict(
-            zip(self._fields[:3], self[:3], strict=True)
-        )  # fmt: skip
-        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in tables.items())
+        names = (*self._fields, "ahead", "nearby")
+        tables = zip(names, self.every(), strict=True)
+        shown = [(n, t) for n, t in tables if n in self._fields or len(t)]
+        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in shown)
 
 
 def joined(parts: Sequence[Tables]) -> Tables:
     """Tables one after the other."""
     if not parts:
         return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
-    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
+    columns = zip(*(part.every() for part in parts), strict=True)
+    return Tables(*(pa.concat_tables(column) for column in columns))
 
 
 class _Answer(NamedTuple):
@@ -141,9 +167,10 @@ class Job(NamedTuple):
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
-        made = self._tables(chunk)
+        points, path, drives, *about = self._tables(chunk).every()
         if chunk.again or chunk.standing:
-            made = made._replace(drives=_remarked(made.drives, chunk))
+            drives = _remarked(drives, chunk)
+        made = (points, path, drives, *about)
         return Tables(*(with_map(table, self.roads.identity) for table in made))
 
     def _tables(self, chunk: TripBatch) -> Tables:
@@ -266,10 +293,10 @@ class Job(NamedTuple):
         )
         found = [a for a in answers if isinstance(a, _Answer)]
         columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
-        none = relative_schema(self.places).empty_table()
-        made = Tables(columns.empty_table(), PATH.empty_table(), drives, none, none)
+        about = self._about(found)
+        points, path = columns.empty_table(), PATH.empty_table()
         if not found or self.give == {"drives"}:
-            return made
+            return Tables(points, path, drives, *about)
         names = [name for a in found for name in a.names]
         batch = one_batch([a.batch for a in found])
         if "points" in self.give:
@@ -277,23 +304,21 @@ class Job(NamedTuple):
                 names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
                 first=batch.first[:-1],
             )  # fmt: skip
-            made = made._replace(points=points)
         if "path" in self.give:
             path = path_table(names, batch.driven, self.roads, batch.first_edge)
-            made = made._replace(path=path)
-        return self._with_places(made, found)
+        return Tables(points, path, drives, *about)
 
-    def _with_places(self, made: Tables, found: "Sequence[_Answer]") -> Tables:
-        """The tables with the places ahead and near at each epoch, where they are asked for."""
-        if self.places is None:
-            return made
-        about = [Surroundings(a.names[0], a.batch.epochs, a.batch.output, self.places)
-                 for a in found]  # fmt: skip
-        if "ahead" in self.give:
-            made = made._replace(ahead=pa.concat_tables([one.ahead(AHEAD_M) for one in about]))
-        if "nearby" in self.give:
-            made = made._replace(nearby=pa.concat_tables([one.nearby(NEARBY_M) for one in about]))
-        return made
+    def _about(self, found: Sequence[_Answer]) -> tuple[pa.Table, pa.Table]:
+        """The places ahead of and near to each epoch, where they are asked for."""
+        empty = relative_schema(self.places).empty_table()
+        if self.places is None or not found:
+            return empty, empty
+        about = [
+            Surroundings(a.names[0], a.batch.epochs, a.batch.output, self.places) for a in found
+        ]
+        ahead = [one.ahead(AHEAD_M) for one in about if "ahead" in self.give]
+        nearby = [one.nearby(NEARBY_M) for one in about if "nearby" in self.give]
+        return pa.concat_tables([empty, *ahead]), pa.concat_tables([empty, *nearby])
 
 
 def _unexpected(error: Exception) -> str:

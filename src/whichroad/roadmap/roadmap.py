@@ -292,9 +292,9 @@ class RoadMap(EdgeGeometry):
             name: Of the attribute, such as `ref`; one that the map lacks is nowhere known.
             piece: (n,) rows of `pieces`.
         """
-        column = self.ways.get(name)
-        absent = [""] * len(piece)
-        return column.words(self.pieces.way[piece]) if isinstance(column, Texts) else absent
+        if isinstance(column := self.ways.get(name), Texts):
+            return column.words(self.pieces.way[piece])
+        return [""] * len(piece)
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
@@ -308,14 +308,11 @@ class RoadMap(EdgeGeometry):
         """A column's values as plain Python, for some streets."""
         if name == LEVEL:
             return levels_of(self.ways, way)
-        column = self.ways[name]
-        if isinstance(column, Texts):
+        if isinstance(column := self.ways[name], Texts):
             return [word or None for word in column.words(way)]
         values = column[way].tolist()
-        if name in _FLAGS:
-            return [bool(v) for v in values]
-        if name == "access":
-            return [ACCESS_WORDS[v] for v in values]
+        if name in _FLAGS or name == "access":
+            return [bool(v) if name in _FLAGS else ACCESS_WORDS[v] for v in values]
         if name in ("speed_limit_kmh", "lanes", "width"):
             return [v or None for v in values]
         return cast(list[Any], values)
