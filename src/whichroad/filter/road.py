@@ -19,7 +19,7 @@ from ..graph.geometry import (
     wrap,
 )
 from ..graph.network import Roads, is_at_node
-from .gaussian import LOG_2PI, update, update_across
+from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
@@ -29,7 +29,7 @@ _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
 _STRIP = 3.0  # m across, within which a vehicle off the roads would be on one
-_LATERAL, _TANGENT_X, _TANGENT_Y, _HEADING, _SLOPE, _SAID = range(6)  # scratch of a hypothesis
+_HEADING, _SLOPE, _SAID = range(3)  # scratch of a hypothesis
 
 
 class RoadNoise(NamedTuple):
@@ -41,13 +41,10 @@ class RoadNoise(NamedTuple):
 
 
 @kernel
-def track(belief: Belief, roads: Roads, i: int) -> tuple[float, float, float]:
+def track(belief: Belief, roads: Roads, i: int) -> None:
     """Project hypothesis i, shifted into the map's frame, on its edge.
 
-    Sets its segment, abscissa and along-track sigma.
-
-    Returns:
-        Lateral offset (m, right positive) and the unit tangent.
+    Sets its segment, abscissa and along-track sigma, its lateral offset and the unit tangent.
     """
     hyp = belief.hyp[i]
     scale = belief.state[0].scale
@@ -62,7 +59,9 @@ def track(belief: Belief, roads: Roads, i: int) -> tuple[float, float, float]:
     vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
     vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
     hyp.along_sigma = math.sqrt(max(tx * tx * vxx + 2.0 * tx * ty * vxy + ty * ty * vyy, 1e-4))
-    return across / scale, tx, ty
+    hyp.lateral = across / scale
+    hyp.tangent[0] = tx
+    hyp.tangent[1] = ty
 
 
 @entry
@@ -186,9 +185,7 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
         decay_map(hyp.mu, hyp.cov, par, kept, lane_mean(ctx, edge), lane_sigma(ctx, edge))
         if edge == OFF_ROAD:
             continue
-        hyp.scratch[_LATERAL], hyp.scratch[_TANGENT_X], hyp.scratch[_TANGENT_Y] = track(
-            belief, ctx.roads, i
-        )
+        track(belief, ctx.roads, i)
         s = hyp.along
         p = hyp.weight
         on += p
@@ -226,22 +223,24 @@ def _observe_road(
 ) -> tuple[float, float]:
     """Condition one hypothesis on its road's rows; returns chi-square and innovation variance."""
     mean = hyp.mu
-    tx = hyp.scratch[_TANGENT_X]
-    ty = hyp.scratch[_TANGENT_Y]
-    nu = mean[D] - hyp.scratch[_LATERAL]
+    tx = hyp.tangent[0]
+    ty = hyp.tangent[1]
+    nu = mean[D] - hyp.lateral
     s = update_across(mean, hyp.cov, ty, -tx, nu, noise.lateral, scale)
     misfit = nu * nu / s
     if with_heading:
-        row = ctx.work.row
-        for j in range(N):
-            row[j] = 0.0
-        row[H] = 1.0
-        row[X] = -hyp.scratch[_SLOPE] * tx
-        row[Y] = -hyp.scratch[_SLOPE] * ty
-        row[MX] = row[X]
-        row[MY] = row[Y]
         nu = wrap(hyp.scratch[_HEADING] - mean[H])
-        s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
+        slope = hyp.scratch[_SLOPE]
+        if slope == 0.0:
+            s_heading = update_state(mean, hyp.cov, H, nu, noise.heading, scale)
+        else:
+            row = ctx.work.row
+            for j in range(N):
+                row[j] = 0.0
+            row[H] = 1.0
+            row[X] = row[MX] = -slope * tx
+            row[Y] = row[MY] = -slope * ty
+            s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
         misfit += nu * nu / s_heading
         s *= s_heading
     return misfit, s

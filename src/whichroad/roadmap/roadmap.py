@@ -12,9 +12,10 @@ from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
-from .attribute_names import HIDDEN, known_name, refusal
-from .compile import Network, Pieces, compile_streets
+from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
+from .compile import Network, compile_streets
 from .edge_geometry import EdgeGeometry
+from .laid_out import Pieces
 from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
@@ -47,10 +48,8 @@ class RoadMap(EdgeGeometry):
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
         ways: Mapping[str, Column], about: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.arrays = arrays
-        self.plane = plane
-        self.pieces = pieces
-        self.way = way
+        self.arrays, self.plane = arrays, plane
+        self.pieces, self.way = pieces, way
         self.node_id = node_id
         self.ways = dict(ways)
         self._about = dict(about)
@@ -308,6 +307,8 @@ class RoadMap(EdgeGeometry):
 
     def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
         """A column's values as plain Python, for some streets."""
+        if name == LEVEL:
+            return levels_of(self.ways, way)
         column = self.ways[name]
         if isinstance(column, Texts):
             return [word or None for word in column.words(way)]
