@@ -156,8 +156,8 @@ def _share_on_roads(belief: Belief, i: int, on_road: float) -> float:
         other = belief.hyp[j]
         if other.edge == OFF_ROAD:
             continue
-        nx = other.scratch[_TANGENT_Y]
-        ny = -other.scratch[_TANGENT_X]
+        nx = other.tangent[1]
+        ny = -other.tangent[0]
         dx = x - other.mu[X] - state.scale * other.mu[MX]
         dy = y - other.mu[Y] - state.scale * other.mu[MY]
         across = (nx * dx + ny * dy) / state.scale

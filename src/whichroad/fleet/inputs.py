@@ -16,7 +16,7 @@ _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
     ".feather": "ipc", ".ipc": "ipc", ".csv": "csv", ".csv.gz": "csv", ".tsv": "csv",
 }  # fmt: skip
-_NONE: Mapping[str, str] = {}
+_NONE: Mapping[str, str | int] = {}
 _QUERY = ("select ", "from ", "with ")
 
 
@@ -104,7 +104,7 @@ class Used(NamedTuple):
 
 
 def used_columns(
-    names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str] = _NONE
+    names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str | int] = _NONE
 ) -> Used:
     """Which columns of a table are read; `own`: those of further sensors, by their aliases.
 
