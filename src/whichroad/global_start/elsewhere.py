@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ..graph.network import Roads
 from ..observations import Array
 
-PRIOR = 0.5  # probability of a start that is on no road of the map
+PRIOR = 0.25  # probability of a start that is on no road of the map
 RETURN = 1e-7  # 1/m, rate of coming on to the map
 SIGMA = 1e6  # m, of where it is
 
 _PIECE = 5.0  # m of road that may turn
 _RUNS_ON = 0.3  # rad, sigma of the turn in such a piece where a road runs on, straight or as before
 _CORNERS = 0.2  # share of the pieces that turn by anything
-_CORNER = 0.4  # density of these turns over the peak of the others
+_CORNER = 0.2  # density of these turns over the peak of the others
 _GOES_ON = 0.5  # share of those who leave the map where a road of it ends
 
 
