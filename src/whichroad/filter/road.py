@@ -29,7 +29,7 @@ _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
 _STRIP = 3.0  # m across, within which a vehicle off the roads would be on one
-_HEADING, _SLOPE, _SAID = range(3)  # scratch of a hypothesis
+_HEADING, _SLOPE, _DENSITY = range(3)  # scratch of a hypothesis
 
 
 class RoadNoise(NamedTuple):
@@ -91,9 +91,9 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         misfit, s = _observe_road(hyp, ctx, noise, with_heading, belief.state[0].scale)
         log_variance = math.log(s)
         log_s += hyp.weight * log_variance
-        said = -0.5 * (misfit + log_variance + rows * LOG_2PI)
-        hyp.log_weight += said
-        hyp.scratch[_SAID] = said
+        density = -0.5 * (misfit + log_variance + rows * LOG_2PI)
+        hyp.log_weight += density
+        hyp.scratch[_DENSITY] = density
     if noise.on_road > 0.0:
         usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
         _observe_off_road(belief, ctx, noise.on_road, usual, metres)
@@ -121,11 +121,11 @@ def _observe_off_road(
     top = -math.inf
     for i in range(state.count):
         if belief.hyp[i].edge != OFF_ROAD:
-            top = max(top, belief.hyp[i].scratch[_SAID])
+            top = max(top, belief.hyp[i].scratch[_DENSITY])
     total = 0.0
     for i in range(state.count):
         if belief.hyp[i].edge != OFF_ROAD:
-            total += belief.hyp[i].weight * math.exp(belief.hyp[i].scratch[_SAID] - top)
+            total += belief.hyp[i].weight * math.exp(belief.hyp[i].scratch[_DENSITY] - top)
     best = usual
     if total > 0.0:
         best = max(usual, top + math.log(total / on_road))
