@@ -76,19 +76,18 @@ def answer(name: str, roads: Any, trace: Any, lag: Any, truth: Any) -> Matched:
     )  # fmt: skip
 
 
-def real(options: Options, every: int, lag: Any = "full") -> Iterator[Matched]:
-    """The real tracks asked for, thinned."""
+def real_traces(options: Options, every: int) -> Iterator[tuple[str, Any, Any, Any]]:
+    """The real tracks asked for, thinned: name, map, trace and truth."""
     known, _ = harness.real_tracks(options)
     pbf, _ = harness.real_map(options)
     adapter = harness.our_adapter(options, pbf)
     for n in (n for n in tracks(options) if n in known):
         trace = harness.real_trace(options, known[n], every)
-        roads = adapter.roads(float(trace.lon[0]))
-        yield answer(f"track {n}", roads, trace, lag, known[n])
+        yield f"track {n}", adapter.roads(float(trace.lon[0])), trace, known[n]
 
 
-def city(options: Options, every: int, lag: Any = "full") -> Iterator[Matched]:
-    """The harness's trips in Heidelberg."""
+def city_traces(options: Options, every: int) -> Iterator[tuple[str, Any, Any, Any]]:
+    """The harness's trips in Heidelberg: name, map, trace and truth."""
     simulate = harness.module(options, "simulate")
     pbf = options.need("maps", "heidelberg.osm.pbf")
     adapter = harness.our_adapter(options, pbf)
@@ -98,4 +97,16 @@ def city(options: Options, every: int, lag: Any = "full") -> Iterator[Matched]:
         for trip in trips:
             trace, index = simulate.make_trace(graph, trip, every, *NOISE, seed=seed)
             roads = adapter.roads(float(trace.lon[0]))
-            yield answer(f"seed {seed} trip {trip.id}", roads, trace, lag, (graph, trip, index))
+            yield f"seed {seed} trip {trip.id}", roads, trace, (graph, trip, index)
+
+
+def real(options: Options, every: int, lag: Any = "full") -> Iterator[Matched]:
+    """The real tracks asked for, thinned, and our answers."""
+    for name, roads, trace, truth in real_traces(options, every):
+        yield answer(name, roads, trace, lag, truth)
+
+
+def city(options: Options, every: int, lag: Any = "full") -> Iterator[Matched]:
+    """The harness's trips in Heidelberg, and our answers."""
+    for name, roads, trace, truth in city_traces(options, every):
+        yield answer(name, roads, trace, lag, truth)

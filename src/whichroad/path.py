@@ -32,6 +32,7 @@ class Chain(NamedTuple):
     edge: NDArray[np.int32]
     time: Array  # s
     along: Array  # m
+    share: Array | None = None  # of the likely routes that pass it; None: all pass all
 
 
 def tidied(path: Path, *users: NDArray[np.int64]) -> Path:
@@ -83,7 +84,7 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
         found.append(entry)
         entry = int(parent[entry])
     rows = path.entry[np.array(found[::-1], int)]
-    return Chain(rows.edge.copy(), rows.time.copy(), rows.along.copy())
+    return Chain(rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float))
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +150,7 @@ class _Columns(NamedTuple):
     entry_edge: NDArray[np.int32]
     entry_time: Array
     along: Array
+    entry_share: Array
 
 
 def _columns(history: History, path: Path, roads: Roads) -> _Columns:
@@ -158,47 +160,48 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
     return _Columns(
         roads, step.time, step.first_node, step.end_node, node.edge, node.smoothed,
         node.path_entry, node.first_link, node.end_link, link.origin, link.share, entry.parent,
-        entry.edge, entry.time, entry.along,
+        entry.edge, entry.time, entry.along, entry.share,
     )  # fmt: skip
 
 
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
     edge = c.edge[nodes]
-    rows: list[tuple[int, float, float]] = []
+    rows: list[tuple[int, float, float, float]] = []
     for k in np.flatnonzero(np.diff(edge, prepend=-9)).tolist():
         now, entry = float(c.time[k]), int(c.path_entry[nodes[k]])
         before = float(c.time[k - 1]) if k else now
         between = _between(c, int(nodes[k - 1]), int(nodes[k])) if k else []
-        rows += [(e, min(max(t, before), now), 0.0) for e, t in between]
-        where, when = 0.0, now
+        rows += [(e, min(max(t, before), now), 0.0, share) for e, t, share in between]
+        where, when, share = 0.0, now, 1.0
         if entry >= 0 and c.entry_edge[entry] == edge[k]:
             where = float(c.along[entry])
             when = float(c.entry_time[entry]) if now - before > _CLOSE else now
-        rows.append((int(edge[k]), min(max(when, before), now), where))
-    edges, times, along = zip(*rows, strict=True)
-    return Chain(np.array(edges, np.int32), np.array(times), np.array(along))
+            share = float(c.entry_share[entry])
+        rows.append((int(edge[k]), min(max(when, before), now), where, share))
+    edges, times, along, shares = zip(*rows, strict=True)
+    return Chain(np.array(edges, np.int32), np.array(times), np.array(along), np.array(shares))
 
 
-def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float]]:
-    """Edges driven between those of two linked nodes, and when each was entered."""
+def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float, float]]:
+    """Edges driven between those of two linked nodes, when each was entered, and its share."""
     then, edge = int(c.edge[i]), int(c.edge[j])
     if OFF_ROAD in (then, edge):
         return []
     if c.roads.edges[edge].opposite == then or joins(c.roads, then, edge):
         return []
-    found: list[tuple[int, float]] = []
+    found: list[tuple[int, float, float]] = []
     entry, stop = int(c.path_entry[j]), int(c.path_entry[i])
     while (entry := int(c.parent[entry])) >= 0 and entry != stop:
         at = int(c.entry_edge[entry])
         if at in (OFF_ROAD, then) or len(found) == _ENTRIES:
             break
-        found.append((at, float(c.entry_time[entry])))
+        found.append((at, float(c.entry_time[entry]), float(c.entry_share[entry])))
     if entry >= 0 and (entry == stop or c.entry_edge[entry] == then):
         return found[::-1]
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
-    return [(e, time) for e in shortest(c.roads, then, edge) or []]
+    return [(e, time, 1.0) for e in shortest(c.roads, then, edge) or []]
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
@@ -299,7 +302,7 @@ def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
                     continue
                 longer = tail
                 if edge[i] != edge[j]:
-                    for e, _ in reversed(_between(c, i, j)):
+                    for e, _, _ in reversed(_between(c, i, j)):
                         longer = put(e, longer)
                     longer = put(int(edge[i]), longer)
                 before[i, longer] = before.get((i, longer), 0.0) + part

@@ -32,7 +32,7 @@ def passed(chain: list[tuple[int, float]], seen: list[tuple[float, int, float, f
         rows[k].live, rows[k].edge, rows[k].s, rows[k].p_edge = 1, edge, s, p
         rows[k].alt_edge[0], rows[k].alt_p[0] = edge, p
     driven = records(len(chain), TRAVERSAL)
-    driven.edge, driven.entered = np.array(chain).T
+    driven.edge, driven.entered, driven.share = *np.array(chain).T, 1.0
     first = np.zeros(len(chain) + 1, np.int64)
     first_epochs(driven, epochs, first)
     time_edges(ROADS, driven, first, epochs, rows, len(seen) - 1)

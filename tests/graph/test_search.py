@@ -14,15 +14,14 @@ from strategies import seeds
 from whichroad._compile import Records, jit
 from whichroad.graph import search
 from whichroad.graph.index import CANDIDATE
+from whichroad.graph.labels import LABELS, new_search
 from whichroad.graph.network import EDGE, TURN, VERTEX, Roads, records
 from whichroad.graph.search import (
-    LABELS,
     MAX_FACTOR,
     MIN_FACTOR,
     Query,
     edge_costs,
     goal_of,
-    new_search,
     set_goals,
     turn_costs,
 )

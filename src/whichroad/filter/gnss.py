@@ -34,6 +34,8 @@ from .state import (
     move_row,
 )
 
+_WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
+_LOG_WRONG = -4.6  # and the logarithm of how often it is
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 
@@ -186,6 +188,28 @@ def observe_position(
 
 
 @kernel(inline=True)
+def _weigh(belief: Belief, axes: Axes, extra0: float, extra1: float) -> None:
+    """Weigh every hypothesis by a fix of some extra variance along its axes, m².
+
+    One that ignores the fix takes it to be wrong.
+    """
+    state = belief.state[0]
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        to = hyp.scratch
+        wrong = hyp.ignores == 1
+        s0 = to[V00] + axes.r0 + (_WRONG_VARIANCE if wrong else extra0)
+        to[NU1] -= to[NU0] * to[V01] / s0
+        s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + (_WRONG_VARIANCE if wrong else extra1)
+        misfit = to[NU0] * to[NU0] / s0 + to[NU1] * to[NU1] / s1
+        hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
+        if wrong:
+            hyp.log_weight += _LOG_WRONG
+        to[V00] = s0
+        to[V11] = s1
+
+
+@kernel(inline=True)
 def observe_given(
     belief: Belief, ctx: Context, fix: Vector, axes: Axes, gate: float, jumps: bool, refuted: float
 ) -> float:
@@ -194,9 +218,13 @@ def observe_given(
     best = math.inf
     extra0 = 0.0
     extra1 = 0.0
+    least = 0.01
+    for i in range(state.count):
+        if belief.hyp[i].ignores == 1:
+            least -= 0.01 * belief.hyp[i].weight
     for i in range(state.count):
         hyp = belief.hyp[i]
-        if hyp.weight < 0.01:
+        if hyp.weight < least or hyp.ignores == 1:
             continue
         s0 = hyp.scratch[V00] + axes.r0
         s1 = hyp.scratch[V11] + axes.r1
@@ -215,20 +243,12 @@ def observe_given(
         innovations(belief, ctx, fix, axes)
         extra0 = 0.0
         extra1 = 0.0
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        to = hyp.scratch
-        s0 = to[V00] + axes.r0 + extra0
-        to[NU1] -= to[NU0] * to[V01] / s0
-        s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + extra1
-        misfit = to[NU0] * to[NU0] / s0 + to[NU1] * to[NU1] / s1
-        hyp.log_weight -= 0.5 * (misfit + math.log(s0 * s1)) + LOG_2PI
-        to[V00] = s0
-        to[V11] = s1
+    _weigh(belief, axes, extra0, extra1)
     if refuted > 0.0:
         _drop_refuted(belief, refuted)
     for i in range(state.count):
-        _condition(belief.hyp[i], state, ctx, fix, axes)
+        if belief.hyp[i].ignores == 0:
+            _condition(belief.hyp[i], state, ctx, fix, axes)
     return best
 
 

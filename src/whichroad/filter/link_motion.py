@@ -28,7 +28,7 @@ from .link_road import (
     skipped_along,
 )
 from .motion import Increment, Noise, keep_lane
-from .sparse import ACROSS_SIGMA, HEADING_NOISE
+from .sparse_arrival import ACROSS_SIGMA, HEADING_NOISE
 from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
 from .state import (
     GX,

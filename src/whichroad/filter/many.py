@@ -49,6 +49,7 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
             drives.driven[row].edge = entry.edge
             drives.driven[row].entered = entry.time
             drives.driven[row].along = entry.along
+            drives.driven[row].share = entry.share
             after = entry.edge
         at = entry.parent
     return True

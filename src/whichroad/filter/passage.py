@@ -19,6 +19,7 @@ TRAVERSAL = np.dtype(
         ("edge", "i8"),
         ("entered", "f8"),  # when the hypothesis entered the edge, s
         ("along", "f8"),  # where, true m
+        ("share", "f8"),  # of the likely routes between two fixes that pass it; else 1
         ("enter_time", "f8"),  # s
         ("exit_time", "f8"),  # s
         ("enter_m", "f8"),  # abscissa, m
@@ -101,8 +102,8 @@ def time_edges(
 
     Args:
         roads: The network.
-        driven: (r,) TRAVERSAL, edges in driving order, with `entered` and `along`; the rest but
-            for the rules is written.
+        driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along` and
+            `share`; the rest but for the rules is written.
         first: (r + 1,) the first epoch of each edge, and the number of epochs.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
@@ -208,7 +209,10 @@ def _place_ends(roads: Roads, driven: Traversals, i: int, estimates: Estimates) 
 
 @kernel
 def _bridge(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: int) -> None:
-    """P of the edges that are the most probable at no epoch, by the epochs on both sides."""
+    """P of the edges that are the most probable at no epoch, by the epochs on both sides.
+
+    Of that the share of the routes that pass the edge.
+    """
     rows, i = len(driven), 0
     while i < rows:
         end = i + 1
@@ -220,7 +224,7 @@ def _bridge(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: i
             for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
                 on = min(on, _p_on_path(driven, low, high, estimates[k]))
             for j in range(i, end):
-                driven[j].p = on
+                driven[j].p = on * driven[j].share
         i = end
 
 

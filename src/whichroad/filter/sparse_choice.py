@@ -4,7 +4,8 @@ import math
 from typing import NamedTuple
 
 from .._compile import kernel
-from ..graph.search import Query, Reach, Search, find_routes, goal_of
+from ..graph.labels import Reach, Search
+from ..graph.search import Query, find_routes, goal_of
 from .sparse_routes import (
     EXCESS_SPEED,
     SPAN,
@@ -48,6 +49,22 @@ def _back_cost(went: float, sigma: float) -> float:
     """
     beyond = max(-went / sigma - 1.0, 0.0)
     return 0.5 * beyond * beyond
+
+
+@kernel(inline=True)
+def _misfit(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
+    """-log density of a distance, but for a constant, nats."""
+    old = fix.process.distance_by_speed
+    off = went - usual * (fix.dt - old) - start.rate * old
+    wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
+    return 0.5 * (off * off / wide + math.log(wide))
+
+
+@kernel
+def distance_cost(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
+    """What a distance driven says of a route, nats: its misfit, and what nobody drives."""
+    haste = _haste_cost(went, fix.dt, usual, start.rate, start.straight)
+    return haste + _misfit(went, usual, start, fix)
 
 
 @kernel
@@ -97,11 +114,12 @@ def _keep_pairs(search: Search) -> None:
         pair = search.pair[p]
         worth = _TURN_WORTH if pair.turned == 1 else _WORTH
         if pair.score >= run.best_score - worth:
-            turned = pair.turned
+            turned, root = pair.turned, pair.root
             _add_pair(
                 search, pair.source, pair.label, pair.goal, pair.score, pair.cost - run.detour
             )
             search.pair[run.pairs - 1].turned = turned
+            search.pair[run.pairs - 1].root = root
 
 
 @kernel(inline=True)
@@ -125,10 +143,7 @@ def _weigh(
         run.detour = min(run.detour, cost)
     cost += _haste_cost(went, fix.dt, way.usual, start.rate, start.straight)
     cost += _back_cost(went, math.hypot(belief.hyp[i].along_sigma, fix.jitter))
-    old = fix.process.distance_by_speed
-    off = went - way.usual * (fix.dt - old) - start.rate * old
-    wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
-    score = belief.hyp[i].log_weight - cost - 0.5 * (off * off / wide + math.log(wide))
+    score = belief.hyp[i].log_weight - cost - _misfit(went, way.usual, start, fix)
     score -= 0.5 * (near.distance / fix.sigma) ** 2
     if score >= run.best_score - way.worth:
         run.best_score = max(run.best_score, score)
@@ -136,6 +151,7 @@ def _weigh(
         _add_pair(search, i, way.label, goal, score, cost)
         if run.pairs > before:
             search.pair[before].turned = 1 if turned else 0
+            search.pair[before].root = run.root
 
 
 @kernel(inline=True)
@@ -180,6 +196,8 @@ def _label_turn(
     new.length = driven.length
     new.time = driven.time + (driven.length - came) / speed
     new.turn = driven.turn
+    new.rival = -1
+    new.twin = -1
 
 
 @kernel(inline=True)

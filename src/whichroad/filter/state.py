@@ -24,8 +24,8 @@ import numpy as np
 
 from .._compile import Array, Ints, Matrix, Record, Records, Vector, entry, kernel
 from ..graph.index import CANDIDATE
+from ..graph.labels import Search, new_search
 from ..graph.network import Roads, lane_sigma_of, records
-from ..graph.search import Search, new_search
 from ._simd import N as N
 from ._simd import copy_record
 from .epoch import EPOCH as EPOCH
@@ -69,11 +69,14 @@ HYPOTHESIS = np.dtype(
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
+        ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
+        ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
+        ("ignores", "u1"),  # 1: it takes this epoch's fix to say nothing
     ],
     align=True,
 )
@@ -146,6 +149,7 @@ PATH_ENTRY = np.dtype(
         ("time", "f8"),  # when the edge was entered, s
         ("along", "f8"),  # where, m
         ("edge", "i4"),
+        ("share", "f4"),  # of the likely routes between two fixes that pass the edge; else 1
     ],
     align=True,
 )
@@ -343,7 +347,12 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
+    for k in range(2):
+        for a in range(3):
+            hyp.ground[k, a] = 0.0
+    hyp.sinks = 0.0
     hyp.blames = NOTHING
+    hyp.ignores = 0
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
@@ -395,7 +404,7 @@ def redraw(hyp: Record, state: int, mean: float, variance: float) -> None:
 
 
 @kernel
-def enter(path: Path, edge: int, parent: int, time: float, along: float) -> int:
+def enter(path: Path, edge: int, parent: int, time: float, along: float, share: float = 1.0) -> int:
     """Add an entry to the path tree; returns its number, the parent when it is full."""
     new = int(path.size[0])
     if new >= len(path.entry):
@@ -405,5 +414,6 @@ def enter(path: Path, edge: int, parent: int, time: float, along: float) -> int:
     entry.parent = parent
     entry.time = time
     entry.along = along
+    entry.share = share
     path.size[0] = new + 1
     return new

@@ -5,16 +5,24 @@ and for each turn -log(prior / the largest prior there).
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from .._compile import Array, Ints, Ints32, Records, Vector, kernel
-from .network import Roads, records
+from .._compile import Ints, Records, kernel
+from .labels import (
+    GOALS,
+    LABEL_BITS,
+    LABELS,
+    LAST,
+    PREFIX,
+    SLOTS,
+    Reach,
+    Search,
+    note_rival,
+)
+from .network import Roads
 
-LABEL_BITS = 14  # of a number in the queue; the others hold its key
-LABELS = 1 << LABEL_BITS  # of all searches of one step
-LAST = 2**63 - 1  # greater than every number in the queue
 USUAL_SPEED = 12.0  # m/s, of a street on which a metre costs a metre
 MIN_FACTOR, MAX_FACTOR = 0.75, 2.0  # cost of a metre on the fastest and the slowest roads
 
@@ -22,83 +30,8 @@ _PER_NAT, _MAX_NATS = 2.0**30, 2.0**18  # resolution and limit of keys in the qu
 _TIME_SHARE = 0.6  # share of the time in the cost of an edge; the rest is its length
 _LEAST_PRIOR = 1e-12  # probability of a turn
 _ROUNDING = 0.1  # m, of the ends of edges, which are float32
-_SLOTS = 1 << 15  # of the hash table from edges to labels
-_GOALS = 1 << 9  # of the hash table of goals
-_PREFIX = 1 << 10  # of the hash table of the common prefix
-_MOST = 256  # goals hit in one search; pairs of a hypothesis and a goal
+_RIVAL_WORTH = 4.0  # nats that a rival way to an edge may cost more than the cheapest
 _OPEN, _SETTLED, _COPIED = range(3)  # of a label; copied: its route to a goal is complete
-
-LABEL = np.dtype(
-    [
-        ("cost", "f8"),  # to the start of the edge, nats
-        ("length", "f8"),  # from the origin to the start of the edge, m
-        ("time", "f8"),  # at the usual speeds, s
-        ("turn", "f8"),  # sum of turns, rad
-        ("key", "f8"),  # cost and a lower bound of what is to come, nats
-        ("edge", "i4"),
-        ("parent", "i4"),  # label that it was reached from, -1: the origin
-        ("done", "u1"),
-    ],
-    align=True,
-)
-
-GOAL = np.dtype(
-    [
-        ("step", "i8"),  # that wrote it
-        ("edge", "i4"),
-        ("number", "i4"),  # of the goal
-    ],
-    align=True,
-)
-
-PAIR = np.dtype(
-    [
-        ("score", "f8"),  # log-weight of taking the route, nats
-        ("cost", "f8"),  # nats
-        ("source", "i4"),  # hypothesis
-        ("label", "i4"),  # -1: on along its own edge
-        ("goal", "i4"),
-        ("turned", "u1"),  # 1: it turns round on the way
-    ],
-    align=True,
-)
-
-RUN = np.dtype(
-    [
-        ("searches", "i8"),  # ever begun; stamps the slots of edges
-        ("steps", "i8"),  # ever begun; stamps goals and the prefix
-        ("labels", "i8"),  # used in this step
-        ("goals", "i8"),  # of this step
-        ("suffixes", "i8"),  # goals that are reached behind the common prefix
-        ("prefix_step", "i8"),  # step that the prefix belongs to
-        ("queued", "i8"),  # labels in the queue
-        ("pairs", "i8"),
-        ("limit", "f8"),  # routes that cost more are not followed any more, nats
-        ("best_score", "f8"),  # of the pairs, nats
-        ("detour", "f8"),  # least cost of a detour in this step, nats
-    ],
-    align=True,
-)
-
-
-class Search(NamedTuple):
-    """Buffers of the route search; labels stay valid until the next step.
-
-    A label is the cheapest known route to the start of an edge.  All routes of the first
-    search of a step begin with a common prefix; a later search that reaches an edge of the
-    prefix copies the rest of these routes, the suffixes.
-    """
-
-    run: Annotated[Records, Array(RUN, 1)]  # (1,)
-    label: Annotated[Records, Array(LABEL, 1)]  # (LABELS,)
-    goal: Annotated[Records, Array(GOAL, 1)]  # (_GOALS,), hash table by edge
-    pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse`
-    slot: Ints  # (_SLOTS,) search that wrote it, times LABELS, plus the edge's label
-    prefix: Ints  # (_PREFIX,) step that wrote it, times LABELS, plus the label
-    suffix: Ints32  # (_MOST,) labels of the goals behind the prefix
-    queue: Ints  # (LABELS,) binary heap: key and label as one number
-    hit: Ints32  # (_MOST,) labels of goals, cheapest first
-    goal_mass: Vector  # (_MOST,) prior mass of each goal, for `filter.sparse`
 
 
 class Query(NamedTuple):
@@ -113,24 +46,6 @@ class Query(NamedTuple):
     limit: float  # nor those that cost more, nats
     slack: float  # nor those to goals that cost this much more than the cheapest one, nats
     most: int  # labels that may be used
-
-
-class Reach(NamedTuple):
-    """Cost, length, time and turn of a route."""
-
-    cost: float  # nats
-    length: float  # m
-    time: float  # s
-    turn: float  # rad
-
-
-def new_search() -> Search:
-    """Buffers for one thread."""
-    return Search(
-        records(1, RUN), records(LABELS, LABEL), records(_GOALS, GOAL), records(_MOST, PAIR),
-        np.zeros(_SLOTS, np.int64), np.zeros(_PREFIX, np.int64), np.zeros(_MOST, np.int32),
-        np.full(LABELS, LAST), np.zeros(_MOST, np.int32), np.zeros(_MOST),
-    )  # fmt: skip
 
 
 def edge_costs(edges: Records, vertices: Records) -> None:
@@ -217,11 +132,13 @@ def set_goals(search: Search, candidates: Records, n: int) -> None:
     run = search.run[0]
     run.steps += 1
     run.labels = 0
+    run.rivals = 0
+    run.first = -1
     run.goals = n
     for c in range(n):
-        place = candidates[c].edge & (_GOALS - 1)
+        place = candidates[c].edge & (GOALS - 1)
         while search.goal[place].step == run.steps:
-            place = (place + 1) & (_GOALS - 1)
+            place = (place + 1) & (GOALS - 1)
         goal = search.goal[place]
         goal.step = run.steps
         goal.edge = candidates[c].edge
@@ -232,11 +149,11 @@ def set_goals(search: Search, candidates: Records, n: int) -> None:
 def goal_of(search: Search, edge: int) -> int:
     """Number of the goal that an edge is, or -1."""
     step = search.run[0].steps
-    place = edge & (_GOALS - 1)
+    place = edge & (GOALS - 1)
     while search.goal[place].step == step:
         if search.goal[place].edge == edge:
             return int(search.goal[place].number)
-        place = (place + 1) & (_GOALS - 1)
+        place = (place + 1) & (GOALS - 1)
     return -1
 
 
@@ -247,12 +164,12 @@ def _slot_of(search: Search, edge: int) -> tuple[int, int]:
     Neighbouring edges mostly have neighbouring numbers, and so neighbouring slots.
     """
     now = search.run[0].searches * LABELS
-    place = edge & (_SLOTS - 1)
+    place = edge & (SLOTS - 1)
     while search.slot[place] >= now:
         label = search.slot[place] - now
         if search.label[label].edge == edge:
             return place, label
-        place = (place + 1) & (_SLOTS - 1)
+        place = (place + 1) & (SLOTS - 1)
     return place, -1
 
 
@@ -265,6 +182,8 @@ def _new_label(search: Search, place: int) -> int:
         return -1
     run.labels = label + 1
     search.slot[place] = run.searches * LABELS + label
+    search.label[label].rival = -1
+    search.label[label].twin = -1
     return label
 
 
@@ -289,7 +208,7 @@ def _enqueue(search: Search, label: int) -> None:
 
 @kernel(inline=True)
 def _relax(search: Search, edge: int, parent: int, reach: Reach, ahead: float) -> None:
-    """Label an edge and queue it if this route to it is new or cheaper.
+    """Label an edge and queue it if this route to it is new or cheaper, else note it as a rival.
 
     At least `ahead` nats are to come.
     """
@@ -300,8 +219,15 @@ def _relax(search: Search, edge: int, parent: int, reach: Reach, ahead: float) -
         label = _new_label(search, place)
         if label < 0:
             return
-    elif search.label[label].done == _SETTLED or search.label[label].cost <= reach.cost:
-        return
+    else:
+        entry = search.label[label]
+        if entry.done == _SETTLED or entry.cost <= reach.cost:
+            if reach.cost - entry.cost < _RIVAL_WORTH:
+                note_rival(search, label, parent, reach)
+            return
+        if entry.cost - reach.cost < _RIVAL_WORTH:
+            old = Reach(entry.cost, entry.length, entry.time, entry.turn)
+            note_rival(search, label, int(entry.parent), old)
     _set_label(search, label, edge, reach, ahead)
     search.label[label].parent = parent
     search.label[label].done = _OPEN
@@ -333,12 +259,12 @@ def _expand(
 def _prefix_label(search: Search, edge: int) -> int:
     """Label of an edge on the common prefix, or -1."""
     step = search.run[0].steps * LABELS
-    place = edge & (_PREFIX - 1)
+    place = edge & (PREFIX - 1)
     while search.prefix[place] >= step:
         label = search.prefix[place] - step
         if search.label[label].edge == edge:
             return int(label)
-        place = (place + 1) & (_PREFIX - 1)
+        place = (place + 1) & (PREFIX - 1)
     return -1
 
 
@@ -346,9 +272,9 @@ def _prefix_label(search: Search, edge: int) -> int:
 def _add_to_prefix(search: Search, label: int) -> None:
     """Enter a label into the table of the common prefix."""
     step = search.run[0].steps * LABELS
-    place = search.label[label].edge & (_PREFIX - 1)
+    place = search.label[label].edge & (PREFIX - 1)
     while search.prefix[place] >= step:
-        place = (place + 1) & (_PREFIX - 1)
+        place = (place + 1) & (PREFIX - 1)
     search.prefix[place] = step + label
 
 
@@ -392,7 +318,7 @@ def _store_prefix(
     end, turned = _common_prefix(search, hits)
     run.suffixes = hits
     run.prefix_step = run.steps
-    left = _PREFIX // 2
+    left = PREFIX // 2
     while end >= 0 and left > 0:
         _add_to_prefix(search, end)
         end = int(search.label[end].parent)
@@ -407,6 +333,9 @@ def _store_prefix(
         )
         _set_label(search, label, edge, back, 0.0)
         search.label[label].parent = -1
+        search.label[label].rival = -1
+        search.label[label].twin = -1
+        run.first = label
         _add_to_prefix(search, label)
 
 
@@ -442,6 +371,7 @@ def _copy_route(
         )
         _set_label(search, label, entry.edge, reach, ahead)
         search.label[label].done = _COPIED
+        search.label[label].twin = found
         if below >= 0:
             search.label[below].parent = label
         else:
@@ -462,6 +392,10 @@ def _copy_suffixes(
     The label `origin` is this search's own of that edge; `end` is the route to its end.
     """
     run = search.run[0]
+    if origin >= 0:
+        search.label[origin].twin = prefix
+    else:
+        run.root = prefix
     first = search.label[prefix]
     edge = roads.edges[first.edge]
     shift = Reach(
@@ -528,6 +462,7 @@ def _begin(roads: Roads, search: Search, query: Query, edge: int, s: float) -> R
     run = search.run[0]
     run.searches += 1
     run.queued = 0
+    run.root = -1
     run.limit = query.limit
     origin = roads.edges[edge]
     left = max(origin.length - s, 0.0)

@@ -1,0 +1,154 @@
+"""One wrong fix: a hypothesis that drives on along its road, and takes the fix to say nothing.
+
+It is there where every route to the fix is far less likely than the usual one.  The fix costs it
+what a wrong one is worth, and does not move it; the next fix decides.
+"""
+
+import math
+
+from .._compile import kernel
+from ..graph.geometry import locate
+from ..graph.index import vertex_at
+from ..graph.labels import Search
+from .road import track
+from .sparse_arrival import (
+    Foot,
+    Transition,
+    enter_route,
+    place_on_road,
+    predict_transition,
+)
+from .sparse_routes import SparseFix, usual_speed, variance_along
+from .state import CAPACITY, OFF_ROAD, Belief, Context, K, Path, move_row
+
+_DEARER = (
+    5.0  # nats that the best route is dearer than the usual one, from which on a fix may be wrong
+)
+_LEAST = 0.1  # weight of a hypothesis that drives on
+_MOST = 64  # edges that it drives through
+_END = -2
+
+
+@kernel
+def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
+    """Whether the routes to a fix are so dear that it may be wrong.
+
+    Args:
+        belief: Normalised.
+        ctx: With the routes of `choose_routes`.
+        top: The heaviest hypothesis.
+        fix: The fix.
+    """
+    hyp = belief.hyp[top]
+    if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
+        return False
+    track(belief, ctx.roads, top)
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    wide = variance_along(hyp, tx, ty, fix.process) + fix.sigma * fix.sigma
+    usual = hyp.log_weight - 0.5 * math.log(wide)
+    return bool(ctx.work.search.run[0].best_score < usual - _DEARER)
+
+
+@kernel
+def _straight_on(ctx: Context, edge: int) -> int:
+    """The edge that most drive on to from the end of an edge, -1: none."""
+    roads = ctx.roads
+    best = -1
+    for t in range(roads.edges[edge].first_turn, roads.edges[edge].end_turn):
+        turn = roads.turns[t]
+        if turn.rule != 0 or turn.edge == roads.edges[edge].opposite:
+            continue
+        if best < 0 or turn.prior > roads.turns[best].prior:
+            best = t
+    return int(roads.turns[best].edge) if best >= 0 else -1
+
+
+@kernel
+def _add_label(search: Search, edge: int, parent: int, length: float) -> int:
+    """A label of an edge behind another one, `length` metres on; -1: the table is full."""
+    new = int(search.run[0].labels)
+    if new >= len(search.label):
+        return -1
+    label = search.label[new]
+    label.edge = edge
+    label.parent = parent
+    label.length = length
+    label.cost = 0.0
+    label.time = 0.0
+    label.turn = 0.0
+    label.against = 0.0
+    label.rival = -1
+    label.twin = -1
+    search.run[0].labels = new + 1
+    return new
+
+
+@kernel
+def _walk(ctx: Context, edge: int, s: float, metres: float) -> int:
+    """The label of the edge on which one is who drives on for some metres.
+
+    -1: the same edge; _END: the road ends before, or goes on too far.
+    """
+    roads = ctx.roads
+    label = -1
+    length = float(roads.edges[edge].length) - s
+    steps = 0
+    while length < metres:
+        edge = _straight_on(ctx, edge)
+        new = _add_label(ctx.work.search, edge, label, length) if edge >= 0 else -1
+        if new < 0 or steps == _MOST:
+            return _END
+        label = new
+        length += float(roads.edges[edge].length)
+        steps += 1
+    return label
+
+
+@kernel
+def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix) -> bool:
+    """Append a child of a hypothesis that drives on along its road, and ignores the fix.
+
+    Args:
+        belief: Normalised; one hypothesis longer afterwards.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        top: The hypothesis.
+        fix: The fix that is ignored.
+
+    Returns:
+        Whether there is one: the road does not end before.
+    """
+    state = belief.state[0]
+    track(belief, ctx.roads, top)
+    tx, ty = belief.hyp[top].tangent[0], belief.hyp[top].tangent[1]
+    begin = int(belief.hyp[top].edge)
+    old = fix.process.distance_by_speed
+    usual = usual_speed(ctx.roads, 0.0, 0.0, begin)
+    metres = max(usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
+    label = _walk(ctx, begin, belief.hyp[top].along, metres)
+    if label == _END:
+        return False
+    child = int(state.count)
+    move_row(belief, top, child)
+    hyp = belief.hyp[child]
+    edge = ctx.work.search.label[label].edge if label >= 0 else begin
+    length = ctx.work.search.label[label].length if label >= 0 else -hyp.along
+    s = min(max(metres - length, 0.0), float(ctx.roads.edges[edge].length))
+    variance = variance_along(hyp, tx, ty, fix.process)
+    taken = Transition(length, 0.0, usual, s, variance, fix.process.variance, 1.0)
+    segment, x, y, ux, uy = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
+    foot = Foot(s, x, y, ux, uy)
+    hyp.segment = segment
+    predict_transition(hyp, ctx, taken, foot, math.atan2(ty, tx), fix.process)
+    place_on_road(hyp, ctx, taken, foot, edge, state.scale)
+    hyp.edge = edge
+    hyp.p_not_passed = 1.0
+    hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
+    hyp.along = s
+    hyp.ignores = 1
+    if label >= 0:
+        hyp.new_edge = 1
+        search = ctx.work.search
+        enter_route(hyp, path, search, label, max(metres, 1.0), state.time - fix.dt, fix.dt)
+    state.count = child + 1
+    return True

@@ -1,0 +1,58 @@
+"""Between two fixes an edge is as sure as the routes that pass it are likely together."""
+
+import numpy as np
+import pytest
+
+from scenes import localize, network
+from whichroad._compile import Records
+from whichroad.filter.state import CLOCK, new_epochs
+from whichroad.graph.network import Roads
+from whichroad.traversals import traversals
+
+FIXES = (60.0, 460.0, 940.0, 1340.0)  # m along the road, the ways being between the middle two
+UPPER, LOWER = (10, 12), (14, 16)  # edges, as below
+
+
+def ways(upper: float, lower: float) -> Roads:
+    """A road of 1.5 km with two ways from 500 to 900 m, so far above and below its line, m."""
+    before = [[[100.0 * k, 0.0], [100.0 * k + 100.0, 0.0]] for k in range(5)]
+    above = [[[500.0, 0.0], [700.0, upper]], [[700.0, upper], [900.0, 0.0]]]
+    below = [[[500.0, 0.0], [700.0, -lower]], [[700.0, -lower], [900.0, 0.0]]]
+    after = [[[100.0 * k, 0.0], [100.0 * k + 100.0, 0.0]] for k in range(9, 15)]
+    return network([*before, *above, *below, *after])
+
+
+def said(roads: Roads, lag: object) -> dict[int, float]:
+    """P of each edge of the path of a vehicle that was seen every 30 s."""
+    epochs: Records = new_epochs(len(FIXES))
+    epochs.time[:] = 30.0 * np.arange(len(FIXES))
+    epochs.has_fix[:] = 1
+    epochs.fix[:, 0] = FIXES
+    epochs.fix[:, 1] = -1.75
+    epochs.fix[:, 2:4] = 5.0
+    epochs.speed_sigma[:] = np.inf
+    epochs.course_sigma[:] = np.inf
+    found = localize(roads, epochs, mode=CLOCK, lag=lag)
+    rows = traversals(epochs, found.output, found.chain, roads)
+    return dict(zip(rows.edge.tolist(), rows.p.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_of_two_ways_alike_neither_is_sure(lag: object):
+    p = said(ways(100.0, 101.0), lag)
+    assert (set(UPPER) <= set(p)) != (set(LOWER) <= set(p))
+    for edge in {*UPPER, *LOWER} & set(p):
+        assert 0.4 < p[edge] < 0.65
+    assert min(p[8], p[18]) > 0.9  # before the fork, behind the ways
+
+
+def test_a_way_that_is_much_longer_is_nothing_against_the_other():
+    p = said(ways(100.0, 600.0), None)
+    assert all(p[edge] > 0.97 for edge in UPPER)
+
+
+def test_the_longer_the_other_way_the_surer_the_edge():
+    p = [said(ways(100.0, lower), None)[UPPER[0]] for lower in (110.0, 180.0, 260.0)]
+    assert p == sorted(p)
+    assert p[0] < 0.7
+    assert p[2] > 0.9
