@@ -337,8 +337,7 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
             continue
         track(belief, roads, i)
         tx, ty = hyp.tangent[0], hyp.tangent[1]
-        s = hyp.along
-        sigma = hyp.along_sigma
+        s, sigma = hyp.along, hyp.along_sigma
         length = roads.edges[hyp.edge].length
         driven = hyp.travel_variance
         junction = driven > 0.0 and is_junction(roads, hyp.edge)
