@@ -4,7 +4,7 @@ Rates are by processor seconds of all processes, each part beside `match_many` o
 in the same minute.  Trips are drives simulated in Heidelberg, with a fix every five seconds;
 each comes several times, with errors of its own and at another time.
 
-    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split]
+    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split,speeds]
                                [--drives TRIPS]
 """
 
@@ -27,7 +27,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 import whichroad
-from whichroad.simulate import drivable, simulate_drive
+from whichroad.simulate import drivable, random_route, simulate_drive
 
 from . import Figure, Options
 
@@ -36,7 +36,9 @@ FIXES = 250  # of a trip
 STEP = 5  # s between fixes
 DRIVES = 40  # that are simulated
 NOISE = 2.0  # m, the copies' own
-PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split")
+KILLS = 20
+SPREAD = 0.1  # log, of edges, of drivers and of passages
+PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split", "speeds")
 
 
 def run(options: Options) -> list[Figure]:
@@ -216,36 +218,63 @@ class Bench:
         ]
 
     def kill(self) -> list[Figure]:
-        """Kill -9 at twenty random moments, then to the end: the same bytes."""
+        """Kill -9 at twenty random moments of runs that go on: the same bytes in the end."""
         part = self.folder / "part.parquet"
-        pq.write_table(self.table.slice(0, 2000 * FIXES), part, row_group_size=1 << 16)
-        more = ("--points", "slim", "--resume")
+        pq.write_table(self.table.slice(0, min(2000, self.trips) * FIXES), part,
+                       row_group_size=1 << 16)  # fmt: skip
         began = time.monotonic()
-        self.fleet(part, "whole", *more).wait()
+        self._in_units(part, "whole").wait()
         seconds = time.monotonic() - began
-        shutil.rmtree(self.folder / "cut", ignore_errors=True)
-        chance, killed = random.Random(7), 0
-        for _ in range(20):
-            process = self.command(part, "cut", *more)
-            time.sleep(chance.uniform(0.1, 0.8) * seconds)
-            killed += process.poll() is None
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-        self.command(part, "cut", *more).wait()
-        same = all(
-            (self.folder / "cut" / path.relative_to(self.folder / "whole")).read_bytes()
-            == path.read_bytes()
-            for path in (self.folder / "whole").rglob("part-*.parquet")
+        chance, killed, finished, same = random.Random(7), 0, 0, True
+        while killed < KILLS:
+            process = self._in_units(part, "cut")
+            try:
+                process.wait(chance.uniform(0.1, 0.8) * seconds)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+                killed += 1
+            if process.wait() == 0:
+                same, finished = same and self._same("cut", "whole"), finished + 1
+                shutil.rmtree(self.folder / "cut")
+        self._in_units(part, "cut").wait()
+        same = same and self._same("cut", "whole")
+        return [
+            Figure("killed and resumed: the same bytes", float(same), ">= 1", "", killed),
+            Figure("runs that came to their end", float(finished + 1), "", "", killed),
+        ]
+
+    def _in_units(self, source: Path, out: str) -> subprocess.Popen[bytes]:
+        """A run of two processes in a dozen units, that goes on where one is."""
+        rows = max(min(2000, self.trips) * FIXES // 12, 1)
+        code = (
+            "from whichroad.fleet import run_fleet\n"
+            "import sys\n"
+            "run_fleet(sys.argv[1], sys.argv[2], sys.argv[3], trip_id='trip_id', order='sorted',\n"
+            "          points='slim', workers=2, resume=True, unit_rows=int(sys.argv[4]))"
         )
-        return [Figure("killed and resumed: the same bytes", float(same), ">= 1", "", killed)]
+        line = [str(source), str(self.map), str(self.folder / out), str(rows)]
+        return subprocess.Popen([sys.executable, "-c", code, *line])
+
+    def _same(self, one: str, other: str) -> bool:
+        """Whether two runs wrote the same files."""
+        names = [
+            sorted(path.relative_to(self.folder / out)
+                   for path in (self.folder / out).rglob("part-*.parquet"))
+            for out in (one, other)
+        ]  # fmt: skip
+        return names[0] == names[1] and all(
+            (self.folder / one / name).read_bytes() == (self.folder / other / name).read_bytes()
+            for name in names[0]
+        )
 
     def poison(self) -> list[Figure]:
         """1 % of the trips spoilt, and one of a million points: the rest as it was."""
         table = self.table.slice(0, 1000 * FIXES)
         lat, time_ = (table[name].to_numpy().copy() for name in ("lat", "time"))
+        names = table["trip_id"].to_numpy(zero_copy_only=False)
         bad = np.arange(0, 1000, 100)
         for k, trip in enumerate(bad):
-            rows = slice(trip * FIXES, (trip + 1) * FIXES)
+            rows = names == f"trip {trip:07}"
             if k % 3 == 0:
                 lat[rows] = np.nan
             elif k % 3 == 1:
@@ -265,11 +294,11 @@ class Bench:
         pq.write_table(pa.concat_tables([long, spoilt]), source)
         self.fleet(good, "g").wait()
         self.fleet(source, "b").wait()
-        names = pa.array([f"trip {k:07}" for k in bad] + ["long"])
+        spoilt_names = pa.array([f"trip {k:07}" for k in bad] + ["long"])
         import pyarrow.compute as pc
 
         a, b = (read(self.folder / out / "path") for out in ("g", "b"))
-        a, b = (t.filter(pc.invert(pc.is_in(t["drive_id"], names))) for t in (a, b))
+        a, b = (t.filter(pc.invert(pc.is_in(t["drive_id"], spoilt_names))) for t in (a, b))
         listed = pq.read_table(self.folder / "b" / "bad_trips.parquet")
         return [
             Figure("the others are as they were", float(a.equals(b)), ">= 1", "", a.num_rows),
@@ -306,6 +335,55 @@ class Bench:
         line = [sys.executable, "-c", code, str(few), str(self.map)]
         took = min(cost(lambda: subprocess.run(line, check=True)) for _ in range(5))
         return [Figure("first answer of match_many, kernels there", took, "<= 2", "s")]
+
+    def speeds(self) -> list[Figure]:
+        """How often the intervals of edges hold the speed that was driven, a fix every 10 s."""
+        rng = np.random.default_rng(11)
+        truth = self.roads.arrays.edges.speed * np.exp(SPREAD * rng.normal(size=len(self.roads)))
+        allowed = drivable(self.roads.arrays, rng)
+        trips = min(2000, self.trips)
+        routes = [
+            random_route(self.roads.arrays, 8000.0, rng, allowed) for _ in range(-(-trips // 5))
+        ]
+        table = pa.concat_tables(
+            [self._driven(routes[k // 5], truth, f"trip {k:05}", rng) for k in range(trips)]
+        )
+        tables = whichroad.match_many(table, self.roads, threads=1)
+        found = whichroad.speeds(tables.path, hours=False, drives=tables.drives)
+        found = found.filter((found["passages"].to_numpy() >= 10) & ~np.isnan(
+            found["high_mps"].to_numpy(zero_copy_only=False)))  # fmt: skip
+        # one over the speed has the mean of two log-normal factors of one spread
+        true = truth[found["edge_id"].to_numpy()] * np.exp(-(SPREAD**2))
+        low, high = (found[name].to_numpy() for name in ("low_mps", "high_mps"))
+        ratio = found["speed_mps"].to_numpy() / true
+        n = len(true)
+        return [
+            Figure("intervals that hold the speed of an edge",
+                   100.0 * float(((low <= true) & (true <= high)).mean()), "92..98", "%", n),
+            Figure("median width of an interval", 100.0 * float(np.median((high - low) / true)),
+                   "", "%", n),
+            Figure("median of speed over the true one", float(np.median(ratio)), "", "", n),
+        ]  # fmt: skip
+
+    def _driven(
+        self, route: np.ndarray, truth: np.ndarray, name: str, rng: np.random.Generator
+    ) -> pa.Table:
+        """A trip along a route: a driver, and a passage of each edge, are faster or slower."""
+        edges, vertices = self.roads.arrays.edges[route], self.roads.arrays.vertices
+        pace = np.exp(SPREAD * (rng.normal() + rng.normal(size=len(route))))
+        end = np.cumsum(edges.length)
+        time_ = np.concatenate([[0.0], np.cumsum(edges.length / (truth[route] * pace))])
+        at = np.arange(0.0, time_[-1], 10.0)
+        gone = np.interp(at, time_, np.concatenate([[0.0], end]))
+        rows = [np.arange(a, b + 1)
+                for a, b in zip(edges.first_vertex, edges.last_vertex, strict=True)]  # fmt: skip
+        shape = np.concatenate(rows)
+        along = vertices.s[shape] + np.repeat(end - edges.length, [len(one) for one in rows])
+        x, y = (np.interp(gone, along, vertices[n][shape]) for n in ("x", "y"))
+        noise = rng.normal(0.0, 3.0, (2, len(at)))
+        lat, lon = self.roads.plane.to_geodetic(x + noise[0], y + noise[1])
+        start = 1.7e9 + float(rng.uniform(0.0, 30 * 86400.0))
+        return pa.table({"trip_id": [name] * len(at), "time": start + at, "lat": lat, "lon": lon})
 
     def split(self) -> list[Figure]:
         """Ends of trips of 100 vehicles in 30 days."""

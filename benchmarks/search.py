@@ -1,7 +1,8 @@
 """Starting without a fix and without a pose: wheels and the map alone.
 
 Simulated drives whose every fix is taken away, in Heidelberg (28,000 directed edges), there
-with a vague pose (500 m, no bearing), and in the drawn town.  The first declaration of a
+with a vague pose (500 m, no bearing), in the drawn town, and in Andorra.  `elsewhere` are
+drives in Monaco on the map of Andorra, which holds none of them.  The first declaration of a
 drive is its first P > 0.95 that holds for 10 m; it is right if that edge is driven within
 10 m of travel.  After so many metres: what the last 50 m declared.
 """
@@ -27,21 +28,27 @@ from .town import right_edges
 SEEDS = range(10_000, 10_040)
 LENGTH_M = 5_600.0
 AFTER_M = (500, 1000, 2000, 5000)
+SHORT_M = 1_100.0  # of drives in Andorra and elsewhere
+KNOWS_OFF_M, KNOWS_OFF = 1_000.0, 0.9  # P(off the map) that is asked after so many metres
 VAGUE_M = 500.0  # sigma of the vague pose, drawn about the truth
 _HOLDS_M = 10.0
 _LAST_M = 50.0
 
 
-def prepare(map_file: Path | None) -> None:
-    """The map of this process; None: the drawn town."""
-    if map_file is None:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "town.osm"
-            path.write_text(draw_town(), encoding="utf-8")
-            world["roads"] = RoadMap.from_osm(path)
-    else:
-        world["roads"] = RoadMap.from_osm(map_file)
+def prepare(driven: Path | None, searched: Path | None) -> None:
+    """The maps of this process, of the drives and of the search; None: the drawn town."""
+    world["roads"] = _opened(driven)
+    world["searched"] = world["roads"] if searched == driven else _opened(searched)
     world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
+
+
+def _opened(map_file: Path | None) -> RoadMap:
+    if map_file is not None:
+        return RoadMap.from_osm(map_file)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "town.osm"
+        path.write_text(draw_town(), encoding="utf-8")
+        return RoadMap.from_osm(path)
 
 
 def vague_pose(drive: SimulatedDrive, seed: int) -> StartPose:
@@ -54,9 +61,9 @@ def vague_pose(drive: SimulatedDrive, seed: int) -> StartPose:
 
 def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Settings) -> Row:
     """A drive in the dark, and when its road was known."""
-    roads = world["roads"]
+    roads = world["searched"]
     drive = simulate_drive(
-        roads, seed=seed, length_m=length_m, scenario=scenario, allowed=world["allowed"]
+        world["roads"], seed=seed, length_m=length_m, scenario=scenario, allowed=world["allowed"]
     )
     truth = drive.truth
     unseen = drive.drive.__class__(drive.drive.drive_id, None, drive.drive.odometry)
@@ -72,11 +79,15 @@ def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Set
     p, off = output.rows.p_edge[at], output.rows.p_off_road[at]
     right, travelled = right_edges(drive, output.rows.edge[at]), truth.travelled
     row: Row = {"seconds": spent, "off": float(off[travelled > 100.0].mean())}
+    if roads is not world["roads"]:
+        right = np.zeros(len(right), bool)
+        row["knows"] = float(off[np.searchsorted(travelled, KNOWS_OFF_M) - 1] >= KNOWS_OFF)
     sure = p > SURE
     first = _first_held(sure, output.rows.edge[at], travelled)
-    row["declared"] = float(first is not None)
+    row |= {"declared": float(first is not None), "wrong": float(first is not None)}
     if first is not None:
-        row |= {"right": float(right[first]), "metres": float(travelled[first])}
+        row |= {"right": float(right[first]), "wrong": float(not right[first])}
+        row["metres"] = float(travelled[first])
     for metres in AFTER_M:
         if metres > travelled[-1]:
             continue
@@ -102,19 +113,23 @@ def _first_held(sure: np.ndarray, edge: np.ndarray, travelled: np.ndarray) -> in
 
 
 def run(options: Options) -> list[Figure]:
-    """All three, one after the other."""
+    """All of them, one after the other."""
     seeds = options.seeds or SEEDS
     heidelberg = options.need("maps", "heidelberg.osm.pbf")
-    wanted = options.more.get("classes", "heidelberg,vague,town").split(",")
+    andorra, monaco = (options.need("maps", f"{m}.osm.pbf") for m in ("andorra", "monaco"))
+    maps = {
+        "heidelberg": (heidelberg, heidelberg), "vague": (heidelberg, heidelberg),
+        "town": (None, None), "andorra": (andorra, andorra), "elsewhere": (monaco, andorra),
+    }  # fmt: skip
+    wanted = options.more.get("classes", ",".join(maps)).split(",")
     figures = []
-    for name, map_file in (("heidelberg", heidelberg), ("vague", heidelberg), ("town", None)):
-        if name not in wanted:
-            continue
+    for name in wanted:
+        length = SHORT_M if name in ("andorra", "elsewhere") else LENGTH_M
         work = partial(
             one, vague=name == "vague", scenario=options.more.get("preset", "good"),
-            length_m=options.more.get("metres", LENGTH_M), settings=options.settings(),
+            length_m=options.more.get("metres", length), settings=options.settings(),
         )  # fmt: skip
-        table = Table(each(work, seeds, options, prepare, (map_file,)), seeds)
+        table = Table(each(work, seeds, options, prepare, maps[name]), seeds)
         figures += _figures(name, table)
     return figures
 
@@ -122,8 +137,19 @@ def run(options: Options) -> list[Figure]:
 def _figures(name: str, table: Table) -> list[Figure]:
     figures = [
         table.share(f"{name}: declared at all", "declared"),
-        table.share(f"{name}: first declaration right", "right"),
-        table.quantile(f"{name}: metres until then, median", "metres", 0.5),
+        table.share(f"{name}: first declaration wrong", "wrong", None, "<= 0.2"),
+        table.share(
+            f"{name}: P(off the map) >= 0.9 after 1 km",
+            "knows",
+            None,
+            ">= 90" if name == "elsewhere" else "",
+        ),
+        table.quantile(
+            f"{name}: metres until then, median",
+            "metres",
+            0.5,
+            "" if name == "elsewhere" else "<= 300",
+        ),
         table.quantile(f"{name}: metres until then, 90 %", "metres", 0.9),
         table.share(f"{name}: declared epochs wrong", "later wrong", "later"),
         table.share(f"{name}: P(off-road) on average", "off"),

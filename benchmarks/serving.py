@@ -5,6 +5,7 @@ that call `match` share the processors.  As many processes as the service has ca
 `match(lag="full")` and make its points, its path and its route's P, which an answer holds.
 """
 
+import heapq
 import http.client
 import json
 import math
@@ -144,6 +145,27 @@ def _beside(ask: Callable[[http.client.HTTPConnection], None], port: int) -> Ite
         thread.join()
 
 
+def ideal(alone: list[float], processes: int, answers: int = 20_000) -> float:
+    """p99, ms, of callers without a pause who share one queue, first come first served.
+
+    Args:
+        alone: Seconds of the answers to a single caller, of which those of all are drawn.
+        processes: That answer side by side.
+        answers: That are drawn.
+    """
+    took = np.random.default_rng(0).choice(alone, answers)
+    free = [0.0] * processes
+    asked = [0.0] * CALLERS
+    found = []
+    for each in took.tolist():
+        begin = heapq.heappop(asked)
+        end = max(begin, heapq.heappop(free)) + each
+        heapq.heappush(free, end)
+        heapq.heappush(asked, end)
+        found.append(end - begin)
+    return _p99(found[CALLERS:])
+
+
 def _p99(took: list[float]) -> float:
     return float(np.percentile(took, 99)) * 1e3
 
@@ -213,6 +235,7 @@ def _figures(
         Figure("over that of one caller", _p99(many) / _p99(alone), "<= 3"),
         # eight callers who never pause wait 8 over the rate, on average
         Figure("least mean, over p99 of one caller", 1e3 * CALLERS / max(full, rate) / _p99(alone)),
+        Figure("that of an ideal queue", ideal(alone, os.cpu_count() or 1) / _p99(alone)),
         Figure("two callers a processor, over one caller", _p99(few) / _p99(alone), "<= 3"),
         Figure("8 callers without a pause, median", 1e3 * float(np.median(many)), "", "ms"),
         Figure("one caller, median", 1e3 * float(np.median(alone)), "", "ms"),

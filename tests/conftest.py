@@ -19,6 +19,34 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 ROOT = Path(__file__).parents[1]
 
+# Files that take long, the longest first.  They are begun before the others, so that none is left
+# for the end, when one worker would run it and the other would wait.
+LONG = (
+    "native/test_ways.py", "filter/test_gnss_update.py", "fleet/test_spark.py",
+    "page/test_layout.py", "filter/test_smoother.py", "filter/test_branching.py",
+    "live/test_traces.py", "serving/test_service.py", "laws/test_smoothing.py",
+    "laws/test_doubt.py", "experiments/test_experiments.py", "page/test_browser.py",
+    "page/test_explore.py", "exact/test_particles.py", "simulate/test_vectorised.py",
+    "fleet/test_fleet.py", "native/test_jit.py", "laws/test_world.py", "graph/test_search.py",
+    "laws/test_digitising.py", "live/test_service.py", "live/test_web.py", "live/test_access.py",
+    "documents/test_blocks.py", "experiments/test_other_answers.py", "live/test_crash.py",
+    "page/test_commands.py", "roadmap/test_openlr.py", "simulate/test_honesty.py",
+    "fleet/test_batches.py", "filter/test_paper.py", "test_plots.py",
+    "calibration/test_calibrate.py", "scenes/test_consistency.py", "scenes/test_paper_scenes.py",
+    "documents/test_notebooks.py",
+)  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let workers take files in the order below: xdist's own begins with those of many tests."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take long first."""
+    place = {ROOT / "tests" / name: k for k, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path, len(LONG)))
+
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:

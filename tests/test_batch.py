@@ -11,6 +11,7 @@ import pytest
 import whichroad
 from whichroad.batch import Tables, filtering, match_many, match_stream, trips
 from whichroad.batch.filtering import filter_batch
+from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
 from whichroad.readers import many_trips
 from whichroad.recorded import localize_recorded
@@ -118,7 +119,8 @@ def test_odd_trips_among_plain_ones_are_answered_as_if_they_were_alone(
         mine = pa.compute.equal(many.path["drive_id"], name)
         assert many.path.filter(mine).equals(one.path_arrow()), name
         row = many.drives.filter(pa.compute.equal(many.drives["drive_id"], name)).to_pylist()[0]
-        told = one.summary | {"skipped": list(one.summary["skipped"].items())}
+        told = {"fixes_outside_map": 0} | one.summary
+        told |= {"skipped": list(one.summary["skipped"].items())}
         told |= {"notes": list(one.summary["notes"]), "answered": True, "reason": None}
         assert row == {field: told[field] for field in DRIVES.names}
 
@@ -347,3 +349,66 @@ def test_no_thread_is_no_number_of_threads(roads, fleet):
 def test_a_wrong_setting_is_the_callers_not_a_trips(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="lag is 'soon'"):
         match_many(fleet, roads, lag="soon")
+
+
+def their_own(fleet: pa.Table) -> pa.Table:
+    """The same with other names, and times of Berlin that name no zone."""
+    local = pa.array((fleet["time"].to_numpy() + 7200.0) * 1e6).cast(pa.int64())
+    names = {"Fahrt": fleet["drive_id"], "Zeit": local.cast(pa.timestamp("us"))}
+    return pa.table(names | {"Breite": fleet["lat"], "Laenge": fleet["lon"]})
+
+
+OWN = {"time": "Zeit", "lat": "Breite", "lon": "Laenge"}
+
+
+def test_own_names_of_columns_and_a_zone_are_those_of_a_trip_alone(roads, fleet, tmp_path):
+    whole, theirs = match_many(fleet, roads), their_own(fleet)
+    assert fleet["time"][0].as_py() == 1.6e9  # in September, two hours before UTC
+    more = {"columns": OWN, "tz": "Europe/Berlin"}
+    assert same(whole, match_many(theirs, roads, drive_id="Fahrt", **more))
+    assert same(whole, match_many(theirs.to_pandas(), roads, drive_id="Fahrt", **more))
+    named = more | {"columns": OWN | {"drive_id": "Fahrt"}}
+    assert same(whole, match_many(iter(theirs.to_batches(max_chunksize=20)), roads, **named))
+    pq.write_table(theirs, tmp_path / "theirs.parquet")
+    assert same(whole, match_many(tmp_path / "theirs.parquet", roads, **named))
+    batches = whichroad.fleet.match_batches(theirs.to_batches(), roads, ordered=True, **named)
+    assert pa.Table.from_batches(batches).equals(whole.path)
+    parts = match_many(theirs, roads, split="5min", **named)
+    assert parts.drives["drive_id"][0].as_py() == "car 0/1"
+    utc = match_many(theirs, roads, columns=named["columns"])
+    assert (utc.points["time"][0].as_py() - whole.points["time"][0].as_py()).seconds == 7200
+    for column in (1, "1"):
+        with pytest.raises(ReadError, match="the name of a column was expected"):
+            match_many(theirs, roads, drive_id="Fahrt", columns=OWN | {"time": column})
+    with pytest.raises(ReadError, match="not a known time zone"):
+        match_many(fleet, roads, tz="Mars")
+
+
+def test_a_zone_that_is_not_needed_is_noted_as_of_a_trip_alone(roads, fleet):
+    notes = match_many(fleet.slice(0, 32), roads, tz="Europe/Berlin").drives["notes"][0].as_py()
+    alone = whichroad.match(fleet.slice(0, 32), roads, tz="Europe/Berlin")
+    assert notes == alone.summary["notes"] != []
+
+
+def test_fixes_off_the_map_are_counted_for_each_trip(roads, fleet):
+    lat = fleet["lat"].to_numpy().copy()
+    lat[5:12] += 0.05
+    away = fleet.set_column(2, "lat", pa.array(lat))
+    drives = match_many(away, roads).drives
+    assert drives["fixes_outside_map"].to_pylist() == [7, 0, 0, 0, 0, 0, 0]
+    alone = whichroad.match(away.slice(0, 32), roads).summary
+    assert alone["fixes_outside_map"] == 7
+    plain = match_many(fleet, roads, lag="full").drives
+    assert plain["fixes_outside_map"].to_pylist() == [0] * 7
+
+
+def test_a_speed_whose_unit_cannot_be_told_is_noted(roads, fleet):
+    table = fleet.slice(0, 64).append_column("speed", pa.array([43.2] * 32 + [0.5] * 32))
+    moving, standing = match_many(table, roads).drives["notes"].to_pylist()
+    assert "'speed' taken in m/s" in moving[0]
+    assert "too short" in moving[0]
+    assert standing == []  # whatever the unit, it stands
+    alone = whichroad.match(table.slice(0, 32), roads)
+    assert alone.summary["notes"] == moving
+    kmh = table.rename_columns([*table.column_names[:-1], "speed_kmh"])
+    assert match_many(kmh, roads).drives["notes"].to_pylist() == [[], []]

@@ -2,6 +2,7 @@
 
 import itertools
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,10 @@ import pyarrow.parquet
 import pytest
 from scipy.spatial import cKDTree
 
+from whichroad.cli.console import print_table
 from whichroad.errors import DriveError, ReadError, SettingError
 from whichroad.evaluate import (
+    Evaluation,
     anees_band,
     calibration_error,
     compare,
@@ -25,6 +28,7 @@ from whichroad.evaluate import (
     score,
     score_files,
 )
+from whichroad.evaluate.score import COVERAGE, MEANINGS
 
 LAT, LON = 49.41, 2.82
 M_PER_DEG = 111_218.0  # of latitude there, within 1e-4
@@ -481,3 +485,20 @@ def test_mismatch_agrees_with_the_peers_scores(data_folder):
         metrics.route_mismatch(true, true, found)
     )
     assert Path(metrics.__file__).parent == peers
+
+
+def test_every_figure_has_a_meaning_and_no_meaning_is_left_over():
+    names = {f.name for f in fields(Evaluation)} - {"coverage", "outage"}
+    assert MEANINGS.keys() == names | {f"inside_{100 * c:g}" for c in COVERAGE}
+
+
+def test_figures_are_printed_with_units_and_meanings(capsys):
+    figures = {"rmse_m": 2.5, "outage_heading_rmse_deg": 1.0, "odd_words": 3}
+    print_table("a against b", figures.items(), MEANINGS)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        "a against b",
+        "  rmse                 2.5 m      position error (RMS)",
+        "  outage heading rmse  1 degrees  error of the bearing (RMS)",
+        "  odd words            3",
+    ]

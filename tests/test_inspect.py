@@ -206,3 +206,23 @@ def test_what_cannot_be_understood_is_said_for_each_file(run, folder):
     code, out, error = run("inspect", "notes.txt")
     assert (code, error.count("\n")) == (1, 1)
     assert "none of the files could be read" in error
+
+
+def test_a_table_of_wkt_with_a_date_is_one_of_roads(folder, tmp_path):
+    edges = whichroad.RoadMap.open(folder / "town.map").edges_table().to_crs(32632)
+    wkt = pd.DataFrame({"source_date": "2021-04-07", "geom_wkt": edges.geometry.to_wkt()})
+    wkt.to_csv(tmp_path / "links.csv", index=False)
+    [section] = inspect_files([tmp_path / "links.csv"]).sections
+    assert "without a coordinate system" in section.said[0]
+    assert "whichroad map build --crs" in section.said[0]
+
+
+def test_drives_of_several_files_are_described_once(track, tmp_path):
+    track.rename(columns={"time": ""}).assign(time=track.time).to_csv(tmp_path / "a.csv")
+    track.assign(lat=track.lat + 0.3).to_csv(tmp_path / "b.csv", index=False)
+    found = inspect_files([tmp_path / "a.csv", tmp_path / "b.csv"])
+    titles = [section.title for section in found.sections]
+    assert [t for t in titles if t.startswith("drive ")] == ["drive a", "drive b"]
+    assert titles[-1] == "all files together: 2 drives"
+    assert any("2 files are 2 drives" in said for said in found.sections[-1].said)
+    assert "(no name)" in rows_of(found, "columns of a.csv")["not used"]

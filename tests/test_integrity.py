@@ -185,7 +185,7 @@ def test_on_line_the_pose_in_the_map_s_frame_is_near_the_road(roads: RoadMap):
 def test_every_status_has_words_and_adapted_noise_is_added_to_them(status: str):
     assert status == "on_road" or reason(status)
     larger = reason(status, scale=2.3)
-    assert larger.endswith("GNSS errors 2.3 times the reported sigmas") == (status != "outage")
+    assert larger.endswith("GNSS sigmas taken 2.3 times as large") == (status != "outage")
 
 
 def test_a_third_road_is_named_only_when_it_counts():

@@ -120,3 +120,32 @@ def test_a_table_that_fails_while_it_grows_leaves_nothing(tmp_path):
     with pytest.raises(DriveError, match="stop"):
         grow()
     assert not list(tmp_path.iterdir())
+
+
+def test_own_names_and_local_times_of_a_table_are_said_and_read(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    table = pq.read_table(source)
+    local = pa.array(table["time"].to_numpy().astype("datetime64[s]"))
+    theirs = pa.table({"car": table["trip_id"], "ts": local, "la": table["lat"],
+                       "lo": table["lon"], "speed": [99.0] * len(table)})  # fmt: skip
+    pq.write_table(theirs, source)
+    own = ("--columns", "time=ts,lat=la,lon=lo,drive_id=car")
+    done = run("match", source, "--map", town, *own, "-o", tmp_path / "utc.parquet")
+    assert done.exit_code == 0, done.output
+    assert "times in column 'ts' name no zone and were taken as UTC" in done.stderr
+    assert "note: 2 trips: column 'speed'" in done.stderr
+    zone = ("--tz", "Europe/Berlin", "-o", tmp_path / "local.parquet")
+    done = run("match", source, "--map", town, *own, *zone)
+    assert "name no zone" not in done.stderr
+    utc, berlin = (pq.read_table(tmp_path / f"{n}.parquet")["time"] for n in ("utc", "local"))
+    assert (utc[0].as_py() - berlin[0].as_py()).seconds == 7200
+
+
+def test_fixes_off_the_map_are_told_of_all_trips_together(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    table = pq.read_table(source)
+    lat = table["lat"].to_numpy().copy()
+    lat[3:6] += 0.05
+    pq.write_table(table.set_column(2, "lat", pa.array(lat)), source)
+    done = run("match", source, "--map", town)
+    assert "note: 3 of 40 fixes (7.5 %) are farther than 1 km" in done.stderr

@@ -249,7 +249,7 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
         "  drives                 6",
         "  epochs                 240",
         "  epochs without answer  0",
-        "  path m                 2,8" + out.partition("2,8")[2].strip(),
+        "  path                   2,8" + out.partition("2,8")[2].strip(),
     ]
     assert err.count("covariance not positive definite (settings' default used)") == 1
     assert "skipped: covariance not positive definite (settings' default used): 240\n" in err

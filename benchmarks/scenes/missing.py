@@ -57,8 +57,10 @@ def without(streets: Streets, removed: Mask) -> Streets:
         node=streets.node[np.repeat(~removed, count)],
         **{
             name: getattr(streets, name)[kept]
-            for name in ("rule_forward", "rule_backward", "speed", "lane", "service")
+            for name in ("rule_forward", "rule_backward", "speed", "lane", "lane_sigma", "service")
         },
+        start=None if streets.start is None else streets.start[kept],
+        whole=None if streets.whole is None else streets.whole[kept],
         highway=Texts(texts.code[kept], texts.offset, texts.utf8),
         columns={name: take(column, kept) for name, column in streets.columns.items()},
     )

@@ -188,7 +188,7 @@ def _methods(
     return plot_methods(
         answers, roads, truth, drive.fixes, out=out, windows=_stretches(truth, roads),
         masked=masked,
-        title="The same drive from GPS and distance alone: each road keeps its hypothesis",
+        title="Which of two roads? Each has a position, a 95 % ellipse and a probability",
     )  # fmt: skip
 
 

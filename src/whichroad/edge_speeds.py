@@ -3,7 +3,7 @@
 The mean is the harmonic one, distance over time.  Each passage counts by its probability and by
 how much of it was seen: `length / (length + REACH * interval)`, where the interval is that of
 the drive's fixes.  The share depends on no speed, so that slow passages count no more than fast
-ones.  The 95 % interval is that of a ratio estimator, in seconds a metre.
+ones.  The 95 % interval is that of a ratio estimator, in seconds a metre, and of what was not seen.
 """
 
 from collections.abc import Iterable, Iterator
@@ -26,6 +26,7 @@ _BITS = 24  # of a vehicle's hash
 _MERGE = 1 << 20  # rows of parts after which they are joined
 _LEAST = 3  # passages of which an interval is given
 _Z = 1.959964  # two-sided 95 % quantile of the normal distribution
+_MAP = "map"
 _COLUMNS = ("drive_id", "forward", "enter_time", "enter_m", "exit_m", "duration_s", "p")
 
 SPEEDS = pa.schema(
@@ -66,7 +67,8 @@ def speeds(
 
     Returns:
         A row for each id, direction and hour that was passed, see `SPEEDS`.  A vehicle is what
-        stands before the last "/" of a drive's name, or the whole name.
+        stands before the last "/" of a drive's name, or the whole name.  Edges of a folder of
+        maps are told by the column `map` too.
 
     Raises:
         ReadError: It is no path.
@@ -105,9 +107,9 @@ def _tables(source: Any, columns: Iterable[str]) -> Iterator[pa.Table]:
                 folder = folder / name
         try:
             data = ds.dataset(str(folder), format="parquet")
-            _check(data.schema.names, columns)
+            columns = _used(data.schema.names, columns)
             options = {"batch_size": 1 << 16, "batch_readahead": 1, "fragment_readahead": 1}
-            for batch in data.to_batches(columns=list(columns), **options):
+            for batch in data.to_batches(columns=columns, **options):
                 yield pa.Table.from_batches([batch])
         except (pa.ArrowException, OSError) as error:
             reason = str(error).splitlines()[0]
@@ -121,17 +123,22 @@ def _tables(source: Any, columns: Iterable[str]) -> Iterator[pa.Table]:
         if hasattr(one, "geometry") and hasattr(one, "to_crs"):
             one = one.drop(columns=one.geometry.name)
         table = one if isinstance(one, pa.Table) else pa.table(one)
-        _check(table.column_names, columns)
-        yield table.select(list(columns))
+        yield table.select(_used(table.column_names, columns))
 
 
-def _check(names: list[str], columns: Iterable[str]) -> None:
+def _used(names: list[str], columns: Iterable[str]) -> list[str]:
+    """The columns that are read: those of a list, and that of maps where edges are told by it.
+
+    Raises:
+        ReadError: One is missing.
+    """
     missing = [name for name in columns if name not in names]
     if missing:
         raise ReadError(
             f"path: no column {', '.join(missing)}; the path of match, match_many or fleet was "
             "expected, not its points"
         )
+    return [*columns, *({_MAP} & set(names) if "edge_id" in columns else ())]
 
 
 def _hashes(column: pa.ChunkedArray | pa.Array) -> tuple[NDArray[np.uint64], Ints]:
@@ -182,9 +189,10 @@ class _Sums:
 
     def __init__(self, by: str) -> None:
         self.by = by
-        self._words: dict[str, int] = {}  # of sources
+        self._words: dict[Any, int] = {}  # of sources, or of a map and an edge of it
+        self._of_maps = False
         self._keys: list[Ints] = []
-        self._sums: list[NDArray[np.float64]] = []  # (k, 7) n, w, wd, wt, (wd)², wd wt, (wt)²
+        self._sums: list[NDArray[np.float64]] = []  # (k, 8), see `_interval`
         self._pairs: list[Ints] = []  # key and hash of a vehicle
         self._rows = 0
 
@@ -203,9 +211,12 @@ class _Sums:
             hour = 24 * day + clock
         key = (self._ids(table) * 2 + table["forward"].to_numpy()) * _HOURS + hour
         drives, at = _hashes(table["drive_id"])
-        weight = p * length / (length + REACH * intervals(drives)[at])
+        seen = length / (length + REACH * intervals(drives)[at])
+        weight = p * seen
         wd, wt = weight * length, weight * time
-        self._put(key, np.column_stack([np.ones(len(p)), weight, wd, wt, wd**2, wd * wt, wt**2]))
+        squares = (wd**2, wd * wt, wt**2)
+        unseen = wd * (1.0 - seen)
+        self._put(key, np.column_stack([np.ones(len(p)), weight, wd, wt, *squares, unseen]))
         vehicle = pc.replace_substring_regex(table["drive_id"], r"/[0-9]+$", "")
         vehicles, at = _hashes(vehicle)
         hashed = (vehicles >> np.uint64(64 - _BITS)).astype(np.int64)
@@ -217,11 +228,23 @@ class _Sums:
     def _ids(self, table: pa.Table) -> Ints:
         """A number for each row's id."""
         if self.by == "edge_id":
-            return np.asarray(table["edge_id"].to_numpy(), np.int64)
+            edges = np.asarray(table["edge_id"].to_numpy(), np.int64)
+            return self._of_map(edges, table[_MAP]) if _MAP in table.column_names else edges
         encoded = table["source_id"].fill_null("").combine_chunks().dictionary_encode()
         words = encoded.dictionary.to_pylist()
         codes = np.array([self._words.setdefault(w, len(self._words)) for w in words], np.int64)
         return np.asarray(codes[encoded.indices.to_numpy()], np.int64)
+
+    def _of_map(self, edges: Ints, maps: pa.ChunkedArray) -> Ints:
+        """A number for each edge of one of several maps."""
+        self._of_maps = True
+        encoded = maps.combine_chunks().dictionary_encode()
+        both = np.stack([encoded.indices.to_numpy().astype(np.int64), edges])
+        one, at = np.unique(both, axis=1, return_inverse=True)
+        names = encoded.dictionary.to_pylist()
+        pairs = [(names[name], edge) for name, edge in one.T.tolist()]
+        codes = [self._words.setdefault(pair, len(self._words)) for pair in pairs]
+        return np.array(codes, np.int64)[at.reshape(-1)]
 
     def _put(self, keys: Ints, values: NDArray[np.float64]) -> None:
         """Sums of equal keys."""
@@ -240,12 +263,11 @@ class _Sums:
     def table(self, hours: bool) -> pa.Table:
         """What was found, by id, direction and hour."""
         if not self._keys:
-            self._put(np.empty(0, np.int64), np.empty((0, 7)))
+            self._put(np.empty(0, np.int64), np.empty((0, 8)))
             self._pairs.append(np.empty(0, np.int64))
         self._merge()
         (keys,), (sums,), (pairs,) = self._keys, self._sums, self._pairs
         ids, hour = keys // (2 * _HOURS), keys % _HOURS
-        words: Any = ids if self.by == "edge_id" else np.array([*self._words, ""], object)[ids]
         n, weight, wd, wt = sums[:, :4].T
         low, high = _interval(sums)
         vehicles = np.searchsorted(pairs >> _BITS, keys, "right") - np.searchsorted(
@@ -262,25 +284,42 @@ class _Sums:
             pa.array(vehicles.astype(np.int64)),
             pa.array(weight),
         ]
-        kind = pa.int64() if self.by == "edge_id" else pa.string()
-        first = pa.field(self.by, kind)
+        first = self._named(ids)
         return pa.Table.from_arrays(
-            [pa.array(words, kind), *columns], schema=pa.schema([first, *SPEEDS])
+            [*first.columns, *columns], schema=pa.schema([*first.schema, *SPEEDS])
         )
+
+    def _named(self, ids: Ints) -> pa.Table:
+        """The columns that say which road some ids are."""
+        if self.by == "edge_id" and not self._of_maps:
+            return pa.table({self.by: pa.array(ids)})
+        words = list(self._words)
+        if self.by == "source_id":
+            return pa.table({self.by: pa.array([words[k] for k in ids.tolist()], pa.string())})
+        maps, edges = ([words[k][place] for k in ids.tolist()] for place in (0, 1))
+        return pa.table({_MAP: pa.array(maps, pa.string()), self.by: pa.array(edges, pa.int64())})
 
 
 def _interval(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """95 % interval of distance over time: Student's, of the ratio of time to distance.
 
     With r = Σ wt / Σ wd, the residuals wt - r wd have the variance Σ (wt - r wd)²; what is
-    effective of the number of passages is (Σ wd)² / Σ (wd)².
+    effective of the number of passages is (Σ wd)² / Σ (wd)².  What was not seen is guessed from
+    the roads before and behind.  These differ from a road as one passage differs from another,
+    however many passages there are.
+
+    Args:
+        sums: (k, 8) of n, w, wd, wt, (wd)², wd wt, (wt)² and wd times the share not seen.
     """
-    n, _, wd, wt, dd, dt, tt = sums.T
+    n, _, wd, wt, dd, dt, tt, unseen = sums.T
     ratio = wt / wd
     squares = np.maximum(tt - 2.0 * ratio * dt + ratio**2 * dd, 0.0)
     effective = np.minimum(wd**2 / dd, n)
     freedom = np.maximum(effective - 1.0, 1.0)
-    half = _student(freedom) * np.sqrt(squares * (1.0 + 1.0 / freedom)) / wd
+    variance = squares * (1.0 + 1.0 / freedom)
+    half = np.hypot(
+        _student(freedom) * np.sqrt(variance) / wd, _Z * unseen / wd * np.sqrt(variance / dd)
+    )
     with np.errstate(divide="ignore"):
         high = np.where(ratio > half, 1.0 / np.maximum(ratio - half, 0.0), np.inf)
     return 1.0 / (ratio + half), high

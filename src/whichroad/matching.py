@@ -310,15 +310,15 @@ def _summary(
 def timeline_of(
     drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
     sensed: Sensed | None = None,
-) -> Timeline:  # fmt: skip
-    """A drive in epochs.
+) -> tuple[Timeline, int]:  # fmt: skip
+    """A drive in epochs, and how many of its fixes are off the map.
 
     Raises:
         MapError: It is nowhere near the map.
         DriveError: There is neither a fix nor odometry.
     """
-    _outside(drive, roads)
-    return build_timeline(drive, roads.plane, vehicle, mask, sensed)
+    outside = _outside(drive, roads)
+    return build_timeline(drive, roads.plane, vehicle, mask, sensed), outside
 
 
 def _outside(drive: Drive, roads: RoadMap) -> int:

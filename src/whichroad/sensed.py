@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._compile import Ints32
+from .elevations import Gains
 from .errors import ReadError, SettingError
 from .filter import evidence_kinds as kinds
 from .filter.evidence_kinds import CLASSES, EVIDENCE, NO_EVIDENCE, SENSORS
@@ -18,10 +20,12 @@ from .geodesy.angles import heading_of, radians
 from .observations import Array, Drive, SensorReading
 from .roadmap import RoadMap
 from .roadmap.attribute_names import known_name
+from .roadmap.levels import profile
 from .sensors.gnss import LEAST_SIGMA, ellipse
 from .sensors.kinds import (
     Attribute,
     Bearing,
+    Elevation,
     Evidence,
     Heading,
     Lateral,
@@ -36,6 +40,7 @@ Row = tuple[Any, ...]  # the fields of EVIDENCE
 BESIDE = 0.5  # s from a fix, up to which a reading comes with it
 BETWEEN = "reading of a sensor between sparse fixes"
 _FARTHEST = 1e6  # m, of a range
+_HEIGHTS = "heights over the ground"  # beside the attributes
 _NEVER = 1e-6  # least likelihood of an attribute, over the largest
 
 
@@ -57,6 +62,9 @@ class Sensed:
         self._heard: set[str] = set()  # sensors of which there was a reading
         self._attributes: dict[str, dict[Any, int]] = {}  # column -> class of each value
         self._classes = NO_EVIDENCE.classes
+        self._first, self._start = NO_EVIDENCE.first, NO_EVIDENCE.start  # until they are used
+        self._piece: Ints32 | None = None  # the map's piece of each that is told apart
+        self._gains: dict[int, Gains] = {}  # of sensors of heights
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,7 +74,7 @@ class Sensed:
     @property
     def columns(self) -> dict[str, str]:
         """All columns that the sensors read, by the alias that has readers keep them."""
-        return {f"+{name}": name for sensor in self.sensors for name in sensor.columns}
+        return columns_of(self.sensors)
 
     def within(
         self, told: Sequence[SensorReading], streams: Sequence[Array]
@@ -149,10 +157,31 @@ class Sensed:
         table = np.array(list(rows), EVIDENCE).view(np.recarray)
         if not self._attributes:
             return NO_EVIDENCE._replace(rows=table)
-        pieces = self.roads.pieces
-        first = np.ascontiguousarray(pieces.first, np.int32)
-        start = np.ascontiguousarray(pieces.start, np.float64)
-        return kinds.Evidence(table, first, start, self._classes)
+        return kinds.Evidence(table, self._first, self._start, self._classes)
+
+    def kept(self) -> list[Any]:
+        """All that it remembers, as numbers and text."""
+        return [self.lasting.kept(), [[k, *gains.kept()] for k, gains in self._gains.items()]]
+
+    def restore(self, kept: list[Any]) -> None:
+        """Remember that and nothing else."""
+        self.lasting.restore(kept[0])
+        for number, *gains in kept[1]:
+            self._gains_of(int(number)).restore(gains)
+
+    def _gains_of(self, number: int) -> Gains:
+        """Those of a sensor; the heights of roads are known from then on."""
+        if not self._gains:
+            self._tell_heights()
+        return self._gains.setdefault(number, Gains())
+
+    def _tell_heights(self) -> None:
+        """Make the heights of roads over the ground one of the classes of roads."""
+        found = profile(self.roads)
+        rows = [row[found.piece] for row in self._classes] if self._attributes else []
+        self._first, self._start, self._piece = found.first, found.start, found.piece
+        self._attributes[_HEIGHTS] = {}
+        self._classes = np.array([*rows, found.height])
 
     def _skip(self, why: str, count: int = 1) -> None:
         self.skipped[why] = self.skipped.get(why, 0) + count
@@ -166,8 +195,8 @@ class Sensed:
         if make is None:
             raise ReadError(
                 f"sensor {self.sensors[number].name}: rows gave {str(evidence)[:60]!r}; Heading, "
-                "Speed, Position, Lateral, Range, Bearing or Attribute of whichroad.sensors was "
-                "expected"
+                "Speed, Position, Lateral, Range, Bearing, Attribute or Elevation of "
+                "whichroad.sensors was expected"
             )
         made, name = make(self, evidence, place), self.sensors[number].name
         if not all(map(math.isfinite, (made.value, *made.sigmas))) or min(made.sigmas) <= 0.0:
@@ -178,6 +207,10 @@ class Sensed:
             where = (evidence.lat_deg, evidence.lon_deg)
         elif isinstance(evidence, Attribute):
             kind += evidence.name
+        elif isinstance(evidence, Elevation):
+            gains = self._gains_of(number).of(evidence, time, metres)
+            column = list(self._attributes).index(_HEIGHTS)
+            made = made._replace(column=column, log_likelihood=(*gains, 0.0))
         lasts = (evidence.lasts_s, evidence.lasts_m)
         share = self.lasting.share((number, kind, *where), time, metres, lasts)
         if share == 0.0:  # nothing new since the reading before
@@ -196,8 +229,12 @@ class Sensed:
         """
         column = known_name(self.roads.ways, name)
         if column not in self._attributes:
+            if not self._attributes:
+                pieces = self.roads.pieces
+                self._first = np.ascontiguousarray(pieces.first, np.int32)
+                self._start = np.ascontiguousarray(pieces.start, np.float64)
             self._attributes[column] = {}
-            more = np.full((1, len(self.roads.pieces.way)), CLASSES - 1, np.uint8)
+            more = np.full((1, len(self._start)), CLASSES - 1, np.uint8)
             known = self._classes.reshape(-1, more.shape[1])
             self._classes = np.concatenate([known, more])
         values = self._attributes[column]
@@ -209,8 +246,8 @@ class Sensed:
                     f"{CLASSES - 1} values were expected; name the others by `otherwise`"
                 )
             values[value] = len(values)
-            same = [one == value for one in self.roads.at_pieces(column)]
-            self._classes[at, same] = values[value]
+            same = np.array([one == value for one in self.roads.at_pieces(column)], bool)
+            self._classes[at, same if self._piece is None else same[self._piece]] = values[value]
         return at, values[value]
 
 
@@ -276,6 +313,11 @@ def _bearing(sensed: Sensed, one: Bearing, place: tuple[float, ...]) -> _Made:
     )  # fmt: skip
 
 
+def _elevation(sensed: Sensed, one: Elevation, place: tuple[float, ...]) -> _Made:
+    sigma = min(one.sigma_m, one.drift_m, one.drift_s)
+    return _Made(kinds.ELEVATION, one.height_m, (one.sigma_m, sigma))
+
+
 def _attribute(sensed: Sensed, one: Attribute, place: tuple[float, ...]) -> _Made:
     least = _NEVER * max(one.otherwise, *one.likelihoods.values(), 0.0)
     logs = [math.log(max(one.otherwise, least)) if least > 0.0 else math.nan] * CLASSES
@@ -288,8 +330,13 @@ def _attribute(sensed: Sensed, one: Attribute, place: tuple[float, ...]) -> _Mad
 
 _MAKERS: dict[type, Callable[[Sensed, Any, tuple[float, ...]], _Made]] = {
     Heading: _heading, Speed: _speed, Lateral: _lateral, Position: _position, Range: _range,
-    Bearing: _bearing, Attribute: _attribute,
+    Bearing: _bearing, Attribute: _attribute, Elevation: _elevation,
 }  # fmt: skip
+
+
+def columns_of(sensors: Iterable[Sensor]) -> dict[str, str]:
+    """All columns that sensors read, by the alias that has readers keep them."""
+    return {f"+{name}": name for sensor in sensors for name in sensor.columns}
 
 
 def checked(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:

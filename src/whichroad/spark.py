@@ -32,7 +32,8 @@ def match(
 
     Args:
         df: Rows with time, lat and lon, in any order, by the names of docs/formats.md.
-        map: The path of a compiled map that every worker sees; with `ship` one on the driver.
+        map: The path of a compiled map, or of a folder of them, that driver and workers see;
+            with `ship` one on the driver.
         trip_id: The column that names trips.
         give: "path", "points", "slim" (points without poses) or "drives".
         partitions: Of the shuffle by trip; None: as Spark is set.
@@ -40,7 +41,8 @@ def match(
         options: As of `whichroad.fleet.match_batches`: vehicle, settings, lag, crs, split.
 
     Returns:
-        A DataFrame with the columns of `whichroad.fleet.SCHEMAS[give]`; lazy, as all of Spark.
+        A DataFrame with the columns of `whichroad.fleet.SCHEMAS[give]`, of a folder of maps with
+        those of `MAPS_SCHEMAS[give]`; lazy, as all of Spark.
 
     Raises:
         SettingError: pyspark is not installed, or `give` is unknown.
@@ -54,18 +56,18 @@ def match(
             f"spark: the package {str(error.name).partition('.')[0]} is not installed; it was "
             'expected for this call; pip install "whichroad[spark]"'
         ) from None
-    from .fleet import SCHEMAS
+    from .fleet import MAPS_SCHEMAS, SCHEMAS
     from .fleet.inputs import used_columns
     from .readers.names import find
 
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     used = used_columns(df.columns, trip_id, "df")
-    name = str(map)
+    name, several = str(map), Path(map).is_dir()
     if ship:
-        if not Path(map).is_file():
+        if not Path(map).exists():
             raise MapError(f"{map}: it is not there; a compiled map on the driver was expected")
-        df.sparkSession.sparkContext.addFile(name)
+        df.sparkSession.sparkContext.addFile(name, recursive=several)
         name = Path(map).name
     found = find(df.columns)
     places = [found[q].name for q in ("lat", "lon") if q in found]
@@ -73,8 +75,9 @@ def match(
     trip = _quoted(used.trip)
     rows = rows.repartition(partitions, trip) if partitions else rows.repartition(trip)
     rows = rows.sortWithinPartitions(trip, *(_quoted(n) for n in (used.time, *places)))
-    work = partial(_partition, map=name, shipped=ship, give=give, trip_id=used.trip, **options)
-    return rows.mapInArrow(work, from_arrow_schema(SCHEMAS[give]))
+    schema = (MAPS_SCHEMAS if several else SCHEMAS)[give]
+    options |= {"shipped": ship, "several": several, "give": give, "trip_id": used.trip}
+    return rows.mapInArrow(partial(_partition, map=name, **options), from_arrow_schema(schema))
 
 
 def _quoted(name: str) -> str:
@@ -82,7 +85,7 @@ def _quoted(name: str) -> str:
 
 
 def _partition(
-    batches: "Iterable[pa.RecordBatch]", *, map: str, shipped: bool, **options: Any
+    batches: "Iterable[pa.RecordBatch]", *, map: str, shipped: bool, several: bool, **options: Any
 ) -> "Iterator[pa.RecordBatch]":
     """The trips of a partition, on a worker."""
     from .fleet import match_batches
@@ -91,4 +94,6 @@ def _partition(
         from pyspark import SparkFiles
 
         map = SparkFiles.get(map)
+    if Path(map).is_dir() != several:
+        raise MapError(f"{map}: a folder for the driver or for a worker alone; both must see it")
     yield from match_batches(batches, map, ordered=True, **options)

@@ -98,7 +98,7 @@ def figure(
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {frame.width:g} {frame.height:.0f}" '
         f'width="{frame.width:g}" style="max-width:100%;height:auto;background:#fff" role="img">'
         f'<g style="{_FRAME}">{drawn}</g>{_scale_bar(frame)}</svg>'
-        f'<figcaption style="font-size:90%">{"<br/>".join(parts)}</figcaption></figure>'
+        f'<figcaption style="font:90% sans-serif">{"<br/>".join(parts)}</figcaption></figure>'
     )
 
 
@@ -122,6 +122,6 @@ def _scale_bar(frame: Frame) -> str:
     text = f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"
     return (
         f'<path d="M8 {y - 4:.0f}v4h{length:.1f}v-4" fill="none" stroke="#333"/>'
-        f'<text x="12" y="{y - 5:.0f}" font-size="11" font-family="sans-serif" fill="#333">'
-        f"{text}</text>"
+        f'<text x="12" y="{y - 5:.0f}" font-size="11" font-family="sans-serif" fill="#333" '
+        f'stroke="#fff" stroke-width="3" paint-order="stroke">{text}</text>'
     )

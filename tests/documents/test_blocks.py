@@ -30,7 +30,11 @@ def commands(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", WITH_CODE, ids=title)
-def test_the_code_of_a_page_runs(path: Path, place: Path, shell: Callable[[str], str]):
+def test_the_code_of_a_page_runs(
+    path: Path, place: Path, shell: Callable[[str], str], process: Callable[[str], str]
+):
+    """The commands of the README as processes, as its readers run them."""
+    run = process if path.name == "README.md" else shell
     names = {"__name__": "__main__"}
     for block in code(path):
         if block.mark == "file":
@@ -43,7 +47,7 @@ def test_the_code_of_a_page_runs(path: Path, place: Path, shell: Callable[[str],
                 exec(compile("\n" * (block.line - 1) + block.code, where, "exec"), names)
         else:
             for command in commands(block.code):
-                shell(command)
+                run(command)
 
 
 @pytest.mark.parametrize("path", PAGES, ids=title)

@@ -20,6 +20,7 @@ from whichroad.filter.gaussian import (
     update,
     update_across,
     update_pair,
+    update_state,
 )
 from whichroad.filter.state import MX, MY, D, H, N, X, Y
 
@@ -209,3 +210,17 @@ def test_merging_conserves_mean_and_covariance(seed: int, share: float, scale: f
     mean[H] += 2.0 * math.pi * round((a.mean[H] - mean[H]) / (2.0 * math.pi))
     assert_same(Gaussian(a.mean / plane, a.cov), Gaussian(mean, cov))
     assert (a.cov == a.cov.T).all()
+
+
+@given(seeds)
+def test_a_row_of_one_state_is_a_row(seed: int):
+    rng = np.random.default_rng(seed)
+    g = random_gaussian(rng)
+    ours = Gaussian(g.mean.copy(), g.cov.copy())
+    state = int(rng.integers(N))
+    row = np.zeros(N)
+    row[state] = 1.0
+    s = update(g.mean, g.cov, row, 0.7, 0.3, 1.1)
+    assert update_state(ours.mean, ours.cov, state, 0.7, 0.3, 1.1) == s
+    np.testing.assert_array_equal(ours.mean, g.mean)
+    np.testing.assert_array_equal(ours.cov, g.cov)

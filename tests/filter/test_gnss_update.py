@@ -14,7 +14,7 @@ from whichroad._compile import jit
 from whichroad.filter import gaussian, gnss, gnss_noise
 from whichroad.filter.gnss import Axes
 from whichroad.filter.motion import age_bias
-from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, K, N, X, Y, normalise
+from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, Context, K, N, X, Y, normalise
 from whichroad.settings import Settings
 
 SET = Settings()
@@ -29,10 +29,17 @@ condition = jit(gaussian.condition)
 observe_position = jit(gnss.observe_position)
 observe_rate = jit(gnss.observe_rate)
 age_receiver = jit(gnss_noise.age_receiver)
-average_energy = jit(gnss_noise._average_energy)
+innovations = jit(gnss.innovations)
+average_by_innovations = jit(gnss_noise._average_energy)
 update_root = jit(gnss_noise.update_root)
 
 ellipses = st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0), st.floats(-4.0, 4.0))
+
+
+def average_energy(belief: Belief, ctx: Context, fix: np.ndarray, *numbers: float) -> None:
+    """Average the energy of a fix's innovations, which are found first."""
+    innovations(belief, ctx, fix, Axes(math.cos(fix[4]), math.sin(fix[4]), 0.0, 0.0))
+    average_by_innovations(belief, ctx, fix, *numbers)
 
 
 def turned(angle: float) -> np.ndarray:

@@ -390,3 +390,18 @@ def test_a_drive_between_two_roads_is_the_joint_gaussian_solved_at_once():
     assert odds[0] - odds[2] == pytest.approx(answers[0][2] - answers[2][2], abs=1e-6)
     evidence = np.logaddexp(answers[0][2], answers[2][2]) + math.log(0.5)  # equal at first
     assert belief.state[0].log_evidence == pytest.approx(evidence, abs=1e-5)
+
+
+def test_a_ranking_that_is_kept_is_what_it_would_be_anew():
+    """While no weight changes the edges keep their order, and are not ranked again."""
+    truth, fix = town_drive()
+    roads, epochs = network(TOWN), town_epochs(truth, fix)
+    kept = localize(roads, epochs).output
+    anew = None
+    for _, belief, output in steps(roads, epochs):
+        belief.state[0].ranking.known = 0
+        anew = output
+    assert anew is not None
+    assert (kept.rows.alt_p[:, 1] > 0.01).any()
+    for name in kept.rows.dtype.names:
+        np.testing.assert_array_equal(kept.rows[name], anew.rows[name], err_msg=name)

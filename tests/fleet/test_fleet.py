@@ -23,6 +23,7 @@ from whichroad.batch import match_many
 from whichroad.cli import app
 from whichroad.errors import DriveError, ReadError, SettingError, WriteError
 from whichroad.fleet import run_fleet
+from whichroad.readers import many_trips
 from whichroad.tables.schema import DRIVES, PATH, SLIM
 
 
@@ -47,6 +48,27 @@ def same(folder: Path, tables: whichroad.batch.Tables, points: str | None = None
 @pytest.fixture(scope="module")
 def usual(town, table):
     return match_many(table, town)
+
+
+def test_a_fleet_hears_sensors_and_tells_places(tmp_path, town, table):
+    rows = table.slice(0, 400).append_column("satellites", pa.array([8.0] * 400))
+    pq.write_table(rows, tmp_path / "trips.parquet")
+    places = tmp_path / "marks.csv"
+    places.write_text(f"id,lat,lon\nmark,{rows['lat'][40]},{rows['lon'][40]}\n")
+    sky, out = [whichroad.sensors.Sky()], tmp_path / "out"
+    options = {"trip_id": "trip_id", "workers": 1, "sensors": sky, "places": places}
+    run_fleet(tmp_path / "trips.parquet", town, out, **options)
+    usual = match_many(rows, town, drive_id="trip_id", sensors=sky, places=places)
+    same(out, usual)
+    for name in ("ahead", "nearby"):
+        assert len(getattr(usual, name))
+        assert rows_of(out, name).to_pylist() == getattr(usual, name).to_pylist()
+    notes = [note for row in rows_of(out, "drives")["notes"].to_pylist() for note in row]
+    assert not any("not heard" in note for note in notes)
+    with pytest.raises(WriteError, match="places"):
+        run_fleet(tmp_path / "trips.parquet", town, out, resume=True, **options | {"places": None})
+    with pytest.raises(ReadError, match="does not exist"):
+        run_fleet(tmp_path / "trips.parquet", town, tmp_path / "b", places="nowhere.csv")
 
 
 def test_rows_in_any_order_give_what_rows_in_order_give(tmp_path, town, table, shuffled, usual):
@@ -74,8 +96,11 @@ def test_processes_give_what_one_gives(tmp_path, town, table, usual):
     assert told[-1].done.rows == told[-1].rows == table.num_rows
 
 
-def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(tmp_path, town):
-    many = 70_000
+def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(
+    tmp_path, town, monkeypatch
+):
+    monkeypatch.setattr(many_trips, "APART", 5000)
+    many = 6000
     one = trip("x", 2)
     names = np.tile([f"v{i:05}" for i in range(many)], 2)
     at = np.repeat([10, 14], many)  # all vehicles at one moment, and then at the next
@@ -87,8 +112,8 @@ def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(tmp_pat
             "lon": one["lon"].to_numpy()[at],
         }
     )
-    pq.write_table(table, tmp_path / "t.parquet")
-    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=2)
+    pq.write_table(table, tmp_path / "t.parquet", row_group_size=1000)
+    done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1)
     assert done.done.trips == done.done.answered == many
     assert done.done.fixes == 2 * many
     with pytest.raises(ReadError, match="comes again after others"):

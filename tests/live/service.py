@@ -12,23 +12,28 @@ from pathlib import Path
 
 from websockets.sync.client import connect
 
+# A process beside the filter gives way to all others.  Beside busy processors, as those of tests
+# are, it waits for minutes: here it does not, but where that itself is tested.
+KEEPS_PACE = "import whichroad.live.priority as p; p.give_way = lambda: None; "
 _CODE = "from whichroad.cli import main; main()"
+_URGENT = f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; {_CODE}"
 
 
 class Served:
-    """`whichroad live` as a user starts it."""
+    """`whichroad live` as a user starts it, but for the priority of its other processes."""
 
-    def __init__(self, *arguments, wait=60.0):
-        command = [sys.executable, "-c", _CODE, "live", "--port", "0", "--no-page"]
+    def __init__(self, *arguments, gives_way=False):
+        code = _CODE if gives_way else _URGENT
+        command = [sys.executable, "-c", code, "live", "--port", "0", "--no-page"]
         self.process = subprocess.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )  # fmt: skip
         self.lines = []
-        line = self._line(wait)
+        line = self._line()
         self.port = int(line.rsplit(":", 1)[1].strip("/\n"))
 
-    def _line(self, wait):
+    def _line(self):
         line = self.process.stdout.readline()
         assert line.startswith("http://"), self.process.stderr.read()
         return line
@@ -64,7 +69,7 @@ class Served:
         """A WebSocket."""
         return connect(f"ws://127.0.0.1:{self.port}/ws", **more)
 
-    def until(self, holds, path="/estimate", seconds=30.0):
+    def until(self, holds, path="/estimate", seconds=120.0):
         """The first answer of an address for which something holds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -84,7 +89,7 @@ class Served:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         try:
-            _, said = self.process.communicate(timeout=20)
+            _, said = self.process.communicate(timeout=120)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise

@@ -58,7 +58,7 @@ def test_each_vehicle_has_its_own_filter_and_its_own_page_of_everything(files, b
         assert served.get("/estimate?vehicle=bus_2")["gnss_masked"]
         assert not served.get("/estimate?vehicle=van")["gnss_masked"]
         with connect(f"ws://127.0.0.1:{served.port}/ws?vehicle=bus_2") as listener:
-            assert json.loads(listener.recv(timeout=10))["vehicle"] == "bus_2"
+            assert json.loads(listener.recv(timeout=60))["vehicle"] == "bus_2"
         with pytest.raises(InvalidStatus, match="404"):
             connect(f"ws://127.0.0.1:{served.port}/ws?vehicle=car")
         assert served.ask("GET", "/history?vehicle=car")[0] == 404

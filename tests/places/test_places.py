@@ -4,6 +4,8 @@ import json
 import math
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
@@ -231,6 +233,9 @@ def test_formats_of_tables_say_the_same(tmp_path, roads):
         ({"a": [1]}, "lat and lon"),
         ({"lat": ["north"], "lon": [1.0]}, "row 1: lat is 'north'"),
         ({"lat": [1.0], "lon": [1.0], "on_map": ["perhaps"]}, "on_map"),
+        ({"lat": [1.0], "lon": [1.0], "sigma_m": [1e8]}, "row 1: sigma_m is 1e"),
+        ({"lat": [1.0, 1.0], "lon": [1.0, 1.0], "sigma_m": [1.0, -2.0]}, "row 2: sigma_m is -2"),
+        ({"edge_id": [3.5], "abscissa_m": [1.0]}, "row 1: edge_id is 3.5; the whole number"),
         ("{", "cannot be read"),
     ],
 )
@@ -268,6 +273,26 @@ def test_ahead_of_a_drive_recorded_and_on_line(roads, spread):
     assert localizer.predict(estimate.time + 1.0).ahead(200.0)
     again = whichroad.Localizer.from_bytes(localizer.to_bytes(), roads, places=spread)
     assert again.estimate().ahead(200.0) == estimate.ahead(200.0)
+
+
+def test_many_trips_tell_what_one_does(roads, spread):
+    drive = simulate_drive(roads, seed=3, length_m=400.0)
+    fixes = drive.drive.fixes
+    table = {"time": fixes.time, "lat": fixes.lat_deg, "lon": fixes.lon_deg}
+    one = whichroad.match(pa.table(table), roads, places=spread)
+    trips = pa.concat_tables(
+        [pa.table(table | {"drive_id": [name] * len(fixes)}) for name in ("a", "b")]
+    )
+    many = whichroad.match_many(trips, roads, places=spread)
+    for ask, found in ((one.ahead(500.0), many.ahead), (one.nearby(50.0), many.nearby)):
+        assert found["drive_id"].unique().to_pylist() == ["a", "b"]
+        again = found.filter(pc.equal(found["drive_id"], "b")).drop_columns("drive_id")
+        assert again.to_pylist() == ask.drop_columns("drive_id").to_pylist()
+    assert "ahead" in repr(many)
+    without = whichroad.match_many(trips, roads)
+    assert without.points.equals(many.points)
+    assert len(without.ahead) == 0
+    assert "ahead" not in repr(without)
 
 
 def test_places_are_asked_for(roads, spread):

@@ -482,3 +482,12 @@ def test_a_table_of_places_alone_without_one_that_can_be_understood_is_refused(p
     table = put("places.txt", "lat lon\nnorth east\n49.4 <8\n")
     with pytest.raises(ReadError, match=r"places\.txt: no row has both a latitude and a longitude"):
         read_drive(table)
+
+
+def test_a_single_reading_of_a_full_counter_is_no_wrap():
+    """Found by the fuzz: there is no step to judge."""
+    table = {"time": [T0, T0 + 1.0], "lat": [49.4, 49.4], "lon": [8.7, 8.7001],
+             "wheel_rl_ticks": [65535.0, np.nan], "wheel_rr_ticks": [65535.0, np.nan]}  # fmt: skip
+    [drive] = drive_from_table(pd.DataFrame(table))
+    assert len(drive.fixes) == 2
+    assert not any("wrap" in note for note in drive.notes)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from whichroad.geodesy.plane import Plane
 from whichroad.roadmap import cells
+from whichroad.roadmap.arrays import to_arrays
 from whichroad.roadmap.chains import chains, end_headings
 
 SIZE = 64.0
@@ -127,6 +128,43 @@ def test_a_map_is_laid_where_drives_are(lat0, lon0, north, east):
     lat, lon = np.array([max(min(lat0 + north, 89.9), -89.9)]), np.array([lon0 + east])
     there = plane.from_geodetic(lat, lon)
     assert np.allclose(plane.lay(lat, lon), there, rtol=0.0, atol=1e-6)
+
+
+def test_a_map_built_in_parts_on_disk_is_the_same(tmp_path, monkeypatch):
+    """Streets of a grid, one of them drawn twice, others one-way."""
+    import geopandas
+    import shapely
+
+    from whichroad.roadmap import RoadMap, compile, laid_out, shelf, turns
+
+    rng = np.random.default_rng(4)
+    at = rng.normal(0, 2e-4, (12, 12, 2)) + np.stack(
+        np.meshgrid(8.7 + 0.002 * np.arange(12), 49.4 + 0.001 * np.arange(12)), axis=-1
+    )
+    lines = [shapely.LineString(row) for row in at]
+    lines += [shapely.LineString(at[:, k]) for k in range(12)]
+    table = geopandas.GeoDataFrame(
+        {"oneway": [""] * 24 + ["yes"] * 5, "highway": [*["primary", "service"] * 14, "primary"]},
+        geometry=[*lines, *lines[:5]], crs="EPSG:4326",
+    )  # fmt: skip
+    whole = RoadMap.from_edges(table)
+    for module, name in ((laid_out, "BLOCK"), (compile, "BLOCK"), (compile, "_AT_ONCE"),
+                         (turns, "_AT_ONCE"), (cells, "_SORTED"), (cells, "_EVERY")):  # fmt: skip
+        monkeypatch.setattr(module, name, 2 if name == "_EVERY" else 7)
+    monkeypatch.setattr(shelf, "LEAST", 1)
+    parts = RoadMap.from_edges(table)
+    for (name, a), (_, b) in zip(
+        to_arrays(whole)[1].items(), to_arrays(parts)[1].items(), strict=True
+    ):
+        if a.dtype.names:
+            for field in a.dtype.names:
+                assert np.allclose(a[field], b[field], rtol=0.0, atol=1e-9), (name, field)
+        else:
+            assert np.allclose(a, b, rtol=0.0, atol=1e-9), name
+    parts.save(tmp_path / "parts.map")
+    opened = RoadMap.open(tmp_path / "parts.map", check=True)
+    assert opened.fingerprint == parts.fingerprint
+    assert opened.info() == parts.info() == whole.info()
 
 
 LOADED = """

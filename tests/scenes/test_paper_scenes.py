@@ -312,6 +312,15 @@ def test_a_vehicle_that_leaves_the_map_is_off_it_and_comes_back(metres: float, s
     assert (output.rows.edge[on] == 0).all()
 
 
+def test_an_unmapped_road_15_m_beside_the_mapped_one_is_off_the_map():
+    """Wheels tell the way across; the mapped road, which runs alike, gains nothing by it."""
+    truth = drive_along([[100.0, -1.75], [600.0, -1.75], [675.0, -16.75], [900.0, -16.75]])
+    aside = (truth.x > 675.0) & (truth.x < 725.0)
+    off = [off_the_map(truth, seed, ONCE_A_SECOND).rows.p_off_road for seed in range(8)]
+    assert np.mean([p[aside].max() > 0.5 for p in off]) >= 0.9
+    assert np.mean([p[truth.x < 590.0].mean() for p in off]) < 0.005
+
+
 @pytest.mark.parametrize("course", [0.1, math.inf])
 @pytest.mark.parametrize("seed", range(8))
 def test_a_drive_that_starts_in_an_unmapped_car_park_finds_its_road(seed: int, course: float):

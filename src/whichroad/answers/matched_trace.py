@@ -145,7 +145,7 @@ def match_trace(trace: Trace, roads: RoadMap, vehicle: Vehicle, settings: Settin
     variance = trace.sigma**2
     reported = Reported(time, trace.lat, trace.lon, variance, np.zeros(n), variance.copy())
     drive = Drive("trace", make_fixes(reported, settings, Counter()))
-    timeline = timeline_of(drive, roads, vehicle)
+    timeline, _ = timeline_of(drive, roads, vehicle)
     recorded = localize_recorded(
         roads, timeline, vehicle=vehicle, settings=settings, lag=Lag.of(FULL)
     )

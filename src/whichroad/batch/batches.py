@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
@@ -11,15 +11,16 @@ import pyarrow as pa
 
 from ..errors import SettingError
 from ..readers import read_vehicle
-from ..readers.many_trips import TripBatch, trip_batches
+from ..readers.dates import zone_of
+from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
-from ..roadmap import RoadMap, shared_map
-from ..sensed import Sensed
+from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
-from ..tables.schema import DRIVES, PATH, POINTS, SLIM
+from ..tables.schema import DRIVES, MAP, PATH, POINTS, SLIM
+from .by_map import MapsJob
 from .trips import ALL, Job, Tables, joined
 
 Progress = Callable[[str, int, int], None]
@@ -28,10 +29,13 @@ Give = Literal["path", "points", "slim", "drives"]
 SCHEMAS: dict[str, pa.Schema] = {"points": POINTS, "slim": SLIM, "path": PATH, "drives": DRIVES}
 """Of what `match_batches` gives."""
 
+MAPS_SCHEMAS: dict[str, pa.Schema] = {name: one.append(MAP) for name, one in SCHEMAS.items()}
+"""The same where the map is a folder: the column `map` names the file of each row."""
+
 
 def match_many(
     table: Any,
-    roads: RoadMap | str | Path,
+    roads: RoadMap | RoadMaps | str | Path,
     *,
     drive_id: str = "drive_id",
     vehicle: Vehicle | str | Path | None = None,
@@ -39,7 +43,10 @@ def match_many(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -54,7 +61,8 @@ def match_many(
             a DataFrame, the path of a Parquet or Arrow file or a folder of them, a dataset,
             or an iterator of record batches.  Rows of a trip lie together, in a table in
             memory in any order.
-        roads: A `RoadMap`, or the path of one, which a process opens once.
+        roads: A `RoadMap`, or the path of one, which a process opens once.  Or a folder of
+            compiled maps: each trip takes the one that holds it, which the column `map` names.
         drive_id: The column that names the trip; the default also finds its usual aliases, and
             those of vehicles where no column names trips.
         vehicle: Of all trips.
@@ -62,7 +70,11 @@ def match_many(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to the points.
         crs: Reference system of `x, y` columns, as in `match`.
+        columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
+        tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
+        places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
+            those within 500 m ahead and within 50 m of each epoch.
         split: Cut the rows of each name at pauses and stops of so long ("5min", or s), and at
             jumps that no car makes, into trips called `name/1`, `name/2`, ...
         threads: How many trips side by side; None: one for each core this process may use.
@@ -79,8 +91,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, sensors=sensors, split=split, threads=threads,
-            progress=progress,
+            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors,
+            places=places, split=split, threads=threads, progress=progress,
         )
     )  # fmt: skip
     return joined(parts)
@@ -88,7 +100,7 @@ def match_many(
 
 def match_stream(
     table: Any,
-    roads: RoadMap | str | Path,
+    roads: RoadMap | RoadMaps | str | Path,
     *,
     drive_id: str = "drive_id",
     vehicle: Vehicle | str | Path | None = None,
@@ -96,7 +108,10 @@ def match_stream(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
+    places: Any = None,
     split: str | float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -112,8 +127,11 @@ def match_stream(
     if threads is not None and threads < 1:
         raise SettingError(f"threads is {threads}; at least 1 was expected")
     workers = threads or cores()
-    job = job_of(roads, vehicle, settings, lag, attributes, crs)._replace(sensors=tuple(sensors))
-    own = Sensed(sensors, job.roads).columns if sensors else {}
+    own, drive_id = own_names(columns, drive_id)
+    job = job_of(
+        roads, vehicle, settings, lag, attributes, crs, split=split is not None, columns=own, tz=tz
+    ).with_more(sensors, places)
+    own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
@@ -126,7 +144,7 @@ def match_stream(
 
 def match_batches(
     batches: Any,
-    map: RoadMap | str | Path,
+    map: RoadMap | RoadMaps | str | Path,
     *,
     give: Give = "path",
     trip_id: str = "drive_id",
@@ -135,6 +153,9 @@ def match_batches(
     lag: Any = None,
     attributes: bool = False,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
+    sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     ordered: bool = False,
 ) -> Iterator[pa.RecordBatch]:
@@ -145,7 +166,8 @@ def match_batches(
     Args:
         batches: As the table of `match_many`; batches may end within trips.  All rows of a trip
             are in it, together.
-        map: The path of a map that the process sees; it is opened once.  Or a `RoadMap`.
+        map: The path of a map, or of a folder of maps, that the process sees; it is opened
+            once.  Or a `RoadMap`.
         give: Which table.  `slim` are points without poses: `SCHEMAS` has the columns of each.
         trip_id: The column that names the trip, as `drive_id` of `match_many`.
         vehicle: Of all trips.
@@ -153,6 +175,9 @@ def match_batches(
         lag: As in `match`.
         attributes: Whether the road's name, class and speed limit are added to points.
         crs: Reference system of `x, y` columns.
+        columns: Own names of columns, as in `match_many`.
+        tz: Likewise.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the batches.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
             as behind a sort: reading them takes less time.
@@ -168,7 +193,12 @@ def match_batches(
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     wanted = frozenset(("points" if give == "slim" else give,))
-    job = job_of(map, vehicle, settings, lag, attributes and give == "points", crs, wanted)
+    own, trip_id = own_names(columns, trip_id)
+    points = attributes and give == "points"
+    job = job_of(
+        map, vehicle, settings, lag, points, crs, wanted, split=split is not None, columns=own,
+        tz=tz,
+    ).with_more(sensors, None)  # fmt: skip
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
         for batch in table.combine_chunks().to_batches():
@@ -177,35 +207,49 @@ def match_batches(
 
 
 def match_tables(
-    batches: Any, job: Job, trip_id: str, split: float | None, *, ordered: bool
+    batches: Any, job: Job | MapsJob, trip_id: str, split: float | None, *, ordered: bool
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split)
+        chunks = ordered_batches(batches, trip_id, split=split, own=job.own_columns())
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True)
+        own = job.own_columns()
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own)
     for chunk in chunks:
         yield job.tables(chunk)
 
 
 def slim(points: pa.Table) -> pa.Table:
     """Points without poses: time, road, place on it and probabilities."""
-    return points.select(SLIM.names)
+    return points.select([*SLIM.names, *({MAP.name} & set(points.column_names))])
 
 
 def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
-    give: frozenset[str] = ALL,
-) -> Job:  # fmt: skip
-    """What all trips share.
+    give: frozenset[str] = ALL, *, split: bool = False,
+    columns: Mapping[str, str | int] | None = None, tz: str | None = None,
+) -> Job | MapsJob:  # fmt: skip
+    """What all trips share; `split`: they are parts already.
 
     Raises:
+        ReadError: There is no such zone.
         MapError: The map is not one.
         SettingError: A setting is out of bounds.
     """
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
-    return Job(shared_map(roads), vehicle, settings, Lag.of(lag), attributes, crs, give)
+    zone_of(tz)
+    maps = shared_maps(Path(roads)) if is_folder(roads) else roads
+    one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
+    job = Job(
+        one, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {}, tz=tz
+    )
+    return MapsJob(maps, job, split) if isinstance(maps, RoadMaps) else job
+
+
+def is_folder(roads: Any) -> bool:
+    """Whether this names a folder of maps."""
+    return isinstance(roads, str | Path) and Path(roads).is_dir()
 
 
 def _in_order(

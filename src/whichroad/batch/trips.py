@@ -6,7 +6,7 @@ anything to report of their reading.  Others are read one by one, with the same 
 A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,47 +18,81 @@ from ..epochs import Timeline, epochs_of_fixes
 from ..errors import SettingError, WhichroadError
 from ..filter.state import CLOCK, new_epochs
 from ..matching import are_near, timeline_of, tuned_by
-from ..observations import Drive
+from ..places import Places, places_on
 from ..readers import drive_from_table
+from ..readers.dates import zone_of
 from ..readers.many_trips import APART, TripBatch
 from ..readers.regular_trips import batched_fixes
 from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
-from ..sensed import Sensed
+from ..sensed import Sensed, checked, columns_of
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.provenance import with_map
+from ..tables.relative_places import Surroundings, relative_schema
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
 from ..traversals import traversals
 from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
-ALL = frozenset(("points", "path", "drives"))
+ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
+_NONE = relative_schema(None).empty_table()
+AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are given
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"
 )
 
 
-class Tables(NamedTuple):
-    """Estimates of many trips."""
+class _Tables(NamedTuple):
+    points: pa.Table
+    path: pa.Table
+    drives: pa.Table
 
-    points: pa.Table  # one row per epoch, `tables.schema.POINTS`
-    path: pa.Table  # one row per edge driven, `tables.schema.PATH`
-    drives: pa.Table  # one row per trip, `tables.schema.DRIVES`, also where there is no answer
+
+class Tables(_Tables):
+    """Estimates of many trips.
+
+    Attributes:
+        points: One row per epoch, `tables.schema.POINTS`.
+        path: One row per edge driven, `tables.schema.PATH`.
+        drives: One row per trip, `tables.schema.DRIVES`, also where there is no answer.
+        ahead: Of `places=`: one row per epoch and place that lies ahead.
+        nearby: Likewise of those within a circle.
+    """
+
+    ahead: pa.Table
+    nearby: pa.Table
+
+    def __new__(
+        cls, points: pa.Table, path: pa.Table, drives: pa.Table, ahead: pa.Table = _NONE,
+        nearby: pa.Table = _NONE,
+    ) -> "Tables":  # fmt: skip
+        """Three tables, and two that stand beside them."""
+        self = super().__new__(cls, points, path, drives)
+        self.ahead, self.nearby = ahead, nearby
+        return self
+
+    def every(self) -> tuple[pa.Table, ...]:
+        """All five, in the order of the arguments."""
+        return (*self, self.ahead, self.nearby)
 
     def __repr__(self) -> str:
-        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in self._asdict().items())
+        names = (*self._fields, "ahead", "nearby")
+        tables = zip(names, self.every(), strict=True)
+        shown = [(n, t) for n, t in tables if n in self._fields or len(t)]
+        return ", ".join(f"{name}: {counted(len(t), 'row')}" for name, t in shown)
 
 
 def joined(parts: Sequence[Tables]) -> Tables:
     """Tables one after the other."""
     if not parts:
         return Tables(POINTS.empty_table(), PATH.empty_table(), DRIVES.empty_table())
-    return Tables(*(pa.concat_tables(column) for column in zip(*parts, strict=True)))
+    columns = zip(*(part.every() for part in parts), strict=True)
+    return Tables(*(pa.concat_tables(column) for column in columns))
 
 
 class _Answer(NamedTuple):
@@ -66,12 +100,15 @@ class _Answer(NamedTuple):
 
     names: list[str]
     batch: Batch
-    drive: Drive | None  # of one trip; None: there is nothing to report of their reading
+    skipped: list[dict[str, int]]  # of each, rows by reason
+    notes: list[tuple[str, ...]]  # of each
+    outside: list[int]  # of each, how many fixes are off the map
 
     def each(self) -> "list[_Answer]":
         """One by one."""
         batches = self.batch.each() if len(self.names) > 1 else [self.batch]
-        return [_Answer([n], b, self.drive) for n, b in zip(self.names, batches, strict=True)]
+        parts = zip(self.names, batches, self.skipped, self.notes, self.outside, strict=True)
+        return [_Answer([n], b, [s], [t], [o]) for n, b, s, t, o in parts]
 
 
 class _Failure(NamedTuple):
@@ -86,11 +123,13 @@ class _Failure(NamedTuple):
 
 
 class _Regular(NamedTuple):
-    """The regular trips of a chunk: those with nothing to report of their reading."""
+    """The regular trips of a chunk: those of which nothing was skipped."""
 
     epochs: Records  # (n,) EPOCH of all, one after the other
     first: NDArray[np.int64]  # (trips + 1,) where those of each trip of the chunk begin
     usable: NDArray[np.bool_]  # (trips,) whether they are its epochs
+    outside: NDArray[np.int64]  # (trips,) how many of them are off the map
+    notes: dict[int, tuple[str, ...]]  # by trip, of the usable ones
 
 
 class Job(NamedTuple):
@@ -104,12 +143,34 @@ class Job(NamedTuple):
     crs: Any = None
     give: frozenset[str] = ALL  # tables that are made; the others come out empty
     sensors: tuple[Sensor, ...] = ()
+    columns: Mapping[str, str | int] = {}  # own names, as `names.find` takes them
+    tz: str | None = None  # of times that name no zone
+    places: Places | None = None
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What results name as their map."""
+        return self.roads.identity
+
+    def with_more(self, sensors: Sequence[Sensor], places: Any) -> "Job":
+        """The job with further sensors and with places, as `match` takes them.
+
+        Raises:
+            ReadError: It is no table of places.
+            SettingError: A sensor is none, or there is no place.
+        """
+        return self._replace(sensors=checked(sensors), places=places_on(places, self.roads))
+
+    def own_columns(self) -> dict[str, str | int]:
+        """Own names of columns, and the columns that the sensors read by the alias they need."""
+        return {**self.columns, **columns_of(self.sensors)}
 
     def tables(self, chunk: TripBatch) -> Tables:
         """The tables of the trips of a chunk."""
-        made = self._tables(chunk)
+        points, path, drives, *about = self._tables(chunk).every()
         if chunk.again or chunk.standing:
-            made = made._replace(drives=_remarked(made.drives, chunk))
+            drives = _remarked(drives, chunk)
+        made = (points, path, drives, *about)
         return Tables(*(with_map(table, self.roads.identity) for table in made))
 
     def _tables(self, chunk: TripBatch) -> Tables:
@@ -126,7 +187,7 @@ class Job(NamedTuple):
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as possible."""
         regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
-        batched = self.lag is None and not self.sensors
+        batched = self.lag is None and not self.sensors and self.places is None
         single = np.flatnonzero(~regular.usable if batched else np.ones(trips))
         while trip < trips:
             end = int(next(iter(single[single >= trip]), trips))
@@ -141,18 +202,21 @@ class Job(NamedTuple):
     def _regular(self, chunk: TripBatch) -> _Regular:
         """The epochs of the trips that need not be read alone."""
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
-        read = batched_fixes(chunk.table, first[:-1], self.settings or Settings())
-        if read is None or not len(read[0]):
-            return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable)
-        fixes, regular = read
+        outside = np.zeros(len(chunk.names), np.int64)
+        read = batched_fixes(
+            chunk.table, first[:-1], self.settings or Settings(), self.columns, zone_of(self.tz)
+        )
+        if read is None or not len(read.fixes):
+            return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable, outside, {})
+        fixes, regular, notes = read
         begin = np.cumsum([0, *np.where(regular, np.diff(first), 0)])
         own = begin[:-1][regular]
         epochs, apart = epochs_of_fixes(fixes, own.tolist(), self.roads.plane)
-        near = are_near(fixes.lat_deg[own], fixes.lon_deg[own], self.roads)
-        if not near.all():  # one fix of each is enough
-            near = np.logical_or.reduceat(are_near(fixes.lat_deg, fixes.lon_deg, self.roads), own)
-        usable[regular] = apart & near
-        return _Regular(epochs, begin, usable & [name != "" for name in chunk.names])
+        near = are_near(fixes.lat_deg, fixes.lon_deg, self.roads, epochs.fix[:, :2])
+        outside[regular] = np.add.reduceat(~near, own, dtype=np.int64)
+        usable[regular] = apart & np.logical_or.reduceat(near, own)
+        usable &= [name != "" for name in chunk.names]
+        return _Regular(epochs, begin, usable, outside, notes)
 
     def _batch(
         self, names: list[str], regular: _Regular, trip: int, end: int, vehicle: Vehicle,
@@ -169,7 +233,12 @@ class Job(NamedTuple):
             )
         except Exception:  # find out which trip is the cause
             return None
-        return batch and _Answer(names[trip : trip + len(batch.first) - 1], batch, None)
+        if batch is None:
+            return None
+        end = trip + len(batch.first) - 1
+        notes = [regular.notes.get(k, ()) for k in range(trip, end)]
+        outside = regular.outside[trip:end].tolist()
+        return _Answer(names[trip:end], batch, [{}] * (end - trip), notes, outside)
 
     def _answer(
         self, chunk: TripBatch, regular: _Regular, trip: int, vehicle: Vehicle, settings: Settings
@@ -180,7 +249,7 @@ class Job(NamedTuple):
             rows = f"{high - low:,} rows name no trip"
             return _Failure(name, f"{rows}; a drive_id in every row was expected")
         try:
-            drive = None
+            skipped, notes, outside = {}, regular.notes.get(trip, ()), int(regular.outside[trip])
             sensed = Sensed(self.sensors, self.roads) if self.sensors else None
             if regular.usable[trip] and sensed is None:
                 begin, end = regular.first[trip : trip + 2]
@@ -189,18 +258,20 @@ class Job(NamedTuple):
                 rows_ = chunk.table.slice(low, high - low)
                 drive = drive_from_table(
                     rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs,
-                    columns=sensed and sensed.columns,
+                    columns={**self.columns, **(sensed.columns if sensed else {})}, tz=self.tz,
                 )[0]  # fmt: skip
-                timeline = timeline_of(drive, self.roads, vehicle, sensed=sensed)
+                timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:
                     drive = sensed.reported(drive)
+                skipped, notes = dict(drive.skipped), drive.notes
             recorded = localize_recorded(
-                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag
-            )
+                self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
+                poses=self.places is not None,
+            )  # fmt: skip
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
             batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])
-            return _Answer([name], batch, drive)
+            return _Answer([name], batch, [skipped], [notes], [outside])
         except SettingError:
             raise  # it is the caller's, not the trip's
         except WhichroadError as error:
@@ -222,9 +293,10 @@ class Job(NamedTuple):
         )
         found = [a for a in answers if isinstance(a, _Answer)]
         columns = pa.schema([*POINTS, *ATTRIBUTES]) if self.attributes else POINTS
-        made = Tables(columns.empty_table(), PATH.empty_table(), drives)
+        about = self._about(found)
+        points, path = columns.empty_table(), PATH.empty_table()
         if not found or self.give == {"drives"}:
-            return made
+            return Tables(points, path, drives, *about)
         names = [name for a in found for name in a.names]
         batch = one_batch([a.batch for a in found])
         if "points" in self.give:
@@ -232,11 +304,21 @@ class Job(NamedTuple):
                 names, batch.epochs, batch.output, self.roads, attributes=self.attributes,
                 first=batch.first[:-1],
             )  # fmt: skip
-            made = made._replace(points=points)
         if "path" in self.give:
             path = path_table(names, batch.driven, self.roads, batch.first_edge)
-            made = made._replace(path=path)
-        return made
+        return Tables(points, path, drives, *about)
+
+    def _about(self, found: Sequence[_Answer]) -> tuple[pa.Table, pa.Table]:
+        """The places ahead of and near to each epoch, where they are asked for."""
+        empty = relative_schema(self.places).empty_table()
+        if self.places is None or not found:
+            return empty, empty
+        about = [
+            Surroundings(a.names[0], a.batch.epochs, a.batch.output, self.places) for a in found
+        ]
+        ahead = [one.ahead(AHEAD_M) for one in about if "ahead" in self.give]
+        nearby = [one.nearby(NEARBY_M) for one in about if "nearby" in self.give]
+        return pa.concat_tables([empty, *ahead]), pa.concat_tables([empty, *nearby])
 
 
 def _unexpected(error: Exception) -> str:
@@ -245,24 +327,33 @@ def _unexpected(error: Exception) -> str:
 
 def _remarked(drives: pa.Table, chunk: TripBatch) -> pa.Table:
     """The rows of a chunk's trips, with what its reading has to say of some."""
-    rows = drives.to_pylist()
-    for k in chunk.again:
-        rows[k]["notes"] = [*rows[k]["notes"], _AGAIN]
+    rows = noted(drives, {k: [_AGAIN] for k in chunk.again}).to_pylist()
     for k, standing in chunk.standing.items():
         rows[k]["skipped"] = [*rows[k]["skipped"], (STANDING, standing)]
+    return pa.Table.from_pylist(rows, DRIVES)
+
+
+def noted(drives: pa.Table, notes: Mapping[int, list[str]]) -> pa.Table:
+    """The rows of trips, some of them with further notes."""
+    if not notes:
+        return drives
+    rows = drives.to_pylist()
+    for k, more in notes.items():
+        rows[k]["notes"] = [*rows[k]["notes"], *more]
     return pa.Table.from_pylist(rows, DRIVES)
 
 
 def _failed_row(failure: _Failure) -> pa.Table:
     """A trip without an answer as a row of `tables.schema.DRIVES`."""
     row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
-           "fixes": 0, "epochs_without_answer": 0, "skipped": [], "notes": []}  # fmt: skip
+           "fixes": 0, "epochs_without_answer": 0, "fixes_outside_map": 0, "skipped": [],
+           "notes": []}  # fmt: skip
     return pa.Table.from_pylist([row], DRIVES)
 
 
 def _drive_rows(answer: _Answer) -> pa.Table:
     """Trips as rows of `tables.schema.DRIVES`."""
-    batch, drive, d = answer.batch, answer.drive, len(answer.names)
+    batch, d = answer.batch, len(answer.names)
     columns: dict[str, Any] = dict(
         figures_of(batch.epochs, batch.output, batch.first, batch.driven, batch.first_edge)
     )
@@ -271,8 +362,9 @@ def _drive_rows(answer: _Answer) -> pa.Table:
         "drive_id": answer.names,
         "answered": answered,
         "reason": pa.array(["no epoch could be matched"] * d, mask=answered),
-        "skipped": [list(drive.skipped.items()) if drive else []] * d,
-        "notes": [list(drive.notes) if drive else []] * d,
+        "fixes_outside_map": answer.outside,
+        "skipped": [list(skipped.items()) for skipped in answer.skipped],
+        "notes": [list(notes) for notes in answer.notes],
     }
     return pa.Table.from_arrays(
         [pa.array(columns[field.name], field.type) for field in DRIVES], schema=DRIVES

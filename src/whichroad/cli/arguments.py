@@ -1,6 +1,8 @@
 """What several commands ask for, and how its text is understood."""
 
+import importlib
 import math
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +14,7 @@ from ..moments import Moment, parse_window
 
 if TYPE_CHECKING:
     from ..observations import StartPose
+    from ..sensors import Sensor
 
 
 class Model(StrEnum):
@@ -62,6 +65,15 @@ DbcOption = Annotated[
 VehicleOption = Annotated[
     Path | None, typer.Option("--vehicle", help="Vehicle description (vehicle.toml).")
 ]
+SensorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--sensor",
+        metavar="NAME",
+        help="A further sensor: a class of whichroad.sensors, such as Height or Sky, or your own "
+        "as module:Class. May be repeated.",
+    ),
+]
 CrsOption = Annotated[
     str | None,
     typer.Option("--crs", help="Coordinate system of columns x and y, such as EPSG:3067."),
@@ -98,6 +110,39 @@ def read_columns(texts: list[str] | None) -> dict[str, str | int]:
             )
         own[name.strip()] = column.strip()
     return own
+
+
+def read_sensors(texts: list[str] | None) -> "list[Sensor]":
+    """`--sensor` as sensors: classes of whichroad.sensors, or `module:Class`, without arguments.
+
+    Raises:
+        BadParameter: There is no such class, or it cannot be made so.
+    """
+    from .. import sensors
+
+    found = []
+    for text in texts or ():
+        module, colon, name = text.rpartition(":")
+        here = [
+            n for n, one in vars(sensors).items() if isinstance(one, type) and "rows" in vars(one)
+        ]
+        if not colon and name not in here:
+            raise typer.BadParameter(
+                f"--sensor is {text!r}; one of {', '.join(sorted(set(here) - {'Sensor'}))}, or "
+                "module:Class was expected"
+            )
+        try:
+            sys.path.insert(0, "")
+            made = getattr(importlib.import_module(module) if colon else sensors, name)()
+        except (ImportError, AttributeError, TypeError, ValueError) as error:
+            raise typer.BadParameter(
+                f"--sensor is {text!r}: {error}; a class that is made without arguments was "
+                "expected, as in docs/tutorials/add-a-sensor.md"
+            ) from None
+        finally:
+            sys.path.remove("")
+        found.append(made)
+    return found
 
 
 def read_start(text: str | None) -> "StartPose | tuple[float, float, float] | str | None":

@@ -1,11 +1,13 @@
 """Console output of the commands: a line of progress, names and values."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import typer
+
+_UNITS = {"m": "m", "s": "s", "deg": "degrees", "km": "km"}  # behind the names of figures
 
 
 @contextmanager
@@ -31,13 +33,35 @@ def progress_line() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def print_table(title: str, rows: Iterable[tuple[str, Any]]) -> None:
-    """Names and values, one a line."""
-    texts = [(str(name).replace("_", " "), _text(value)) for name, value in rows]
+def print_table(
+    title: str, rows: Iterable[tuple[str, Any]], meanings: Mapping[str, str] | None = None
+) -> None:
+    """Names and values, one a line, and behind them what they mean.
+
+    Args:
+        title: The line above.
+        rows: The names, which may end in a unit, and the values.
+        meanings: By the end of the name; None: none is printed.
+    """
+    rows = list(rows)
+    texts = [_with_unit(str(name), value) for name, value in rows]
     width = max((len(name) for name, _ in texts), default=0)
     typer.echo(title)
-    for name, text in texts:
-        typer.echo(f"  {name:<{width}}  {text}")
+    wide = max((len(text) for _, text in texts), default=0)
+    for (name, text), (key, _) in zip(texts, rows, strict=True):
+        said = (meanings or {}).get(key.removeprefix("outage_"))
+        typer.echo(
+            f"  {name:<{width}}  {text:<{wide}}  {said}" if said else f"  {name:<{width}}  {text}"
+        )
+
+
+def _with_unit(name: str, value: Any) -> tuple[str, str]:
+    """A name in words, and its value with the unit that ends the name."""
+    bare, _, last = name.rpartition("_")
+    unit = _UNITS.get(last) if bare and type(value) in (int, float) else None
+    if unit is None:
+        return name.replace("_", " "), _text(value)
+    return bare.replace("_", " "), f"{_text(value)} {unit}"
 
 
 def _text(value: Any) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..wording import counted
-from .arguments import CrsOption, MapOption, VehicleOption
+from .arguments import CrsOption, SensorOption, VehicleOption, read_sensors
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -25,7 +25,14 @@ def fleet(
             "a query of DuckDB that begins with SELECT, FROM or WITH.",
         ),
     ],
-    roads: MapOption,
+    roads: Annotated[
+        Path,
+        typer.Option(
+            "--map",
+            help="A map, as of `whichroad match`, or a folder of compiled maps. Each trip takes "
+            "the map of a folder that holds it.",
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the tables.")],
     trip_id: Annotated[
         str,
@@ -58,6 +65,14 @@ def fleet(
         str | None, typer.Option(metavar="S|full", help="Smoothing, as for `whichroad match`.")
     ] = None,
     crs: CrsOption = None,
+    sensor: SensorOption = None,
+    places: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table of point objects, such as signs: write those within 500 m ahead and "
+            "within 50 m (folders `ahead`, `nearby`)."
+        ),
+    ] = None,
     memory: Annotated[
         str, typer.Option(help="Memory limit of the sort; the rest goes to disk.")
     ] = "512MB",
@@ -76,8 +91,8 @@ def fleet(
 
         summary = run_fleet(
             trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
-            vehicle=vehicle, lag=lag, crs=crs, workers=workers, memory=memory, resume=resume,
-            progress=tell,
+            vehicle=vehicle, lag=lag, crs=crs, sensors=read_sensors(sensor), places=places,
+            workers=workers, memory=memory, resume=resume, progress=tell,
         )  # fmt: skip
     print_fleet(summary)
 

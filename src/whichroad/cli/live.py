@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingError, comes_with
-from .arguments import MapOption, TilesBy, Token, check_token, read_start
+from .arguments import (
+    MapOption,
+    SensorOption,
+    TilesBy,
+    Token,
+    check_token,
+    read_sensors,
+    read_start,
+)
 from .console import progress_line
 from .live_vehicles import Fittings, named, own_file
 
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
     from ..live.vehicle_run import Fitted
     from ..observations import Drive
     from ..roadmap import RoadMap
+    from ..sensors import Sensor
     from ..settings import Settings, Vehicle
 
 _OUT = re.compile(r"(tcp|udp)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
@@ -111,11 +120,12 @@ def live(
     ] = None,
     tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
+    sensor: SensorOption = None,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
     from ..writers import check_apart
 
-    pose, factor = read_start(start), _speed(speed)
+    pose, factor, more = read_start(start), _speed(speed), read_sensors(sensor)
     recorded = record and record / "fixes.arrow"
     fittings = Fittings(named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out))
     names = fittings.names
@@ -130,12 +140,12 @@ def live(
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         first = names[0]
-        plan = _plan(roads, _path(fittings.one("vehicle", first)), pose, lag)
+        plan = _plan(roads, _path(fittings.one("vehicle", first)), pose, lag, more)
         plan.name = first
-        plan.recording = _recorded(play, fittings, plan.localizer.vehicle)
+        plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
         if plan.recording is None:
             plan.nmea, plan.can = _inputs(fittings, first)
-        plan.others = [_other(plan, fittings, name, lag) for name in names[1:]]
+        plan.others = [_other(plan, fittings, name, lag, more) for name in names[1:]]
         plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
         vehicles: list[Plan | Fitted] = [plan, *plan.others]
         for one in vehicles:
@@ -152,7 +162,9 @@ def live(
     serve(plan)
 
 
-def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "Plan":
+def _plan(
+    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]"
+) -> "Plan":
     """The filter on its map, warm."""
     with comes_with("live", "live"):
         from ..live.server import Plan
@@ -162,7 +174,9 @@ def _plan(roads: Path, vehicle: Path | None, start: Any, lag: float | None) -> "
 
     car, settings = _car(vehicle)
     network = open_map(roads, check=True)
-    localizer = Localizer(network, vehicle=car, settings=settings, start=start, lag=lag)
+    localizer = Localizer(
+        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors
+    )
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
 
 
@@ -193,7 +207,9 @@ def _nmea_outputs(sinks: list[tuple[str, str, int]]) -> "list[NmeaOutput]":
     return [NmeaOutput(*sink) for sink in sinks]
 
 
-def _recorded(play: list[Path] | None, fittings: Fittings, car: "Vehicle") -> "Drive | None":
+def _recorded(
+    play: list[Path] | None, fittings: Fittings, car: "Vehicle", sensors: "list[Sensor]"
+) -> "Drive | None":
     """The recorded drive, where files were given."""
     nmea = [one for given in fittings.nmea.values() for one in given]
     can = [one for given in fittings.can.values() for one in given]
@@ -210,7 +226,12 @@ def _recorded(play: list[Path] | None, fittings: Fittings, car: "Vehicle") -> "D
     from ..readers import read_drive
 
     dbc = _path(fittings.one("dbc", fittings.names[0]))
-    drives = read_drive(files, vehicle=car, can=can_files[0] if can_files else None, dbc=dbc)
+    from ..sensed import columns_of
+
+    drives = read_drive(
+        files, vehicle=car, can=can_files[0] if can_files else None, dbc=dbc,
+        columns=columns_of(sensors),
+    )  # fmt: skip
     if len(drives) > 1:
         raise typer.BadParameter(f"{len(drives)} drives are in the files; one was expected")
     return drives[0]
@@ -239,13 +260,17 @@ def _inputs(
     return nmea, can
 
 
-def _other(plan: "Plan", fittings: Fittings, name: str | None, lag: float | None) -> "Fitted":
+def _other(
+    plan: "Plan", fittings: Fittings, name: str | None, lag: float | None, sensors: "list[Sensor]"
+) -> "Fitted":
     """A further vehicle on the map of the first."""
     from ..live.vehicle_run import Fitted
     from ..online import Localizer
 
     car, settings = _car(_path(fittings.one("vehicle", name)))
-    localizer = Localizer(plan.localizer.roads, vehicle=car, settings=settings, lag=lag)
+    localizer = Localizer(
+        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors
+    )
     nmea, can = _inputs(fittings, name)
     return Fitted(localizer, name, nmea, can)
 

@@ -44,10 +44,15 @@ def match_trips(
         DriveError: No trip could be answered.
     """
     from ..batch import match_stream
+    from ..readers.many_trips import zone_note
     from ..roadmap import open_map
     from ..tables.schema import thinned
     from ..writers.stream import growing
 
+    drive_id, columns = options["drive_id"], options["columns"]
+    note = zone_note(table, drive_id, columns) if options["tz"] is None else None
+    if note:
+        typer.echo(f"note: {note}", err=True)
     trips: list[pa.Table] = []
     with progress_line() as progress, ExitStack() as files:
         points = out and files.enter_context(growing(out, force=force))
@@ -70,12 +75,19 @@ def match_trips(
 
 def _print_summary(table: Path, parts: "list[pa.Table]") -> None:
     """How many trips were answered; why others were not goes to the standard error."""
+    from ..roadmap.extent import outside_note
+
     rows = [row for part in parts for row in part.to_pylist()]
     skipped: Counter[str] = Counter()
     for row in rows:
         skipped.update(dict(row["skipped"] or ()))
     for reason, count in skipped.items():
         typer.echo(f"skipped: {reason}: {count:,}", err=True)
+    noted = Counter(note for row in rows for note in row["notes"] or ())
+    for note, count in noted.most_common(_MOST_PRINTED):
+        typer.echo(f"note: {counted(count, 'trip')}: {note}", err=True)
+    if outside := sum(row["fixes_outside_map"] for row in rows):
+        typer.echo(f"note: {outside_note(outside, sum(row['fixes'] for row in rows))}", err=True)
     unanswered = [row for row in rows if not row["answered"]]
     for row in unanswered[:_MOST_PRINTED]:
         name = row["drive_id"] or "(no name)"

@@ -8,7 +8,7 @@ import typer
 
 from ..errors import DriveError, SettingError
 from ..wording import counted
-from .arguments import (  # fmt: skip
+from .arguments import (
     CanOption,
     ColumnsOption,
     CrsOption,
@@ -17,9 +17,11 @@ from .arguments import (  # fmt: skip
     IdOption,
     MapOption,
     Model,
+    SensorOption,
     VehicleOption,
     ZoneOption,
     read_columns,
+    read_sensors,
     read_start,
     read_window,
 )
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 _EACH = 4  # drives printed one by one; of more only their sums
 _OF_ALL = ("drives", "epochs", "epochs_without_answer", "path_m")
-_PRINTED_APART = ("skipped", "notes", "diagnosis")
+_PRINTED_APART = ("skipped", "notes", "diagnosis", "fixes_outside_map")
 _LABELS = {  # what people read; the way first, as its parts share its probability at junctions
     "mean_p_way": "mean P of the way",
     "mean_p_road": "mean P of the edge",
@@ -137,10 +139,11 @@ def match(
         Path | None,
         typer.Option(help="Likewise the places within 50 m in a straight line."),
     ] = None,
+    sensor: SensorOption = None,
     force: Force = False,
 ) -> None:
     """Match a recorded drive to the road network, with probabilities."""
-    own = read_columns(columns)
+    own, more = read_columns(columns), read_sensors(sensor)
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
     from .. import writers
 
@@ -163,21 +166,29 @@ def match(
     from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
+    from ..sensed import columns_of
     from ..tables.schema import thinned
 
-    defaults = not (can or dbc or start or mask or report or lineage or own or tz or places)
+    defaults = not (can or dbc or start or mask or report or lineage or places)
     defaults = defaults and model is Model.default
-    if len(drive) == 1 and defaults and are_many(drive[0], id_):
+    if len(drive) == 1 and defaults and are_many(drive[0], id_, own):
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
-            drive_id=id_ or "drive_id",
+            drive_id=id_ or "drive_id", columns=own, tz=tz, sensors=more,
         )  # fmt: skip
     with progress_line() as progress:
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
         progress("reading the drive", 0, 0)
         drives = read_drive(
-            drive, vehicle=car, dbc=dbc, can=can, crs=crs, id=id_, columns=own, tz=tz
+            drive,
+            vehicle=car,
+            dbc=dbc,
+            can=can,
+            crs=crs,
+            id=id_,
+            columns=own | columns_of(more),
+            tz=tz,
         )
         if (report or lineage) is not None and len(drives) > 1:
             raise DriveError(
@@ -192,7 +203,7 @@ def match(
         result = matching.match(
             drives, network, vehicle=car, model=model.value, start=pose, mask=windows,
             attributes=attributes, hypotheses=report is not None, lag=lag, progress=progress,
-            places=about,
+            places=about, sensors=more,
         )  # fmt: skip
         progress("writing", 0, 0)
         _write(result, out, every, force)
@@ -252,8 +263,10 @@ def print_summary(result: "Result") -> None:
         if outside := one.get("fixes_outside_map"):
             fixes = one["fixes"] + one["fixes_masked"]
             typer.echo(f"note: {one['drive_id']}: {outside_note(outside, fixes)}", err=True)
-    for finding in (finding for one in each for finding in one.get("diagnosis", ())):
-        typer.echo(_finding_line(finding), err=True)
+    for one in each:
+        whose = f"{one['drive_id']}: " if len(each) > 1 else ""
+        for finding in one.get("diagnosis", ()):
+            typer.echo(f"{whose}{_finding_line(finding)}", err=True)
     if len(each) > _EACH:
         print_table("all", [(name, result.summary[name]) for name in _OF_ALL])
     for one in each if len(each) <= _EACH else ():

@@ -100,13 +100,14 @@ def evaluate(
 ) -> None:
     """Score a result against the known truth."""
     from ..evaluate import score_files
+    from ..evaluate.score import MEANINGS
 
     own = {name: str(column) for name, column in read_columns(columns).items()}
     windows = [read_window(text) for text in mask or ()]
     with progress_line() as progress:
         progress("comparing", 0, 0)
         scored = score_files(result, truth, mask=windows, columns=own)
-    print_table(f"{result} against {truth}", scored.figures.items())
+    print_table(f"{result} against {truth}", scored.figures.items(), MEANINGS)
     for note in scored.notes:
         typer.echo(f"note: {note}", err=True)
     if scored.further:

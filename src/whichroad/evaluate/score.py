@@ -212,6 +212,33 @@ FURTHER = {
 }
 """Columns that an answer may lack, and the figures that each would add."""
 
+MEANINGS = {
+    "epochs": "rows that were compared",
+    "rmse_m": "position error (RMS)",
+    "median_m": "half of the errors are smaller",
+    "p95_m": "95 % of the errors are smaller",
+    "along_rmse_m": "error along the direction of motion (RMS)",
+    "cross_rmse_m": "error across it (RMS)",
+    "heading_rmse_deg": "error of the bearing (RMS)",
+    "anees": "squared error over the stated one: 1 is right, more is too sure",
+    "anees_pose": "the same with the bearing",
+    "inside_50": "share of the truth inside the 50 % ellipse",
+    "inside_90": "inside the 90 % ellipse",
+    "inside_95": "inside the 95 % ellipse",
+    "inside_99": "inside the 99 % ellipse",
+    "map_rmse_m": "position error in the map's frame (RMS)",
+    "right_edge": "share of epochs on the right road, within 10 m of travel",
+    "right_edge_strict": "the same without those 10 m",
+    "abscissa_rmse_m": "error of the place along the road (RMS)",
+    "brier": "squared error of P(road): 0 is best",
+    "calibration_error": "gap between P(road) and how often it is right",
+    "sure": "share of epochs with P(road) of 0.999 or more",
+    "sure_wrong": "share of those on a wrong road",
+    "p_off_on_road": "mean P(off road) while on mapped roads",
+    "p_off_off_road": "mean P(off road) while off them",
+}
+"""What the figures mean, in words."""
+
 
 def further_columns(
     figures: Mapping[str, float | int],

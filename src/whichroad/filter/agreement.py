@@ -9,9 +9,9 @@ from .sources import ARC, COURSE, SPEED, TURN
 from .windows import (
     CLOCK,
     WHEELS,
+    Courses,
     Seen,
     between,
-    course_between,
     far_enough,
     needed,
     turn_of_places,
@@ -117,7 +117,7 @@ def weigh_distances(
 
 @kernel
 def weigh_courses(
-    vetting: Record, first: int, last: int, seen: Seen, steered: bool, since: float
+    vetting: Record, courses: Courses, seen: Seen, steered: bool, since: float
 ) -> float:
     """Courses against the direction of the fixes; returns the turn by those believed, rad.
 
@@ -126,15 +126,14 @@ def weigh_courses(
 
     Args:
         vetting: In place.
-        first: An anchor.
-        last: The newest one.
+        courses: Between two anchors.
         seen: Motion between the two.
         steered: Whether the odometry's turns are measured, and believed.
         since: s since they were compared last.
     """
-    course, turn, reported = course_between(vetting.windows, first, last)
-    if not reported:
+    if not courses.reported:
         return 0.0
+    course, turn = courses.mean, courses.turn
     wide = 3.0 * seen.sigma / max(seen.fixes, 1e-3)
     if seen.fixes >= needed(seen.sigma) and abs(turn) < 1.5:
         off = abs(wrap(seen.heading - course))
@@ -182,13 +181,13 @@ def _turn_by_fixes(windows: Record, last: int, scale: float, times: float) -> Tu
 
 
 @kernel
-def weigh_turns(vetting: Record, first: int, last: int, scale: float, since: float) -> None:
+def weigh_turns(
+    vetting: Record, courses: Courses, seen: Seen, last: int, scale: float, since: float
+) -> None:
     """Turns by odometry against those of fixes, or of courses where they are reported."""
     windows = vetting.windows
-    seen = between(windows, first, last, scale)
-    _, by_courses, reported = course_between(windows, first, last)
-    if reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
-        _weigh_turn(vetting, Turned(seen.turn, wrap(by_courses), seen.arc, 0.1), since)
+    if courses.reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
+        _weigh_turn(vetting, Turned(seen.turn, wrap(courses.turn), seen.arc, 0.1), since)
         return
     short = _turn_by_fixes(windows, last, scale, 1.0)
     long = _turn_by_fixes(windows, last, scale, _LONGER)

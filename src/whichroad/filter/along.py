@@ -64,7 +64,8 @@ def _move_to(
     shift = at - to.s
     shrink = variance / (to.sigma * to.sigma)
     segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, at)
-    heading = math.atan2(ny, nx)
+    knows = belief.state[0].knows_heading
+    heading = 0.0 if knows else math.atan2(ny, nx)  # of the road
     turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
     bent = min(abs(turn), _FULL_TURN)
     if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
@@ -75,7 +76,7 @@ def _move_to(
     mean = hyp.mu
     cov = hyp.cov
     q = Noise(noise.along + corner, 0.0, 0.0, noise.rate, 0.0, noise.cross)
-    if belief.state[0].knows_heading:
+    if knows:
         turn_by_road(mean, cov, turn_within(roads, edge, segment, to.begin, at), noise.heading)
     else:
         redraw(hyp, H, heading, _about_road(ctx, edge, segment, at))
@@ -137,7 +138,8 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        lateral, tx, ty = track(belief, ctx.roads, i)
+        track(belief, ctx.roads, i)
+        lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov
         s = begin + odometer * hyp.mu[K]

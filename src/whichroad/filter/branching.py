@@ -216,9 +216,9 @@ def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) ->
     for row in range(first, belief.state[0].count):
         child = belief.hyp[row]
         if child.edge != OFF_ROAD:
-            _, tx, ty = track(belief, ctx.roads, row)
+            track(belief, ctx.roads, row)
             if not belief.state[0].knows_heading:  # it is the road's
-                child.mu[H] = math.atan2(ty, tx)
+                child.mu[H] = math.atan2(child.tangent[1], child.tangent[0])
             left = ctx.roads.edges[child.edge].length - (s - child.scratch[OFFSET])
             child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
     return float(given)

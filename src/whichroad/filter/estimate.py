@@ -5,12 +5,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Array, Cube, Record, Records, entry, kernel
+from .._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ..graph.geometry import wrap
 from ..graph.network import records
 from .matched_pose import match_pose
 from .node_shares import share_out, take_back
-from .protection import Centre, set_levels
+from .protection import Centre, set_levels, set_odds
+from .ranking import rank
+from .ranks import ALTERNATIVES as ALTERNATIVES
 from .state import (
     MX,
     MY,
@@ -28,7 +30,6 @@ from .way import way_share
 
 ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 
-ALTERNATIVES = 6
 POSE = 13  # numbers of the pose of one, see `Output`
 
 LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
@@ -105,9 +106,22 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
         k: The epoch.
         chi2: Of its fix, 0 without.
     """
+    describe(belief, ctx, output, k, chi2, True)
+
+
+@kernel
+def describe(
+    belief: Belief, ctx: Context, output: Output, k: int, chi2: float, changed: bool
+) -> None:
+    """`summarise`; where nothing has changed but places, the ranking of before holds."""
     state = belief.state[0]
+    ranking = state.ranking
     out = output.rows[k]
-    off = _moments(belief, ctx, out)
+    if changed or ctx.par[0].paper:
+        ranking.known = 0
+    if ranking.known == 0:
+        set_odds(belief, ctx.par[0].protection_risk)
+    off = _moments(belief, out)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -116,33 +130,39 @@ def summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float)
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.live = state.count
     hypotheses = int(state.count)
-    if state.mode != WHEELS and not ctx.par[0].paper:
+    shared = state.mode != WHEELS and not ctx.par[0].paper
+    if shared:
         share_out(belief, ctx)
-    _rank(belief, output, k, unknown)
-    edge = out.alt_edge[0]
-    if edge == OFF_ROAD and out.alt_edge[1] >= 0 and off <= 0.5:
-        edge = out.alt_edge[1]
-    out.edge = edge
-    p_edge = 0.0
-    if edge >= 0:
-        best = -1
-        for i in range(state.count):
-            if belief.hyp[i].edge == edge:
-                p_edge += belief.hyp[i].weight
-                if best < 0 or belief.hyp[i].log_weight > belief.hyp[best].log_weight:
-                    best = i
-        match_pose(belief, ctx, out, best, p_edge)
-        p_edge *= 1.0 - unknown
+    if ranking.known == 0 or ranking.unknown != unknown:
+        rank(belief, ctx, off, unknown)
+    ranking.known = not shared
+    _name_edges(belief, ctx, output, k)
+    take_back(belief, hypotheses)
+    out.status = _status(state, ctx.par[0], off, out.p_way, out.p_way + ranking.facing)
+
+
+@kernel(inline=True)
+def _name_edges(belief: Belief, ctx: Context, output: Output, k: int) -> None:
+    """Write the ranked edges, the pose on the most probable one, P of it and of its way."""
+    out = output.rows[k]
+    ranking = belief.state[0].ranking
+    for a in range(ALTERNATIVES):
+        out.alt_edge[a] = ranking.edge[a]
+        out.alt_p[a] = ranking.p[a]
+        if len(output.alt_pose) > 0 and ranking.edge[a] != NO_EDGE:
+            _set_pose(belief.hyp[ranking.row[a]], output.alt_pose[k, a])
+    out.edge = ranking.chosen
+    p_edge = ranking.p_chosen
+    if ranking.best >= 0:
+        match_pose(belief, ctx, out, ranking.best, p_edge)
+        p_edge *= 1.0 - ranking.unknown
     else:
         out.match_x = out.x
         out.match_y = out.y
         out.s = 0.0
         out.lateral = 0.0
     out.p_edge = p_edge
-    out.p_way = way_share(belief, ctx, out, p_edge)
-    take_back(belief, hypotheses)
-    facing = out.p_way + _facing_back(ctx, out)
-    out.status = _status(state, ctx.par[0], off, out.p_way, facing)
+    out.p_way = way_share(belief, ctx, ranking, p_edge, out.p_off_road)
 
 
 @kernel
@@ -169,19 +189,6 @@ def _widen(out: Record, share: float, sigma: float) -> None:
 
 
 @kernel
-def _facing_back(ctx: Context, out: Record) -> float:
-    """P of the most probable edge's opposite direction: the same street, faced the other way."""
-    if out.edge < 0:
-        return 0.0
-    opposite = ctx.roads.edges[out.edge].opposite
-    p = 0.0
-    for a in range(len(out.alt_edge)):
-        if out.alt_edge[a] >= 0 and out.alt_edge[a] == opposite:
-            p += float(out.alt_p[a])
-    return p
-
-
-@kernel
 def _status(state: Record, par: Record, off: float, p_way: float, facing: float) -> int:
     """Status of an epoch, the gravest first.
 
@@ -202,7 +209,7 @@ def _status(state: Record, par: Record, off: float, p_way: float, facing: float)
 
 
 @kernel(inline=True)
-def _moments(belief: Belief, ctx: Context, out: Record) -> float:
+def _moments(belief: Belief, out: Record) -> float:
     """Mean and covariance of the mixture, in the world and on the map; returns P(off road).
 
     Deviations are from the heaviest hypothesis, and headings on the circle.
@@ -241,7 +248,7 @@ def _moments(belief: Belief, ctx: Context, out: Record) -> float:
     out.map_y = y0 + my + state.scale * uy
     mid = Centre(x0, y0, h0, mx, my, mh, ux, uy)
     _covariances(belief, out, mid)
-    set_levels(belief, out, mid, ctx.par[0].protection_risk)
+    set_levels(belief, out, mid)
     return off
 
 
@@ -299,62 +306,14 @@ def _covariances(belief: Belief, out: Record, mid: Centre) -> None:
     out.map_cov[0], out.map_cov[1], out.map_cov[2] = map_xx, map_xy, map_yy
 
 
-@kernel(inline=True)
-def _rank(belief: Belief, output: Output, k: int, unknown: float) -> None:
-    """The most probable edges of epoch k, components of one edge added up."""
-    n = belief.state[0].count
-    edges = output.rows[k].alt_edge
-    ps = output.rows[k].alt_p
-    for a in range(ALTERNATIVES):
-        edges[a] = NO_EDGE
-        ps[a] = 0.0
-    filled = 0
-    for i in range(n):
-        edge = belief.hyp[i].edge
-        j = 0
-        while belief.hyp[j].edge != edge:
-            j += 1
-        if j < i:
-            continue  # its components have been added up
-        p = 0.0
-        best = i
-        for j in range(i, n):
-            if belief.hyp[j].edge == edge:
-                p += belief.hyp[j].weight
-                if belief.hyp[j].weight > belief.hyp[best].weight:
-                    best = j
-        p *= 1.0 - unknown
-        if edge == OFF_ROAD:
-            p += unknown
-        slot = filled
-        while slot > 0 and ps[slot - 1] < p:
-            slot -= 1
-        if slot < ALTERNATIVES and p > 0.0:
-            filled = min(filled + 1, ALTERNATIVES)
-            _insert(belief.hyp[best], output, k, slot, filled, p)
-
-
 @kernel
-def _insert(hyp: Record, output: Output, k: int, slot: int, filled: int, p: float) -> None:
-    """Put an edge into a slot of the alternatives; those behind, up to `filled`, move on."""
-    edges = output.rows[k].alt_edge
-    ps = output.rows[k].alt_p
-    poses = len(output.alt_pose) > 0
-    for a in range(filled - 1, slot, -1):
-        edges[a] = edges[a - 1]
-        ps[a] = ps[a - 1]
-        if poses:
-            for v in range(POSE):
-                output.alt_pose[k, a, v] = output.alt_pose[k, a - 1, v]
-    edges[slot] = hyp.edge
-    ps[slot] = p
-    if poses:
-        pose = output.alt_pose[k, slot]
-        pose[0], pose[1], pose[2] = hyp.mu[X], hyp.mu[Y], hyp.mu[H]
-        cov = hyp.cov
-        pose[3], pose[4], pose[5] = cov[X, X], cov[X, Y], cov[Y, Y]
-        pose[6], pose[7] = hyp.along, hyp.along_sigma
-        pose[8], pose[9] = hyp.mu[MX], hyp.mu[MY]
-        pose[10] = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
-        pose[11] = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
-        pose[12] = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
+def _set_pose(hyp: Record, pose: Vector) -> None:
+    """Write the pose of one of the alternatives."""
+    pose[0], pose[1], pose[2] = hyp.mu[X], hyp.mu[Y], hyp.mu[H]
+    cov = hyp.cov
+    pose[3], pose[4], pose[5] = cov[X, X], cov[X, Y], cov[Y, Y]
+    pose[6], pose[7] = hyp.along, hyp.along_sigma
+    pose[8], pose[9] = hyp.mu[MX], hyp.mu[MY]
+    pose[10] = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+    pose[11] = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+    pose[12] = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]

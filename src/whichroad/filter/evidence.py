@@ -9,9 +9,11 @@ import math
 
 from .._compile import Record, Vector, entry, kernel
 from ..graph.geometry import wrap
+from .elevation import weigh_elevation
 from .evidence_kinds import (
     ATTRIBUTE,
     CLASSES,
+    ELEVATION,
     HEADING,
     LATERAL,
     POSITION,
@@ -45,9 +47,12 @@ def observe_evidence(belief: Belief, ctx: Context, first: int, count: int) -> No
     last = min(first + count, len(ctx.work.evidence.rows))
     for k in range(first, last):
         reading = ctx.work.evidence.rows[k]
-        if reading.kind == ATTRIBUTE:
+        if reading.kind == ATTRIBUTE or reading.kind == ELEVATION:
             state.sensors[reading.sensor].heard += 1.0
-            _weigh_attribute(belief, ctx, reading)
+            if reading.kind == ATTRIBUTE:
+                _weigh_attribute(belief, ctx, reading)
+            else:
+                weigh_elevation(belief, ctx, reading)
             continue
         if reading.kind == SPEED and state.mode != CLOCK and abs(state.odometer_speed) < _SLOW:
             continue

@@ -10,15 +10,17 @@ import numpy as np
 
 from .._compile import Array, Ints32, Records, Vector
 
-HEADING, SPEED, LATERAL, POSITION, RANGE, BEARING, ATTRIBUTE = range(7)
+HEADING, SPEED, LATERAL, POSITION, RANGE, BEARING, ATTRIBUTE, ELEVATION = range(8)
 
 SENSORS = 16  # that a drive can have
 MOST_AT_ONCE = 255  # rows of one epoch
 CLASSES = 8  # of an attribute, the last one for whatever is not named
+LEVEL_UNIT, LEVEL_ZERO = 0.1, 128.0  # of heights over the ground, which are classes too, m
+CLIMBS = 0.97  # P that a road climbs to a bridge; else the ground sinks below it
 
 EVIDENCE = np.dtype(
     [
-        ("kind", "i4"),  # HEADING ... ATTRIBUTE
+        ("kind", "i4"),  # HEADING ... ELEVATION
         ("sensor", "i4"),  # 0 ... SENSORS - 1
         ("value", "f8"),  # heading or bearing, rad; speed, m/s; offset from the line or range, m
         ("variance", "f8", (2,)),  # of the value; of a position along and across its major axis
@@ -30,7 +32,7 @@ EVIDENCE = np.dtype(
         ("on_map", "u1"),  # 1: the place shares the map's error
         ("relative", "u1"),  # 1: the bearing is from the vehicle's axis, not from the plane's
         ("column", "i4"),  # of an attribute: row of `Evidence.classes`
-        ("log_likelihood", "f8", (CLASSES,)),  # of each class of it, nats
+        ("log_likelihood", "f8", (CLASSES,)),  # of each class of it, nats; of heights their gains
     ],
     align=True,
 )

@@ -4,7 +4,7 @@ import math
 
 from .._compile import Matrix, Vector, kernel
 from ..graph.geometry import wrap
-from ._simd import add_times, new_row, set_times
+from ._simd import add_times, new_row, set_times, set_to
 from .state import MX, MY, D, H, N, X, Y
 
 LOG_2PI = math.log(2.0 * math.pi)
@@ -46,8 +46,7 @@ def condition(
     Returns:
         The log-density ℓ of the innovation.
     """
-    s = update(mean, cov, row, innovation, variance, scale)
-    return -0.5 * (innovation * innovation / s + math.log(s) + LOG_2PI)
+    return log_density(innovation, update(mean, cov, row, innovation, variance, scale))
 
 
 @kernel
@@ -59,6 +58,24 @@ def update(
     s = variance + _gain(cov, row, g)
     _apply_gain(mean, cov, g, innovation / s, s, scale)
     return s
+
+
+@kernel
+def update_state(
+    mean: Vector, cov: Matrix, state: int, innovation: float, variance: float, scale: float
+) -> float:
+    """`update` with the row of one state."""
+    g = new_row()
+    set_to(g, cov[state])
+    s = variance + g[state]
+    _apply_gain(mean, cov, g, innovation / s, s, scale)
+    return float(s)
+
+
+@kernel
+def log_density(innovation: float, s: float) -> float:
+    """The log-density of an innovation of variance s."""
+    return -0.5 * (innovation * innovation / s + math.log(s) + LOG_2PI)
 
 
 @kernel

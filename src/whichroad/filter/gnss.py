@@ -10,7 +10,14 @@ from typing import NamedTuple
 from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times
-from .gaussian import LOG_2PI, condition, innovation_variance, update_pair
+from .gaussian import (
+    LOG_2PI,
+    condition,
+    innovation_variance,
+    log_density,
+    update_pair,
+    update_state,
+)
 from .state import (
     GX,
     GY,
@@ -41,7 +48,8 @@ class Axes(NamedTuple):
     r1: float  # and across it
 
 
-NU0, NU1, V00, V01, V11 = range(5)  # scratch: innovations and their covariance, no white part
+# scratch: innovations and their covariance without white noise; the lever arm in the plane
+NU0, NU1, V00, V01, V11, ARM_X, ARM_Y = range(7)
 
 
 @kernel
@@ -110,6 +118,7 @@ def innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
         hyp = belief.hyp[i]
         to = hyp.scratch
         arm = lever_arm(hyp.mu[H], lever)
+        to[ARM_X], to[ARM_Y] = arm
         to[NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
         to[NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
         to[V00] = _gain(hyp.cov, row, g)
@@ -137,7 +146,7 @@ def _drop_refuted(belief: Belief, least: float) -> None:
 def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
     """Condition a hypothesis on both axes of a fix, the second one given the first."""
     row = ctx.work.row
-    arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
+    arm = (hyp.scratch[ARM_X], hyp.scratch[ARM_Y])
     s0 = hyp.scratch[V00]
     s1 = hyp.scratch[V11]
     g = new_row()
@@ -258,10 +267,6 @@ def observe_state(
         wrong: Density of values that say nothing of the vehicle, in 1/rad or s/m: a hypothesis
             that they fit better is not moved.
     """
-    row = ctx.work.row
-    for j in range(N):
-        row[j] = 0.0
-    row[index] = 1.0
     scale = belief.state[0].scale
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
@@ -275,7 +280,8 @@ def observe_state(
                 hyp.log_weight += math.log(fits + wrong)
                 continue
             hyp.log_weight += math.log(1.0 + wrong / fits)
-        hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, scale)
+        s = update_state(hyp.mu, hyp.cov, index, nu, variance, scale)
+        hyp.log_weight += log_density(nu, s)
 
 
 @kernel

@@ -4,11 +4,11 @@ The error of a fix is a correlated bias, scaled by the reported covariance, and 
 """
 
 import math
+from typing import NamedTuple
 
 from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
-from .gaussian import innovation_variance
-from .gnss import fix_row, lever_arm
+from .gnss import NU0, NU1, V00, V11
 from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads
 from .motion import age_bias
 from .state import (
@@ -19,8 +19,6 @@ from .state import (
     WHEELS,
     Belief,
     Context,
-    H,
-    N,
     most_probable,
 )
 
@@ -151,7 +149,7 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
     """Learn from a fix how much larger GNSS errors are than reported, once a second.
 
     Args:
-        belief: Before it is conditioned on the fix.
+        belief: Before it is conditioned on the fix, with its innovations.
         ctx: The drive's constants.
         epoch: With the fix.
         white: White sigma over reported sigma, with the factor in it.
@@ -220,9 +218,10 @@ def _average_energy(
     state = belief.state[0]
     stands = bias_gain == 0.0 and state.standing > _LONG
     factor = state.gnss_factor
-    major = (math.cos(fix[4]), math.sin(fix[4]))
-    for j in range(N):
-        ctx.work.row[j] = 0.0
+    sides = (
+        _side(state, math.cos(fix[4]), math.sin(fix[4]), white * fix[2], drifted),
+        _side(state, -math.sin(fix[4]), math.cos(fix[4]), white * fix[3], drifted),
+    )
     total = 0.0
     by_innovations = 0.0
     windowed = 0.0
@@ -233,9 +232,7 @@ def _average_energy(
         hyp = belief.hyp[i]
         if hyp.weight < 0.01:
             continue
-        chi2, share, determinant, drift, side_0, side_1 = _normalised(
-            hyp, state, ctx, fix, major, white, drifted
-        )
+        chi2, share, determinant, drift, side_0, side_1 = _normalised(hyp, state, sides)
         weight = hyp.weight * math.exp(-0.5 * min(chi2, 1e3)) / math.sqrt(determinant)
         weight = max(weight, 1e-250)  # when nothing fits, all weigh the same
         drift *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
@@ -265,29 +262,33 @@ def _average_energy(
     state.gnss_factor = min(max(learnt, least), 400.0)
 
 
+class Side(NamedTuple):
+    """One axis of a fix, alike for all hypotheses."""
+
+    gx: float  # how the bias enters, m
+    gy: float
+    variance: float  # white, and of the bias that was redrawn while standing, m²
+
+
+@kernel(inline=True)
+def _side(state: Record, ex: float, ey: float, white: float, drifted: float) -> Side:
+    """The axis (ex, ey) of a fix with this white sigma (m), see `_average_energy`."""
+    root = state.bias_root
+    gx = ex * root[0] + ey * root[1]
+    gy = ex * root[1] + ey * root[2]
+    return Side(gx, gy, white**2 + drifted * (gx * gx + gy * gy))
+
+
 @kernel(inline=True)
 def _normalised(
-    hyp: Record, state: Record, ctx: Context, fix: Vector, major: tuple[float, float],
-    white: float, drifted: float,
-) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Normalised innovations of a fix under one hypothesis.
-
-    Args:
-        hyp: The hypothesis.
-        state: What all of them share.
-        ctx: The drive's constants.
-        fix: x, y (plane), sigma_major, sigma_minor (m), heading of the major axis (rad).
-        major: Cosine and sine of that heading.
-        white: White sigma over reported sigma.
-        drifted: Share of the bias' variance redrawn while standing.
+    hyp: Record, state: Record, sides: tuple[Side, Side]
+) -> tuple[float, float, float, float, float, float]:
+    """Normalised innovations of a fix under one hypothesis, whose scratch has them.
 
     Returns:
         Chi-square; the receiver's own share of the innovation variances; their product; the
         squared windowed mean of the innovations; the innovations of both axes, in sigmas.
     """
-    row = ctx.work.row
-    c, s = major
-    arm = lever_arm(hyp.mu[H], ctx.par[0].lever)
     cov = hyp.cov
     chi2 = 0.0
     share = 0.0
@@ -296,15 +297,11 @@ def _normalised(
     side_0 = 0.0
     side = 0.0
     for axis in range(2):
-        if axis == 0:
-            nu = fix_row(hyp.mu, row, fix, state, arm, c, s)
-        else:
-            nu = fix_row(hyp.mu, row, fix, state, arm, -s, c)
-        gx = row[GX]
-        gy = row[GY]
-        r = (white * fix[2 + axis]) ** 2 + drifted * (gx * gx + gy * gy)
+        one = sides[0] if axis == 0 else sides[1]
+        gx, gy, r = one.gx, one.gy, one.variance
+        nu = hyp.scratch[NU0] if axis == 0 else hyp.scratch[NU1]
         own = r + gx * gx * cov[GX, GX] + 2.0 * gx * gy * cov[GX, GY] + gy * gy * cov[GY, GY]
-        variance = innovation_variance(cov, row, r)
+        variance = r + (hyp.scratch[V00] if axis == 0 else hyp.scratch[V11])
         chi2 += nu * nu / variance
         share += 0.5 * min(own / variance, 1.0)
         determinant *= variance

@@ -2,7 +2,7 @@
 
 import math
 
-from .._compile import Record, kernel
+from .._compile import Record, Vector, kernel
 from .births import Start, cold_start
 from .gnss import (
     Axes,
@@ -124,12 +124,23 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
 
 
 @kernel(inline=True)
+def _axes(fix: Vector, white: float, thin: float) -> Axes:
+    """The axes of a fix; white noise of so many reported sigmas, `thin` times its variance."""
+    return Axes(
+        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
+        (white * fix[3]) ** 2 * thin,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
 def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
     """A standing vehicle's fix observes the receiver's noise, and not the position."""
     state = belief.state[0]
+    fix = epoch.fix
     interval = max(epoch.time - state.last_fix, 0.0)
-    update_root(belief, epoch.fix, state.gnss_factor, interval)
+    update_root(belief, fix, state.gnss_factor, interval)
     white = math.sqrt(state.gnss_factor) * ctx.par[0].gnss_white_ratio
+    innovations(belief, ctx, fix, _axes(fix, white, 1.0))
     learn_factor(belief, ctx, epoch, white, 0.0)
     state.last_fix = epoch.time
 
@@ -230,16 +241,14 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
 def _settle(
     belief: Belief, ctx: Context, epoch: Record, axes: Axes, doubted: bool, since: float
 ) -> None:
-    """Find the innovations; where the fix fits nothing, let motion or receiver be wrong first."""
+    """Where the fix fits nothing, let motion or receiver be wrong first."""
     state = belief.state[0]
-    fix = epoch.fix
-    innovations(belief, ctx, fix, axes)
     changed = doubted and loosen(belief, axes, ctx.par[0].gnss_gate)
     state.vetting.moved = changed
     if state.mode == WHEELS and since < _RECENT and not doubted:
         changed = _take_sides(belief, ctx, epoch, axes)
     if changed:
-        innovations(belief, ctx, fix, axes)
+        innovations(belief, ctx, epoch.fix, axes)
 
 
 @kernel(inline=True)
@@ -281,16 +290,14 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
     since = epoch.time - state.last_fix
+    thin = max(1.0, 1.0 / max(interval, 0.01))
+    axes = _axes(fix, white, thin)
+    innovations(belief, ctx, fix, axes)
     doubted = _learn(belief, ctx, epoch, white)
     state.moving = 0.0
     state.since_fix = 0.0
     state.unmeasured = 0.0
     state.last_fix = epoch.time
-    thin = max(1.0, 1.0 / max(interval, 0.01))
-    axes = Axes(
-        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
-        (white * fix[3]) ** 2 * thin,
-    )  # fmt: skip
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)

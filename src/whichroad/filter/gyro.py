@@ -1,9 +1,9 @@
 """A gyro at rest: standing means no turn, so that what it says then is its bias."""
 
 from .._compile import Record, kernel
-from .gaussian import condition
+from .gaussian import update_state
 from .motion import GYRO_PACE
-from .state import B, Belief, Context, N
+from .state import B, Belief
 from .windows import AT_REST
 
 _RESTS = 0.05  # m/s by the odometer, below which the vehicle stands
@@ -13,14 +13,13 @@ _UNEVEN = 3e-4  # and rad/s by which its bias differs from reading to reading
 
 
 @kernel
-def rest(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
+def rest(belief: Belief, epoch: Record, dt: float) -> None:
     """Where the vehicle stands, learn the gyro's bias, and turn nothing.
 
     All hypotheses have the same bias, nearly: their weights stay as they are.
 
     Args:
         belief: In place.
-        ctx: The drive's constants.
         epoch: By a gyro; in place: at rest it has no turn.
         dt: Its duration, s.
     """
@@ -29,15 +28,11 @@ def rest(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     rate = epoch.turn / dt
     if abs(rate) > _TURNS:
         return
-    row = ctx.work.row
-    for j in range(N):
-        row[j] = 0.0
-    row[B] = 1.0
     value = -rate / GYRO_PACE
     variance = (_WALK * _WALK / dt + _UNEVEN * _UNEVEN) / (GYRO_PACE * GYRO_PACE)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
-        condition(hyp.mu, hyp.cov, row, value - hyp.mu[B], variance, belief.state[0].scale)
+        update_state(hyp.mu, hyp.cov, B, value - hyp.mu[B], variance, belief.state[0].scale)
     epoch.turn = 0.0
     epoch.forward = epoch.arc
     epoch.left = 0.0

@@ -19,8 +19,8 @@ def match_pose(belief: Belief, ctx: Context, out: Record, best: int, p_edge: flo
     roads = ctx.roads
     scale = belief.state[0].scale
     hyp = belief.hyp[best]
-    lateral, tx, ty = track(belief, roads, best)
-    s = hyp.along
+    track(belief, roads, best)
+    s, lateral, tx, ty = hyp.along, hyp.lateral, hyp.tangent[0], hyp.tangent[1]
     length = roads.edges[hyp.edge].length
     x = hyp.mu[X] + scale * hyp.mu[MX]
     y = hyp.mu[Y] + scale * hyp.mu[MY]

@@ -80,7 +80,7 @@ def drift_clock(epoch: Record, dt: float) -> float:
 @kernel
 def increment_of(epoch: Record, pieces: int, dt: float) -> Increment:
     """One of equal pieces of an epoch's odometry (of dt seconds), on the same circle."""
-    part = 1.0 / pieces
+    part = 1.0 if pieces == 1 else 1.0 / pieces
     turn = epoch.turn * part
     forward = epoch.forward
     left = epoch.left

@@ -6,9 +6,8 @@ from typing import NamedTuple
 from .._compile import Record, kernel
 from .state import Belief, X, Y
 
-# scratch of a hypothesis: distances from the mean and sigmas, of the position, along, across; and
-# twice the logarithm of its weight over the risk, and the root of that
-_AWAY, _SIGMA, _ODDS, _OWN = 0, 3, 6, 7
+# scratch of a hypothesis: distances from the mean and sigmas, of the position, along, across
+_AWAY, _SIGMA = 0, 3
 _NEGLIGIBLE = -20.0  # twice the logarithm of a part over the risk that does not count
 _SMALL = 0.06  # sigmas; a step of Newton's method that need not be followed by another one
 _LARGE = 1.0  # sigmas; one that goes too far
@@ -30,7 +29,17 @@ class Centre(NamedTuple):
 
 
 @kernel(inline=True)
-def set_levels(belief: Belief, out: Record, mid: Centre, risk: float) -> None:
+def set_odds(belief: Belief, risk: float) -> None:
+    """Twice the logarithm of each weight over the risk, and its root (−1 where there is none)."""
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        odds = 2.0 * math.log(max(hyp.weight, 1e-300) / risk)
+        hyp.odds[0] = odds
+        hyp.odds[1] = math.sqrt(odds) if odds > 0.0 else -1.0
+
+
+@kernel(inline=True)
+def set_levels(belief: Belief, out: Record, mid: Centre) -> None:
     """Protection level, and levels along the heading and across it.
 
     Each bounds the probability of a larger error.  With weights w_i, distances d_i from the
@@ -39,7 +48,8 @@ def set_levels(belief: Belief, out: Record, mid: Centre, risk: float) -> None:
 
         P(error > r) <= sum w_i exp(-max(r - d_i, 0)^2 / 2 a_i^2) = risk
 
-    It does not depend on the number of hypotheses into which a Gaussian is cut.
+    It does not depend on the number of hypotheses into which a Gaussian is cut.  Their odds
+    are set (`set_odds`).
     """
     state = belief.state[0]
     c = math.cos(out.heading)
@@ -60,9 +70,6 @@ def set_levels(belief: Belief, out: Record, mid: Centre, risk: float) -> None:
         to[_SIGMA + 1] = math.sqrt(along)
         to[_AWAY + 2] = abs(c * dy - s * dx)
         to[_SIGMA + 2] = math.sqrt(xx + yy - along)
-        odds = 2.0 * math.log(max(hyp.weight, 1e-300) / risk)
-        to[_ODDS] = odds
-        to[_OWN] = math.sqrt(odds) if odds > 0.0 else -1.0
     out.protection_level = _level(belief, 0)
     out.level_along = _level(belief, 1)
     out.level_across = _level(belief, 2)
@@ -80,8 +87,9 @@ def _level(belief: Belief, kind: int) -> float:
     top = 0
     for i in range(n):
         to = belief.hyp[i].scratch
-        level = to[_AWAY + kind] + to[_OWN] * to[_SIGMA + kind]
-        if level > r and to[_OWN] > 0.0:
+        own = belief.hyp[i].odds[1]
+        level = to[_AWAY + kind] + own * to[_SIGMA + kind]
+        if level > r and own > 0.0:
             r, top = level, i
     if n == 1:
         return float(r)
@@ -90,14 +98,14 @@ def _level(belief: Belief, kind: int) -> float:
     least = r
     sigma = belief.hyp[top].scratch[_SIGMA + kind]
     total = 1.0  # in units of the risk
-    slope = belief.hyp[top].scratch[_OWN] / sigma
+    slope = belief.hyp[top].odds[1] / sigma
     for _ in range(_STEPS):
         for i in range(n):
             if i == top:
                 continue
             to = belief.hyp[i].scratch
             z = max(r - to[_AWAY + kind], 0.0) / to[_SIGMA + kind]
-            rest = to[_ODDS] - z * z
+            rest = belief.hyp[i].odds[0] - z * z
             if rest > _NEGLIGIBLE:
                 part = math.exp(0.5 * rest)
                 total += part
@@ -121,7 +129,7 @@ def _level_between(belief: Belief, kind: int, low: float) -> float:
     high = low
     for i in range(n):
         to = belief.hyp[i].scratch
-        odds = to[_ODDS] + 2.0 * math.log(n)
+        odds = belief.hyp[i].odds[0] + 2.0 * math.log(n)
         if odds > 0.0:
             high = max(high, to[_AWAY + kind] + to[_SIGMA + kind] * math.sqrt(odds))
     r = low
@@ -131,7 +139,7 @@ def _level_between(belief: Belief, kind: int, low: float) -> float:
         for i in range(n):
             to = belief.hyp[i].scratch
             z = max((r - to[_AWAY + kind]) / to[_SIGMA + kind], 0.0)
-            rest = to[_ODDS] - z * z
+            rest = belief.hyp[i].odds[0] - z * z
             if rest > _NEGLIGIBLE:
                 part = math.exp(0.5 * rest)
                 total += part

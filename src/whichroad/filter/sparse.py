@@ -335,7 +335,8 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
         if hyp.ignores == 1:
             hyp.ignores = 0
             continue
-        _, tx, ty = track(belief, roads, i)
+        track(belief, roads, i)
+        tx, ty = hyp.tangent[0], hyp.tangent[1]
         s = hyp.along
         sigma = hyp.along_sigma
         length = roads.edges[hyp.edge].length

@@ -183,10 +183,11 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     state = belief.state[0]
     pair = ctx.work.search.pair[p]
     edge = ctx.work.near[pair.goal].edge
-    _, tx, ty = track(belief, ctx.roads, pair.source)
+    track(belief, ctx.roads, pair.source)
     child = int(state.count)
     move_row(belief, pair.source, child)
     hyp = belief.hyp[child]
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
     transition = _transition(hyp, ctx, pair, tx, ty, fix)
     foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
     predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)

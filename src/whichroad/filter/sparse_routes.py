@@ -148,8 +148,9 @@ def u_turn_cost(roads: Roads, edge: int) -> float:
 @kernel(inline=True)
 def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Departure:
     """Where hypothesis i starts; its segment and abscissa are brought up to date."""
-    _, tx, ty = track(belief, roads, i)
+    track(belief, roads, i)
     hyp = belief.hyp[i]
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
     s = min(max(hyp.along, 0.0), roads.edges[hyp.edge].length)
     variance = variance_along(hyp, tx, ty, fix.process)
     straight = math.hypot(hyp.mu[X] - fix.map_x, hyp.mu[Y] - fix.map_y) / belief.state[0].scale

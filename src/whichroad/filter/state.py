@@ -32,6 +32,7 @@ from .epoch import EPOCH as EPOCH
 from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
+from .ranks import RANKING
 from .sources import REPORTS, VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
@@ -61,10 +62,15 @@ HYPOTHESIS = np.dtype(
         ("weight", "f8"),  # exp(log_weight), set by `normalise`
         ("along", "f8"),  # abscissa on its edge, m
         ("along_sigma", "f8"),  # m
+        ("lateral", "f8"),  # offset from the edge when last tracked, m, right positive
+        ("tangent", "f8", (2,)),  # of the edge there
+        ("odds", "f8", (2,)),  # of its weight over the risk: twice the logarithm, the root of that
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
+        ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
+        ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
@@ -84,6 +90,7 @@ FILTER = np.dtype(
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
+        ("ranking", RANKING),  # of the edges, in the last estimate
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
@@ -340,6 +347,10 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
+    for k in range(2):
+        for a in range(3):
+            hyp.ground[k, a] = 0.0
+    hyp.sinks = 0.0
     hyp.blames = NOTHING
     hyp.ignores = 0
     hyp.path_entry = -1

@@ -13,7 +13,7 @@ from . import paper
 from .along import advance_along, forward_only
 from .births import exchange_off_road, turn_round, turn_with_heading
 from .branching import BRANCH_THRESHOLD, branch
-from .estimate import Output, summarise
+from .estimate import Output, describe
 from .evidence import observe_evidence
 from .gnss_noise import observe_across
 from .gnss_update import observe_fix, observe_standing, start_at_fix
@@ -67,7 +67,7 @@ _MOST_PIECES = 10_000  # of an epoch's arc
 _NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
 
 
-@kernel
+@kernel(inline=True)
 def step(
     belief: Belief, path: Path, history: History, epoch: Record, output: Output, ctx: Context,
     k: int,
@@ -185,7 +185,7 @@ def _predict(
         paper.predict(belief, ctx, epoch, dt)
         return
     if epoch.gyro == BY_GYRO and state.motion == PLANE:
-        rest(belief, ctx, epoch, dt)
+        rest(belief, epoch, dt)
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
@@ -225,7 +225,7 @@ def _predict_wheels(
     state = belief.state[0]
     pieces = pieces_of(epoch.arc)
     move = increment_of(epoch, pieces, dt)
-    metres = abs(epoch.arc) * (1.0 / pieces)
+    metres = abs(move.arc)
     for piece in range(pieces):
         if piece > 0:
             if state.changed:
@@ -240,7 +240,7 @@ def _predict_wheels(
         if metres > 0.0 or move.turn != 0.0:  # else nothing moves
             for i in range(state.count):
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
-        _count_motion(state, abs(epoch.arc / pieces), dt / pieces)
+        _count_motion(state, metres, dt / pieces)
     if dt > 1e-6:
         state.turn_rate[0] = epoch.turn / dt
         state.turn_rate[1] += (state.turn_rate[0] - state.turn_rate[1]) * dt / (dt + _TURN_TIME)
@@ -395,6 +395,6 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
 @kernel(inline=True)
 def _summarise(belief: Belief, ctx: Context, output: Output, k: int, chi2: float) -> None:
     """The estimate of epoch k; in the paper the pose of the most probable hypothesis."""
-    summarise(belief, ctx, output, k, chi2)
+    describe(belief, ctx, output, k, chi2, belief.state[0].changed == 1)
     if ctx.par[0].paper:
         paper.keep_most_probable(belief, ctx, output, k)

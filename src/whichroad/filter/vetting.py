@@ -13,7 +13,18 @@ from .._compile import Record, kernel
 from .agreement import weigh_courses, weigh_distances, weigh_turns
 from .plausibility import check_odometry, is_odd
 from .sources import ARC, SOURCES, SPEED, TURN, is_possible
-from .windows import ANCHORS, CLOCK, DISTANCE, WHEELS, Seen, add_fix, advance, between, far_enough
+from .windows import (
+    ANCHORS,
+    CLOCK,
+    DISTANCE,
+    WHEELS,
+    Seen,
+    add_fix,
+    advance,
+    between,
+    course_between,
+    far_enough,
+)
 
 _WINDOW = 4.0  # s, of what does not move
 _SILENT = 1.5  # s of silence, from which on a fix tells the motion better than that before it
@@ -74,9 +85,10 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         return
     seen = between(windows, first, last, scale)
     steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
-    turn = weigh_courses(vetting, first, last, seen, steered, since)
+    courses = course_between(windows, first, last)
+    turn = weigh_courses(vetting, courses, seen, steered, since)
     if sensors == WHEELS and seen.odometry:
-        weigh_turns(vetting, first, last, scale, since)
+        weigh_turns(vetting, courses, seen, last, scale, since)
         turn = seen.turn if vetting.refused[TURN] == 0 else turn
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)

@@ -9,60 +9,81 @@ decided yet, and lowers P of the way from there on.
 from .._compile import Record, kernel
 from ..graph.network import TURN_BANNED, U_TURN, Roads
 from ._simd import new_row
+from .ranks import ALTERNATIVES
 from .state import Belief, Context
 
 _LEAST = 1e-4  # P of an edge that matters to a chain
 
 
-@kernel
-def way_share(belief: Belief, ctx: Context, out: Record, p_edge: float) -> float:
-    """P of the most probable chain among the ranked edges of an epoch.
+@kernel(inline=True)
+def find_chain(roads: Roads, ranking: Record, p_edge: float, on_roads: float) -> None:
+    """Find the most probable chain among ranked edges, and its P.
 
     With edges in any order, and p_i their P, over chains of different edges:
 
         best_j = p_j + max(0, max over i that j follows of best_i)
 
-    To the largest is added P of the hypotheses that are within `node_radius` behind a node of
-    the chain, on another edge that leaves it.
+    Args:
+        roads: The network.
+        ranking: `edge` and `p` are read, `chain` and `p_chain` set.
+        p_edge: P of the most probable edge; 0 where none is named.
+        on_roads: P of all roads.
+    """
+    ranking.chain = 0
+    ranking.p_chain = p_edge
+    if p_edge < _LEAST or p_edge > on_roads - _LEAST:
+        return
+    ranking.chain = _likeliest_chain(roads, ranking)
+    ranking.p_chain = 0.0
+    for a in range(ALTERNATIVES):
+        if ranking.chain & (1 << a) > 0:
+            ranking.p_chain += float(ranking.p[a])
+
+
+@kernel
+def way_share(belief: Belief, ctx: Context, ranking: Record, p_edge: float, off: float) -> float:
+    """P of the way: of the most probable chain, and of what is undecided beside it.
+
+    To the chain is added P of the hypotheses that are within `node_radius` behind a node of
+    it, on another edge that leaves it.
 
     Args:
         belief: Normalised.
         ctx: The drive's constants.
-        out: `alt_edge`, `alt_p` and `p_off_road` of an `ESTIMATE` are read.
-        p_edge: P of the most probable edge, at least which the answer is; 0 where none is named,
-            and then the answer is 0.
+        ranking: With the chain.
+        p_edge: P of the most probable edge, at least which the answer is.
+        off: P(off the roads), beside which it is at most the rest.
     """
-    on_roads = 1.0 - out.p_off_road
-    if p_edge < _LEAST or p_edge > on_roads - _LEAST:
+    if ranking.chain == 0:
         return p_edge
-    chain = _likeliest_chain(ctx.roads, out)
-    sure = 0.0
-    for a in range(len(out.alt_edge)):
-        if chain & (1 << a) > 0:
-            sure += float(out.alt_p[a])
-    way = sure + (1.0 - ctx.par[0].unknown) * _undecided(belief, ctx, out, chain)
-    return float(max(p_edge, min(way, on_roads)))
+    undecided = (1.0 - ctx.par[0].unknown) * _undecided(belief, ctx, ranking)
+    return float(max(p_edge, min(ranking.p_chain + undecided, 1.0 - off)))
 
 
 @kernel
-def _likeliest_chain(roads: Roads, out: Record) -> int:
+def _likeliest_chain(roads: Roads, ranking: Record) -> int:
     """The ranked edges in the chain of the largest P, as bits."""
     best = new_row()
     chain = new_row()
     n = 0
-    while n < len(out.alt_edge) and out.alt_p[n] >= _LEAST:
-        best[n] = out.alt_p[n] if out.alt_edge[n] >= 0 else 0.0
+    while n < ALTERNATIVES and ranking.p[n] >= _LEAST:
+        best[n] = ranking.p[n] if ranking.edge[n] >= 0 else 0.0
         chain[n] = 1 << n
         n += 1
-    for _ in range(n - 1):
+    grows = True
+    rounds = 1
+    while grows and rounds < n:
+        grows = False
+        rounds += 1
         for i in range(n):
             for j in range(n):
-                longer = best[i] + out.alt_p[j]
+                longer = best[i] + ranking.p[j]
                 if longer <= best[j] or int(chain[i]) & (1 << j) > 0:
                     continue
-                if follows(roads, out.alt_edge[i], out.alt_edge[j]):
+                if follows(roads, ranking.edge[i], ranking.edge[j]):
                     best[j] = longer
                     chain[j] = chain[i] + (1 << j)
+                    grows = True
     top = 0
     for j in range(1, n):
         if best[j] > best[top]:
@@ -82,8 +103,8 @@ def follows(roads: Roads, edge: int, after: int) -> bool:
 
 
 @kernel
-def _undecided(belief: Belief, ctx: Context, out: Record, chain: int) -> float:
-    """Weight of the hypotheses just behind a node of a chain (bits), on edges beside it."""
+def _undecided(belief: Belief, ctx: Context, ranking: Record) -> float:
+    """Weight of the hypotheses just behind a node of the chain, on edges beside it."""
     total = 0.0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
@@ -91,10 +112,10 @@ def _undecided(belief: Belief, ctx: Context, out: Record, chain: int) -> float:
             continue
         node = ctx.roads.edges[hyp.edge].from_node
         beside = False
-        for a in range(len(out.alt_edge)):
-            if chain & (1 << a) == 0:
+        for a in range(ALTERNATIVES):
+            if ranking.chain & (1 << a) == 0:
                 continue
-            edge = out.alt_edge[a]
+            edge = ranking.edge[a]
             road = ctx.roads.edges[edge]
             if hyp.edge == edge or hyp.edge == road.opposite:
                 beside = False

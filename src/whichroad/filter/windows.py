@@ -42,7 +42,8 @@ ANCHOR = np.dtype(
         ("ox", "f8"),  # dead-reckoned place, m, in a frame of its own
         ("oy", "f8"),
         ("path", "f8"),  # integral of the receiver's speed, m
-        ("course", "f8"),  # rad
+        ("course", "f8"),  # rad,
+        ("towards", "f8", (2,)),  # and its cosine and sine
         ("odometry", "u1"),  # 1: odometry was measured all the time since the anchor before
         ("speeds", "u1"),  # 1: so were the receiver's speeds
         ("courses", "u1"),  # 1: it has a course
@@ -139,6 +140,9 @@ def add_fix(windows: Record, epoch: Record, scale: float, speed: bool) -> bool:
     now.sigma = math.sqrt(epoch.fix[2] * epoch.fix[3]) + max(windows.jitter - _TURNS, 0.0)
     now.course = epoch.course
     now.courses = epoch.course_sigma < 0.5
+    if now.courses == 1:
+        now.towards[0] = math.cos(epoch.course)
+        now.towards[1] = math.sin(epoch.course)
     copy_record(windows.anchors[windows.count % ANCHORS], now)
     windows.count += 1
     now.odometry = 1
@@ -178,7 +182,7 @@ def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
 @kernel
 def sigma_between(windows: Record, a: Record, b: Record) -> float:
     """Error of the way between two anchors, m: what they report, or what is seen of it."""
-    reported = _CORRELATED * math.hypot(a.sigma, b.sigma) + _LEAST
+    reported = _CORRELATED * math.sqrt(a.sigma * a.sigma + b.sigma * b.sigma) + _LEAST
     seen = _OF_JITTER * windows.jitter + _OF_WHILE * (b.time - a.time) + _FLOOR
     return float(min(reported, seen))
 
@@ -210,11 +214,10 @@ def far_enough(windows: Record, last: int, scale: float, seconds: float, times: 
         a = windows.anchors[j % ANCHORS]
         if b.time - a.time > _LONGEST:
             break
-        sigma = sigma_between(windows, a, b)
-        if (
-            math.hypot(b.x - a.x, b.y - a.y) >= scale * times * needed(sigma)
-            and b.time - a.time > _SHORTEST
-        ):
+        dx = b.x - a.x
+        dy = b.y - a.y
+        far = scale * times * needed(sigma_between(windows, a, b))
+        if dx * dx + dy * dy >= far * far and b.time - a.time > _SHORTEST:
             return j
         if slow < 0 and b.time - a.time >= seconds:
             slow = j
@@ -242,25 +245,29 @@ def between(windows: Record, first: int, last: int, scale: float) -> Seen:
     )  # fmt: skip
 
 
-@kernel
-def course_between(windows: Record, first: int, last: int) -> tuple[float, float, bool]:
-    """Courses between two anchors.
+class Courses(NamedTuple):
+    """Courses between two anchors."""
 
-    Returns:
-        Mean direction (rad), turn from the first to the last one (rad), whether all are reported.
-    """
+    mean: float  # direction, rad
+    turn: float  # from the first to the last one, rad
+    reported: bool  # whether all are
+
+
+@kernel
+def course_between(windows: Record, first: int, last: int) -> Courses:
+    """Courses between two anchors."""
     c = 0.0
     s = 0.0
     turn = 0.0
     for j in range(first, last + 1):
         anchor = windows.anchors[j % ANCHORS]
         if anchor.courses == 0:
-            return 0.0, 0.0, False
-        c += math.cos(anchor.course)
-        s += math.sin(anchor.course)
+            return Courses(0.0, 0.0, False)
+        c += anchor.towards[0]
+        s += anchor.towards[1]
         if j > first:
             turn += wrap(anchor.course - windows.anchors[(j - 1) % ANCHORS].course)
-    return math.atan2(s, c), turn, True
+    return Courses(math.atan2(s, c), turn, True)
 
 
 @kernel

@@ -42,7 +42,8 @@ def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
     hyp = belief.hyp[top]
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
-    _, tx, ty = track(belief, ctx.roads, top)
+    track(belief, ctx.roads, top)
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
     wide = variance_along(hyp, tx, ty, fix.process) + fix.sigma * fix.sigma
     usual = hyp.log_weight - 0.5 * math.log(wide)
     return bool(ctx.work.search.run[0].best_score < usual - _DEARER)
@@ -118,7 +119,8 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
         Whether there is one: the road does not end before.
     """
     state = belief.state[0]
-    _, tx, ty = track(belief, ctx.roads, top)
+    track(belief, ctx.roads, top)
+    tx, ty = belief.hyp[top].tangent[0], belief.hyp[top].tangent[1]
     begin = int(belief.hyp[top].edge)
     old = fix.process.distance_by_speed
     usual = usual_speed(ctx.roads, 0.0, 0.0, begin)

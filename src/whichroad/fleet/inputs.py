@@ -1,7 +1,7 @@
 """What is to be matched: files, folders, patterns and queries, and the columns that are used."""
 
 import glob
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
     ".feather": "ipc", ".ipc": "ipc", ".csv": "csv", ".csv.gz": "csv", ".tsv": "csv",
 }  # fmt: skip
+_NONE: Mapping[str, str | int] = {}
 _QUERY = ("select ", "from ", "with ")
 
 
@@ -102,14 +103,16 @@ class Used(NamedTuple):
     columns: list[str]  # all, the trip's first
 
 
-def used_columns(names: Iterable[str], trip_id: str, where: str) -> Used:
-    """Which columns of a table are read.
+def used_columns(
+    names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str | int] = _NONE
+) -> Used:
+    """Which columns of a table are read; `own`: those of further sensors, by their aliases.
 
     Raises:
         ReadError: None names trips, or none has times.
     """
     names = list(names)
-    found = find(names)
+    found = find(names, own)
     usual = found.get("drive_id") or found.get("vehicle_id")
     trip = trip_id if trip_id in names else usual.name if usual and trip_id == "drive_id" else None
     if trip is None:

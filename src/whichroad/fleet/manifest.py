@@ -30,6 +30,8 @@ def asked(task: Task, inputs: Inputs, order: str, identity: dict[str, Any]) -> d
         "lag": task.lag,
         "crs": None if task.crs is None else str(task.crs),
         "vehicle": asdict(task.vehicle or Vehicle()),
+        "sensors": [repr(sensor) for sensor in task.sensors],
+        "places": None if task.places is None else [task.places, os.stat(task.places).st_size],
         "settings": asdict(task.settings or Settings()),
     }
     whole: dict[str, Any] = json.loads(json.dumps(plain, default=str))

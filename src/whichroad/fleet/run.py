@@ -20,12 +20,15 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from ..batch.batches import cores
+from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
+from ..places.place_table import read_places
 from ..readers import read_vehicle
 from ..readers.splitting import seconds_of
-from ..roadmap import RoadMap, open_map
+from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
+from ..sensed import checked, columns_of
+from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from . import manifest
@@ -71,6 +74,8 @@ def run_fleet(
     settings: Settings | None = None,
     lag: Any = None,
     crs: Any = None,
+    sensors: Sequence[Sensor] = (),
+    places: str | Path | None = None,
     workers: int | None = None,
     memory: str = "512MB",
     resume: bool = False,
@@ -82,7 +87,7 @@ def run_fleet(
     Args:
         trips: Files, folders (also partitioned), patterns: Parquet, GeoParquet, Arrow, CSV; or
             a query of DuckDB that begins with SELECT, FROM or WITH.
-        map: A compiled map; another is compiled first.
+        map: A compiled map, or a folder of them; another map is compiled first.
         out: The folder.
         trip_id: The column that names trips; the default finds its usual aliases.
         split: As in `match_many`.
@@ -93,6 +98,9 @@ def run_fleet(
         settings: The model's numbers.
         lag: As in `match`.
         crs: Reference system of `x, y` columns.
+        sensors: Further sensors (`whichroad.sensors`), whose columns are in the files.
+        places: Path of a table of point objects: `ahead` and `nearby` have those within 500 m
+            ahead and within 50 m, at each epoch.
         workers: Processes; None: one for each core this process may use.
         memory: Of the sort; what is beyond goes to the folder `out`.
         resume: Go on with the run that the folder holds.
@@ -108,6 +116,10 @@ def run_fleet(
     """
     began = time.monotonic()
     _check(order, points, workers)
+    if places is not None:
+        if is_folder(map):
+            raise SettingError(f"{map}: places are read for one map, and this is a folder of them")
+        read_places(places)
     folder = Path(out)
     inputs = inputs_of([trips] if isinstance(trips, str | Path) else trips)
     if isinstance(vehicle, str | Path):
@@ -120,12 +132,13 @@ def run_fleet(
         )
     if held is None and any(folder.glob("drives/*.parquet")):
         raise WriteError(f"{folder}: it holds tables without a manifest; choose an empty folder")
-    _make(folder, points)
+    _make(folder, [*(["points"] if points != "none" else []),
+                   *(["ahead", "nearby"] if places is not None else [])])  # fmt: skip
     compiled, roads = _compiled(map, folder)
     Lag.of(lag)
     task = Task(
         str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
-        seconds_of(split),
+        seconds_of(split), checked(sensors), None if places is None else str(places),
     )  # fmt: skip
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:
@@ -166,14 +179,14 @@ def _check(order: str, points: str, workers: int | None) -> None:
         raise SettingError(f"workers is {workers}; at least 1 was expected")
 
 
-def _make(folder: Path, points: str) -> None:
+def _make(folder: Path, tables: Sequence[str]) -> None:
     """The folders of a run.
 
     Raises:
         WriteError: They cannot be made.
     """
     try:
-        for name in (_WORK, "path", "drives", *(["points"] if points != "none" else [])):
+        for name in (_WORK, "path", "drives", *tables):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise WriteError(
@@ -182,8 +195,10 @@ def _make(folder: Path, points: str) -> None:
         ) from None
 
 
-def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap]:
-    """The path of a compiled map, and the map."""
+def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap | RoadMaps]:
+    """The path of a compiled map or of a folder of them, and the map or maps."""
+    if is_folder(map):
+        return Path(map).resolve(), shared_maps(Path(map))
     path, roads = Path(map), open_map(map)
     if not is_compiled(path):
         path = folder / _WORK / "compiled.map"
@@ -207,7 +222,10 @@ def _units(
         staged = folder.resolve() / _WORK / f"rows-{key}.parquet"
         if not staged.exists():
             ordered = now["order"] == "sorted"
-            stage(inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads)
+            stage(
+                inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads,
+                own=columns_of(task.sensors),
+            )  # fmt: skip
         files = [staged]
     if held:
         return held

@@ -3,7 +3,7 @@
 Files that are in order but cannot be read by parts (CSV, Arrow, queries) are copied as they are.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UB
 
 
 def stage(
-    inputs: Inputs, target: Path, trip_id: str, *, ordered: bool, memory: str, threads: int
-) -> Used:
+    inputs: Inputs, target: Path, trip_id: str, *, ordered: bool, memory: str, threads: int,
+    own: Mapping[str, str],
+) -> Used:  # fmt: skip
     """Write the used columns of all inputs to one Parquet file.
 
     Args:
@@ -32,6 +33,7 @@ def stage(
         ordered: The rows stay in their order; else they are sorted by trip and time.
         memory: Limit of the sort, such as 512MB.
         threads: Of DuckDB.
+        own: Columns of further sensors, by their aliases.
 
     Raises:
         ReadError: An input cannot be read, or lacks columns.
@@ -42,7 +44,7 @@ def stage(
         sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
         union = " UNION ALL BY NAME ".join(sources)
         kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
-        used = used_columns(kinds, trip_id, "trips")
+        used = used_columns(kinds, trip_id, "trips", own)
         wanted = ", ".join(_quoted(name) for name in used.columns)
         rows = f"SELECT {wanted} FROM ({union})"
         if not ordered:

@@ -1,6 +1,6 @@
 """Work units: ranges of rows of Parquet files that hold whole trips."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -116,8 +116,8 @@ def _check(path: Path, name: Any, seen: set[int]) -> None:
     seen.add(mark)
 
 
-def batches_of(unit: Unit, trip_id: str) -> Iterator[pa.RecordBatch]:
-    """The rows of a unit, some at a time.
+def batches_of(unit: Unit, trip_id: str, own: Mapping[str, str | int]) -> Iterator[pa.RecordBatch]:
+    """The rows of a unit, some at a time; `own` as in `inputs.used_columns`.
 
     Raises:
         ReadError: A file cannot be read.
@@ -125,15 +125,17 @@ def batches_of(unit: Unit, trip_id: str) -> Iterator[pa.RecordBatch]:
     for path, low, high in unit.pieces:
         try:
             with pq.ParquetFile(path) as file:
-                yield from _rows(file, low, high, trip_id)
+                yield from _rows(file, low, high, trip_id, own)
         except (pa.ArrowException, OSError) as error:
             reason = str(error).splitlines()[0]
             raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
 
 
-def _rows(file: pq.ParquetFile, low: int, high: int, trip_id: str) -> Iterator[pa.RecordBatch]:
+def _rows(
+    file: pq.ParquetFile, low: int, high: int, trip_id: str, own: Mapping[str, str | int]
+) -> Iterator[pa.RecordBatch]:
     """Rows low to high - 1 of a file; row groups without any are not read."""
-    used = used_columns(file.schema_arrow.names, trip_id, "trips")
+    used = used_columns(file.schema_arrow.names, trip_id, "trips", own)
     ends = np.cumsum([file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)])
     first = int(np.searchsorted(ends, low, "right"))
     last = int(np.searchsorted(ends, high, "left"))

@@ -4,17 +4,22 @@ import os
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..batch.batches import SCHEMAS, job_of, match_tables, slim
+from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tables, slim
 from ..errors import WriteError
+from ..places import Places
+from ..roadmap import shared_map
+from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
-from ..writers.parquet import schema_of, spatial
+from ..tables.relative_places import relative_schema
+from ..writers.parquet import repeating, schema_of, spatial
 from .units import Unit, batches_of
 
 SCHEMA_KEY, SCHEMA_VERSION = b"whichroad_schema", b"1"
@@ -34,6 +39,8 @@ class Task(NamedTuple):
     lag: Any
     crs: Any
     split: float | None
+    sensors: tuple[Sensor, ...] = ()
+    places: str | None = None  # path of a table of point objects
 
     def folder(self, table: str) -> Path:
         """Where the files of a table go."""
@@ -44,7 +51,9 @@ class Task(NamedTuple):
         """Folders that are written, and the schema of each; that of drives is the last."""
         points = {} if self.points == "none" else {"points": self.points}
         kinds = {"slim": "slim", "all": "points"}
-        return {**{k: kinds[v] for k, v in points.items()}, "path": "path", "drives": "drives"}
+        about = {} if self.places is None else {"ahead": "ahead", "nearby": "nearby"}
+        return {**{k: kinds[v] for k, v in points.items()}, **about, "path": "path",
+                "drives": "drives"}  # fmt: skip
 
     def is_done(self, unit: Unit) -> bool:
         """Whether all files of a unit are there: drives are renamed after the others."""
@@ -85,10 +94,16 @@ def run_unit(task: Task, unit: Unit) -> Done:
         WriteError: A file cannot be written.
     """
     give = frozenset(task.tables) | {"drives"}
-    job = job_of(task.map, task.vehicle, task.settings, task.lag, False, task.crs, give)
-    identity = job.roads.identity
-    rows = batches_of(unit, task.trip_id)
-    parts: dict[str, list[pa.Table]] = {"path": [], "drives": []}
+    job = job_of(
+        task.map, task.vehicle, task.settings, task.lag, False, task.crs, give,
+        split=task.split is not None,
+    )  # fmt: skip
+    about = None if task.places is None else _places(task.places, task.map)
+    job = job.with_more(task.sensors, about)
+    identity = job.identity
+    rows = batches_of(unit, task.trip_id, job.own_columns())
+    last = [name for name in task.tables if name != "points"]  # drives say that the unit is done
+    parts: dict[str, list[pa.Table]] = {name: [] for name in last}
     with ExitStack() as files:
         points = None
         if "points" in task.tables:
@@ -96,26 +111,40 @@ def run_unit(task: Task, unit: Unit) -> Done:
         for tables in match_tables(rows, job, task.trip_id, task.split, ordered=True):
             if points is not None:
                 points(slim(tables.points) if task.points == "slim" else tables.points)
-            parts["path"].append(tables.path)
-            parts["drives"].append(tables.drives)
-    for name in ("path", "drives"):  # drives say that the unit is done
+            for name in last:
+                parts[name].append(getattr(tables, name))
+    for name in last:
         with ExitStack() as files:
-            write = files.enter_context(_growing(task, name, unit.name, identity))
+            write = files.enter_context(_growing(task, name, unit.name, identity, about))
             for part in [pa.concat_tables(parts[name])] if parts[name] else []:
                 write(part)
     return told(unit.name, unit.rows, pa.concat_tables(parts["drives"]))
 
 
+@lru_cache(maxsize=2)
+def _places(table: str, roads: str) -> Places:
+    """The places of a run, read once in each process."""
+    return Places(table, shared_map(roads))
+
+
 @contextmanager
-def _growing(task: Task, name: str, unit: str, identity: dict[str, Any]) -> Iterator[Any]:
+def _growing(
+    task: Task, name: str, unit: str, identity: dict[str, Any], about: Places | None = None
+) -> Iterator[Any]:
     """A function that writes parts of a table to the file of a unit, whole at the end."""
     path = task.folder(name) / f"{unit}.parquet"
-    empty = with_map(SCHEMAS[task.tables[name]].empty_table(), identity)
+    kind = task.tables[name]
+    schemas = MAPS_SCHEMAS if is_folder(task.map) else SCHEMAS
+    columns = schemas[kind] if kind in schemas else relative_schema(about)
+    empty = with_map(columns.empty_table(), identity)
     schema = schema_of(empty, bounds=False)
     schema = schema.with_metadata({**schema.metadata, SCHEMA_KEY: SCHEMA_VERSION})
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with pq.ParquetWriter(beside, schema, compression="zstd", compression_level=_LEVEL) as file:
+        with pq.ParquetWriter(
+            beside, schema, compression="zstd", compression_level=_LEVEL,
+            use_dictionary=repeating(schema),
+        ) as file:  # fmt: skip
             yield lambda part: file.write_table(
                 pa.Table.from_arrays(spatial(part).columns, schema=schema), _GROUP
             )

@@ -15,6 +15,7 @@ from ..settings import Settings
 
 _BLIND_SPEED, _BLIND_SPEED_SIGMA = 6.0, 8.0  # m/s, at a start without odometry
 _WHITE = 0.01  # white sigma of a pose over the one given
+_MISTAKEN = 0.02  # probability that the bearing of a given pose is any other one
 
 
 def initial_state(belief: Belief, time: float, settings: Settings) -> None:
@@ -41,6 +42,9 @@ def start_at(
     settings: Settings,
 ) -> None:  # fmt: skip
     """Begin from a given pose of M, before any fix.
+
+    Its bearing may be mistaken: with a small probability the vehicle points along any road near,
+    in either direction, or anywhere off the roads.
 
     Args:
         belief: The filter's, empty.
@@ -69,6 +73,8 @@ def start_at(
     fix = np.array([x[0], y[0], start.sigma_m, start.sigma_m, 0.0])
     belief.state.scale = plane_scale(ctx.roads, float(x[0]), float(y[0]))
     cold_start(belief, path, ctx, fix, known, 1.0)
+    normalise(belief)
+    cold_start(belief, path, ctx, fix, known._replace(heading_sigma=math.inf), _MISTAKEN)
     n = int(belief.state[0].count)
     cov = belief.hyp["cov"]
     for state in (GX, GY):  # the pose owes nothing to the GNSS bias of later fixes

@@ -40,6 +40,8 @@ from ..graph.network import plane_scale
 from ..observations import Array, StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle, parameters
+from . import elsewhere
+from .answers import recentre, repeat
 from .pose import initial_state
 from .prior import DROP, KNOWN_BEARING, prior_components
 from .steps import Step, steps
@@ -59,6 +61,7 @@ _AGAIN = 25.0  # m until off-road hypotheses may first return to any road
 _LESS_OFTEN = 1.1  # growth of that distance from one return to the next
 _NEAR = 40.0  # m; a pose of a smaller sigma needs no search
 _FITS = 25.0  # chi-square of a fix that a hypothesis can explain
+_YARD, _ELSEWHERE, _OFF = 0, 1, 2  # rows of what is off the roads, the first; how many
 
 
 def is_vague(start: StartPose | str | None, mode: int) -> bool:
@@ -101,9 +104,11 @@ class _Search:
         self.path = new_path(max(1 << 16, 16 * len(self.prior.edge)))
         self.since_beginning, self.again = 0.0, _AGAIN
         self.swing = 0.0  # rad, sum of recent turns
+        self.turned, self.bend = 0.0, 0.0  # rad since the map was observed; rad/m before
+        self.behind = elsewhere.behind_ends(roads.arrays)
         initial_state(self.mixture, float(timeline.epochs.time[0]), settings)
         self._begin_off_road()
-        self._begin(1.0 - settings.off_road_start)
+        self._begin((1.0 - settings.off_road_start) * (1.0 - elsewhere.PRIOR))
         self._reduce()
 
     @property
@@ -126,28 +131,25 @@ class _Search:
         rows: Array = self.table.hyp[name][: self.size]
         return rows
 
-    @property
-    def off_road(self) -> int:
-        """The row of the off-road hypothesis."""
-        return int(np.flatnonzero(self.column("edge") == OFF_ROAD)[0])
-
     def _begin_off_road(self) -> None:
-        """The row of a vehicle on no road: somewhere in the region, with any heading."""
+        """The rows of a vehicle on no road: somewhere in the region, or elsewhere."""
         p = self.prior
         w = np.exp(p.log_weight)
         x, y = float(w @ p.x), float(w @ p.y)
-        share = max(self.settings.off_road_start, 1e-300)
+        yard = max(self.settings.off_road_start, 1e-300)
         self.state["scale"] = plane_scale(self.ctx.roads, x, y)
         initialise(
-            self.mixture, self.ctx, p.edge[:1], p.s[:1], p.sigma[:1],
-            np.array([math.log(share)]),
+            self.mixture, self.ctx, p.edge[[0, 0]], p.s[[0, 0]], p.sigma[[0, 0]],
+            np.log([yard * (1.0 - elsewhere.PRIOR), elsewhere.PRIOR]),
         )  # fmt: skip
-        mean, cov = self.column("mu")[0], self.column("cov")[0]
-        mean[X], mean[Y], mean[H] = x, y, 0.0
-        cov[:3, :], cov[:, :3] = 0.0, 0.0
-        cov[:2, :2] = np.cov(np.stack([p.x, p.y]), aweights=w, ddof=0) + 50.0**2 * np.eye(2)
-        cov[H, H] = math.pi**2 / 3.0
-        self.column("edge")[0] = OFF_ROAD
+        mean, cov = self.column("mu"), self.column("cov")
+        mean[:, X], mean[:, Y], mean[:, H] = x, y, 0.0
+        cov[:, :3, :], cov[:, :, :3] = 0.0, 0.0
+        region = np.cov(np.stack([p.x, p.y]), aweights=w, ddof=0) + 50.0**2 * np.eye(2)
+        cov[_YARD, :2, :2], cov[_ELSEWHERE, :2, :2] = region, elsewhere.SIGMA**2 * np.eye(2)
+        cov[:, H, H] = math.pi**2 / 3.0
+        self.column("edge")[:] = OFF_ROAD
+        self.column("along")[:] = _YARD, _ELSEWHERE  # rows are sorted by it
 
     def _begin(self, share: float) -> None:
         """A vehicle begins somewhere on the roads, with that much of the weight."""
@@ -163,6 +165,7 @@ class _Search:
         self._branch(step.arc)
         self.state["since_map"] += step.metres
         self.swing = self.swing * math.exp(-step.metres / _SWING) + abs(step.turn)
+        self.turned += step.turn
         if self.state["since_map"][0] >= self.settings.map_spacing:
             self._observe()
         self._reduce()
@@ -175,6 +178,18 @@ class _Search:
             self._reduce(2 * self.size // 3)
             self.ctx.par.prune = self._floor()
         self.table, self.spare = self.spare, self.table
+        self._leave_the_map()
+
+    def _leave_the_map(self) -> None:
+        """Where a road of the map ends a vehicle turns round, or goes on and is elsewhere."""
+        edge, weight = self.column("edge"), self.column("weight")
+        share = elsewhere.leaving(weight, edge, self.column("new_edge") == 1, self.behind)
+        share[_OFF:][edge[_OFF:] == OFF_ROAD] = 1.0
+        gone = float(share @ weight)
+        if gone > 0.0:
+            log_weight = self.column("log_weight")
+            log_weight += np.log(np.maximum(1.0 - share, 1e-300))
+            log_weight[_ELSEWHERE] = np.logaddexp(log_weight[_ELSEWHERE], math.log(gone))
 
     def _observe(self) -> None:
         given, par = self.settings, self.ctx.par
@@ -184,8 +199,21 @@ class _Search:
         par.edge_heading_sigma = math.hypot(
             given.edge_heading_sigma, loose * given.node_heading_sigma
         )
+        before = self.column("log_weight").copy()
         observe_map(self.mixture, self.ctx, True)
+        self._weigh_elsewhere(before, float(self.state["since_map"][0]))
         self.state["since_map"] = 0.0
+
+    def _weigh_elsewhere(self, before: Array, metres: float) -> None:
+        """Weigh the vehicle elsewhere by its own road and turns, in place of the map's rows."""
+        log_weight = self.column("log_weight")
+        gain = log_weight - before
+        usual = float(gain[_ELSEWHERE]) + self.settings.off_road_cost * metres  # wide: on any road
+        log_weight[_YARD] = before[_YARD] + gain[_ELSEWHERE]
+        own = elsewhere.gain_of(before[_OFF:], gain[_OFF:], usual)
+        cost = elsewhere.turn_cost(self.turned, metres, self.bend)
+        log_weight[_ELSEWHERE] = before[_ELSEWHERE] + own - cost
+        self.turned, self.bend = 0.0, self.turned / metres if metres > 0.0 else 0.0
 
     def hear(self, epochs: Records) -> None:
         """What further sensors say in these epochs, all at the last one."""
@@ -204,28 +232,29 @@ class _Search:
         return min(DROP / max(self.size, 1), 0.1 * self.settings.prune)
 
     def _exchange_off_road(self, metres: float) -> None:
-        """Rates per metre, as in the filter; the off-road mode may return to any road."""
+        """Rates per metre, as in the filter; who is off the roads may come back to any of them."""
         normalise(self.mixture)
-        off, log_weight = self.off_road, self.column("log_weight")
+        log_weight = self.column("log_weight")
         p_leave = min(self.settings.off_road_leave * metres, 0.5)
-        p_off = math.exp(log_weight[off])
+        p_off = np.exp(log_weight[:_OFF])
         log_weight += math.log1p(-p_leave)
-        p_off += p_leave * (1.0 - p_off)
+        p_off = p_off * (1.0 - p_leave) + 0.5 * p_leave
         self.since_beginning += metres
-        share = p_off * min(self.settings.off_road_return * self.since_beginning, 0.5)
-        if self.since_beginning >= self.again and share > 1e-3:
-            p_off -= share
-            self._begin(share)
+        rates = np.array([self.settings.off_road_return, elsewhere.RETURN])
+        back = p_off * np.minimum(rates * self.since_beginning, 0.5)
+        if self.since_beginning >= self.again and back.sum() > 1e-3:
+            p_off -= back
+            self._begin(float(back.sum()))
             self.again *= _LESS_OFTEN
-        log_weight[off] = math.log(max(p_off, 1e-300))
+        log_weight[:_OFF] = np.log(np.maximum(p_off, 1e-300))
         normalise(self.mixture)
 
     def _reduce(self, most: int | None = None) -> None:
         """Drop what is too light, or all but so many; merge what is close."""
         normalise(self.mixture)
         evidence = float(self.state["log_evidence"][0])
-        edge = self.column("edge")
-        keep = np.flatnonzero((self.column("weight") > self._floor()) | (edge == OFF_ROAD))
+        edge, off = self.column("edge"), np.arange(self.size) < _OFF
+        keep = np.flatnonzero((self.column("weight") > self._floor()) | off)
         if most is not None:
             keep = self.heaviest()[:most]
         order = keep[np.lexsort((self.column("along")[keep], edge[keep]))]
@@ -255,25 +284,30 @@ class _Search:
         newest[:] = number[newest]
 
     def heaviest(self) -> NDArray[np.int64]:
-        """All rows, the off-road one first, then those of most weight."""
+        """All rows, those off the roads first, then those of most weight."""
         p = self.column("weight").copy()
-        p[self.off_road] = 2.0
+        p[_YARD], p[_ELSEWHERE] = 3.0, 2.0
         return np.argsort(-p)
 
     def is_decided(self) -> bool:
         """Whether the ordinary belief holds what is left, in few Gaussians on each edge."""
         p, edge = self.column("weight"), self.column("edge")
-        if len(p) > _FEW or 1.0 - p[self.heaviest()[1:KEPT]].sum() > _DECIDED:
+        if len(p) > _FEW or 1.0 - p[self.heaviest()[_OFF:KEPT]].sum() > _DECIDED:
             return False
         counts = np.unique(edge[p > self.settings.prune], return_counts=True)[1]
         return bool(counts.max() <= self.settings.components)
 
     def summarise(self, output: Output, k: int) -> None:
-        """Write the estimate of epoch k."""
-        order = self.heaviest()
+        """Write the estimate of epoch k, about the most probable hypothesis on a road."""
+        order = np.delete(self.heaviest(), _ELSEWHERE)
         match_moments(self.mixture, self.reduced, order, min(KEPT - 1, len(order)))
+        off = self.reduced.hyp[:1]
+        off.weight += self.column("weight")[_ELSEWHERE]
+        off.log_weight = np.log(off.weight)
         summarise(self.reduced, self.ctx, output, k, 0.0)
         output.rows.live[k] = self.size
+        if len(order) > 1:
+            recentre(output.rows[k], self.reduced.hyp[1], float(self.state["scale"][0]))
 
     def fill_belief(self, belief: Belief, rows: NDArray[np.int64]) -> None:
         """Copy rows to the ordinary belief."""
@@ -291,9 +325,9 @@ class _Search:
         chi2 = np.einsum("ni,ni->n", apart, np.linalg.solve(cov, apart[..., None])[..., 0])
         weight = self.column("log_weight") - 0.5 * (chi2 + np.log(np.linalg.det(cov)))
         best = np.argsort(-weight)[:KEPT]
-        if best[0] == self.off_road or chi2[best[0]] > _FITS:
+        if best[0] < _OFF or chi2[best[0]] > _FITS:
             return best[:0]
-        rows: NDArray[np.int64] = best[best != self.off_road]
+        rows: NDArray[np.int64] = best[best >= _OFF]
         return rows
 
 
@@ -336,7 +370,7 @@ def search(
     done, firm = 1, 0.0
     for step in steps(epochs, mixture.least):
         k = step.epoch
-        _repeat(output, done, k)
+        repeat(output, done, k)
         mixture.state["time"] = time[k]
         mixture.state["speed"] = step.metres / max(time[k] - time[done - 1], 1e-3)
         mixture.step(step)
@@ -346,23 +380,16 @@ def search(
             done = k + 1
             firm = firm + step.metres if mixture.is_decided() else 0.0
             if firm > _PROBATION:
-                mixture.fill_belief(belief, mixture.heaviest()[1:KEPT])
+                mixture.fill_belief(belief, mixture.heaviest()[_OFF:KEPT])
                 return done, mixture.path
         if progress is not None:
             progress(done)
     if done < n:
         return _meet_fix(mixture, belief, epochs, done)
-    rows = mixture.heaviest()[1:KEPT]
+    rows = mixture.heaviest()[_OFF:KEPT]
     if mixture.column("weight")[rows].sum() > 0.5:
         mixture.fill_belief(belief, rows)
     return n, mixture.path
-
-
-def _repeat(output: Output, first: int, last: int) -> None:
-    """Epochs first … last − 1 are less than a step later than the one before."""
-    output.rows[first:last] = output.rows[first - 1]
-    if len(output.alt_pose):
-        output.alt_pose[first:last] = output.alt_pose[first - 1]
 
 
 def _meet_fix(search: _Search, belief: Belief, epochs: Records, k: int) -> tuple[int, Path]:

@@ -1,5 +1,6 @@
 """Files of any kind: what each holds, and the command that would match them."""
 
+import re
 import shlex
 from collections import Counter
 from collections.abc import Sequence
@@ -94,6 +95,8 @@ class _Files:
         self.answer: Path | None = None
         self.left_out = False  # whether one of them is a truth or a path
         self.read: list[Drive] = []
+        self.alone = 0  # drives of single files
+        self.noted: set[str] = set()
 
     def take(self, path: Path, *, about_car: bool = False) -> None:
         """Find out what a file is, and say what it holds or why it cannot be understood."""
@@ -192,6 +195,14 @@ class _Files:
         except WhichroadError as error:
             self.sections.append(Section("all files together", [], (f"error: {error}",)))
             return
+        if len(drives) == self.alone:  # each was described
+            notes = dict.fromkeys(
+                note for d in drives for note in d.notes if note not in self.noted
+            )
+            said = tuple(f"note: {note}" for note in notes)
+            self.sections.append(Section(f"all files together: {len(drives):,} drives", [], said))
+            self.read = drives
+            return
         self.sections.append(Section("all files together", [("drives", f"{len(drives):,}")]))
         self._describe(drives)
 
@@ -201,7 +212,8 @@ class _Files:
         return None if self.vehicle is None else self.vehicle[1]
 
     def _describe(self, drives: list[Drive]) -> None:
-        self.read = drives
+        self.read, self.alone = drives, self.alone + len(drives)
+        self.noted |= {note for drive in drives for note in drive.notes}
         self.sections += [drive_section(drive, self.settings) for drive in drives[:_MOST]]
         if len(drives) > _MOST:
             self.sections.append(Section(f"and {len(drives) - _MOST:,} more drives", []))
@@ -253,15 +265,25 @@ def _seen(path: Path, reading: dict[str, Any]) -> Seen:
     return table_of(Source.of(path), Counter(), Reading.of(**reading))
 
 
+def _first_names(path: Path) -> set[str]:
+    """What may be the names of the columns of a text."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            line = file.readline(1 << 16)
+    except OSError:
+        return set()
+    return {word.strip(' "\n').lower() for word in re.split(r"[,;\t|]", line)}
+
+
 def _looks_like_roads(path: Path) -> bool:
     """Whether a table seems to be one of roads: its geometries are lines, and it has no times."""
     name = path.name.lower()
     if name.endswith((".csv", ".tsv", ".parquet", ".geoparquet")):
         try:
-            names = {name.lower() for name in _seen(path, {}).names}
-        except WhichroadError:
-            return False
-        return bool(names & _LINES) and not any("time" in n or "date" in n for n in names)
+            seen = _seen(path, {})
+        except WhichroadError:  # none of its columns is one of a drive
+            return name.endswith((".csv", ".tsv")) and bool(_first_names(path) & _LINES)
+        return bool({name.lower() for name in seen.names} & _LINES) and "time" not in seen.found
     if not name.endswith((".geojson", ".json")):
         return True
     try:

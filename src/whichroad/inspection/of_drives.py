@@ -77,7 +77,7 @@ def columns_section(title: str, names: Sequence[str], found: Mapping[str, Column
     """
     rows = [(quantity, _column_text(quantity, column)) for quantity, column in found.items()]
     used = {normal(column.name) for column in found.values()}
-    others = [name for name in names if normal(name) not in used]
+    others = [name or "(no name)" for name in names if normal(name) not in used]
     if others:
         rows.append(("not used", ", ".join(others)))
     return Section(f"columns of {title}", rows)

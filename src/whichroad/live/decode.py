@@ -6,6 +6,7 @@ NMEA and UBX have the parsers of recorded logs.  A CAN log is read as a whole, a
 import math
 import time
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple, TypeVar
@@ -14,6 +15,7 @@ from ..observations import (
     Distance,
     GeoFix,
     Observation,
+    SensorReading,
     SpeedYaw,
     WheelSpeed,
     WheelTicks,
@@ -22,6 +24,7 @@ from ..observations import (
 from ..readers.can import Signal, find_signals, si_factor
 from ..readers.nmea import NmeaParser
 from ..readers.reading import Reading
+from ..readers.receiver_told import ReceiverTold
 from ..readers.ubx import UbxParser
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
@@ -46,15 +49,19 @@ class NmeaStream:
         offset: s added to the receiver's times.
         vehicle: Scales of the wheels that a dead-reckoning receiver reads; None: their ticks and
             the gyro are passed over.
+        told: Names of `readers.receiver_told` that sensors ask for.
     """
 
     def __init__(
-        self, settings: Settings | None = None, offset: float = 0.0, vehicle: Vehicle | None = None
-    ) -> None:
+        self, settings: Settings | None = None, offset: float = 0.0,
+        vehicle: Vehicle | None = None, told: Collection[str] = (),
+    ) -> None:  # fmt: skip
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
         self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
         self._ubx = UbxParser(Reading.of(settings=settings), self._sensors)
         self._status = StatusReader()
+        self._readings: list[SensorReading] = []
+        self._told = ReceiverTold(time.time(), told) if told else None
 
     @property
     def skipped(self) -> int:
@@ -70,9 +77,15 @@ class NmeaStream:
         """Take bytes; returns the fixes that they complete."""
         self._status.feed(data)
         fixes, sentences = self._ubx.feed(data)
-        if self._ubx.seen:
-            return self._shifted(fixes)
-        return self._shifted(self._parser.feed(sentences))
+        if not self._ubx.seen:
+            fixes = self._parser.feed(sentences)
+        self._readings += [] if self._told is None else self._told.feed(sentences)
+        return self._shifted(fixes)
+
+    def readings(self) -> list[SensorReading]:
+        """What the receiver has said for further sensors since the last call."""
+        made, self._readings = self._shifted(self._readings), []
+        return made
 
     @property
     def receiver(self) -> ReceiverStatus:

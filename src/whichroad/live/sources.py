@@ -132,6 +132,9 @@ class NmeaInput:
             wheels = self._sensors()
             wheels.link = "open"
             self._deliver(wheels, sensed, self._arrival)
+        readings = self._stream.readings()
+        if readings and (self.port is None or self.port.hears(self)):
+            self._deliver(self._health, readings, self._arrival)
         self._pass_on(fixes)
         if self._quiet is not None:
             self._quiet.cancel()

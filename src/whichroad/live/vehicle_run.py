@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..online import Localizer
+from ..readers.receiver_told import wanted
 from .broadcaster import Broadcaster
 from .checkpoint import Checkpoint
 from .decode import CanStream, NmeaStream
@@ -88,6 +89,7 @@ class VehicleRun:
         """The coroutines that bring observations, with the sensors' times or those of arrival."""
         fitted, filter_loop = self.fitted, self.filter_loop
         car, settings = fitted.localizer.vehicle, fitted.localizer.settings
+        told = wanted(fitted.localizer.sensor_columns)
         deliver = self._on_arrival if by_arrival else filter_loop.take
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:
@@ -98,7 +100,7 @@ class VehicleRun:
                 health: Any = health, offset: float = offset, name: str = name_of(address)
             ) -> NmeaInput:
                 wheels = None if fitted.can else car  # those of a bus come first
-                stream = NmeaStream(settings, offset, wheels)
+                stream = NmeaStream(settings, offset, wheels, told)
                 sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
                 return NmeaInput(health, stream, deliver, sensor)
 

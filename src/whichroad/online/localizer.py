@@ -37,6 +37,7 @@ from .epoch_filter import EpochFilter
 from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .looks_back import LooksBack
+from .one_odometry import SECOND, is_worse
 from .sensing import Sensing
 
 _LATE = 1.0  # s; an observation later than this is refused
@@ -151,8 +152,8 @@ class Localizer(LooksBack):
             self._take_fix(possible, max(late, 0.0))
         elif isinstance(possible, SensorReading):
             return self._take_sensed(possible)
-        else:
-            self._take_odometry(possible)
+        elif not self._take_odometry(possible):
+            return False
         if self._filter.mode != CLOCK:
             self._statistics.accumulate(*self._filter.numbers())
         return True
@@ -161,6 +162,11 @@ class Localizer(LooksBack):
     def answered(self) -> bool:
         """Whether there is an answer yet: a fix came, or a pose was given."""
         return self._filter.count > 0
+
+    @property
+    def sensor_columns(self) -> dict[str, str]:
+        """The columns that its further sensors read, by the alias that has readers keep them."""
+        return self._sensing.sensed.columns
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -187,13 +193,18 @@ class Localizer(LooksBack):
         double.run()
         return self._answers.of(double, self._far_fix)
 
-    def _take_odometry(self, reading: Reading) -> None:
+    def _take_odometry(self, reading: Reading) -> bool:
+        now = self._reading
+        if now and is_worse(reading, now) and not self._is_silent(reading.time - now.time):
+            self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
+            return False
         arc, turn = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
         self._filter.fill(reading.time, arc, turn, 1, self._gyro.alone)
         self._run()
+        return True
 
     def _increment(self, reading: Reading) -> tuple[float, float]:
         """Arc and turn since the last epoch, less what a fix in between already took."""

@@ -58,9 +58,9 @@ class Sensing:
 
     def kept(self) -> list[Any]:
         """All that is remembered, as numbers and text."""
-        return [self._metres, self._time, self.sensed.lasting.kept()]
+        return [self._metres, self._time, *self.sensed.kept()]
 
     def restore(self, kept: list[Any]) -> None:
         """Remember that and nothing else."""
         self._metres, self._time = kept[:2]
-        self.sensed.lasting.restore(kept[2])
+        self.sensed.restore(kept[2:])

@@ -26,6 +26,8 @@ NAMES = {
     "sigma": ("sigma_m", "accuracy_m"),
     "on_map": ("on_map",),
 }
+LARGEST_SIGMA_M = 1000.0  # of a place
+MOST_EDGES = 2**31  # that a map can have
 _EXPECTED = "columns lat and lon, edge_id and abscissa_m, or a geometry of points were expected"
 _TRUE = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False, "": False}
 
@@ -73,7 +75,11 @@ def read_places(table: Any, crs: Any = None) -> PlaceTable:
     lat = np.where(np.abs(lat) <= 90.0, lat, math.nan)
     edge = _numbers(found, "edge", n, where)
     at_edge = np.isfinite(edge)
+    whole = ~at_edge | (edge == np.round(edge)) & (np.abs(edge) < MOST_EDGES)
+    _check(whole, edge, "edge_id", "the whole number of an edge of the map", where)
     sigma = _numbers(found, "sigma", n, where)
+    possible = np.isnan(sigma) | (sigma >= 0.0) & (sigma <= LARGEST_SIGMA_M)
+    _check(possible, sigma, "sigma_m", f"0 to {LARGEST_SIGMA_M:g} m", where)
     return PlaceTable(
         where, _ids(found["id"], n), lat, lon,
         np.where(at_edge, edge, -1).astype(np.int64),
@@ -157,6 +163,18 @@ def _numbers(found: Mapping[str, NDArray[Any] | None], name: str, n: int, where:
                 f"{where}, row {row + 1}: {NAMES[name][0]} is {cell!r}; a number was expected"
             ) from None
     return out
+
+
+def _check(good: NDArray[np.bool_], values: Array, name: str, expected: str, where: str) -> None:
+    """Refuse the first value that cannot be.
+
+    Raises:
+        ReadError: There is one.
+    """
+    for row in np.flatnonzero(~good)[:1]:
+        raise ReadError(
+            f"{where}, row {row + 1}: {name} is {values[row]:g}; {expected} was expected"
+        )
 
 
 def _flags(column: NDArray[Any], where: str) -> NDArray[np.bool_]:

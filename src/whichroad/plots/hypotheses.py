@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..geodesy.angles import degrees
-from .panels import FIX, OFF, RANKS, ROAD, TRUTH, scale_bar, shade_masked
+from .panels import OFF, RANKS, ROAD, TRUTH, scale_bar, shade_masked
 from .scene import CHI2_95, LIVE, Scene, Window
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ _APART = 1.15  # moments are drawn so many mean diameters of their ellipses apar
 _WIDTH = 6.4  # inches of one column
 _AROUND = 0.12  # of the ellipses' extent, left free about them
 _FLATTEST, _STEEPEST = 0.22, 0.9  # height of a frame over its width
+_FIX = "#5b5f66"  # of the crosses: roads have the colours
 DASHES: tuple[Any, ...] = ("-", (0, (4, 2)), (0, (1, 1.5)))  # of each method's P
 
 
@@ -55,7 +56,7 @@ def page_of_hypotheses(
             one.set_title(f"{'ABCDEF'[column]}  {window.title}" if row == 0 else "")
             one.set_ylabel(name if column == 0 else "", weight="bold")
         draw_choices(axes[rows, column], answers, window, colours[column])
-    axes[0, 0].legend(handles=_legend(answers[0][1]), loc="upper left", ncols=3, borderaxespad=0.2)
+    figure.legend(handles=_legend(answers[0][1]), loc="upper right", ncols=3, borderpad=0.2)
     figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=12)
     return figure
 
@@ -67,7 +68,7 @@ def draw_zoom(axes: "Axes", scene: Scene, window: Window) -> None:
     across, up = _frame([rows])
     _place(axes, rows, across, up, adjustable="datalim")
     scale_bar(axes, across, "lower left")
-    axes.legend(handles=_legend(scene), loc="upper left", ncols=3)
+    axes.legend(handles=_legend(scene), loc="upper left", ncols=3, borderaxespad=0.2)
 
 
 def road_colours(scenes: Sequence[Scene], window: Window) -> dict[int, str]:
@@ -117,7 +118,7 @@ def draw_moments(
     if scene.truth is not None:
         axes.plot(*scene.truth[scene.within(window)].T, color=TRUTH, lw=1.1, zorder=5)
     if len(scene.fixes):
-        axes.plot(*scene.fixes.T, "+", color=FIX, ms=7, mew=1.5, zorder=5)
+        axes.plot(*scene.fixes.T, "+", color=_FIX, ms=7, mew=1.3, zorder=5)
     draw_ellipses(axes, rows, colours)
     shade = [colours.get(int(edge), OFF) for edge in rows["edge"]]
     axes.scatter(
@@ -175,6 +176,12 @@ def draw_choices(
         if len(off) and off.max() > LIVE:
             axes.plot(time, off, color=OFF, ls=dashes, lw=1.4)
     shade_masked(axes, answers[0][1])
+    for begin, end in answers[0][1].masked:
+        low, high = max(begin, window.begin), min(end, window.end)
+        if high > low:
+            axes.text(
+                high, 0.32, "without GPS  ", color=OFF, fontsize=8, style="italic", ha="right"
+            )
     axes.set(xlim=(window.begin, window.end), ylim=(-0.02, 1.05), ylabel="probability")
     axes.set_xlabel("time since the start (s)")
     handles = [
@@ -235,7 +242,7 @@ def _legend(scene: Scene) -> list[Any]:
         Line2D([], [], color=RANKS[0], marker="o", ls="", label="hypothesis, 95 % ellipse")
     ]
     if len(scene.fixes):
-        handles.append(Line2D([], [], color=FIX, marker="+", mew=1.5, ls="", label="GNSS fix"))
+        handles.append(Line2D([], [], color=_FIX, marker="+", mew=1.3, ls="", label="GNSS fix"))
     if scene.truth is not None:
         handles.append(Line2D([], [], color=TRUTH, lw=1.1, label="truth"))
     return handles

@@ -78,6 +78,14 @@ def zone_of(name: str | None) -> tzinfo | None:
         ) from None
 
 
+def taken_as_utc(column: str) -> str:
+    """What to say of a column whose times name no zone."""
+    return (
+        f"times in column {column!r} name no zone and were taken as UTC; where they are local give "
+        "--tz (tz=), such as Europe/Berlin"
+    )
+
+
 def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Array:
     """Seconds since 1970 UTC of ISO 8601 texts, NaN where one is not.
 

@@ -17,7 +17,7 @@ from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
 from .checks import LAST, NO_TIME, Skipped, keep
 from .csv_text import no_column
-from .dates import zone_of
+from .dates import taken_as_utc, zone_of
 from .drive_columns import Columns, drive_of
 from .gears import reversing
 from .geometries import places_of, unproject
@@ -221,10 +221,7 @@ def _times(
     if read.zoneless:
         utc = any(word in normal(column.name).split("_") for word in ("utc", "gps", "gmt"))
         if zone is None and not utc and (paths or "local" in normal(column.name)):
-            notes.append(
-                f"times in column {column.name!r} name no zone and were taken as UTC; where they "
-                "are local give --tz (tz=), such as Europe/Berlin"
-            )
+            notes.append(taken_as_utc(column.name))
     elif zone is not None and not read.counted:
         notes.append(f"tz {reading.tz} not used: times in column {column.name!r} name their zone")
     return read
@@ -282,5 +279,5 @@ def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
         )
     if "time" not in seen.found:
         raise ReadError(no_column(where, "no time", seen.names, ("time",)))
-    wanted = ("lat", "lon", "wheel_rl", "wheel_rl_ticks", "odometer", "speed", "yaw_rate")
+    wanted = ("lat", "lon", "wheel_rl", "odometer", "speed")
     raise ReadError(no_column(where, "neither position nor odometry", seen.names, wanted))

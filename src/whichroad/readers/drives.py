@@ -41,7 +41,7 @@ AnyPath = str | PathLike[str]
 
 _IN_A_CRS = frozenset(("table", "geo", "json"))  # formats whose places may be in any system
 _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
-    "nmea": lambda source, reading: [read_nmea(source, reading.settings)],
+    "nmea": lambda source, reading: [read_nmea(source, reading.settings, reading.columns)],
     "gpx": lambda source, reading: read_gpx(source, reading.settings),
     "pos": lambda source, reading: [read_pos(source, reading.settings)],
     "kml": read_kml,

@@ -28,7 +28,7 @@ from ..observations import (
 from ..sensors.validation import validated
 from ..settings import Settings
 from .checks import Skipped, in_order
-from .drive_columns import steered
+from .drive_columns import steered, unused
 from .reported_fixes import Reported, make_fixes
 
 _LOGS: dict[type, Callable[..., OdometryLog]] = {
@@ -63,10 +63,14 @@ def drive_of_observations(
     if isinstance(odometry, Odometer):
         time, rate = _in_order(YawRate, possible, skipped)
         odometry = steered(odometry, YawRates(time, rate) if len(time) > 1 else None)
+    has = {"yaw_rate"} if any(isinstance(o, YawRate) for o in possible) else set()
+    notes = tuple(unused(has, odometry))
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     sensed = sorted((o for o in possible if isinstance(o, SensorReading)), key=lambda o: o.time)
-    return Drive("drive", located, odometry, skipped=dict(skipped), sensed=tuple(sensed))
+    return Drive(
+        "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed)
+    )
 
 
 def _in_order(kind: type, observations: Sequence[Observation], skipped: Skipped) -> list[Array]:

@@ -4,6 +4,7 @@ A trip of a stream is complete once enough rows of other trips have followed its
 """
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from os import PathLike
@@ -13,10 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from .arrow_columns import texts
+from .arrow_columns import texts, times
 from .checks import listed
 from .csv_text import no_column
-from .names import NAMES, find
+from .dates import taken_as_utc
+from .names import NAMES, find, quantity_of
 from .reading import Reading
 from .splitting import split_trips
 from .table_drives import paired
@@ -66,7 +68,7 @@ def trip_batches(
         split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
             into trips called `name/1`, `name/2`, ...
         strict: Refuse a stream in which the name of a complete trip comes again.
-        own: Further columns that are kept.
+        own: Own names of columns, by documented names, and further columns that are kept.
 
     Raises:
         ReadError: The source is none of these, or has no such column.
@@ -74,7 +76,7 @@ def trip_batches(
 
     def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
         trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
-        yield from packed(split_each(trips, split) if split else trips, strict)
+        yield from packed(split_each(trips, split, own) if split else trips, strict)
 
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id, own))
@@ -84,10 +86,11 @@ def trip_batches(
         if hasattr(source, "read_next_batch"):
             yield from of_stream(source)
         elif split:
-            table = of_vehicles(usual_rows(source, drive_id, own))
-            yield from packed(split_each((Trip(*trip) for trip in cut(table)), split), strict)
+            table = of_vehicles(usual_rows(source, drive_id, own), own)
+            trips = (Trip(*trip) for trip in cut(table))
+            yield from packed(split_each(trips, split, own), strict)
         else:
-            yield from parts_of(of_vehicles(usual_rows(source, drive_id, own)))
+            yield from parts_of(of_vehicles(usual_rows(source, drive_id, own), own))
     elif isinstance(source, Iterable):
         yield from of_stream(source)
     else:
@@ -117,7 +120,7 @@ def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
 
 def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
     names = data.schema.names
-    _check(names)
+    _check(names, own)
     used = {column.name for column in find(names, own).values()} | ({drive_id} & set(names))
     return data.to_batches(  # type: ignore[no-any-return]
         columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
@@ -139,17 +142,39 @@ def usual_rows(batch: Any, drive_id: str, own: Own = _NONE) -> "pa.Table":
     return _named(*_table(batch, drive_id, own), drive_id, own)
 
 
-def _check(names: list[str]) -> None:
+def _check(names: list[str], own: Own) -> None:
     """Refuse a table none of whose trips could be matched."""
-    if "time" not in find(names):
+    if "time" not in find(names, own):
         raise ReadError(no_column("table", "no time", names, ("time",)))
+
+
+def own_names(columns: Own | None, drive_id: str) -> tuple[dict[str, str | int], str]:
+    """Own names of the columns of a table of trips, and the column that names the trip.
+
+    Args:
+        columns: The documented names, and the columns that they stand for.
+        drive_id: The column that names the trip, unless `columns` has one.
+
+    Raises:
+        ReadError: A documented name is unknown, or a column is given by its number.
+    """
+    own = dict(columns or {})
+    for alias, column in own.items():
+        quantity_of(alias)
+        if not isinstance(column, str) or column.isdecimal():
+            raise ReadError(
+                f"columns: {alias} is {column!r}; the name of a column was expected: columns of "
+                "tables of many trips are known by their names"
+            )
+    named = str(own.pop("drive_id", drive_id))
+    return own, named if drive_id == "drive_id" else drive_id
 
 
 def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.Table":
     """The columns whose meaning is known, and trips' names in a column `drive_id`."""
     found = find(table.column_names, own)
     if "time" not in found:
-        _check(names)
+        _check(names, own)
     usual = found.get("drive_id") or found.get("vehicle_id")
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
@@ -168,11 +193,11 @@ def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.
     return table.select(used).append_column("drive_id", table.column(place))
 
 
-def of_vehicles(table: "pa.Table") -> "pa.Table":
+def of_vehicles(table: "pa.Table", own: Own = _NONE) -> "pa.Table":
     """The table whose trips that several vehicles have are one of each."""
     import pyarrow as pa
 
-    vehicle = find(table.column_names).get("vehicle_id")
+    vehicle = find(table.column_names, own).get("vehicle_id")
     if vehicle is None or not table.num_rows:
         return table
     trips = texts(table["drive_id"])
@@ -225,13 +250,13 @@ def parts_of(table: "pa.Table") -> Iterator[TripBatch]:
         trip = end
 
 
-def split_each(trips: Iterable[Trip], pause: float) -> Iterator[Trip]:
+def split_each(trips: Iterable[Trip], pause: float, own: Own = _NONE) -> Iterator[Trip]:
     """The trips of each name, numbered from 1; rows without a name stay together."""
     for name, rows, _ in trips:
         if not name:
             yield Trip(name, rows)
             continue
-        ordered, parts = split_trips(rows, pause)
+        ordered, parts = split_trips(rows, pause, own)
         for number, (low, high, standing) in enumerate(parts, 1):
             yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 
@@ -249,9 +274,9 @@ def _whole(batches: Iterable[Any], drive_id: str, own: Own) -> Iterator[tuple[st
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
-            yield from cut(of_vehicles(joined_rows(waiting.pop(name))))
+            yield from cut(of_vehicles(joined_rows(waiting.pop(name)), own))
     for parts in waiting.values():
-        yield from cut(of_vehicles(joined_rows(parts)))
+        yield from cut(of_vehicles(joined_rows(parts), own))
 
 
 def joined_rows(parts: "list[pa.Table]") -> "pa.Table":
@@ -302,22 +327,38 @@ def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
         yield batch()
 
 
-def are_many(path: str | PathLike[str], drive_id: str | None = None) -> bool:
+def zone_note(path: str | PathLike[str], drive_id: str, columns: Own | None) -> str | None:
+    """What to say of a file whose times name no zone, by its first time; None: nothing."""
+    import pyarrow as pa
+
+    own, drive_id = own_names(columns, drive_id)
+    for batch in _of_path(Path(path), drive_id, own):
+        if batch.num_rows:
+            meaning = find(batch.schema.names, own)["time"]
+            first = pa.chunked_array([batch.column(meaning.place).slice(0, 1)])
+            read = times(first, meaning, "table", Counter())
+            return taken_as_utc(meaning.name) if read.zoneless else None
+    return None
+
+
+def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Own = _NONE) -> bool:
     """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips.
 
     Args:
         path: The file.
         drive_id: The column that names trips; None: any of the usual ones.
+        columns: Own names of columns.
     """
     path = Path(path)
     if not path.is_dir() and path.suffix.lower() not in _FILES:
         return False
     seen: set[str] = set()
     try:
-        for batch in _of_path(path, drive_id or "drive_id"):
-            found = find(batch.schema.names)
+        own, drive_id = own_names(columns, drive_id or "drive_id")
+        for batch in _of_path(path, drive_id, own):
+            found = find(batch.schema.names, own)
             usual = found.get("drive_id") or found.get("vehicle_id")
-            name = drive_id or (usual and usual.name)
+            name = drive_id if drive_id != "drive_id" else usual and usual.name
             if name is None or name not in batch.schema.names:
                 return False
             column = batch.column(batch.schema.names.index(name))

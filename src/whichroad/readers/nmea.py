@@ -6,6 +6,7 @@ before it.  The date comes from RMC or ZDA and is carried over midnight.
 """
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from ..settings import Settings
 from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
+from .receiver_told import ReceiverTold, wanted
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 from .source import Source
 
@@ -32,12 +34,13 @@ _LATE = "time running backwards"
 _NO_CHECKSUMS = "no checksums in the log: sentences were used as they are"
 
 
-def read_nmea(file: Any, settings: Settings | None = None) -> Drive:
+def read_nmea(file: Any, settings: Settings | None = None, columns: Iterable[str] = ()) -> Drive:
     """Read an NMEA 0183 log.
 
     Args:
         file: A path or source of the log; binary messages between sentences are passed over.
         settings: Gives the range error and the sigma of fixes that report none.
+        columns: Aliases of columns that further sensors read, as `Sensed.columns` has them.
 
     Raises:
         ReadError: The file cannot be read or holds no good sentence of a known type.
@@ -64,12 +67,15 @@ def read_nmea(file: Any, settings: Settings | None = None) -> Drive:
             "an NMEA 0183 log was expected; is this the right file?"
         )
     fixes = parser.fixes(sentences)
+    names = wanted(columns)
+    told = ReceiverTold(fixes.time[0], names).feed(data + b"\n") if names and len(fixes) else []
     return Drive(
         drive_id=source.stem,
         fixes=fixes,
         sources=(source.path,),
         skipped=dict(parser.skipped),
         notes=(*parser.notes(), *((_NO_CHECKSUMS,) if bare else ())),
+        sensed=tuple(sorted(told, key=lambda one: one.time)),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import ReadError
 from .arrow_columns import texts
 from .many_trips import (
+    Own,
     Trip,
     TripBatch,
     cut,
@@ -26,9 +27,11 @@ from .many_trips import (
 if TYPE_CHECKING:
     import pyarrow as pa
 
+_NONE: Own = {}
+
 
 def ordered_batches(
-    batches: Iterable[Any], drive_id: str, *, split: float | None = None
+    batches: Iterable[Any], drive_id: str, *, split: float | None = None, own: Own = _NONE
 ) -> Iterator[TripBatch]:
     """Cut a stream into whole trips.
 
@@ -36,14 +39,15 @@ def ordered_batches(
         batches: Record batches or tables, which may end within trips.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: As of `many_trips.trip_batches`.
+        own: Likewise.
 
     Raises:
         ReadError: A trip comes again after others, or there is no such column.
     """
-    tables = map(of_vehicles, _whole_tables(batches, drive_id))
+    tables = (of_vehicles(table, own) for table in _whole_tables(batches, drive_id, own))
     if split:
         trips = (Trip(*trip) for table in tables for trip in cut(table))
-        yield from packed(split_each(trips, split), True)
+        yield from packed(split_each(trips, split, own), True)
         return
     seen: set[int] = set()
     for table in tables:
@@ -59,12 +63,12 @@ def ordered_batches(
             yield batch
 
 
-def _whole_tables(batches: Iterable[Any], drive_id: str) -> "Iterator[pa.Table]":
+def _whole_tables(batches: Iterable[Any], drive_id: str, own: Own) -> "Iterator[pa.Table]":
     """Tables of some whole trips each."""
     held: list[Any] = []  # rows of one trip, whose end has not come
     name = None
     for batch in batches:
-        table = usual_rows(batch, drive_id)
+        table = usual_rows(batch, drive_id, own)
         if not table.num_rows:
             continue
         labels, codes = texts(table["drive_id"])

@@ -5,7 +5,9 @@ Trips are regular that are sorted, valid and without odometry; the result is tha
 """
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from datetime import tzinfo
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,9 +17,9 @@ from .arrow_columns import numbers, times
 from .checks import LAST, Bools, Ints, Skipped
 from .dates import tick_of
 from .drive_columns import Columns, reported
-from .names import Column, find
+from .names import Column, find, normal
 from .reported_fixes import completed, is_place
-from .table_units import in_metres_per_second
+from .table_units import in_metres_per_second, undecided
 from .units_by_places import TOO_FAST, distances, reachable
 
 if TYPE_CHECKING:
@@ -38,24 +40,36 @@ _ALONE = frozenset(
 )  # what only the reader of single trips understands
 
 
-def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[Fixes, Bools] | None:
+class RegularTrips(NamedTuple):
+    """The trips of a batch that reading together gives as reading each alone."""
+
+    fixes: Fixes  # trip after trip
+    regular: Bools  # (d,) whether a trip of the batch is one
+    notes: dict[int, tuple[str, ...]]  # what a reader has to say, by the trip's number
+
+
+def batched_fixes(
+    table: "pa.Table", first: Ints, settings: Settings,
+    own: Mapping[str, str | int] | None = None, zone: tzinfo | None = None,
+) -> RegularTrips | None:  # fmt: skip
     """Read the fixes of the regular trips of a batch.
 
     Args:
         table: (n,) rows, trip after trip.
         first: (d,) where each begins.
         settings: Gives the sigma of fixes that report none.
+        own: Own names of columns, as `names.find` takes them.
+        zone: Of times that name none; None: UTC.
 
     Returns:
-        Fixes, trip after trip, and (d,) whether a trip is regular: reading it alone gives the
-        same fixes, with nothing skipped or noted.  None: no trip can be read so.
+        The trips of which nothing is skipped.  None: no trip can be read so.
     """
-    found = find(table.column_names)
+    found = find(table.column_names, own)
     for name in ("drive_id", "vehicle_id", "row_id", "gear"):
         found.pop(name, None)
     if not _is_regular(table, found):
         return None
-    time = _in_one_unit(table, found["time"])
+    time = _in_one_unit(table, found["time"], zone)
     if time is None:
         return None
     skipped: Skipped = Counter()
@@ -73,13 +87,16 @@ def batched_fixes(table: "pa.Table", first: Ints, settings: Settings) -> tuple[F
     possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
     possible[first] = True
     regular = np.logical_and.reduceat(good & later & possible, first)
+    notes: dict[int, tuple[str, ...]] = {}
     if "speed" in found and found["speed"].bare:
-        regular &= in_metres_per_second(columns, first)
+        metres, unknown = in_metres_per_second(columns, first)
+        regular &= metres
+        notes = dict.fromkeys(np.flatnonzero(unknown).tolist(), (undecided(found["speed"]),))
     if not regular.all():
         rows = np.repeat(regular, np.diff(first, append=len(time)))
         columns = {quantity: values[rows] for quantity, values in columns.items()}
     fixes = completed(reported(columns), settings, skipped)
-    return None if skipped else (fixes, regular)
+    return None if skipped else RegularTrips(fixes, regular, notes)
 
 
 def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
@@ -101,11 +118,17 @@ def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
     )
 
 
-def _in_one_unit(table: "pa.Table", meaning: Column) -> Array | None:
-    """Seconds since 1970; None where the sizes of bare numbers imply several units."""
+def _in_one_unit(table: "pa.Table", meaning: Column, zone: tzinfo | None) -> Array | None:
+    """Seconds since 1970; None where numbers imply several units, or the zone is worth a note."""
     import pyarrow as pa
 
     column = table.column(meaning.place)
+    local = pa.types.is_timestamp(column.type) and column.type.tz is None
+    if local:
+        unsaid = zone is None and "local" in normal(meaning.name)
+        return None if unsaid else times(column, meaning, "table", Counter(), zone=zone).seconds
+    if zone is not None:
+        return None
     if meaning.factor or pa.types.is_timestamp(column.type):
         return times(column, meaning, "table", Counter()).seconds
     values = numbers(column, meaning.name, Counter())

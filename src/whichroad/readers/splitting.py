@@ -6,6 +6,7 @@ are the same whatever engine brought the rows together.
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -61,7 +62,9 @@ def seconds_of(text: str | float | None) -> float | None:
     return seconds
 
 
-def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]":
+def split_trips(
+    table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None
+) -> "tuple[pa.Table, list[Part]]":
     """The rows of one vehicle in the order of time, and the trips among them.
 
     A trip ends before a pause of more than `pause` without a fix, when the vehicle begins to
@@ -70,30 +73,47 @@ def split_trips(table: "pa.Table", pause: float) -> "tuple[pa.Table, list[Part]]
     Args:
         table: All rows of a vehicle, with times; rows without a readable time come last.
         pause: s.
+        own: Own names of columns, as `names.find` takes them.
 
     Returns:
         The table in order, and its trips; at least one where there are rows.
     """
-    found = find(table.column_names)
-    if "time" not in found:
-        return table, [Part(0, table.num_rows, 0)]
-    meaning = found["time"]
-    try:
-        time = times(table.column(meaning.place), meaning, "table", Counter()).seconds
-    except Exception:  # the reader of the trip will say what its times are
-        return table, [Part(0, table.num_rows, 0)]
-    time = np.where(np.isfinite(time), time, np.inf)
-    lat, lon = (_degrees(table, found.get(name)) for name in ("lat", "lon"))
-    order = np.lexsort((lon, lat, time))
-    if (np.diff(order) != 1).any():
-        table, time, lat, lon = table.take(order), time[order], lat[order], lon[order]
+    table, time = in_time_order(table, own)
+    found = find(table.column_names, own)
+    lat, lon = (degrees_of(table, found.get(name)) for name in ("lat", "lon"))
     rows = np.flatnonzero(np.isfinite(time) & is_place(lat, lon))
     if not len(rows):
         return table, [Part(0, table.num_rows, 0)]
     return table, _parts(time, rows, lat[rows], lon[rows], pause)
 
 
-def _degrees(table: "pa.Table", column: Column | None) -> Array:
+def in_time_order(
+    table: "pa.Table", own: Mapping[str, str | int] | None = None
+) -> "tuple[pa.Table, Array]":
+    """The rows of a vehicle in the order of time, and their times, s.
+
+    Rows without a readable time come last, their time is infinite. `own` names columns, as
+    `names.find` takes them.
+    """
+    found = find(table.column_names, own)
+    unknown = np.full(table.num_rows, np.inf)
+    if "time" not in found:
+        return table, unknown
+    meaning = found["time"]
+    try:
+        time = times(table.column(meaning.place), meaning, "table", Counter()).seconds
+    except Exception:  # the reader of the trip will say what its times are
+        return table, unknown
+    time = np.where(np.isfinite(time), time, np.inf)
+    lat, lon = (degrees_of(table, found.get(name)) for name in ("lat", "lon"))
+    order = np.lexsort((lon, lat, time))
+    if (np.diff(order) != 1).any():
+        table, time = table.take(order), time[order]
+    return table, time
+
+
+def degrees_of(table: "pa.Table", column: Column | None) -> Array:
+    """A column as degrees, (n,); NaN where there is none, or no number."""
     if column is None:
         return np.full(table.num_rows, np.nan)
     return numbers(table.column(column.place), column.name, Counter()) * column.factor

@@ -20,6 +20,7 @@ from .table_drives import Trip
 _MOST = 50  # drives of a table that are asked for its units
 _FEWEST = 5  # steps from place to place that are judged
 _JUMPING = 0.3  # share of them that is impossible, from which rows are of several vehicles
+_MOVING = 2.0  # in any unit, from which on it matters which one a speed has
 _SPEEDS = ("speed", "wheel_rl", "wheel_rr")
 
 
@@ -157,6 +158,8 @@ def _speed(
     each = [fit.speed_ratios(w, time[t.rows], speed[t.rows]) for w, t in pairs]
     ratios = np.concatenate(each) if each else np.empty(0)
     if not fit.is_telling(ratios):
+        if _is_moving(speed):
+            notes.append(undecided(found[quantity]))
         return
     sparse = any(w.sparse for w in windows)
     ratio = float(np.median(ratios))
@@ -193,21 +196,40 @@ def _odometer(
             return
 
 
-def in_metres_per_second(columns: Columns, first: Ints) -> Bools:
+def undecided(column: Column) -> str:
+    """That the unit of a speed is not known for sure."""
+    unit = next((u for u, f in fit.SPEED_UNITS.items() if f == column.factor), "m/s")
+    return (
+        f"column {column.name!r} taken in {unit}: it names no unit, and the drive is too short or "
+        "too sparse to tell by its places; name it in its unit, such as speed_kmh"
+    )
+
+
+def _is_moving(speed: Array) -> bool:
+    """Whether a speed, which may be in any unit, is of something that moves."""
+    return bool((np.abs(speed) > _MOVING).any())
+
+
+def in_metres_per_second(columns: Columns, first: Ints) -> tuple[Bools, Bools]:
     """Whether the speeds of trips, which name no unit, are taken in m/s.
 
     Args:
         columns: Of all trips, one after the other, by time.
         first: (d,) where each begins.
+
+    Returns:
+        (d,) whether they are, and (d,) whether nothing shows that they should be.
     """
     bounds = [*first.tolist(), len(columns["time"])]
-    metres = np.ones(len(first), np.bool_)
+    metres, unknown = np.ones(len(first), np.bool_), np.zeros(len(first), np.bool_)
     for trip, (low, high) in enumerate(pairwise(bounds)):
         time = columns["time"][low:high]
         track = fit.Track.of(time, columns["lat"][low:high], columns["lon"][low:high])
         windows = fit.windows_of(track)
-        ratios = fit.speed_ratios(windows, time, columns["speed"][low:high])
-        metres[trip] = not fit.is_telling(ratios) or (
-            fit.speed_unit(ratios, windows.sparse) == "m/s"
-        )
-    return metres
+        speed = columns["speed"][low:high]
+        ratios = fit.speed_ratios(windows, time, speed)
+        if fit.is_telling(ratios):
+            metres[trip] = fit.speed_unit(ratios, windows.sparse) == "m/s"
+        else:
+            unknown[trip] = _is_moving(speed)
+    return metres, unknown

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
-from ..observations import Drive, Fixes, GeoFix
+from ..observations import Drive, Fixes, GeoFix, SensorReading
 from ..wording import by_reason
 from .checks import Bools, Ints, Skipped, keep
 from .reading import Reading
+from .receiver_told import wanted
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
 from .source import Source
 from .ubx_frames import (
@@ -33,10 +34,11 @@ from .ubx_sensors import measurements, odometry, on_utc
 
 _PVT = np.dtype({  # the fields that are used; places in the payload
     "names": ["itow", "year", "month", "day", "hour", "minute", "second", "valid", "nano",
-              "kind", "flags", "lon", "lat", "h_acc", "speed", "course", "s_acc"],
+              "kind", "flags", "satellites", "lon", "lat", "height", "h_acc", "speed", "course",
+              "s_acc"],
     "formats": ["<u4", "<u2", "u1", "u1", "u1", "u1", "u1", "u1", "<i4",
-                "u1", "u1", "<i4", "<i4", "<u4", "<i4", "<i4", "<u4"],
-    "offsets": [0, 4, 6, 7, 8, 9, 10, 11, 16, 20, 21, 24, 28, 40, 60, 64, 68],
+                "u1", "u1", "u1", "<i4", "<i4", "<i4", "<u4", "<i4", "<i4", "<u4"],
+    "offsets": [0, 4, 6, 7, 8, 9, 10, 11, 16, 20, 21, 23, 24, 28, 36, 40, 60, 64, 68],
     "itemsize": 84,
 })  # fmt: skip
 _COV = np.dtype({
@@ -89,8 +91,23 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
     if others:
         notes.append(f"UBX messages not needed: {by_reason(others.most_common(8))}")
     return [
-        Drive(source.stem, fixes, wheels, (source.path,), dict(skipped), tuple(notes))
+        Drive(source.stem, fixes, wheels, (source.path,), dict(skipped), tuple(notes),
+              _told(pvt[dated], time[dated], wanted(reading.columns)))
     ]  # fmt: skip
+
+
+def _told(
+    pvt: NDArray[np.void], time: NDArray[np.float64], names: frozenset[str]
+) -> tuple[SensorReading, ...]:
+    """Satellites and heights over the sea as sensors ask for them; lost ones are no satellites."""
+    rows = zip(time.tolist(), pvt["satellites"].tolist(), (1e-3 * pvt["height"]).tolist(),
+               (pvt["flags"] & 1).tolist(), strict=True)  # fmt: skip
+    made = []
+    for at, count, height, fix in rows if names else ():
+        values = {"satellites": float(count * fix)} | ({"height_m": height} if fix else {})
+        told = {name: value for name, value in values.items() if name in names}
+        made += [SensorReading(at, told)] if told else []
+    return tuple(sorted(made, key=lambda one: one.time))
 
 
 class Sensors(Protocol):

@@ -86,7 +86,7 @@ def shown_width(raw: Array) -> int:
     """
     most = float(raw.max(initial=0.0))
     bits = next((b for b in _WIDTHS if most < 2.0**b), 0)
-    if not bits or raw.min(initial=0.0) < 0.0 or most < _FULL * 2.0**bits:
+    if len(raw) < 2 or not bits or raw.min() < 0.0 or most < _FULL * 2.0**bits:
         return 0
     step = np.diff(raw)
     falls = np.count_nonzero(step < -0.5 * 2.0**bits)

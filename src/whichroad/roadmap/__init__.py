@@ -2,7 +2,8 @@
 
 from .checked import shared_map
 from .edge_geometry import Near
+from .folder import RoadMaps, Share, shared_maps
 from .open_map import open_map
 from .roadmap import RoadMap
 
-__all__ = ["Near", "RoadMap", "open_map", "shared_map"]
+__all__ = ["Near", "RoadMap", "RoadMaps", "Share", "open_map", "shared_map", "shared_maps"]

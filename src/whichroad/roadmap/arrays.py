@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..geodesy.plane import Plane
 from ..graph.network import Roads
-from .compile import Pieces, plane_record
+from .compile import plane_record
+from .laid_out import Pieces
 from .store import Arrays
 from .streets import Column, Texts
 

@@ -48,7 +48,7 @@ class Bans:
         self._graph, self._first, self._edge = graph, first, edge
         self._begins, self._ends = ids[graph.first_way], ids[graph.last_way]  # (E,) ways
         self._nodes = keys(node_id)
-        self._origin = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        self._origin = np.repeat(np.arange(len(first) - 1, dtype=np.int32), np.diff(first))
         self._legal = (broken == 0) & (graph.rule[self._origin] == 0)
         self._arriving = np.argsort(graph.to_node, kind="stable")
         self._in_first = np.searchsorted(graph.to_node[self._arriving], np.arange(len(node_id) + 1))

@@ -33,20 +33,23 @@ def chains(head: Ints32, cut: Bytes, out_first: Ints32, out: Ints32) -> tuple[In
     at = np.flatnonzero(last.reshape(-1, 2)[:, ::-1].ravel()).astype(np.int32)
     count = len(at)
     which = np.arange(count, dtype=np.int32)
-    halves, chain = [at], [which]
+    length = np.zeros(count, np.int32)
+    steps = []
     while len(at):  # all chains at once, one half further
+        steps.append((at, which))
+        length[which] += 1
         going = ~last[at]
         at, which = successor[at[going]], which[going]
-        halves.append(at)
-        chain.append(which)
-    half, number = np.concatenate(halves), np.concatenate(chain)
-    ordered = half[np.argsort(number, kind="stable")]
-    length = np.bincount(number, minlength=count)
+    first = np.concatenate([[0], np.cumsum(length)]).astype(np.int32)
+    ordered = np.empty(first[-1], np.int32)
+    for step, (at, which) in enumerate(steps):
+        ordered[first[which] + step] = at
     rings = _rings(ordered, successor)
-    return (
-        np.cumsum(np.concatenate([[0], length, [len(r) for r in rings]])).astype(np.int32),
-        np.concatenate([ordered, *rings]).astype(np.int32),
-    )
+    if rings:
+        more = np.cumsum([len(ring) for ring in rings]) + first[-1]
+        first = np.concatenate([first, more]).astype(np.int32)
+        ordered = np.concatenate([ordered, *rings]).astype(np.int32)
+    return first, ordered
 
 
 def _following(head: Ints32, out_first: Ints32, out: Ints32) -> Ints32:

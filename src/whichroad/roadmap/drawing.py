@@ -20,6 +20,7 @@ COLOR = "#b9bec6"
 _MAIN, _MAIN_COLOR = 50.0, "#8b929c"  # km/h usually driven, from which on a street is a main one
 _VERTICES = 20_000  # of a picture; of more streets the slowest are left out
 _OUTLIERS = 0.01  # share of the edges that may lie outside of a picture, on each side
+_TICKS = 5  # most of an axis
 _PIXELS = 0.5  # by which a line may be simplified
 
 
@@ -115,7 +116,20 @@ def strokes(roads: "RoadMap", frame: Frame, edges: Ints) -> tuple[list[Strokes],
 def plot_map(roads: "RoadMap", ax: Any, style: dict[str, Any]) -> Any:
     """See `RoadMap.plot`."""
     frame = roads.edges_table().iloc[streets(roads)]
-    return frame.plot(ax=ax, **({"color": _MAIN_COLOR, "linewidth": 0.8} | style))
+    drawn = frame.plot(ax=ax, **({"color": _MAIN_COLOR, "linewidth": 0.8} | style))
+    if ax is None:
+        in_degrees(drawn)
+    return drawn
+
+
+def in_degrees(ax: Any) -> None:
+    """Name the axes of a plot of places, and number them so that they can be read."""
+    from matplotlib.ticker import MaxNLocator
+
+    ax.set(xlabel="longitude (degrees)", ylabel="latitude (degrees)")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(_TICKS))
+        axis.get_major_formatter().set_useOffset(False)
 
 
 def explore_map(roads: "RoadMap", style: dict[str, Any]) -> Any:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, comes_with
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
+from .shelf import release
 from .source_places import SourcePlace, on_source
 from .streets import Ints
 
@@ -18,18 +19,16 @@ if TYPE_CHECKING:
 
 IDS = ("source_id", "back_id", "paired")  # columns of ways that name them
 _NEEDED = ("edge_id", "enter_time", "exit_time", "enter_m", "exit_m")
+_AT_ONCE = 1 << 16  # vertices
 _OF_EDGES = ("from_node", "to_node")  # a road of the source need not end at a junction
 
 
 def info(roads: "RoadMap") -> dict[str, Any]:
     """What a map holds, in numbers."""
-    vertices, edges = roads.arrays.vertices, roads.arrays.edges
+    edges = roads.arrays.edges
     legal = edges.rule == 0
     once = legal & ((edges.opposite > np.arange(len(roads))) | ~legal[edges.opposite])
-    # the other direction has the same vertices
-    count = edges.last_vertex - edges.first_vertex + 1
-    half = np.repeat(edges.opposite < np.arange(len(roads)), count)
-    lat, lon = roads.plane.to_geodetic(vertices.x[half], vertices.y[half])
+    lat, lon = _bounds(roads)
     words = [word or "unknown" for word in roads.column("highway")]
     highways, counts = np.unique(np.array(words), return_counts=True)
     return {
@@ -41,10 +40,23 @@ def info(roads: "RoadMap") -> dict[str, Any]:
         "turns": len(roads.arrays.turns),
         "streets": len(roads.ways["source_id"]),
         "km": round(float(edges.length[once].sum()) / 1e3, 3),
-        "lat": [round(float(lat.min()), 6), round(float(lat.max()), 6)],
-        "lon": [round(float(lon.min()), 6), round(float(lon.max()), 6)],
+        "lat": [round(lat[0], 6), round(lat[1], 6)],
+        "lon": [round(lon[0], 6), round(lon[1], 6)],
         "highway": dict(zip(highways.tolist(), counts.tolist(), strict=True)),
     }
+
+
+def _bounds(roads: "RoadMap") -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least and largest latitude and longitude of a map, degrees."""
+    vertices = roads.arrays.vertices
+    found = []
+    for low in range(0, len(vertices), _AT_ONCE):
+        some = vertices[low : low + _AT_ONCE]
+        lat, lon = roads.plane.to_geodetic(some.x, some.y)
+        found.append((lat.min(), -lat.max(), lon.min(), -lon.max()))
+        release(vertices)
+    south, north, west, east = (float(v) for v in np.min(found, axis=0))
+    return (south, -north), (west, -east)
 
 
 def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":

@@ -24,11 +24,23 @@ _TRIED = 20  # fixes of which the nearest is named
 _HALF = 2**31  # rows of cells count from -2³¹, as in `graph.index.cell_key`
 
 
-def are_near(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> NDArray[np.bool_]:
-    """Whether each of (n,) places is within `NEAR` of a road of the map."""
+def are_near(
+    lat_deg: Array, lon_deg: Array, roads: RoadMap, at: Array | None = None
+) -> NDArray[np.bool_]:
+    """Whether each of (n,) places is within `NEAR` of a road of the map.
+
+    Args:
+        lat_deg: (n,)
+        lon_deg: (n,)
+        roads: The map.
+        at: (n, 2) the same in the map's plane, where they are known there.
+    """
     near = np.zeros(len(lat_deg), np.bool_)
     some = np.flatnonzero(_beyond(roads, lat_deg, lon_deg) <= NEAR)
-    x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
+    if at is None:
+        x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
+    else:
+        x, y = at[some, 0], at[some, 1]
     near[some] = _beside_full_cells(roads, x, y)
     found = records(1, index.CANDIDATE)
     for k in np.flatnonzero(~near[some]).tolist():
@@ -91,7 +103,7 @@ def start_note(start: StartPose, lat_deg: float, lon_deg: float) -> str | None:
         lat_deg: Of the first fix.
         lon_deg: Likewise.
     """
-    away = float(_on_sphere(start.lat_deg, start.lon_deg, lat_deg, lon_deg))
+    away = float(on_sphere(start.lat_deg, start.lon_deg, lat_deg, lon_deg))
     if away <= NEAR + _SIGMAS * start.sigma_m:
         return None
     return (
@@ -148,15 +160,15 @@ def _beside_full_cells(roads: RoadMap, x: Array, y: Array) -> NDArray[np.bool_]:
 
 def _beyond(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
     """Metres from the circle around the map on the sphere, negative inside."""
-    away = _on_sphere(roads.plane.lat0_deg, roads.plane.lon0_deg, lat_deg, lon_deg)
+    away = on_sphere(roads.plane.lat0_deg, roads.plane.lon0_deg, lat_deg, lon_deg)
     return away - roads.reach * _CIRCLE
 
 
-def _on_sphere(lat0_deg: float, lon0_deg: float, lat_deg: Any, lon_deg: Any) -> Any:
-    """Great-circle distance of places from one place, m."""
+def on_sphere(lat0_deg: Any, lon0_deg: Any, lat_deg: Any, lon_deg: Any) -> Any:
+    """Great-circle distance of places from one place, or from one for each, m."""
     lat0, lon0, lat, lon = map(radians, (lat0_deg, lon0_deg, lat_deg, lon_deg))
     half = (
         np.sin(0.5 * (lat - lat0)) ** 2
-        + np.cos(lat) * math.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
+        + np.cos(lat) * np.cos(lat0) * np.sin(0.5 * (lon - lon0)) ** 2
     )
     return 2.0 * EARTH_RADIUS * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))

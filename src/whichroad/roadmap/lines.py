@@ -92,8 +92,8 @@ def degrees_of(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
         if len(xy) and not (np.abs(x).max() <= 360.0 and np.abs(y).max() <= 90.0):
             raise MapError(
                 f"{sheet.where}: coordinates up to {np.abs(xy).max():,.0f} without a coordinate "
-                'system; longitude and latitude, or crs="EPSG:..." (map build --crs) were '
-                "expected"
+                'system; longitude and latitude, or crs="EPSG:..." (`whichroad map build --crs '
+                "EPSG:... -o roads.map`, then --map roads.map) were expected"
             )
         return x, y
     import pyproj

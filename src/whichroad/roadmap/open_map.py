@@ -28,6 +28,11 @@ def open_map(roads: Any, *, check: bool | None = None) -> RoadMap:
     """
     if isinstance(roads, str | Path):
         path, name = Path(roads), str(roads).lower()
+        if path.is_dir():
+            raise MapError(
+                f"{path}: it is a folder; one map was expected; name one of its files "
+                "(`whichroad fleet` and `match_many` take folders of compiled maps)"
+            )
         if is_compiled(path):
             return RoadMap.open(path, check=check)
         if is_net(path):

@@ -14,6 +14,7 @@ from ..geodesy.units import mps_of_kmh
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .link import middle_plane
+from .shelf import laid
 from .streets import Column, Restriction, Streets, Texts
 
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osm.xml", ".xml")
@@ -269,8 +270,9 @@ class _Ways:
         ref = np.frombuffer(self.ref, dtype=np.int64)
         node_id, place, node = np.unique(ref, return_index=True, return_inverse=True)
         # osmium counts in 1e-7 degrees
-        lat = np.frombuffer(self.y, dtype=np.int32)[place] / 1e7
-        lon = np.frombuffer(self.x, dtype=np.int32)[place] / 1e7
+        lat = laid(np.frombuffer(self.y, dtype=np.int32)[place] / 1e7)
+        lon = laid(np.frombuffer(self.x, dtype=np.int32)[place] / 1e7)
+        node_id, node = laid(node_id), laid(node)
         rows = self.rows
         return Streets(
             lat, lon, node_id, np.concatenate([[0], np.cumsum(self.count)]), node,

@@ -12,9 +12,10 @@ from ..geodesy.plane import Plane
 from ..graph.network import Roads
 from . import store, topology
 from .arrays import from_arrays, to_arrays
-from .attribute_names import HIDDEN, known_name, refusal
-from .compile import Network, Pieces, compile_streets
+from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
+from .compile import Network, compile_streets
 from .edge_geometry import EdgeGeometry
+from .laid_out import Pieces
 from .source_places import SourcePlace, on_source
 from .streets import Column, Ints, Streets, Texts
 from .tags import ACCESS_WORDS
@@ -47,13 +48,10 @@ class RoadMap(EdgeGeometry):
         self, arrays: Roads, plane: Plane, pieces: Pieces, way: NDArray[np.int32], node_id: Column,
         ways: Mapping[str, Column], about: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.arrays = arrays
-        self.plane = plane
-        self.pieces = pieces
-        self.way = way
+        self.arrays, self.plane = arrays, plane
+        self.pieces, self.way = pieces, way
         self.node_id = node_id
-        self.ways = dict(ways)
-        self._about = dict(about)
+        self.ways, self._about = dict(ways), dict(about)
         self._reach: float | None = None
         self._fingerprint: str | None = None
 
@@ -294,9 +292,9 @@ class RoadMap(EdgeGeometry):
             name: Of the attribute, such as `ref`; one that the map lacks is nowhere known.
             piece: (n,) rows of `pieces`.
         """
-        column = self.ways.get(name)
-        absent = [""] * len(piece)
-        return column.words(self.pieces.way[piece]) if isinstance(column, Texts) else absent
+        if isinstance(column := self.ways.get(name), Texts):
+            return column.words(self.pieces.way[piece])
+        return [""] * len(piece)
 
     def column(self, name: str) -> list[Any]:
         """An attribute of every edge (of its longest piece), absent values None."""
@@ -308,14 +306,13 @@ class RoadMap(EdgeGeometry):
 
     def _values(self, name: str, way: NDArray[Any]) -> list[Any]:
         """A column's values as plain Python, for some streets."""
-        column = self.ways[name]
-        if isinstance(column, Texts):
+        if name == LEVEL:
+            return levels_of(self.ways, way)
+        if isinstance(column := self.ways[name], Texts):
             return [word or None for word in column.words(way)]
         values = column[way].tolist()
-        if name in _FLAGS:
-            return [bool(v) for v in values]
-        if name == "access":
-            return [ACCESS_WORDS[v] for v in values]
+        if name in _FLAGS or name == "access":
+            return [bool(v) if name in _FLAGS else ACCESS_WORDS[v] for v in values]
         if name in ("speed_limit_kmh", "lanes", "width"):
             return [v or None for v in values]
         return cast(list[Any], values)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, WriteError
 from ..graph.network import EDGE, SEGMENT, TURN, VERTEX
 from . import checked
+from .shelf import release
 
 MAGIC = b"WHICHROAD"
 VERSION = 6
@@ -56,6 +57,7 @@ def described(arrays: Arrays) -> tuple[dict[str, Any], list[tuple[int, NDArray[A
     for name, array in arrays.items():
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
         table[name] = [_kind(little.dtype), list(little.shape), place, zlib.crc32(_bytes(little))]
+        release(little)
         data.append((place, little))
         place = _aligned(place + little.nbytes)
     return table, data, place
@@ -84,6 +86,7 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
             for offset, little in data:
                 f.seek(start + offset)
                 f.write(_bytes(little))
+                release(little)
             f.truncate(start + place)
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
@@ -172,7 +175,10 @@ def is_compiled(path: Path) -> bool:
 
 
 def _refusal(path: Path, seen: str) -> str:
-    return f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`"
+    return (
+        f"{path}: {seen}; a compiled map was expected; make it by `whichroad map build`, or read "
+        "roads by RoadMap.from_osm or RoadMap.from_edges"
+    )
 
 
 def _header(path: Path, memory: mmap.mmap) -> tuple[dict[str, Any], int]:

@@ -1,5 +1,6 @@
 """Which edge follows which, by what turn, how probably, and what rule that breaks."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -7,9 +8,10 @@ from numpy.typing import NDArray
 
 from .._compile import Records
 from ..geodesy.angles import radians
-from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN, records
+from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN, TURN_BANNED, U_TURN
 from ..observations import Array
 from .bans import Bans
+from .shelf import release, table
 from .streets import Bytes, Column, Ints, Streets
 
 Ints32 = NDArray[np.int32]
@@ -22,6 +24,7 @@ _U_TURN_MID_ROAD = 1e-4  # of a U-turn where there is no junction; a stub hardly
 _SERVED = 500.0  # m, length from which on a dead end attracts full traffic
 _INTO_SERVICE = 0.3
 WRONG_WAY = 2e-4
+_AT_ONCE = 1 << 18  # turns
 
 
 class Turns(NamedTuple):
@@ -67,12 +70,12 @@ def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
     count = (node_first[1:] - node_first[:-1])[graph.to_node]
     first = np.concatenate([[0], np.cumsum(count)])
     origin = np.repeat(np.arange(len(count), dtype=np.int32), count)
-    place = np.arange(first[-1]) - np.repeat(first[:-1] - node_first[graph.to_node], count)
+    place = np.arange(first[-1])
+    place -= np.repeat(first[:-1] - node_first[graph.to_node], count)
     edge = leaving[place]
+    del place
 
     u_turn = edge == graph.opposite[origin]
-    angle = _wrapped(graph.heading_out[edge] - graph.heading_in[origin])
-    angle[u_turn] = np.pi
     broken = graph.rule[edge] | np.where(u_turn, U_TURN, 0).astype(np.uint8)
     source_id, dropped = streets.columns["source_id"], dict[str, int]()
     if streets.restrictions:
@@ -83,14 +86,42 @@ def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
     if isinstance(node_id, np.ndarray):
         blocked = np.isin(node_id, streets.blocked)[graph.from_node[edge]] & ~u_turn
         broken[blocked] |= NO_ACCESS
-    prior = _priors(graph, first, origin, edge, angle, broken, blocked)
+    dead_end = (count == 1) & (graph.opposite >= 0)  # all that one can do is turn round
+    turns = table(len(edge), TURN)
+    turns.edge, turns.rule = edge, broken
+    for low, high in _blocks(first):
+        own = slice(int(first[low]), int(first[high]))
+        angle = _angles(graph, origin[own], edge[own], u_turn[own])
+        bounds = first[low : high + 1] - first[low]
+        turns.angle[own] = angle
+        turns.prior[own] = _priors(
+            graph, bounds, origin[own], edge[own], angle, broken[own], blocked[own],
+            dead_end[edge[own]], low,
+        )  # fmt: skip
+        release(turns)
+    return Turns(first.astype(np.int32), turns, *_predecessors(graph, origin, edge, count), dropped)
+
+
+def _blocks(first: Ints) -> list[tuple[int, int]]:
+    """Consecutive edges with some turns each: the first, and that behind."""
+    bounds = np.searchsorted(first, np.arange(0, first[-1], _AT_ONCE))
+    bounds = np.unique(np.append(bounds, len(first) - 1))
+    return list(pairwise(bounds.tolist()))
+
+
+def _angles(graph: Graph, origin: Ints32, edge: Ints32, u_turn: NDArray[np.bool_]) -> Array:
+    """Of turns, rad, counter-clockwise."""
+    angle = _wrapped(graph.heading_out[edge] - graph.heading_in[origin])
+    angle[u_turn] = np.pi
+    return angle
+
+
+def _predecessors(graph: Graph, origin: Ints32, edge: Ints32, count: Ints) -> tuple[Ints32, Ints32]:
+    """First predecessor of each edge, and the predecessors."""
     back = np.argsort(edge, kind="stable")
-    first_predecessor = np.searchsorted(edge[back], np.arange(len(count) + 1))
-    table = records(len(edge), TURN)
-    table.edge, table.prior, table.angle, table.rule = edge, prior, angle, broken
-    return Turns(
-        first.astype(np.int32), table, first_predecessor.astype(np.int32), origin[back], dropped
-    )
+    into = np.bincount(edge, minlength=len(count))
+    first = np.concatenate([[0], np.cumsum(into)]).astype(np.int32)
+    return first, origin[back]
 
 
 def _wrapped(angle: Array) -> Array:
@@ -101,20 +132,22 @@ def _wrapped(angle: Array) -> Array:
 
 def _priors(
     graph: Graph, first: Ints, origin: Ints32, edge: Ints32, angle: Array, broken: Bytes,
-    blocked: NDArray[np.bool_],
+    blocked: NDArray[np.bool_], dead: NDArray[np.bool_], low: int,
 ) -> Array:  # fmt: skip
-    """Probability of each turn; those of one edge sum to one."""
+    """Probability of each turn from edges `low` on; those of one edge sum to one.
+
+    `dead`: it leads into a dead end.
+    """
+    own = origin - low
     size = np.abs(angle)
     weight = np.where(size < _STRAIGHT, 1.0, np.where(size < _SHARP, _BEND, _HAIRPIN))
-    ways = np.diff(first)[origin]
-    dead_end = np.diff(first) == 1  # all that one can do at its end is turn round
-    dead_end &= graph.opposite >= 0
-    weight *= np.where(dead_end[edge], np.minimum(graph.length[edge] / _SERVED, 1.0), 1.0)
+    ways = np.diff(first)[own]
+    weight *= np.where(dead, np.minimum(graph.length[edge] / _SERVED, 1.0), 1.0)
     weight[(graph.service[edge] > 0) & (graph.service[origin] == 0)] *= _INTO_SERVICE
     back = (broken & U_TURN) > 0
     weight[back] = 0.0
     rest = np.add.reduceat(weight, first[:-1]) - np.maximum.reduceat(weight, first[:-1])
-    share = np.minimum(rest / _BEND, 1.0)[origin[back]]
+    share = np.minimum(rest / _BEND, 1.0)[own[back]]
     weight[back] = np.where(
         ways[back] == 1, _TURN_ROUND, np.maximum(share * _TURN_ROUND, _U_TURN_MID_ROAD)
     )
@@ -122,5 +155,5 @@ def _priors(
     closed = graph.rule & NO_ACCESS > 0
     wrong = (broken & (TURN_BANNED | AGAINST_ONE_WAY) > 0) | blocked
     weight[wrong | (closed[edge] & ~closed[origin])] *= WRONG_WAY
-    shares: Array = weight / np.add.reduceat(weight, first[:-1])[origin]
+    shares: Array = weight / np.add.reduceat(weight, first[:-1])[own]
     return shares

@@ -7,8 +7,10 @@ from ..observations import SensorReading as SensorReading
 from .compass import Compass as Compass
 from .compass import declination as declination
 from .dual_antenna import DualAntenna as DualAntenna
+from .height import Height as Height
 from .kinds import Attribute as Attribute
 from .kinds import Bearing as Bearing
+from .kinds import Elevation as Elevation
 from .kinds import Evidence as Evidence
 from .kinds import Heading as Heading
 from .kinds import Lateral as Lateral

@@ -100,7 +100,17 @@ class Attribute(_Evidence):
     otherwise: float  # of every other value, and where there is none
 
 
-Evidence = Heading | Speed | Lateral | Position | Range | Bearing | Attribute
+@dataclass(frozen=True, slots=True)
+class Elevation(_Evidence):
+    """Height over anything that stays, against the levels of roads: bridges, tunnels, ramps."""
+
+    height_m: float
+    sigma_m: float  # of what each reading draws anew
+    drift_m: float  # of its error that lasts,
+    drift_s: float  # for so long
+
+
+Evidence = Heading | Speed | Lateral | Position | Range | Bearing | Attribute | Elevation
 
 
 @runtime_checkable

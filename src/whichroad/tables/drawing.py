@@ -7,8 +7,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ..geodesy.angles import radians
+from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
-from ..roadmap.drawing import attribution, check_folium, streets, strokes
+from ..roadmap.drawing import attribution, check_folium, in_degrees, streets, strokes
 from ..svg import Frame, Strokes, figure
 
 if TYPE_CHECKING:
@@ -21,7 +23,8 @@ _KEYS = [
     ("#0b4f9e", "P(way) 0.99 and more"), ("#5aa6cf", "0.95"), ("#eec143", "0.8"),
     ("#ee7d2f", "0.5"), ("#c51b1b", "less"), (_OFF, "off road"), (_PATH, "path"),
 ]  # fmt: skip
-_ROADS = "#9aa3ad"  # roads of a plot
+_ROADS = "#b9bec6"  # roads of a plot
+_OWN = frozenset(("cmap", "norm", "vmin", "vmax", "scheme"))  # styles of a colour scale
 _BARS = {"p_way": "P(way), probability of the road", "speed_mps": "speed (m/s)"}  # of legends
 _AROUND = 200.0  # m about the track within which roads are drawn
 _DOTS = 400  # points up to which each is a dot
@@ -57,7 +60,7 @@ def plot_answer(
     """See `Result.plot`."""
     known = points[points.lat.notna()]
     alone = ax is None  # on axes of the caller, roads and legend are the caller's
-    size = {"figsize": style["figsize"]} if "figsize" in style else {}
+    size = {"figsize": style["figsize"]} if "figsize" in style else _size(known) if alone else {}
     if alone and roads is not None and len(known):
         ax = _near(roads, known).plot(color=_ROADS, linewidth=0.8, zorder=0, label="roads", **size)
     if len(path):
@@ -66,26 +69,57 @@ def plot_answer(
     usual: dict[str, Any] = {"markersize": 6, "zorder": 2}
     if "color" not in style:
         column = style.get("column", "p_way")
-        usual |= {"column": "p_way", "cmap": "RdYlBu"}
-        usual |= {"vmin": 0.0, "vmax": 1.0} if column == "p_way" else {}
+        usual |= {"column": "p_way"} | (_steps() if column == "p_way" and not _OWN & style.keys()
+                                        else {"cmap": "RdYlBu"})  # fmt: skip
         usual |= {
             "legend": True,
-            "legend_kwds": {"label": _BARS.get(column, column), "shrink": 0.7},
+            "legend_kwds": {"label": _BARS.get(column, column), "shrink": 0.8, "pad": 0.02},
         }
         if not alone or not _is_number(known, column):
             del usual["legend"], usual["legend_kwds"]
     style = {name: value for name, value in style.items() if ax is None or name != "figsize"}
     ax = known.plot(ax=ax, **(usual | style))
     if alone and len(known):
-        ax.legend(loc="best")
-        ax.set(xlabel="longitude (degrees)", ylabel="latitude (degrees)")
-        ax.ticklabel_format(useOffset=False)
-        ax.tick_params(axis="x", rotation=45)
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
+        in_degrees(ax)
+        _about(ax, known)
         if roads is not None and (credit := attribution(roads)):
             ax.annotate(
                 credit, (1.0, 0.0), xycoords="axes fraction", ha="right", va="bottom", size=7
             )
     return ax
+
+
+def _steps() -> dict[str, Any]:
+    """The colours of P(way), those of `answer_html`."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    return {
+        "cmap": ListedColormap(_COLORS), "norm": BoundaryNorm((0.0, *_LIMITS, 1.0), len(_COLORS)),
+    }  # fmt: skip
+
+
+def _extent(points: Any) -> tuple[float, float, float, float]:
+    """West, east, south and north of the track and of what is about it, degrees."""
+    lat, lon = points.lat.to_numpy(), points.lon.to_numpy()
+    up = _AROUND / METRES_PER_DEGREE
+    aside = up / max(float(np.cos(radians(lat.mean()))), 1e-6)
+    return lon.min() - aside, lon.max() + aside, lat.min() - up, lat.max() + up
+
+
+def _about(ax: Any, points: Any) -> None:
+    """Show the surroundings of the track, not all of each road that reaches there."""
+    west, east, south, north = _extent(points)
+    ax.set(xlim=(west, east), ylim=(south, north))
+
+
+def _size(points: Any) -> dict[str, tuple[float, float]]:
+    """Inches of a figure in which the track, a legend and a colour bar leave little blank."""
+    if not len(points):
+        return {}
+    west, east, south, north = _extent(points)
+    wide = (east - west) * np.cos(radians(points.lat.mean()))
+    return {"figsize": (9.0, float(np.clip(7.0 * (north - south) / wide, 2.5, 8.0)) + 1.0)}
 
 
 def _is_number(points: Any, column: Any) -> bool:

@@ -11,7 +11,7 @@ from ..filter.estimate import Output
 from ..filter.point_objects import STANCE
 from ..graph.network import records
 from ..places import Places, RelativePlace
-from .schema import times
+from .schema import TIME, times
 
 Ask = Callable[[bytes], list[RelativePlace]]
 
@@ -41,16 +41,31 @@ class Surroundings(NamedTuple):
                 there = ask(stances[k].tobytes())
                 rows += [k] * len(there)
                 found += there
-        ids = pa.array(self.places.ids).type
+        kinds = relative_schema(self.places)
         time = np.asarray(self.epochs.time[rows], np.float64)
         return pa.table({
-            "drive_id": pa.array([self.drive_id] * len(rows), pa.string()),
+            "drive_id": [self.drive_id] * len(rows),
             "time": times(time),
-            "id": pa.array([one.id for one in found], ids),
-            "distance_m": pa.array([one.distance_m for one in found], pa.float64()),
-            "sigma_m": pa.array([one.sigma_m for one in found], pa.float64()),
-            "p": pa.array([one.p for one in found], pa.float64()),
-        })  # fmt: skip
+            "id": [one.id for one in found],
+            "distance_m": [one.distance_m for one in found],
+            "sigma_m": [one.sigma_m for one in found],
+            "p": [one.p for one in found],
+        }, kinds)  # fmt: skip
+
+
+def relative_schema(places: Places | None) -> pa.Schema:
+    """The columns of tables of places; ids are text or whole numbers, as those of the places."""
+    ids = pa.string() if places is None else pa.array(places.ids).type
+    return pa.schema(
+        [
+            ("drive_id", pa.string()),
+            ("time", TIME),
+            ("id", ids),
+            ("distance_m", pa.float64()),
+            ("sigma_m", pa.float64()),
+            ("p", pa.float64()),
+        ]
+    )
 
 
 def stances_of(output: Output, places: Places) -> Records:

@@ -125,6 +125,7 @@ DRIVES = pa.schema(
         ("epochs", pa.int64()),
         ("fixes", pa.int64()),
         ("epochs_without_answer", pa.int64()),
+        ("fixes_outside_map", pa.int64()),  # farther than 1 km from every road
         ("duration_s", pa.float64()),
         ("path_m", pa.float64()),
         ("edges", pa.int64()),
@@ -136,6 +137,9 @@ DRIVES = pa.schema(
     ]
 )
 """One row per trip of many, also where it has no answer."""
+
+MAP = pa.field("map", pa.string())
+"""The last column of all tables of trips on several maps: the file of the row's map."""
 
 _WKB_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 _WKB_HEAD = np.dtype([("order", "u1"), ("type", "<u4"), ("count", "<u4")])

@@ -52,7 +52,7 @@ def reason(
         if status == "lost":
             return gnss
     elif scale >= _LARGE and status != "outage":
-        gnss = f"GNSS errors {scale:.1f} times the reported sigmas"
+        gnss = f"GNSS sigmas taken {scale:.1f} times as large"
     return "; ".join(part for part in (words, gnss) if part)
 
 

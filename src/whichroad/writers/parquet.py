@@ -16,10 +16,20 @@ ROWS_AT_A_TIME = 1 << 18  # bounds the memory, and keeps WKB offsets within 32 b
 def write(table: pa.Table, path: Path) -> None:
     """Write the table; one without geometry becomes a plain Parquet file."""
     schema = schema_of(table)
-    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+    words = repeating(schema)
+    with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=words) as writer:
         for start in range(0, table.num_rows, ROWS_AT_A_TIME):
             part = spatial(table.slice(start, ROWS_AT_A_TIME))
             writer.write_table(part.cast(schema))
+
+
+def repeating(schema: pa.Schema) -> list[str]:
+    """The columns whose values repeat, for Parquet's dictionaries.
+
+    To try one on measured numbers takes three quarters of the time of writing points.
+    """
+    known = (pa.types.is_string, pa.types.is_boolean, pa.types.is_integer)
+    return [field.name for field in schema if any(is_one(field.type) for is_one in known)]
 
 
 def spatial(table: pa.Table) -> pa.Table:

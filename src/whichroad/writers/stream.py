@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from . import replacing, write_table
-from .parquet import schema_of, spatial
+from .parquet import repeating, schema_of, spatial
 
 Write = Callable[[pa.Table], None]
 
@@ -39,7 +39,9 @@ def growing(path: Path, *, force: bool = False) -> Iterator[Write]:
             nonlocal writer
             if writer is None:
                 schema = schema_of(table, bounds=False)
-                writer = pq.ParquetWriter(part, schema, compression="zstd")
+                writer = pq.ParquetWriter(
+                    part, schema, compression="zstd", use_dictionary=repeating(schema)
+                )
             writer.write_table(spatial(table).cast(writer.schema))
 
         try:
