@@ -21,9 +21,8 @@ from .sparse_arrival import (
 from .sparse_routes import SparseFix, usual_speed, variance_along
 from .state import CAPACITY, OFF_ROAD, Belief, Context, K, Path, move_row
 
-_DEARER = (
-    5.0  # nats that the best route is dearer than the usual one, from which on a fix may be wrong
-)
+_DEARER = 5.0  # nats by which the best route to a fix that may be wrong is dearer than usual
+_LONGEST = 30.0  # s between fixes; in a longer while a road has too many forks to drive on along it
 _LEAST = 0.1  # weight of a hypothesis that drives on
 _MOST = 64  # edges that it drives through
 _END = -2
@@ -40,6 +39,8 @@ def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
         fix: The fix.
     """
     hyp = belief.hyp[top]
+    if fix.dt > _LONGEST:
+        return False
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
     track(belief, ctx.roads, top)
