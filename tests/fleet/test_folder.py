@@ -14,7 +14,7 @@ from fleet.conftest import PLANE
 from whichroad.batch import match_many
 from whichroad.errors import MapError
 from whichroad.fleet import MAPS_SCHEMAS, RoadMaps, match_batches, run_fleet
-from whichroad.roadmap import shared_maps
+from whichroad.roadmap import checked, shared_maps
 
 BLOCK = 200.0  # m
 ROWS = 7  # streets along
@@ -159,7 +159,8 @@ def test_a_folder_without_maps_and_a_folder_where_one_map_is_expected_are_refuse
         whichroad.roadmap.open_map(maps)
 
 
-def test_a_folder_is_opened_once_and_anew_when_a_map_of_it_changed(tmp_path, maps):
+def test_a_folder_is_opened_once_and_anew_when_a_map_of_it_changed(tmp_path, maps, monkeypatch):
+    monkeypatch.setattr(checked, "SETTLED", 0.0)  # else files written just now are opened anew
     for name in ("east.map", "west.map"):
         (tmp_path / name).write_bytes((maps / name).read_bytes())
         os.utime(tmp_path / name, (1e9, 1e9))

@@ -14,7 +14,7 @@ from whichroad.simulate import drivable
 @pytest.fixture(scope="module", autouse=True)
 def small_world():
     before = dict(world)
-    evidence.prepare(None)
+    evidence.prepare(None, None)
     world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
     yield
     world.clear()

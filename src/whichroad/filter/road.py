@@ -28,8 +28,7 @@ _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
-_STRIP = 3.0  # m across, within which a vehicle off the roads would be on one
-_HEADING, _SLOPE, _DENSITY = range(3)  # scratch of a hypothesis
+_HEADING, _SLOPE = range(2)  # scratch of a hypothesis
 
 
 class RoadNoise(NamedTuple):
@@ -72,8 +71,9 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         θ − chord heading    = e_θ
 
     The paper's row along the road is left out: its innovation is zero by construction
-    and would only make the filter falsely sure.  What an off-road vehicle makes of the rows
-    is told in `_observe_off_road`.
+    and would only make the filter falsely sure.  An off-road vehicle sees the rows through
+    its own free offset, which fits as a road does on average, and pays for fitting by
+    distance.
 
     Args:
         belief: In place; weights are to be normalised afterwards.
@@ -91,79 +91,12 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         misfit, s = _observe_road(hyp, ctx, noise, with_heading, belief.state[0].scale)
         log_variance = math.log(s)
         log_s += hyp.weight * log_variance
-        density = -0.5 * (misfit + log_variance + rows * LOG_2PI)
-        hyp.log_weight += density
-        hyp.scratch[_DENSITY] = density
+        hyp.log_weight -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
     if noise.on_road > 0.0:
-        usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
-        _observe_off_road(belief, ctx, noise.on_road, usual, metres)
-
-
-@kernel
-def _observe_off_road(
-    belief: Belief, ctx: Context, on_road: float, usual: float, metres: float
-) -> None:
-    """Weigh what is off the roads: it follows a way that no map has, and no row is of it.
-
-    Beside the roads the rows are as likely as they are on them, and at least as usual: else a
-    road that fits better than roads do on average would gain on a vehicle that is elsewhere.
-    Where the vehicle would be on the road itself, the rows are as likely as usual, and it pays
-    `off_road_cost` for following a road by chance.
-
-    Args:
-        belief: In place.
-        ctx: The drive's constants.
-        on_road: Weight on the roads, before the rows.
-        usual: Log-likelihood of rows that fit as a road does on average.
-        metres: Travel that the rows are of.
-    """
-    state = belief.state[0]
-    top = -math.inf
-    for i in range(state.count):
-        if belief.hyp[i].edge != OFF_ROAD:
-            top = max(top, belief.hyp[i].scratch[_DENSITY])
-    total = 0.0
-    for i in range(state.count):
-        if belief.hyp[i].edge != OFF_ROAD:
-            total += belief.hyp[i].weight * math.exp(belief.hyp[i].scratch[_DENSITY] - top)
-    best = usual
-    if total > 0.0:
-        best = max(usual, top + math.log(total / on_road))
-    cost = best - usual + ctx.par[0].off_road_cost * metres
-    for i in range(state.count):
-        if belief.hyp[i].edge == OFF_ROAD:
-            belief.hyp[i].log_weight += best - cost * _share_on_roads(belief, i, on_road)
-
-
-@kernel
-def _share_on_roads(belief: Belief, i: int, on_road: float) -> float:
-    """How much off-road hypothesis i is where the roads' hypotheses are, across: 0 to 1.
-
-        Σⱼ wⱼ exp(−½ a² / (v + strip²)) / Σⱼ wⱼ
-
-    with a the offset of p + m across hypothesis j's, and v the variance of i's.
-    """
-    state = belief.state[0]
-    mean = belief.hyp[i].mu
-    cov = belief.hyp[i].cov
-    x = mean[X] + state.scale * mean[MX]
-    y = mean[Y] + state.scale * mean[MY]
-    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
-    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
-    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
-    share = 0.0
-    for j in range(state.count):
-        other = belief.hyp[j]
-        if other.edge == OFF_ROAD:
-            continue
-        nx = other.tangent[1]
-        ny = -other.tangent[0]
-        dx = x - other.mu[X] - state.scale * other.mu[MX]
-        dy = y - other.mu[Y] - state.scale * other.mu[MY]
-        across = (nx * dx + ny * dy) / state.scale
-        variance = nx * nx * vxx + 2.0 * nx * ny * vxy + ny * ny * vyy + _STRIP * _STRIP
-        share += other.weight * math.exp(-0.5 * across * across / variance)
-    return min(share / on_road, 1.0)
+        fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
+        for i in range(belief.state[0].count):
+            if belief.hyp[i].edge == OFF_ROAD:
+                belief.hyp[i].log_weight += fit - ctx.par[0].off_road_cost * metres
 
 
 @kernel(inline=True)

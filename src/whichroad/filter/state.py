@@ -344,10 +344,12 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.weight = 0.0
     hyp.along = 0.0
     hyp.along_sigma = 1.0
+    hyp.lateral = 0.0
     hyp.p_not_passed = 1.0
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
     for k in range(2):
+        hyp.tangent[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.sinks = 0.0
