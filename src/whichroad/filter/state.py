@@ -340,8 +340,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.mu[a] = 0.0
         for b in range(N):
             hyp.cov[a, b] = 0.0
-    hyp.log_weight = 0.0
-    hyp.weight = 0.0
+    hyp.log_weight = hyp.weight = 0.0
     hyp.along = 0.0
     hyp.along_sigma = 1.0
     hyp.lateral = 0.0
@@ -349,7 +348,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.travel_variance = 0.0
     hyp.grace = 0.0
     for k in range(2):
-        hyp.tangent[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.sinks = 0.0
