@@ -41,7 +41,7 @@ def test_half_of_those_who_turn_round_where_a_road_ends_drive_on():
     roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [100.0, 100.0]]])
     assert behind_ends(roads).tolist() == [True, False, False, True]
     edge, new = np.array([0, 0, 1, -1], np.int32), np.array([True, False, True, True])
-    share = leaving(np.full(4, 0.25), edge, new, behind_ends(roads))
+    share = leaving(edge, new, behind_ends(roads))
     assert share.tolist() == [0.5, 0.0, 0.0, 0.0]
 
 

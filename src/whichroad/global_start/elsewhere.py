@@ -79,17 +79,14 @@ def behind_ends(roads: Roads) -> NDArray[np.bool_]:
     return found
 
 
-def leaving(
-    weight: Array, edge: NDArray[Any], new: NDArray[np.bool_], behind: NDArray[np.bool_]
-) -> Array:
+def leaving(edge: NDArray[Any], new: NDArray[np.bool_], behind: NDArray[np.bool_]) -> Array:
     """The share of each hypothesis (n,) that goes on beyond the end of its road.
 
     Args:
-        weight: (n,), for its shape.
         edge: (n,) edges.
         new: (n,) whether the edge was entered just now.
         behind: (E,) `behind_ends`.
     """
-    share = np.zeros_like(weight)
+    share = np.zeros(len(edge))
     share[new & (edge >= 0) & behind[np.maximum(edge, 0)]] = _GOES_ON
     return share

@@ -183,7 +183,7 @@ class _Search:
     def _leave_the_map(self) -> None:
         """Where a road of the map ends a vehicle turns round, or goes on and is elsewhere."""
         edge, weight = self.column("edge"), self.column("weight")
-        share = elsewhere.leaving(weight, edge, self.column("new_edge") == 1, self.behind)
+        share = elsewhere.leaving(edge, self.column("new_edge") == 1, self.behind)
         share[_OFF:][edge[_OFF:] == OFF_ROAD] = 1.0
         gone = float(share @ weight)
         if gone > 0.0:
