@@ -33,7 +33,6 @@ from .state import (
 )
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
-_OTHER_COURSE = 0.1  # P(a course is not the vehicle's) before any was borne out
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
@@ -70,12 +69,12 @@ def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, floa
 
 
 @kernel
-def start_of(belief: Belief, ctx: Context, epoch: Record, headed: bool) -> Start:
-    """What is known at a start at the epoch's fix; of the course only if it is taken as true."""
+def start_of(belief: Belief, ctx: Context, epoch: Record) -> Start:
+    """What is known at a start at the epoch's fix."""
     par = ctx.par[0]
     state = belief.state[0]
     heading_sigma = math.inf
-    if headed and has_course(epoch, 0.5):
+    if has_course(epoch, 0.5):
         heading_sigma = epoch.course_sigma + 0.03
     rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
     sigmas = math.sqrt(state.gnss_factor)
@@ -100,12 +99,8 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
         state.road_energy[0] = state.road_energy[1] = 0.0
         if is_inflated(state, par, epoch):
             state.gnss_factor = state.road_prior
-    start = start_of(belief, ctx, epoch, True)
+    start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
-    if start.heading_sigma < 10.0 and state.vetting.borne_out == 0 and not par.paper:
-        normalise(belief)
-        unheaded = start_of(belief, ctx, epoch, False)
-        cold_start(belief, path, ctx, epoch.fix, unheaded, _OTHER_COURSE)
     state.started = 1
     state.misfits = 0.0
     state.since_map = 0.0

@@ -120,5 +120,5 @@ def observe_after_silence(belief: Belief, path: Path, ctx: Context, epoch: Recor
     chi2 = observe_fix(belief, path, ctx, epoch)
     if share > _STAYED:
         normalise(belief)
-        cold_start(belief, path, ctx, epoch.fix, start_of(belief, ctx, epoch, True), share)
+        cold_start(belief, path, ctx, epoch.fix, start_of(belief, ctx, epoch), share)
     return chi2
