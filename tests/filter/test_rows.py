@@ -20,9 +20,7 @@ from scenes import (
     weights,
 )  # fmt: skip
 from strategies import UNITS, random_gaussian, seeds
-from whichroad._compile import jit
-from whichroad.filter import gnss
-from whichroad.filter.gnss import Axes
+from whichroad.filter.gnss import Axes, observe_position
 from whichroad.filter.motion import age_map
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
@@ -44,8 +42,6 @@ from whichroad.settings import Settings
 
 SET = Settings()
 CTX = context(network(straight_road()))
-
-observe_position = jit(gnss.observe_position)
 
 
 def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0, gate=9.0) -> float:
