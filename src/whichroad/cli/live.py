@@ -10,6 +10,7 @@ import typer
 from ..errors import SettingError, comes_with
 from .arguments import (
     MapOption,
+    PlacesOption,
     SensorOption,
     TilesBy,
     Token,
@@ -121,6 +122,7 @@ def live(
     tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
     sensor: SensorOption = None,
+    places: PlacesOption = None,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
     from ..writers import check_apart
@@ -129,7 +131,7 @@ def live(
     recorded = record and record / "fixes.arrow"
     fittings = Fittings(named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out))
     names = fittings.names
-    read = [roads, *(play or ())]
+    read = [roads, *(play or ()), *([places] if places else [])]
     read += [v for given in (dbc, vehicle, can, nmea) for one in named(given).values() for v in one]
     check_apart({"--record": recorded, "--state": state}, read)
     sinks = {name: [_sink(t) for t in fittings.nmea_out.get(name, ())] for name in names}
@@ -140,7 +142,8 @@ def live(
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         first = names[0]
-        plan = _plan(roads, _path(fittings.one("vehicle", first)), pose, lag, more)
+        car = _path(fittings.one("vehicle", first))
+        plan = _plan(roads, car, pose, lag, more, places)
         plan.name = first
         plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
         if plan.recording is None:
@@ -163,8 +166,9 @@ def live(
 
 
 def _plan(
-    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]"
-) -> "Plan":
+    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]",
+    places: Path | None,
+) -> "Plan":  # fmt: skip
     """The filter on its map, warm."""
     with comes_with("live", "live"):
         from ..live.server import Plan
@@ -175,8 +179,11 @@ def _plan(
     car, settings = _car(vehicle)
     network = open_map(roads, check=True)
     localizer = Localizer(
-        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors
-    )
+        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors,
+        places=places,
+    )  # fmt: skip
+    for note in [] if localizer.places is None else localizer.places.notes():
+        typer.echo(f"note: {note}", err=True)
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
 
 
@@ -269,8 +276,9 @@ def _other(
 
     car, settings = _car(_path(fittings.one("vehicle", name)))
     localizer = Localizer(
-        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors
-    )
+        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors,
+        places=plan.localizer.places,
+    )  # fmt: skip
     nmea, can = _inputs(fittings, name)
     return Fitted(localizer, name, nmea, can)
 

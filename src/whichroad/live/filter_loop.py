@@ -19,6 +19,7 @@ from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
+from .heard_sensors import HeardSensors
 from .message_types import UNKNOWN, EstimateMessage, PlayMessage
 from .messages import Around, Messages
 from .recording import Recorder
@@ -74,7 +75,8 @@ class FilterLoop:
         self.localizer, self.recorder, self._clock = localizer, recorder, clock
         self.vehicle = vehicle
         self.buffer = ReorderBuffer(localizer, window)
-        self.messages = Messages(localizer.roads)
+        self.messages = Messages(localizer.roads, localizer.places)
+        self.heard = HeardSensors(localizer.sensors)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
         self.latency = Latency()
         self.sensors: dict[str, Health] = {}
@@ -168,6 +170,7 @@ class FilterLoop:
         has_fix = False
         recorder, buffer, reckoning = self.recorder, self.buffer, self.reckoning
         for one in observations:
+            self.heard.take(one)
             if recorder is not None:
                 recorder.observe(one)
             if isinstance(one, GeoFix):
@@ -196,6 +199,7 @@ class FilterLoop:
         """Start again at a time to which the localizer was set from outside: earlier, maybe."""
         self.buffer.begin(when)
         self.reckoning.stop()
+        self.heard.forget_after(when)
         self._fix = None
         self._newest, self._newest_at, self.until = when, self._clock(), -math.inf
 
@@ -299,6 +303,7 @@ class FilterLoop:
             decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
             sensors=[sensor.message(now) for sensor in self.sensors.values()],
+            heard=self.heard.messages(self.until, localizer.sensor_states),
             gnss_masked=self.gnss_masked,
             play=self.play(),
             latency_ms=self.latency.message(now),
