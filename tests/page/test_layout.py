@@ -9,10 +9,8 @@ import pytest
 from whichroad.replay.drive_report import write_report
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import Player
-from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import replay_app
 from whichroad.replay.truth import read_truth
-from whichroad.roadmap import RoadMap
 
 from .conftest import served
 from .test_browser import CHROMIUM, POST, browser, pytestmark  # noqa: F401
@@ -45,19 +43,17 @@ MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
 
 
 @pytest.fixture(scope="module")
-def replayed(remaking: Remaking, recorded: RecordedMessages, folder: Path) -> Iterator[str]:
+def replayed(crowded: Remaking, folder: Path) -> Iterator[str]:
     truth = read_truth(folder / "truth.parquet")
-    player = Player(recorded, remaking, position=80.0, paused=True, truth=truth)
-    with served(replay_app(player, remaking.roads)) as address:
+    player = Player(crowded([]), crowded, position=80.0, paused=True, truth=truth)
+    with served(replay_app(player, crowded.roads)) as address:
         yield address
 
 
 @pytest.fixture(scope="module")
-def report(
-    tmp_path_factory: pytest.TempPathFactory, recorded: RecordedMessages, roads: RoadMap
-) -> Path:
+def report(tmp_path_factory: pytest.TempPathFactory, crowded: Remaking) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(recorded, path, roads)
+    write_report(crowded([]), path, crowded.roads)
     return path
 
 

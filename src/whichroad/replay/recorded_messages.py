@@ -25,6 +25,7 @@ from .places_about import PlacesAbout
 from .signals import Signals
 
 if TYPE_CHECKING:
+    from ..live.message_types import HeardMessage
     from ..roadmap import RoadMap
     from ..tables.result import Result
 
@@ -200,7 +201,7 @@ class RecordedMessages:
             "hypotheses": self.hypotheses(k),
             "fix": self._fix(k),
             "reckoning": self.reckoning.at(k), "sensors": self.signals.sensors(time),
-            "heard": self.signals.heard_at(time, self.sensor_track.at(time)),
+            "heard": self.heard(k),
             "levels": level_messages(self.levels(k)),
             "ahead": None if self.places is None else self.places.ahead(k),
             "nearby": None if self.places is None else self.places.nearby(k),
@@ -235,6 +236,11 @@ class RecordedMessages:
                 }
             )
         return found
+
+    def heard(self, k: int) -> "list[HeardMessage]":
+        """The sensors as they were heard until epoch k, and what the filter held of them."""
+        time = float(self.time[k])
+        return self.signals.heard_at(time, self.sensor_track.at(time))
 
     def levels(self, k: int) -> list[LevelShare]:
         """Levels of the road at epoch k; of edges but the best the level at their middle counts."""
