@@ -61,7 +61,8 @@ class VehicleRun:
         recorder = None
         if fitted.record is not None:
             about = {"map": repr(fitted.localizer.roads), "begun": time.time()}
-            recorder = Recorder(fitted.record, fitted.localizer.roads, about)
+            columns = tuple(fitted.localizer.sensor_columns.values())
+            recorder = Recorder(fitted.record, fitted.localizer.roads, about, columns)
         self.filter_loop = FilterLoop(
             fitted.localizer, window=0.0 if played else window, rate=rate, recorder=recorder,
             vehicle=fitted.name,
