@@ -90,7 +90,8 @@ class VehicleRun:
         """The coroutines that bring observations, with the sensors' times or those of arrival."""
         fitted, filter_loop = self.fitted, self.filter_loop
         car, settings = fitted.localizer.vehicle, fitted.localizer.settings
-        told = wanted(fitted.localizer.sensor_columns)
+        columns = fitted.localizer.sensor_columns
+        told = wanted(columns)
         deliver = self._on_arrival if by_arrival else filter_loop.take
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:
@@ -109,7 +110,7 @@ class VehicleRun:
         for address, dbc in fitted.can:
             health = filter_loop.sensor(name_of(address), "wheels")
             offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
-            stream = self.buses[name_of(address)] = CanStream(dbc, car, offset)
+            stream = self.buses[name_of(address)] = CanStream(dbc, car, offset, columns)
             if self.checkpoint is not None:
                 stream.resume(self.checkpoint.counted.get(name_of(address), {}))
             inputs.append(read_can(address, health, stream, deliver))

@@ -261,7 +261,7 @@ def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
 
 
 def _can_part(path: AnyPath, reading: Reading, dbc: AnyPath | None) -> Part:
-    drives = [read_can(path, dbc, reading.vehicle)]
+    drives = [read_can(path, dbc, reading.vehicle, reading.columns)]
     return Part(Path(path).name, "can", drives, False, str(Path(path).parent))
 
 
