@@ -59,7 +59,8 @@ class NmeaStream:
     ) -> None:  # fmt: skip
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
         self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
-        self._ubx = UbxParser(Reading.of(settings=settings), self._sensors)
+        asked = {SENSED + name: name for name in told}
+        self._ubx = UbxParser(Reading.of(settings=settings, columns=asked), self._sensors)
         self._status = StatusReader()
         self._readings: list[SensorReading] = []
         self._told = ReceiverTold(time.time(), told) if told else None
@@ -80,7 +81,10 @@ class NmeaStream:
         fixes, sentences = self._ubx.feed(data)
         if not self._ubx.seen:
             fixes = self._parser.feed(sentences)
-        self._readings += [] if self._told is None else self._told.feed(sentences)
+        if self._told is not None:
+            said = self._told.feed(sentences)
+            self._readings += self._ubx.told if self._ubx.seen else said
+            self._ubx.told.clear()
         return self._shifted(fixes)
 
     def readings(self) -> list[SensorReading]:
