@@ -122,6 +122,14 @@ def live(
     tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
     sensor: SensorOption = None,
+    readings: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Readings for each --sensor as lines of JSON: a source as of --nmea, but no file. "
+            "May be repeated. NAME=SOURCE is of one vehicle of several.",
+        ),
+    ] = None,
     places: PlacesOption = None,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
@@ -129,11 +137,17 @@ def live(
 
     pose, factor, more = read_start(start), _speed(speed), read_sensors(sensor)
     recorded = record and record / "fixes.arrow"
-    fittings = Fittings(named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out))
+    fittings = Fittings(
+        named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out), named(readings)
+    )
     names = fittings.names
     read = [roads, *(play or ()), *([places] if places else [])]
     read += [v for given in (dbc, vehicle, can, nmea) for one in named(given).values() for v in one]
     check_apart({"--record": recorded, "--state": state}, read)
+    if readings and (not more or play):
+        raise typer.BadParameter(
+            "--readings goes with --sensor, which says whose they are, and not with --play"
+        )
     sinks = {name: [_sink(t) for t in fittings.nmea_out.get(name, ())] for name in names}
     if len(names) > 1 and (pose is not None or play):
         raise typer.BadParameter("--start and --play are of one vehicle; several were named")
@@ -148,6 +162,7 @@ def live(
         plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
         if plan.recording is None:
             plan.nmea, plan.can = _inputs(fittings, first)
+            plan.readings = _readings(fittings, first)
         plan.others = [_other(plan, fittings, name, lag, more) for name in names[1:]]
         plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
         vehicles: list[Plan | Fitted] = [plan, *plan.others]
@@ -280,7 +295,14 @@ def _other(
         places=plan.localizer.places,
     )  # fmt: skip
     nmea, can = _inputs(fittings, name)
-    return Fitted(localizer, name, nmea, can)
+    return Fitted(localizer, name, nmea, can, _readings(fittings, name))
+
+
+def _readings(fittings: Fittings, name: str | None) -> "list[Address]":
+    """Where readings of further sensors come from, of a vehicle."""
+    from ..live.sources import nmea_address
+
+    return [nmea_address(one, "--readings") for one in fittings.readings.get(name, ())]
 
 
 def _car(path: Path | None) -> "tuple[Vehicle, Settings]":

@@ -101,7 +101,7 @@ class SensorMessage(TypedDict):
     """The health of one input."""
 
     name: str
-    kind: str  # gnss, wheels, or file
+    kind: str  # gnss, wheels, readings (of further sensors), or file
     state: str  # waiting, ok, silent, lost, ended
     ok: bool
     rate_hz: float
