@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..diagnosis.sensor_states import SensorState
 from ..observations import GeoFix, Observation
 from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
@@ -39,6 +40,7 @@ _AHEAD = 5.0  # s, largest difference of clocks beyond the window
 _OTHERS_SILENT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
 _RECENT = 0.25  # s after a fix during which the next fix is expected
 _BETWEEN = 1.5  # factor on the message interval for odometry while a fix is expected
+_STATES = 0.2  # s between two looks at the sensors' states
 _RECORDED = 0.09  # s of event time between recorded estimates
 
 
@@ -92,6 +94,8 @@ class FilterLoop:
         self._fix_masked = False
         self._receiver = UNKNOWN
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
+        self._known: tuple[SensorState, ...] = ()
+        self._asked_at = -1e9  # clock at the last look at the sensors' states
         self._last_fix_message = -1e9  # clock at the last message triggered by a fix
         self._newest = self._newest_at = -math.inf  # newest observation, clock at its arrival
         self._interval: float | None = None  # s between arrivals of the most frequent input
@@ -303,12 +307,18 @@ class FilterLoop:
             decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
             sensors=[sensor.message(now) for sensor in self.sensors.values()],
-            heard=self.heard.messages(self.until, localizer.sensor_states),
+            heard=self.heard.messages(self.until, self._states(now)),
             gnss_masked=self.gnss_masked,
             play=self.play(),
             latency_ms=self.latency.message(now),
             protection_risk=localizer.settings.protection_risk,
         )
+
+    def _states(self, now: float) -> tuple[SensorState, ...]:
+        """What the filter holds of the sensors, asked for now and then: it changes slowly."""
+        if now - self._asked_at >= _STATES:
+            self._asked_at, self._known = now, self.localizer.sensor_states
+        return self._known
 
     def health(self) -> dict[str, Any]:
         """The content of `/health`."""
