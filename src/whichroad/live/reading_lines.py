@@ -36,7 +36,7 @@ class ReadingLines:
         self._names = {one.name for one in sensors}
         self._columns = {column for one in sensors for column in one.columns}
         self._offset = offset
-        self._held = b""
+        self._held, self._endless = b"", False
         self._ready: list[SensorReading] = []
         self.skipped = 0
 
@@ -51,9 +51,12 @@ class ReadingLines:
 
     def feed(self, data: bytes) -> list[GeoFix]:
         """Take bytes; no fix comes of them."""
+        if self._endless:  # what follows of a line that was given up
+            _, end, data = data.partition(b"\n")
+            self._endless = not end
         *lines, self._held = (self._held + data).split(b"\n")
         if len(self._held) > _LONGEST:
-            self._held = b""
+            self._held, self._endless = b"", True
             self.skipped += 1
         for line in lines:
             if line.strip():
