@@ -6,11 +6,13 @@ from collections import Counter
 import numpy as np
 import pytest
 from pyubx2 import GET, UBXMessage
+from typer.testing import CliRunner
 
 import whichroad
 from readers.test_can import DBC, line, ticks, vehicle
 from readers.test_ubx import ITOW, NOON, pvt
 from whichroad import GeoFix, Localizer, read_drive
+from whichroad.cli import app
 from whichroad.geodesy.angles import bearing_of
 from whichroad.live.dead_reckoning import DeadReckoning
 from whichroad.live.decode import CanStream, NmeaStream
@@ -204,3 +206,10 @@ def test_wheels_alone_go_on_beside_a_compass(town, ride, heard_too):
 
 def _is_fix(one):
     return isinstance(one, GeoFix)
+
+
+def test_readings_without_a_sensor_are_refused_before_anything_is_opened(tmp_path):
+    given = ["live", "--map", str(tmp_path / "no.map"), "--nmea", "udp://:1", "--readings"]
+    done = CliRunner().invoke(app, [*given, "udp://:2"])
+    assert "--readings goes with --sensor" in done.output
+    assert done.exit_code == 2

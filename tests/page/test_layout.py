@@ -109,3 +109,24 @@ def test_the_report_fits_and_can_be_read(browser: Any, report: Path, size: str, 
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     assert violations(page) == []
     page.close()
+
+
+def test_page_and_report_tell_level_places_and_sensors(browser: Any, replayed: str, report: Path):  # noqa: F811
+    for address in (replayed, report.as_uri()):
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(f"{address}#t=40&z=17")
+        page.wait_for_selector("html[data-drawn], html[data-ready]")
+        page.wait_for_function("() => document.getElementById('ahead').children.length > 1")
+        ahead = page.locator("#ahead li").first.inner_text()
+        assert "Sign of a long name" in ahead
+        assert " m" in ahead
+        assert "%" in ahead
+        assert page.locator("#ladder li").count() >= 2
+        page.wait_for_selector("#level:not([hidden])")
+        assert "tunnel" in page.inner_text("#level")
+        rows = page.locator("#sensors li").all_inner_texts()
+        assert len(rows) == 5
+        assert "10 Hz" in rows[1]
+        assert "scale" in rows[1]
+        assert "not heard" in rows[4]
+        page.close()
