@@ -175,9 +175,7 @@ def test_a_compass_with_the_other_sign_is_named(town, ride, told):
         localizer.take(one)
     assert "sensor compass" in [finding.what for finding in localizer.diagnosis]
     assert localizer.sensor_states[-1].doubted == ("readings",)
-    trips = table_of(ride, wrong).append_column(
-        "drive_id", pa.array(["a"] * len(table_of(ride, wrong)))
-    )
+    trips = with_names(table_of(ride, wrong))
     many = whichroad.match_many(trips, town, vehicle=ride.vehicle, sensors=[EXACT])
     (notes,) = many.drives["notes"].to_pylist()
     assert "sensor compass" in " ".join(notes)

@@ -74,13 +74,10 @@ export function fillAhead(ahead, nearby) {
   const ladder = box("ladder");
   rowsOf(ladder, ahead.length, ["whisker", "mark"]).forEach((row, i) => {
     const { distance_m: metres, sigma_m: sigma, p } = ahead[i];
-    const left = Math.min(metres / REACH_M, 1);
-    const low = Math.max((metres - sigma) / REACH_M, 0);
-    const high = Math.min((metres + sigma) / REACH_M, 1);
+    const [low, at, high] = [metres - sigma, metres, metres + sigma].map((m) => Math.min(Math.max(m / REACH_M, 0), 1));
     row.style.opacity = (0.25 + 0.75 * p).toFixed(2);
-    row.children[0].style.left = `${(100 * low).toFixed(2)}%`;
-    row.children[0].style.width = `${(100 * (high - low)).toFixed(2)}%`;
-    row.children[1].style.left = `${(100 * left).toFixed(2)}%`;
+    row.children[0].style.transform = `translateX(${(100 * low).toFixed(2)}%) scaleX(${(high - low).toFixed(4)})`;
+    row.children[1].style.transform = `translateX(${(100 * at).toFixed(2)}%)`;
   });
   const others = nearby.filter((one) => !ahead.some((there) => isSame(one, there)));
   const shown = [
@@ -215,6 +212,7 @@ export function fillSensors(sensors, heard) {
   rowsOf(box("sensors"), rows.length, ["dot", "name", "rate", "word", "learnt"]).forEach((row, i) => {
     const [, name, rate, word, more] = row.children;
     row.dataset.state = rows[i].state;
+    row.dataset.wide = String(rows[i].more !== "");
     row.title = rows[i].title;
     say(name, rows[i].name);
     say(rate, rows[i].rate);
