@@ -143,6 +143,7 @@ class Vehicle:
     antenna_left: float = 0.0  # m
     clock_offset: dict[str, float] = field(default_factory=dict)  # s added to a source's times
     signals: dict[str, str] = field(default_factory=dict)  # role -> signal name in the .dbc
+    sensors: dict[str, str] = field(default_factory=dict)  # column of a sensor -> signal name
     noise: dict[str, float] = field(default_factory=dict)  # settings that this car overrides
     driving_side: str = "right"
 
@@ -228,5 +229,6 @@ def to_toml(vehicle: Vehicle) -> str:
     lines += section("wheels", wheels) + section("gyro", gyro)
     lines += section("antenna", antenna)
     lines += section("clock", vehicle.clock_offset) + section("signals", vehicle.signals)
+    lines += section("sensors", vehicle.sensors)
     lines += section("noise", vehicle.noise)
     return "\n".join(lines) + "\n"

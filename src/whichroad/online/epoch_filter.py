@@ -255,6 +255,11 @@ class EpochFilter:
         """What moves the vehicle: WHEELS, DISTANCE or CLOCK."""
         return int(self._par[_MODE])
 
+    @property
+    def turns_by(self) -> int:
+        """What measures the turn of the epoch, as `filter.windows` counts it."""
+        return self.epoch[_GYRO]
+
     def set_mode(self, mode: int) -> None:
         """Say what moves the vehicle from now on."""
         self._par[_MODE] = mode
