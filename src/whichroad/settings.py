@@ -66,7 +66,11 @@ class Settings:
     gnss_time: float = _number(80, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
     gnss_adapt_time: float = _number(
-        40, 1, 1e12, "s", "time in which the scale of reported sigmas is learnt; 1e10: never"
+        40,
+        1,
+        1e12,
+        "s",
+        "time in which the scale of reported sigmas is learnt; 1e10: never, nor the map's error",
     )
     gnss_start: float = _number(
         1.5, 1, 100, "", "initial ratio of GNSS sigmas to the reported ones"

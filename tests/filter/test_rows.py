@@ -154,7 +154,7 @@ def test_a_straight_road_is_a_lateral_and_a_heading_row_of_the_textbook(right, t
     belief.hyp["cov"][0] += root @ root.T / N
     belief.hyp["mu"][0, H] = turned
     mean, cov = belief.hyp["mu"][0].copy(), belief.hyp["cov"][0].copy()
-    age_map(mean, cov, CTX.par[0], 5.0, 1.75, SET.lane_sigma)
+    age_map(mean, cov, CTX.par[0], belief.state[0].map, 5.0, 1.75, SET.lane_sigma)
     rows = np.zeros((2, N))
     rows[0, [Y, MY, D]] = -1.0  # right is south: n = −y
     rows[1, H] = 1.0
