@@ -1,15 +1,15 @@
 """How far the map is off, learnt within the drive.
 
 The map's error m is a state of every hypothesis.  It varies about a mean, which is how far the
-map is off as a whole.  The hypotheses share this mean and the variance about it.  Roads show the
-error only where the motion is measured without positions.
+map is off as a whole.  The hypotheses share this mean and the variance about it.  It is
+learnt beside wheels only.
 """
 
 import math
 
 from .._compile import Record, kernel
-from .inflation import NEVER, is_vouched
-from .state import GX, GY, MX, MY, OFF_ROAD, START, Belief, Context
+from .inflation import NEVER
+from .state import GX, GY, MX, MY, OFF_ROAD, START, WHEELS, Belief, Context, most_probable
 
 _PRIOR_GROWING = 0.2  # weight of map_sigma against what makes it larger, in lengths of the error,
 _PRIOR_SHRINKING = 1.0  # and against what makes it smaller
@@ -19,7 +19,8 @@ _REMEMBERED = 20.0  # lengths of the error, for which it is remembered
 _GOOD = 0.3  # variance of offsets over that of the map, from which on no map is said to be good,
 _PRIOR_GOOD = 0.3  # and the weight of that before, in lengths
 _TOO_SMALL = 2.0  # times that a reported sigma may be too small on a good map
-_LIGHT = 0.01  # weight below which a hypothesis says nothing
+_LIGHT = 1e-3  # weight below which a hypothesis says nothing
+_SURE = 0.8  # P of one hypothesis, from which on the error is learnt
 _RECENT = 10.0  # s without a fix, or with a misfit, from which on nothing is learnt
 
 
@@ -73,23 +74,23 @@ def map_scale(state: Record, par: Record) -> float:
 
 
 @kernel(inline=True)
-def learn_map(belief: Belief, ctx: Context, epoch: Record) -> None:
+def learn_map(belief: Belief, ctx: Context) -> None:
     """Learn the mean of the map's error and its variance, over the way since it was observed.
 
-    Nothing is learnt of a receiver alone: a wrong road would explain itself by a bad map.  Where
+    Nothing is learnt without wheels: a wrong road would explain itself by a bad map.  Where
     the variance exceeds that of which the hypotheses' P have come, the difference is added to
     them at once.  Where it is smaller, P follows as the states age.
 
     Args:
         belief: Conditioned on the map.
         ctx: The drive's constants.
-        epoch: With what vouches for the motion.
     """
     par = ctx.par[0]
     state = belief.state[0]
     late = state.time - state.last_fix > _RECENT or state.motion == START
     doubted = state.misfits > 0.0 or state.time - state.vetting.undecided_at < _RECENT
-    if late or doubted or par.gnss_adapt_time > NEVER or not is_vouched(state, epoch):
+    doubted = doubted or belief.hyp[most_probable(belief)].weight < _SURE
+    if late or doubted or par.gnss_adapt_time > NEVER or state.mode != WHEELS:
         return
     learnt = state.map
     share = state.since_map / par.map_length

@@ -89,7 +89,7 @@ def step(
         observe_evidence(belief, ctx, epoch.first_evidence, epoch.evidence)  # further sensors
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
-        _observe_map(belief, history, ctx, epoch)  # Y_carto, Q^carto
+        _observe_map(belief, history, ctx)  # Y_carto, Q^carto
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
@@ -338,7 +338,7 @@ def _map_is_due(state: Record, ctx: Context) -> bool:
 
 
 @kernel(inline=True)
-def _observe_map(belief: Belief, history: History, ctx: Context, epoch: Record) -> None:
+def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
     """Y_carto, after hypotheses have left the roads, come back and turned round."""
     state = belief.state[0]
     if ctx.par[0].paper:
@@ -348,7 +348,7 @@ def _observe_map(belief: Belief, history: History, ctx: Context, epoch: Record) 
         _exchange(belief, ctx)
     history.since[0].map_aged += state.since_map
     observe_map(belief, ctx, state.knows_heading == 1)
-    learn_map(belief, ctx, epoch)
+    learn_map(belief, ctx)
     state.since_map = 0.0
     state.changed = 1
 
