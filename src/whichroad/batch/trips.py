@@ -7,6 +7,7 @@ A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import tzinfo
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,6 +153,11 @@ class Job(NamedTuple):
         """What results name as their map."""
         return self.roads.identity
 
+    @property
+    def zone(self) -> tzinfo | None:
+        """Of times that name none; None: UTC."""
+        return zone_of(self.tz)
+
     def with_more(self, sensors: Sequence[Sensor], places: Any) -> "Job":
         """The job with further sensors and with places, as `match` takes them.
 
@@ -204,7 +210,7 @@ class Job(NamedTuple):
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
         outside = np.zeros(len(chunk.names), np.int64)
         read = batched_fixes(
-            chunk.table, first[:-1], self.settings or Settings(), self.columns, zone_of(self.tz)
+            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.zone
         )
         if read is None or not len(read.fixes):
             return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable, outside, {})

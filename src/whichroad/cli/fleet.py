@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..wording import counted
-from .arguments import CrsOption, SensorOption, VehicleOption, read_sensors
+from .arguments import (
+    ColumnsOption,
+    CrsOption,
+    SensorOption,
+    VehicleOption,
+    ZoneOption,
+    read_columns,
+    read_sensors,
+)
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -65,6 +73,8 @@ def fleet(
         str | None, typer.Option(metavar="S|full", help="Smoothing, as for `whichroad match`.")
     ] = None,
     crs: CrsOption = None,
+    columns: ColumnsOption = None,
+    tz: ZoneOption = None,
     sensor: SensorOption = None,
     places: Annotated[
         Path | None,
@@ -81,6 +91,8 @@ def fleet(
     ] = False,
 ) -> None:
     """Match millions of trips: files in, a folder of path, drives and points out."""
+    own = {name: str(column) for name, column in read_columns(columns).items()}
+    sensors = read_sensors(sensor)
     from ..fleet import run_fleet
 
     with progress_line() as show:
@@ -91,8 +103,8 @@ def fleet(
 
         summary = run_fleet(
             trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
-            vehicle=vehicle, lag=lag, crs=crs, sensors=read_sensors(sensor), places=places,
-            workers=workers, memory=memory, resume=resume, progress=tell,
+            vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, sensors=sensors,
+            places=places, workers=workers, memory=memory, resume=resume, progress=tell,
         )  # fmt: skip
     print_fleet(summary)
 
@@ -113,6 +125,8 @@ def print_fleet(summary: "Summary") -> None:
     from ..fleet.run import BAD
 
     done = summary.done
+    if summary.note:
+        typer.echo(f"note: {summary.note}", err=True)
     for reason, count in done.skipped.most_common():
         typer.echo(f"skipped: {reason}: {count:,}", err=True)
     for note, count in done.noted.most_common(_MOST_PRINTED):

@@ -8,7 +8,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
@@ -24,17 +24,19 @@ from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
 from ..places.place_table import read_places
 from ..readers import read_vehicle
+from ..readers.dates import zone_of
+from ..readers.many_trips import own_names, zone_note_of
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
-from ..sensed import checked, columns_of
+from ..sensed import checked
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from . import manifest
 from .inputs import Inputs, inputs_of
 from .staging import stage
-from .units import UNIT_ROWS, Unit, plan
+from .units import UNIT_ROWS, Unit, batches_of, plan
 from .work import NOTHING, Done, Task, done_before, run_unit
 
 BAD = "bad_trips.parquet"
@@ -59,6 +61,7 @@ class Summary(NamedTuple):
     units: int
     units_before: int  # that were there when the run began
     seconds: float
+    note: str | None = None  # on times that name no zone
 
 
 def run_fleet(
@@ -74,6 +77,8 @@ def run_fleet(
     settings: Settings | None = None,
     lag: Any = None,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
     places: str | Path | None = None,
     workers: int | None = None,
@@ -98,6 +103,8 @@ def run_fleet(
         settings: The model's numbers.
         lag: As in `match`.
         crs: Reference system of `x, y` columns.
+        columns: Own names of columns, as in `match_many`.
+        tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the files.
         places: Path of a table of point objects: `ahead` and `nearby` have those within 500 m
             ahead and within 50 m, at each epoch.
@@ -116,6 +123,8 @@ def run_fleet(
     """
     began = time.monotonic()
     _check(order, points, workers)
+    own, trip_id = own_names(columns, trip_id)
+    zone_of(tz)
     if places is not None:
         if is_folder(map):
             raise SettingError(f"{map}: places are read for one map, and this is a folder of them")
@@ -139,6 +148,7 @@ def run_fleet(
     task = Task(
         str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
         seconds_of(split), checked(sensors), None if places is None else str(places),
+        own, tz,
     )  # fmt: skip
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:
@@ -146,6 +156,7 @@ def run_fleet(
     size = workers or cores()
     units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
     waiting = [unit for unit in units if not task.is_done(unit)]
+    note = _zone_note(task, waiting)
     done = NOTHING
     for unit in units:
         if task.is_done(unit):
@@ -160,7 +171,7 @@ def run_fleet(
             f"map were expected; the most usual reason: {reason}"
         )
     seconds = time.monotonic() - began
-    return Summary(folder, done, len(units), len(units) - len(waiting), seconds)
+    return Summary(folder, done, len(units), len(units) - len(waiting), seconds, note)
 
 
 def _check(order: str, points: str, workers: int | None) -> None:
@@ -214,26 +225,35 @@ def _units(
     missing = held and [unit for unit in held if not task.is_done(unit)]
     if held and not missing:
         return held
+    own = task.own_columns()
     if now["order"] == "sorted" and inputs.is_parquet:
         files = [path.resolve() for path in inputs.files["parquet"]]
     else:
-        text = json.dumps([now["inputs"], now["trip_id"], now["order"]])
+        text = json.dumps([now["inputs"], now["trip_id"], now["order"], own])
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         staged = folder.resolve() / _WORK / f"rows-{key}.parquet"
         if not staged.exists():
             ordered = now["order"] == "sorted"
             stage(
                 inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads,
-                own=columns_of(task.sensors),
+                own=own,
             )  # fmt: skip
         files = [staged]
     if held:
         return held
-    units = plan(files, task.trip_id, unit_rows)
+    units = plan(files, task.trip_id, unit_rows, own)
     if not units:
         raise ReadError("trips: there is no row in them; rows with a drive_id were expected")
     manifest.write(folder, now, units)
     return units
+
+
+def _zone_note(task: Task, waiting: list[Unit]) -> str | None:
+    """What to say where times name no zone, and the caller has named none."""
+    if task.tz is not None or not waiting:
+        return None
+    own = task.own_columns()
+    return zone_note_of(batches_of(waiting[0], task.trip_id, own), own)
 
 
 def _all(
