@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.feather as feather
 import pyarrow.parquet as pq
@@ -168,7 +169,11 @@ def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, tow
     blank = blank.set_column(2, "lat", pa.array(np.full(len(blank), np.nan)))
     nameless = trip(None, 2)
     swapped = trip("swapped", 3).rename_columns(["trip_id", "time", "lon", "lat"])
-    poison = [far, blank, nameless, swapped.select(["trip_id", "time", "lat", "lon"])]
+    still = trip("still", 4)
+    still = still.set_column(1, "time", pa.array(np.full(len(still), 1.6e9)))
+    half = trip("half", 4)  # most of its rows are used
+    half = half.set_column(2, "lat", pa.array([np.nan] * 30 + half["lat"].to_pylist()[30:]))
+    poison = [far, blank, nameless, swapped.select(["trip_id", "time", "lat", "lon"]), still, half]
     pq.write_table(pa.concat_tables([table, *poison]), tmp_path / "t.parquet")
     ran = CliRunner().invoke(
         app, ["fleet", str(tmp_path / "t.parquet"), "--map", str(town), "-o", str(tmp_path / "out"),
@@ -176,10 +181,15 @@ def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, tow
     )  # fmt: skip
     assert ran.exit_code == 0, ran.output
     bad = pq.read_table(tmp_path / "out" / "bad_trips.parquet").to_pylist()
-    assert {row["drive_id"] for row in bad} == {"far", "blank", "", "swapped"}
+    assert {row["drive_id"] for row in bad} == {"far", "blank", "", "swapped", "still"}
     assert all(row["reason"] for row in bad)
+    (one,) = (row for row in bad if row["answered"])
+    assert one["drive_id"] == "still"
+    assert one["reason"] == "78 rows skipped: repeated time; the answer is of 1 fix"
+    assert "5 bad trips listed in" in ran.output
     assert "no answer: " in ran.output
     good = rows_of(tmp_path / "out", "path")
+    good = good.filter(pc.invert(pc.is_in(good["drive_id"], pa.array(["still", "half"]))))
     keys = [("drive_id", "ascending"), ("seq", "ascending")]
     assert good.to_pylist() == usual.path.sort_by(keys).to_pylist()
 

@@ -122,7 +122,7 @@ def _line(so_far: "Progress") -> str:
 
 def print_fleet(summary: "Summary") -> None:
     """What was done; what was skipped, by reason, goes to the standard error."""
-    from ..fleet.run import BAD
+    from ..fleet.bad_trips import NAME as BAD
 
     done = summary.done
     if summary.note:
@@ -133,8 +133,8 @@ def print_fleet(summary: "Summary") -> None:
         typer.echo(f"note: {counted(count, 'trip')}: {note}", err=True)
     for reason, count in done.reasons.most_common(_MOST_PRINTED):
         typer.echo(f"no answer: {counted(count, 'trip')}: {reason}", err=True)
-    if done.trips > done.answered:
-        typer.echo(f"all of them are listed in {summary.out / BAD}", err=True)
+    if summary.bad:
+        typer.echo(f"{counted(summary.bad, 'bad trip')} listed in {summary.out / BAD}", err=True)
     print_table(
         str(summary.out),
         [

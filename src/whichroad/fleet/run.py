@@ -15,11 +15,6 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.dataset as ds
-import pyarrow.parquet as pq
-
 from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
 from ..places.place_table import read_places
@@ -34,12 +29,12 @@ from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from . import manifest
+from .bad_trips import write_bad
 from .inputs import Inputs, inputs_of
 from .staging import stage
 from .units import UNIT_ROWS, Unit, batches_of, plan
 from .work import NOTHING, Done, Task, done_before, run_unit
 
-BAD = "bad_trips.parquet"
 _WORK = ".work"  # folder of what is needed until the end
 _AHEAD = 4  # units that wait for each worker
 
@@ -62,6 +57,7 @@ class Summary(NamedTuple):
     units_before: int  # that were there when the run began
     seconds: float
     note: str | None = None  # on times that name no zone
+    bad: int = 0  # trips in the table of bad ones
 
 
 def run_fleet(
@@ -162,7 +158,7 @@ def run_fleet(
         if task.is_done(unit):
             done = done.plus(done_before(task, unit))
     done = _all(task, units, waiting, done, min(size, len(waiting)), progress)
-    _write_bad(folder)
+    bad = write_bad(folder)
     shutil.rmtree(folder / _WORK, ignore_errors=True)
     if not done.answered:
         reason = next((reason for reason, _ in done.reasons.most_common(1)), "there is no trip")
@@ -171,7 +167,7 @@ def run_fleet(
             f"map were expected; the most usual reason: {reason}"
         )
     seconds = time.monotonic() - began
-    return Summary(folder, done, len(units), len(units) - len(waiting), seconds, note)
+    return Summary(folder, done, len(units), len(units) - len(waiting), seconds, note, bad)
 
 
 def _check(order: str, points: str, workers: int | None) -> None:
@@ -313,16 +309,3 @@ def _begin() -> None:
 def _end_with(sentinel: int) -> None:
     wait([sentinel])
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _write_bad(folder: Path) -> None:
-    """The trips without an answer as a table: name and reason."""
-    drives = ds.dataset(str(folder / "drives"), format="parquet")
-    columns = ["drive_id", "reason"]
-    beside = folder / f".{BAD}.{os.getpid()}"
-    schema = pa.schema([drives.schema.field(name) for name in columns], drives.schema.metadata)
-    with pq.ParquetWriter(beside, schema, compression="zstd") as file:
-        for batch in drives.to_batches(columns=columns, filter=~pc.field("answered")):
-            if batch.num_rows:
-                file.write_table(pa.Table.from_arrays(batch.columns, schema=schema))
-    os.replace(beside, folder / BAD)
