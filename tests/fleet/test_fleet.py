@@ -283,7 +283,7 @@ def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, mo
         ({"points": "few"}, "none, slim, all"),
         ({"workers": 0}, "at least 1"),
         ({"split": "soon"}, "5min"),
-        ({"memory": "much"}, "512MB"),
+        ({"memory": "much"}, "256MB"),
     ):
         with pytest.raises(SettingError, match=words):
             run_fleet(tmp_path / "t.parquet", town, tmp_path / "o", **options)
@@ -300,3 +300,14 @@ def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, mo
     pq.write_table(away, tmp_path / "t.parquet")
     with pytest.raises(DriveError, match="none of 40 trips"):
         run_fleet(tmp_path / "t.parquet", town, tmp_path / "p", order="sorted", workers=1)
+
+
+def test_the_process_that_hands_out_work_does_without_pandas(tmp_path, town, table):
+    pq.write_table(table.slice(0, 79), tmp_path / "t.parquet")
+    code = (
+        "import sys, whichroad.fleet.run as r\n"
+        "r._all = lambda *a: sys.exit(print('pandas' in sys.modules))\n"
+        "r.run_fleet(*sys.argv[1:], workers=2, order='sorted')"
+    )
+    line = [sys.executable, "-c", code, str(tmp_path / "t.parquet"), str(town), str(tmp_path / "o")]
+    assert subprocess.run(line, capture_output=True, text=True).stdout.strip() == "False"

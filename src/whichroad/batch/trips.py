@@ -8,6 +8,7 @@ A trip that cannot be matched gets a row that says why, and the others go on.
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import tzinfo
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,12 +41,17 @@ from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
-_NONE = relative_schema(None).empty_table()
 AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are given
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"
 )
+
+
+@lru_cache(maxsize=1)
+def _no_places() -> pa.Table:
+    """A table of places without rows."""
+    return relative_schema(None).empty_table()
 
 
 class _Tables(NamedTuple):
@@ -69,12 +75,13 @@ class Tables(_Tables):
     nearby: pa.Table
 
     def __new__(
-        cls, points: pa.Table, path: pa.Table, drives: pa.Table, ahead: pa.Table = _NONE,
-        nearby: pa.Table = _NONE,
+        cls, points: pa.Table, path: pa.Table, drives: pa.Table,
+        ahead: pa.Table | None = None, nearby: pa.Table | None = None,
     ) -> "Tables":  # fmt: skip
         """Three tables, and two that stand beside them."""
         self = super().__new__(cls, points, path, drives)
-        self.ahead, self.nearby = ahead, nearby
+        self.ahead = _no_places() if ahead is None else ahead
+        self.nearby = _no_places() if nearby is None else nearby
         return self
 
     def every(self) -> tuple[pa.Table, ...]:

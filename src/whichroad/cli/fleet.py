@@ -85,7 +85,7 @@ def fleet(
     ] = None,
     memory: Annotated[
         str, typer.Option(help="Memory limit of the sort; the rest goes to disk.")
-    ] = "512MB",
+    ] = "256MB",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in this folder.")
     ] = False,

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.dataset as ds
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ..readers.checks import BACKWARDS
@@ -24,27 +24,27 @@ def write_bad(folder: Path) -> int:
     Returns:
         How many there are.
     """
-    drives = ds.dataset(str(folder / "drives"), format="parquet")
-    fields = [drives.schema.field(name) for name in _READ[:3]]
-    schema = pa.schema(fields, drives.schema.metadata)
+    files = [pq.ParquetFile(path) for path in sorted((folder / "drives").glob("*.parquet"))]
+    own = files[0].schema_arrow
+    schema = pa.schema([own.field(name) for name in _READ[:3]], own.metadata)
     beside, rows = folder / f".{NAME}.{os.getpid()}", 0
-    with pq.ParquetWriter(beside, schema, compression="zstd") as file:
-        for batch in drives.to_batches(columns=_READ):
-            bad = bad_of(batch)
+    with pq.ParquetWriter(beside, schema, compression="zstd") as table:
+        for file in files:
+            with file:
+                bad = bad_of(file.read(_READ))
             rows += len(bad)
             if bad:
-                file.write_table(pa.Table.from_pylist(bad, schema))
+                table.write_table(pa.Table.from_pylist(bad, schema))
     os.replace(beside, folder / NAME)
     return rows
 
 
-def bad_of(drives: pa.RecordBatch) -> list[dict[str, object]]:
+def bad_of(drives: pa.Table) -> list[dict[str, object]]:
     """The bad ones among rows of `tables.schema.DRIVES`, as rows of the table."""
-    skips = drives["skipped"]
-    some = skips.offsets.to_numpy()[1:] > skips.offsets.to_numpy()[:-1]
-    asked = (~drives["answered"].to_numpy(zero_copy_only=False)) | some
+    ends = drives["skipped"].combine_chunks().offsets
+    some = pc.greater(ends.slice(1), ends.slice(0, len(drives)))
     found = []
-    for row in drives.filter(pa.array(asked)).to_pylist():
+    for row in drives.filter(pc.or_(some, pc.invert(drives["answered"]))).to_pylist():
         reason = row["reason"]
         if row["answered"]:
             reason = _mostly_skipped(dict(row["skipped"]), row["fixes"])

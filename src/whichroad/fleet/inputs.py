@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow as pa
-import pyarrow.dataset as ds
 
 from ..errors import ReadError
 from ..readers.checks import listed
@@ -140,6 +139,8 @@ def schema_of(path: Path, kind: str) -> pa.Schema:
     Raises:
         ReadError: It cannot be read.
     """
+    import pyarrow.dataset as ds  # it brings pandas, which takes long
+
     try:
         return ds.dataset(str(path), format=kind).schema
     except (pa.ArrowException, OSError) as error:

@@ -78,7 +78,7 @@ def run_fleet(
     sensors: Sequence[Sensor] = (),
     places: str | Path | None = None,
     workers: int | None = None,
-    memory: str = "512MB",
+    memory: str = "256MB",
     resume: bool = False,
     unit_rows: int = UNIT_ROWS,
     progress: Callable[[Progress], None] | None = None,
@@ -276,7 +276,8 @@ def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if hasattr(context, "set_forkserver_preload"):
-        context.set_forkserver_preload(["whichroad.fleet.work"])
+        # Arrow loads pandas, where there is one, with its first array: once for all workers
+        context.set_forkserver_preload(["whichroad.fleet.work", "pandas"])
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     running = set()
     try:

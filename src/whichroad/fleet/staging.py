@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pyarrow.dataset as ds
-
 from ..errors import ReadError, SettingError
 from ..readers.names import find, normal
 from .inputs import Inputs, Used, schema_of, used_columns
@@ -32,7 +30,7 @@ def stage(
         target: The file; its folder takes what memory lacks.
         trip_id: The column that names trips.
         ordered: The rows stay in their order; else they are sorted by trip and time.
-        memory: Limit of the sort, such as 512MB.
+        memory: Limit of the sort, such as 256MB.
         threads: Of DuckDB.
         own: Own names of columns, and those that further sensors read.
 
@@ -80,8 +78,9 @@ def _connection(folder: Path, memory: str, threads: int) -> Iterator[Any]:
         con = duckdb.connect(
             config={"memory_limit": memory, "temp_directory": str(spill), "threads": threads}
         )
+        con.execute("SET enable_progress_bar = false")
     except duckdb.Error as error:
-        raise SettingError(f"memory is {memory!r}; a size such as 512MB was expected") from error
+        raise SettingError(f"memory is {memory!r}; a size such as 256MB was expected") from error
     try:
         yield con
     finally:
@@ -114,6 +113,8 @@ def _source(con: Any, inputs: Inputs, kind: str, trip_id: str, own: Mapping[str,
         found = find(columns, _there(own, columns))
         if {"lat", "lon"} <= found.keys() or "geometry" not in found:
             return f"SELECT * FROM read_parquet([{names}], union_by_name=true)"
+    import pyarrow.dataset as ds
+
     con.register(f"files_{kind}", ds.dataset([str(path) for path in paths], format=kind))
     return f"SELECT * FROM files_{kind}"
 

@@ -60,7 +60,7 @@ def plan(
         low = at = 0
         for column in _names(path, trip_id, own):
             begins = _begins(column, last)
-            for place in begins.tolist():
+            for place in begins:
                 _check(path, column[place].as_py(), seen)
                 if rows + at + place - low >= unit_rows:
                     if at + place > low:
@@ -93,14 +93,12 @@ def _names(path: Path, trip_id: str, own: Mapping[str, str | int]) -> Iterator[p
         raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
 
 
-def _begins(column: pa.Array, last: Any) -> np.ndarray[Any, Any]:
+def _begins(column: pa.Array, last: Any) -> list[int]:
     """The rows at which another trip begins, after one of the name `last`."""
-    changed = np.empty(len(column), np.bool_)
-    changed[0] = last is None or column[0].as_py() != last
-    same = pc.equal(column.slice(1), column.slice(0, len(column) - 1)).fill_null(False)
-    both = pc.and_(pc.is_null(column.slice(1)), pc.is_null(column.slice(0, len(column) - 1)))
-    changed[1:] = ~pc.or_(same, both).to_numpy(zero_copy_only=False)
-    return np.flatnonzero(changed)
+    first = [] if last is not None and column[0].as_py() == last else [0]
+    after, before = column.slice(1), column.slice(0, len(column) - 1)
+    same = pc.coalesce(pc.equal(after, before), pc.and_(pc.is_null(after), pc.is_null(before)))
+    return [*first, *(row + 1 for row in pc.indices_nonzero(pc.invert(same)).to_pylist())]
 
 
 def _check(path: Path, name: Any, seen: set[int]) -> None:

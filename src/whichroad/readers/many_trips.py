@@ -4,7 +4,6 @@ A trip of a stream is complete once enough rows of other trips have followed its
 """
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import tzinfo
 from itertools import pairwise
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from .arrow_columns import texts, times
+from .arrow_columns import is_zoneless, texts
 from .checks import listed
 from .csv_text import no_column
 from .dates import taken_as_utc
@@ -339,14 +338,11 @@ def zone_note(path: str | PathLike[str], drive_id: str, columns: Own | None) -> 
 
 def zone_note_of(batches: Iterable[Any], own: Own) -> str | None:
     """`zone_note` of record batches."""
-    import pyarrow as pa
-
     for batch in batches:
         if batch.num_rows:
             meaning = find(batch.schema.names, own)["time"]
-            first = pa.chunked_array([batch.column(meaning.place).slice(0, 1)])
-            read = times(first, meaning, "table", Counter())
-            return taken_as_utc(meaning.name) if read.zoneless else None
+            zoneless = is_zoneless(batch.column(meaning.place).slice(0, 1), meaning)
+            return taken_as_utc(meaning.name) if zoneless else None
     return None
 
 
