@@ -15,9 +15,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
 
@@ -124,25 +126,48 @@ def _callers(port: int, traces: list[Rows], count: int, pause: float = 0.0) -> l
     return [one for of in took for one in of]
 
 
+def _ask_bad(client: http.client.HTTPConnection) -> None:
+    assert _ask(client, "GET", "/match/v1/driving/8,49;x", None) == 400
+    assert _ask(client, "POST", "/trace_route", "[" * 10_000) == 400
+
+
+def _ask_huge(client: http.client.HTTPConnection, huge: str) -> None:
+    assert _ask(client, "POST", "/trace_attributes", huge) == 200
+
+
+def _keep_asking(port: int, huge: str | None, stop: Event, count: Any) -> None:
+    client = http.client.HTTPConnection("127.0.0.1", port, timeout=200)
+    while not stop.is_set():
+        _ask_bad(client) if huge is None else _ask_huge(client, huge)
+        count.value += 1
+        time.sleep(0.02)
+
+
 @contextmanager
-def _beside(ask: Callable[[http.client.HTTPConnection], None], port: int) -> Iterator[list[int]]:
-    """Requests of another kind, one after the other, until the block ends."""
-    stop, count = threading.Event(), [0]
+def _beside(huge: str | None, port: int) -> Iterator[list[int]]:
+    """Requests of another kind, one after the other, until the block ends.
 
-    def call() -> None:
-        client = http.client.HTTPConnection("127.0.0.1", port, timeout=200)
-        while not stop.is_set():
-            ask(client)
-            count[0] += 1
-            time.sleep(0.02)
+    They come from a process of their own, so that reading their answers does not hold up the
+    threads whose time is measured.
 
-    thread = threading.Thread(target=call)
-    thread.start()
+    Args:
+        huge: The body to ask about; None: bad requests.
+        port: The service's.
+    """
+    spawn = get_context("spawn")
+    stop, count, found = spawn.Event(), spawn.Value("i", 0), [0]
+    process = spawn.Process(target=_keep_asking, args=(port, huge, stop, count))
+    process.start()
+    while process.is_alive() and not count.value:
+        time.sleep(0.01)
+    before = count.value
     try:
-        yield count
+        yield found
     finally:
         stop.set()
-        thread.join()
+        process.join()
+        found[0] = count.value - before
+        assert process.exitcode == 0
 
 
 def ideal(alone: list[float], processes: int, answers: int = 20_000) -> float:
@@ -183,13 +208,6 @@ def run(options: Options) -> list[Figure]:
         plain = in_processes(workers, map_file, traces, None)
         huge = json.dumps(_huge(traces))
 
-        def ask_huge(client: http.client.HTTPConnection) -> None:
-            assert _ask(client, "POST", "/trace_attributes", huge) == 200
-
-        def ask_bad(client: http.client.HTTPConnection) -> None:
-            assert _ask(client, "GET", "/match/v1/driving/8,49;x", None) == 400
-            assert _ask(client, "POST", "/trace_route", "[" * 10_000) == 400
-
         with _service(map_file, workers) as port:
             _callers(port, traces, 1)  # warm
             alone = _callers(port, traces, 1)
@@ -199,9 +217,9 @@ def run(options: Options) -> list[Figure]:
             few = _callers(port, traces, 2 * workers)
             pause = 2.0 * CALLERS * _SECONDS / len(many)
             paced = _callers(port, traces, CALLERS, pause)
-            with _beside(ask_bad, port) as bad:
+            with _beside(None, port) as bad:
                 beside_bad = _callers(port, traces, CALLERS, pause)
-            with _beside(ask_huge, port) as large:
+            with _beside(huge, port) as large:
                 beside_huge = _callers(port, traces, CALLERS, pause)
     return _figures(full, plain, alone, few, many, paced, beside_bad, beside_huge, bad, large)
 
