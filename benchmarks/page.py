@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from whichroad import RoadMap, simulate_drive
+from whichroad import Places, RoadMap, simulate_drive
 
 from . import Figure, Options, Skipped
 
@@ -121,7 +121,7 @@ def _opened(browser: Any, address: str) -> float:
 
 @contextmanager
 def replayed(roads: RoadMap, length_m: float = 12_000.0) -> Iterator[str]:
-    """A simulated drive, replayed on a free port."""
+    """A simulated drive with places about it, replayed on a free port."""
     import uvicorn
 
     from whichroad.replay.open_replay import Remaking, play_drive
@@ -129,7 +129,9 @@ def replayed(roads: RoadMap, length_m: float = 12_000.0) -> Iterator[str]:
 
     drive = simulate_drive(roads, seed=3, length_m=length_m, scenario="outage").drive
     door = listen("127.0.0.1", 0)
-    app = replay_app(play_drive(Remaking(drive, roads)), roads)
+    edges = range(0, len(roads), 8)  # some of which lie ahead nearly always
+    signs = Places({"edge_id": [*edges], "abscissa_m": [0.0] * len(edges)}, roads)
+    app = replay_app(play_drive(Remaking(drive, roads, places=signs)), roads)
     server = uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="on"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [door]}, daemon=True)
     thread.start()

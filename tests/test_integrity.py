@@ -143,6 +143,7 @@ def test_the_protection_level_is_null_before_the_first_answer_and_no_less_than_t
     points = told(roads, late)
     assert points["protection_level_m"][0] is None
     assert points["gnss_scale"][0] is None
+    assert points["map_scale"][0] is None
     assert points["reason"][0] == "no fix has come yet"
     known = [(p, a) for p, a in zip(points["protection_level_m"], points["ellipse_major_m"],
                                     strict=True) if p is not None]  # fmt: skip
@@ -170,6 +171,7 @@ def test_on_line_and_recorded_say_the_same_protection_and_scale(roads: RoadMap):
     for k in (1, 100, 400, 600):
         assert estimates[k].protection_level == pytest.approx(points["protection_level_m"][k])
         assert estimates[k].gnss_scale == pytest.approx(points["gnss_scale"][k])
+        assert estimates[k].map_scale == pytest.approx(points["map_scale"][k])
 
 
 def test_on_line_the_pose_in_the_map_s_frame_is_near_the_road(roads: RoadMap):

@@ -193,57 +193,59 @@ def _import_teachers() -> None:
 
 
 def _jit_is_on() -> bool:
-    return _jit_options is not None
+    return _is_taught
 
 
-_jit_options: dict[str, Any] | None = None
-_JIT: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
+_is_taught = False
+OPTIONS: dict[str, Any] = {  # of `numba.njit`, for kernels that kernels call
+    "error_model": "numpy", "nogil": True, "_nrt": False,
+    "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+}  # fmt: skip
 
 
-def teach_numba(**options: Any) -> None:
-    """Make every kernel, also those to come, one that numba can compile.
-
-    Args:
-        options: Of `numba.njit`, beside those that all kernels have.
-    """
-    global _jit_options
+def teach_numba() -> None:
+    """Make every kernel, also those to come, one that numba can compile."""
+    global _is_taught
     with _LOCK:
-        if _jit_options is None:
-            _jit_options = _JIT | options
+        if not _is_taught:
+            _is_taught = True
             for function, inlined in _KERNELS:
                 _teach(function, inlined)
             _import_teachers()
 
 
 def _teach(function: Any, inlined: bool) -> Any:
-    """Give a kernel the mark by which numba finds its dispatcher.
-
-    numba takes the cache folder from its settings when the dispatcher is made, and keeps
-    machine code beside the sources otherwise, where it outlives a change of a callee.
-    """
+    """Give a kernel the mark by which numba finds its dispatcher."""
     with _LOCK:
         if not hasattr(function, "_numba_type_"):
             import numba
 
-            from .native.cache import jit_folder
-
-            options = _jit_options or _JIT
-            config: Any = numba.config  # its attributes are made at run time
-            before = config.CACHE_DIR
-            if options.get("cache"):
-                config.CACHE_DIR = str(jit_folder())
-            try:
-                made = numba.njit(forceinline=inlined, **options)(function)
-            finally:
-                config.CACHE_DIR = before
+            made = numba.njit(forceinline=inlined, **OPTIONS)(function)
             function._dispatcher = made  # its type holds it weakly
             function._numba_type_ = made._numba_type_
         return function._numba_type_
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel compiled by numba, for those who call one that is no entry."""
+    """A kernel compiled by numba as Python calls it, for those who call one that is no entry.
+
+    What it calls is part of its machine code, so this alone is kept.  numba takes the cache folder
+    from its settings when the dispatcher is made, and keeps machine code beside the sources
+    otherwise, where it outlives a change of a callee.
+    """
+    import numba
+
     from .native.cache import jit_folder
 
-    teach_numba(cache=jit_folder() is not None)
-    return _teach(function, False).dispatcher  # type: ignore[no-any-return]
+    with _LOCK:
+        teach_numba()
+        folder = jit_folder()
+        config: Any = numba.config  # its attributes are made at run time
+        before = config.CACHE_DIR
+        if folder is not None:
+            config.CACHE_DIR = str(folder)
+        try:
+            options = OPTIONS | {"no_cpython_wrapper": False, "cache": folder is not None}
+            return numba.njit(**options)(function)  # type: ignore[no-any-return]
+        finally:
+            config.CACHE_DIR = before

@@ -278,6 +278,7 @@ def _match_one(
         [] if places is None else [
             Surroundings(drive.drive_id, timeline.epochs, recorded.output, places)
         ],
+        recorded.track,
     )  # fmt: skip
 
 
@@ -365,7 +366,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         parts[0]._find_alternatives if len(parts) == 1 else None,
         parts[0]._roads,
         parts[0]._find_lineage if len(parts) == 1 else None,
-        [one for p in parts for one in p._surroundings],
+        [one for p in parts for one in p.surroundings],
     )
 
 

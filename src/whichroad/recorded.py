@@ -10,6 +10,7 @@ import numpy as np
 from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
+from .diagnosis.sensor_states import SensorTrack, states_of
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -39,6 +40,7 @@ from .smoothing import Lag, Past, entries_in_use, smooth
 from .workspace import Workspace, entries_of, without_states
 
 _CHUNK = 20_000  # epochs between two checks of the path tree and progress reports
+_STATES = 1000  # moments of a drive at which the states of sensors are kept, where they are
 _SPARE_ENTRIES = 4096  # free entries of the path tree, below which it is tidied
 _WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 
@@ -52,6 +54,7 @@ class Recorded(NamedTuple):
     past: Past | None = None  # what it can be smoothed with, where that was asked for
     evidence: float = math.nan  # nats, log-likelihood of all observations
     sensors: Mapping[str, Mapping[str, int]] = {}
+    track: SensorTrack | None = None  # of the sensors, where poses were asked for
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -103,13 +106,18 @@ def localize_recorded(
         roads, timeline, belief, path, ctx, output, vehicle=vehicle, settings=settings,
         start=start, progress=progress,
     )  # fmt: skip
+    chunk = min(_CHUNK, max(n // _STATES, 1)) if poses else _CHUNK
+    track = SensorTrack([], []) if poses else None
     while done < n:
-        target = min(done + _CHUNK, n)
+        target = min(done + chunk, n)
         done = run(belief, path, history, epochs, output, ctx, done, target)
         if lag is not None and is_full(history):
             history = workspace.enlarged(history)
         elif done < target or len(path.entry) - path.size[0] < _SPARE_ENTRIES:
             path = tidied(path, *entries_in_use(belief, history))
+        if track is not None and done:
+            track.time.append(float(epochs.time[done - 1]))
+            track.states.append(states_of(belief, timeline.sensors, int(epochs.gyro[done - 1])))
         if progress is not None:
             progress(done)
     vetting = belief.state.vetting[0].copy()
@@ -123,7 +131,7 @@ def localize_recorded(
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose, None, evidence, counts)
+        return Recorded(output, heaviest, diagnose, None, evidence, counts, track)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
@@ -131,7 +139,7 @@ def localize_recorded(
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past, evidence, counts)
+    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track)
 
 
 def localize_by_paper(

@@ -66,7 +66,11 @@ class Settings:
     gnss_time: float = _number(80, 0.1, 1e5, "s", "how long the GNSS error lasts while moving")
     gnss_gate: float = _number(9, 1, 1e6, "", "chi-square beyond which a fix is down-weighted")
     gnss_adapt_time: float = _number(
-        40, 1, 1e12, "s", "time in which the scale of reported sigmas is learnt; 1e10: never"
+        40,
+        1,
+        1e12,
+        "s",
+        "time in which the scale of reported sigmas is learnt; 1e10: never, nor the map's error",
     )
     gnss_start: float = _number(
         1.5, 1, 100, "", "initial ratio of GNSS sigmas to the reported ones"
@@ -143,6 +147,7 @@ class Vehicle:
     antenna_left: float = 0.0  # m
     clock_offset: dict[str, float] = field(default_factory=dict)  # s added to a source's times
     signals: dict[str, str] = field(default_factory=dict)  # role -> signal name in the .dbc
+    sensors: dict[str, str] = field(default_factory=dict)  # column of a sensor -> signal name
     noise: dict[str, float] = field(default_factory=dict)  # settings that this car overrides
     driving_side: str = "right"
 
@@ -228,5 +233,6 @@ def to_toml(vehicle: Vehicle) -> str:
     lines += section("wheels", wheels) + section("gyro", gyro)
     lines += section("antenna", antenna)
     lines += section("clock", vehicle.clock_offset) + section("signals", vehicle.signals)
+    lines += section("sensors", vehicle.sensors)
     lines += section("noise", vehicle.noise)
     return "\n".join(lines) + "\n"

@@ -578,6 +578,16 @@ def test_the_gnss_scale_is_the_ratio_of_true_to_reported_errors(mode: str):
 
 
 @MODES
+def test_the_map_scale_begins_at_one_and_is_never_below_a_metre(mode: str):
+    scale = numbers(mode, "map_scale")
+    assert np.isnan(scale).tolist() == (~answered(mode)).tolist()
+    known = scale[~np.isnan(scale)]
+    assert known[0] == 1.0
+    assert (known >= 1.0 / 4.6).all()
+    assert (known[-1] < 1.0) == (mode == WHEELS)  # the scene's map is exact
+
+
+@MODES
 def test_attributes_are_those_of_the_edge_s_longest_street(mode: str):
     longest = {"stem": "stem", "branch": "last", "right": "right"}
     source = column(mode, "source_id")
@@ -619,6 +629,7 @@ def test_an_on_line_estimate_equals_the_row_of_its_epoch(mode: str):
         "level_along_m": [e.level_along_m for e in rows],
         "level_across_m": [e.level_across_m for e in rows],
         "gnss_scale": [e.gnss_scale for e in rows],
+        "map_scale": [e.map_scale for e in rows],
         "sigma_bearing_deg": [math.degrees(math.sqrt(cov[2, 2])) for cov in covs],
     }  # fmt: skip
     for name, values in fields.items():

@@ -153,4 +153,4 @@ def test_the_spelling_is_right():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-NAMES = ["nees", "tung", "ue", "nd", "pont", "vie", "ans"]  # people, places, symbols, tags
+NAMES = ["ths", "nees", "tung", "ue", "nd", "pont", "vie", "ans"]  # people, places, symbols, tags

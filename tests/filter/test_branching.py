@@ -20,9 +20,10 @@ from scenes import (
     weights,
 )  # fmt: skip
 from strategies import seeds
-from whichroad._compile import jit
-from whichroad.filter import along, branching, reduction
+from whichroad.filter.along import advance_along
+from whichroad.filter.branching import _list_successors, branch
 from whichroad.filter.motion import Noise
+from whichroad.filter.reduction import _merge_cost, reduce
 from whichroad.filter.state import OFF_ROAD, Belief, D, H, X, Y, new_path
 from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings
@@ -37,11 +38,6 @@ CROSS = network(
     ]
 )
 TOWN = network(grid_town(4, 4, 90.0))
-
-branch = jit(branching.branch)
-advance_along = jit(along.advance_along)
-list_successors = jit(branching._list_successors)
-merge_cost = jit(reduction._merge_cost)
 
 PRIORS = {2: 1.0, 4: 0.5, 6: 0.5, 1: 0.01}
 
@@ -59,7 +55,7 @@ def go_along(belief: Belief, roads: Roads, metres: float, *, prune=0.0) -> bool:
 
 def merge(belief: Belief, *, prune=1e-4, limit=0.05, most=2) -> None:
     ctx = context(CROSS, prune=prune, merge=limit, components=most)
-    reduction.reduce(belief, new_path(1 << 12), ctx)
+    reduce(belief, new_path(1 << 12), ctx)
 
 
 def random_places(seed: int) -> list[On]:
@@ -168,7 +164,7 @@ def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: floa
     turns.edge, turns.prior = [2, 4], 1.0
     roads.edges.first_turn, roads.edges.end_turn = [0, 1, 1, 2, 2, 2], [1, 1, 2, 2, 2, 2]
     ctx = context(roads._replace(turns=turns))
-    count = list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0)
+    count = _list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0)
     cdf = lambda s: 0.5 * math.erfc(-(s - 90.0) / sigma / math.sqrt(2.0))  # noqa: E731
     expected = {2: cdf(140.0) - cdf(100.0)}
     if 90.0 + 3.5 * sigma > 140.0:
@@ -229,9 +225,9 @@ def test_reducing_conserves_the_weight_and_the_moments_of_every_road(seed: int, 
 def test_merging_costs_nothing_for_twins_and_never_less(share, gap, sigma, other):
     places = [On(0, 100.0, share, sigma=sigma), On(0, 100.0 + gap, 1.0, sigma=other)]
     belief = belief_on(CROSS, places)
-    assert merge_cost(*living(belief), math.inf, 1.0, False) >= -1e-12
+    assert _merge_cost(*living(belief), math.inf, 1.0, False) >= -1e-12
     twins = belief_on(CROSS, [places[0], places[0]])
-    assert merge_cost(*living(twins), math.inf, 1.0, False) == pytest.approx(0.0, abs=1e-12)
+    assert _merge_cost(*living(twins), math.inf, 1.0, False) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_two_arrivals_far_apart_on_one_road_stay_apart():

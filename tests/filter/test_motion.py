@@ -38,6 +38,7 @@ from whichroad.filter.state import (
     V,
     X,
     Y,
+    new_belief,
     new_epochs,
     new_parameters,
 )
@@ -215,10 +216,16 @@ def test_a_slow_state_in_its_stationary_spread_keeps_it(g: Gaussian, target, kee
     assert g.cov[D, D] == pytest.approx(3.24)
 
 
+ERROR = new_belief().state[0].map  # as believed before anything was learnt
+OFF = new_belief().state[0].map  # of a map that is 20 m off
+OFF.whole[:] = 12.0, -16.0
+OFF.factor = 1.5
+
+
 def age(g: Gaussian, amount: float) -> None:
     par = new_parameters()[0]
     par.lane_sigma, par.lane_length, par.map_length, par.map_sigma = 0.6, 150.0, 1000.0, 4.1
-    age_map(g.mean, g.cov, par, amount, 1.75, 1.8)
+    age_map(g.mean, g.cov, par, OFF, amount, 1.75, 1.8)
     age_bias(g.mean, g.cov, math.exp(-amount / 60.0))
 
 
@@ -237,15 +244,22 @@ def test_ageing_in_two_steps_is_ageing_in_one(g: Gaussian, amount, part):
     )
 
 
+@given(gaussians)
+def test_a_map_that_is_off_as_a_whole_is_so_on_the_streets_ahead(g: Gaussian):
+    age(g, 1e5)
+    np.testing.assert_allclose(g.mean[[MX, MY]], OFF.whole)
+    np.testing.assert_allclose(np.diag(g.cov)[[MX, MY]], 1.5 * 4.1**2)
+
+
 @given(gaussians, st.floats(0.6, 4.0))
 def test_a_vehicle_wanders_as_much_a_metre_on_a_wide_road_as_on_a_narrow_one(g: Gaussian, sigma):
     par = new_parameters()[0]
     par.lane_sigma, par.lane_length, par.map_length = 0.6, 150.0, 1000.0
     g.cov[D, D] = sigma**2
-    age_map(g.mean, g.cov, par, 0.1, 1.75, sigma)
+    age_map(g.mean, g.cov, par, ERROR, 0.1, 1.75, sigma)
     assert g.cov[D, D] == pytest.approx(sigma**2)  # its stationary variance
     g.cov[D, :] = g.cov[:, D] = 0.0
-    age_map(g.mean, g.cov, par, 0.1, 1.75, sigma)
+    age_map(g.mean, g.cov, par, ERROR, 0.1, 1.75, sigma)
     assert g.cov[D, D] == pytest.approx(2.0 * 0.6**2 * 0.1 / 150.0, rel=2e-3)
 
 

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from oracles import textbook
 from scenes import context, grid_town, living, network, parallel_roads, straight_road
 from strategies import seeds
-from whichroad._compile import jit
-from whichroad.filter import paper
-from whichroad.filter.paper import transition
+from whichroad.filter.paper import observe_segment, switch, transition
 from whichroad.filter.state import (
     NO_EDGE,
     Belief,
@@ -28,9 +26,6 @@ from whichroad.filter.state import (
 from whichroad.graph.network import Roads
 
 STAY, WIDTH, HEADING = 0.9, 3.5, 0.1
-
-observe_segment = jit(paper.observe_segment)
-switch = jit(paper.switch)
 
 STREET, TWO, TOWN = (
     network(straight_road(100.0)),

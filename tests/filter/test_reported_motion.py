@@ -11,8 +11,9 @@ from oracles.textbook import condition
 from scenes import On, belief_on, context, drive_along, epochs_of, grid_town, network, steps
 from scenes import gnss as fixes_of
 from strategies import UNITS, gaussians
-from whichroad._compile import Records, jit
-from whichroad.filter import gnss, reported_motion
+from whichroad._compile import Records
+from whichroad.filter.gnss import observe_state
+from whichroad.filter.reported_motion import latency_of
 from whichroad.filter.state import CLOCK, H, K, N
 
 TOWN = network(grid_town())
@@ -20,8 +21,6 @@ BLOCKS = [(0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3), (4, 4)
 DRIVE = drive_along([(120 * i, 120 * j) for i, j in BLOCKS])
 EVERY = np.arange(0, len(DRIVE.time), round(1.0 / (DRIVE.time[1] - DRIVE.time[0])))
 CTX = context(TOWN)
-observe_state = jit(gnss.observe_state)
-latency_of = jit(reported_motion.latency_of)
 
 
 def reports(late: float, sigma: float) -> Records:

@@ -20,9 +20,7 @@ from scenes import (
     weights,
 )  # fmt: skip
 from strategies import UNITS, random_gaussian, seeds
-from whichroad._compile import jit
-from whichroad.filter import gnss
-from whichroad.filter.gnss import Axes
+from whichroad.filter.gnss import Axes, observe_position
 from whichroad.filter.motion import age_map
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
@@ -44,8 +42,6 @@ from whichroad.settings import Settings
 
 SET = Settings()
 CTX = context(network(straight_road()))
-
-observe_position = jit(gnss.observe_position)
 
 
 def see_fix(belief: Belief, x: float, y: float, major=3.0, minor=3.0, angle=0.0, gate=9.0) -> float:
@@ -158,7 +154,7 @@ def test_a_straight_road_is_a_lateral_and_a_heading_row_of_the_textbook(right, t
     belief.hyp["cov"][0] += root @ root.T / N
     belief.hyp["mu"][0, H] = turned
     mean, cov = belief.hyp["mu"][0].copy(), belief.hyp["cov"][0].copy()
-    age_map(mean, cov, CTX.par[0], 5.0, 1.75, SET.lane_sigma)
+    age_map(mean, cov, CTX.par[0], belief.state[0].map, 5.0, 1.75, SET.lane_sigma)
     rows = np.zeros((2, N))
     rows[0, [Y, MY, D]] = -1.0  # right is south: n = −y
     rows[1, H] = 1.0

@@ -17,20 +17,15 @@ from scenes import (
     network,
     straight_road,
 )
-from whichroad._compile import jit
-from whichroad.filter import gnss as rows
-from whichroad.filter import sides
 from whichroad.filter.estimate import Output
-from whichroad.filter.gnss import Axes
+from whichroad.filter.gnss import Axes, innovations, observe_given
+from whichroad.filter.sides import take_sides
 from whichroad.filter.state import GX, MOTION, RECEIVER, B, Belief, H, X, Y, normalise
 
 ROAD = network(straight_road())
 CTX = context(ROAD)
 GATE, SHARE, SIGMA = 14.4, 0.1, 3.0
 AXES = Axes(1.0, 0.0, (0.5 * SIGMA) ** 2, (0.5 * SIGMA) ** 2)
-
-innovations, take_sides = jit(rows.innovations), jit(sides.take_sides)
-observe_given = jit(rows.observe_given)
 
 
 def met(belief: Belief, away: float) -> tuple[bool, bool]:

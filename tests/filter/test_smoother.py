@@ -1,17 +1,14 @@
 """Smoothing over the graph of hypotheses, against every chain counted one by one."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oracles.chains import all_chains, random_history, share_of
+from oracles.chains import all_chains, random_history, shares_of
 from scenes import context, network
 from strategies import seeds
-from whichroad._compile import Record, Records, jit
-from whichroad.filter import link_motion, smoother
+from whichroad._compile import Record, Records
 from whichroad.filter.best_path import best_path, edge_probability
 from whichroad.filter.history import (
     PACKED,
@@ -24,10 +21,11 @@ from whichroad.filter.history import (
     new_history,
     store,
 )  # fmt: skip
+from whichroad.filter.link_motion import predict_link
 from whichroad.filter.link_road import Link
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
 from whichroad.filter.reduction import reduce
-from whichroad.filter.smoother import new_buffers
+from whichroad.filter.smoother import begin, new_buffers, solve_gain, step_back
 from whichroad.filter.state import (
     KEPT,
     WHEELS,
@@ -48,11 +46,6 @@ from whichroad.graph.geometry import wrap
 
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)
 NO_PATH = new_path(1)
-
-begin = jit(smoother.begin)
-step_back = jit(smoother.step_back)
-solve_gain = jit(smoother.solve_gain)
-predict_link = jit(link_motion.predict_link)
 
 
 def smoothed(history: History) -> list[np.ndarray]:
@@ -126,14 +119,10 @@ def test_the_best_path_has_the_most_right_edges_of_all_linked_chains(seed: int):
     chains = all_chains(history)
     total = np.zeros(int(history.count[0].nodes))
     edge_probability(history, total)
-    linked = np.array(
-        [
-            all(share_of(history, j, i) >= 1e-3 for i, j in itertools.pairwise(c))
-            for c in chains.nodes
-        ]
-    )
+    nodes = chains.nodes
+    linked = (shares_of(history)[nodes[:, 1:], nodes[:, :-1]] >= 1e-3).all(axis=1)
     path = path_of(history, viterbi=False)
-    assert total[path].sum() == pytest.approx(total[chains.nodes[linked]].sum(axis=1).max())
+    assert total[path].sum() == pytest.approx(total[nodes[linked]].sum(axis=1).max())
 
 
 def random_state(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

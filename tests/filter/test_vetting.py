@@ -6,7 +6,7 @@ import pytest
 from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
-from whichroad.filter.sources import COURSE, SOURCES, SPEED
+from whichroad.filter.sources import COURSE, SOURCES, SPEED, is_borne_out
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
 from whichroad.filter.vetting import mode_of, vet
 
@@ -153,6 +153,28 @@ def test_a_course_that_never_changes_is_withheld():
     drive = Drive()
     drive.course[:] = np.pi / 2.0
     assert withheld(drive.vetted()) == {COURSE}
+
+
+def test_courses_that_turn_with_the_fixes_are_borne_out():
+    assert is_borne_out(Drive().vetted())
+
+
+@pytest.mark.parametrize("factor", [0.0, np.pi / 180.0])
+def test_a_course_that_fits_only_where_the_drive_begins_is_never_used(factor: float):
+    """Always 0, or taken for radians of degrees: the drive begins in its direction."""
+    drive = Drive()
+    drive.course *= factor
+    for seconds in range(4, 120, 4):
+        drive.time = np.arange(seconds * RATE) / RATE
+        vetting = drive.vetted()
+        assert vetting.windows.count > 1
+        assert not is_borne_out(vetting)
+
+
+def test_courses_of_fixes_too_sparse_to_be_compared_are_used():
+    drive = Drive()
+    drive.time *= 20.0  # a fix every 20 s
+    assert is_borne_out(drive.vetted(CLOCK))
 
 
 def test_one_impossible_speed_is_passed_over():

@@ -48,13 +48,16 @@ def random_history(seed: int, steps: int = 6, most: int = 4, edges: int = 4) -> 
     return history
 
 
-def share_of(history: History, j: int, i: int) -> float:
-    """f(j <- i), with i counted in all nodes."""
-    steps = history.steps[: history.count[0].steps]
-    step = int(np.searchsorted(steps.first_node, j, side="right")) - 1
-    node = history.nodes[j]
-    links = history.links[node.first_link : node.end_link]
-    return float(links.share[links.origin == i - steps.first_node[step - 1]].sum())
+def shares_of(history: History) -> Array:
+    """f(j <- i) of all pairs of nodes, (n, n); 0 where no link is."""
+    steps, count, _ = history.count[0].tolist()
+    shares = np.zeros((count, count))
+    for before, step in itertools.pairwise(history.steps[:steps]):
+        for j in range(step.first_node, step.end_node):
+            node = history.nodes[j]
+            links = history.links[node.first_link : node.end_link]
+            np.add.at(shares[j], before.first_node + links.origin, links.share)
+    return shares
 
 
 def all_chains(history: History) -> Chains:
@@ -62,7 +65,5 @@ def all_chains(history: History) -> Chains:
     steps = history.steps[: history.count[0].steps]
     layers = [range(int(step.first_node), int(step.end_node)) for step in steps]
     nodes = np.array(list(itertools.product(*layers)))
-    p = history.nodes.p[nodes[:, -1]].copy()
-    for t in range(1, len(steps)):
-        p *= [share_of(history, j, i) for i, j in zip(nodes[:, t - 1], nodes[:, t], strict=True)]
+    p = history.nodes.p[nodes[:, -1]] * shares_of(history)[nodes[:, 1:], nodes[:, :-1]].prod(axis=1)
     return Chains(nodes, p / p.sum())

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 from starlette.applications import Starlette
 
-from whichroad import read_drive, read_vehicle
+from whichroad import Places, read_drive, read_vehicle
 from whichroad.live.web_server import web_server
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import listen
 from whichroad.roadmap import RoadMap
+from whichroad.sensed import columns_of
+from whichroad.sensors import Compass, Height, Sky
 from whichroad.simulate import write_demo
 
 
@@ -42,6 +44,31 @@ def remaking(folder: Path, roads: RoadMap) -> Remaking:
 @pytest.fixture(scope="session")
 def recorded(remaking: Remaking) -> RecordedMessages:
     return remaking([])
+
+
+@pytest.fixture(scope="session")
+def crowded(folder: Path, roads: RoadMap, recorded: RecordedMessages) -> Remaking:
+    """The drive with places along it, some roads in tunnels, and further sensors."""
+    text = (folder / "map.osm").read_text("utf-8")
+    driven = {
+        way for edge in (400, 2000) for way in [roads.source(int(recorded.edge[edge]), 0.0)[0]]
+    }
+    for way, kind in zip(sorted(driven), ("tunnel", "bridge"), strict=False):
+        end = text.index("</way>", text.index(f'<way id="{way}"'))
+        text = f'{text[:end]}<tag k="{kind}" v="yes"/>{text[end:]}'
+    (folder / "stacked.osm").write_text(text, "utf-8")
+    stacked = RoadMap.from_osm(folder / "stacked.osm")
+    lat, lon = recorded.track()
+    places = Places(
+        {"id": [f"Sign of a long name {k}" for k in range(0, len(lat), 150)],
+         "lat": lat[::150] + 3e-5, "lon": lon[::150]}, stacked,
+    )  # fmt: skip
+    car, sensors = read_vehicle(folder / "vehicle.toml"), [Height(), Sky(), Compass()]
+    (drive,) = read_drive(
+        folder / "drive.nmea", vehicle=car, can=folder / "can.log", dbc=folder / "vehicle.dbc",
+        columns=columns_of(sensors),
+    )  # fmt: skip
+    return Remaking(drive, stacked, car, places=places, sensors=sensors)
 
 
 @contextmanager

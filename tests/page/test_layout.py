@@ -9,10 +9,8 @@ import pytest
 from whichroad.replay.drive_report import write_report
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.player import Player
-from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import replay_app
 from whichroad.replay.truth import read_truth
-from whichroad.roadmap import RoadMap
 
 from .conftest import served
 from .test_browser import CHROMIUM, POST, browser, pytestmark  # noqa: F401
@@ -45,19 +43,17 @@ MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
 
 
 @pytest.fixture(scope="module")
-def replayed(remaking: Remaking, recorded: RecordedMessages, folder: Path) -> Iterator[str]:
+def replayed(crowded: Remaking, folder: Path) -> Iterator[str]:
     truth = read_truth(folder / "truth.parquet")
-    player = Player(recorded, remaking, position=80.0, paused=True, truth=truth)
-    with served(replay_app(player, remaking.roads)) as address:
+    player = Player(crowded([]), crowded, position=80.0, paused=True, truth=truth)
+    with served(replay_app(player, crowded.roads)) as address:
         yield address
 
 
 @pytest.fixture(scope="module")
-def report(
-    tmp_path_factory: pytest.TempPathFactory, recorded: RecordedMessages, roads: RoadMap
-) -> Path:
+def report(tmp_path_factory: pytest.TempPathFactory, crowded: Remaking) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(recorded, path, roads)
+    write_report(crowded([]), path, crowded.roads)
     return path
 
 
@@ -113,3 +109,24 @@ def test_the_report_fits_and_can_be_read(browser: Any, report: Path, size: str, 
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     assert violations(page) == []
     page.close()
+
+
+def test_page_and_report_tell_level_places_and_sensors(browser: Any, replayed: str, report: Path):  # noqa: F811
+    for address in (replayed, report.as_uri()):
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(f"{address}#t=40&z=17")
+        page.wait_for_selector("html[data-drawn], html[data-ready]")
+        page.wait_for_function("() => document.getElementById('ahead').children.length > 1")
+        ahead = page.locator("#ahead li").first.inner_text()
+        assert "Sign of a long name" in ahead
+        assert " m" in ahead
+        assert "%" in ahead
+        assert page.locator("#ladder li").count() >= 2
+        page.wait_for_selector("#level:not([hidden])")
+        assert "tunnel" in page.inner_text("#level")
+        rows = page.locator("#sensors li").all_inner_texts()
+        assert len(rows) == 5
+        assert "10 Hz" in rows[1]
+        assert "scale" in rows[1]
+        assert "not heard" in rows[4]
+        page.close()

@@ -324,10 +324,17 @@ def test_the_command_writes_what_is_ahead(roads, spread, tmp_path):
     args = ["match", str(csv), "--map", str(tmp_path / "town.map"), "--every", "5"]
     done = CliRunner().invoke(app, [*args, "--places", str(marks)])
     assert done.exit_code != 0
-    done = CliRunner().invoke(
-        app, [*args, "--places", str(marks), "--ahead", str(ahead), "--nearby", str(near)]
-    )
+    assert "--ahead, --nearby or --report" in str(done.exception)
+    done = CliRunner().invoke(app, [*args, "--ahead", str(ahead)])
+    assert "go with --places" in str(done.exception)
+    page = tmp_path / "report.html"
+    given = ["--places", str(marks), "--ahead", str(ahead), "--nearby", str(near)]
+    done = CliRunner().invoke(app, [*args, *given, "--report", str(page)])
     assert done.exit_code == 0, done.output
+    data = json.loads(page.read_text("utf-8").partition('id="data">')[2].partition("</script>")[0])
+    shown = {data["beside"]["points"][one[0]][0] for row in data["beside"]["ahead"] for one in row}
+    assert shown
+    assert shown <= {line.split(",")[2] for line in ahead.read_text().replace('"', "").split()}
     assert "places: 1 without a position; left out" in done.output
     header, *lines = ahead.read_text().replace('"', "").splitlines()
     assert header == "drive_id,time,id,distance_m,sigma_m,p"

@@ -174,6 +174,12 @@ def test_a_compass_with_the_other_sign_is_named(town, ride, told):
     for one in observations:
         localizer.take(one)
     assert "sensor compass" in [finding.what for finding in localizer.diagnosis]
+    assert localizer.sensor_states[-1].doubted == ("readings",)
+    trips = with_names(table_of(ride, wrong))
+    many = whichroad.match_many(trips, town, vehicle=ride.vehicle, sensors=[EXACT])
+    (notes,) = many.drives["notes"].to_pylist()
+    assert "sensor compass" in " ".join(notes)
+    assert "left out" in " ".join(notes)
 
 
 @pytest.mark.parametrize("age", [0.01, 0.3, 2.0])

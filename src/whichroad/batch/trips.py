@@ -16,6 +16,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .._compile import Records
+from ..diagnosis.further_sensors import notes_of
 from ..epochs import Timeline, epochs_of_fixes
 from ..errors import SettingError, WhichroadError
 from ..filter.state import CLOCK, new_epochs
@@ -281,6 +282,7 @@ class Job(NamedTuple):
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,
             )  # fmt: skip
+            notes = (*notes, *notes_of(recorded.sensors))
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
             batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])

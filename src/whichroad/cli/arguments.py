@@ -74,6 +74,14 @@ SensorOption = Annotated[
         "as module:Class. May be repeated.",
     ),
 ]
+PlacesOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--places",
+        help="Table of point objects, such as signs (CSV, GeoJSON, GeoParquet): those ahead and "
+        "near are shown.",
+    ),
+]
 CrsOption = Annotated[
     str | None,
     typer.Option("--crs", help="Coordinate system of columns x and y, such as EPSG:3067."),

@@ -10,6 +10,7 @@ import typer
 from ..errors import SettingError, comes_with
 from .arguments import (
     MapOption,
+    PlacesOption,
     SensorOption,
     TilesBy,
     Token,
@@ -121,17 +122,32 @@ def live(
     tiles_by: TilesBy = None,
     page: Annotated[bool, typer.Option(help="Serve the web page at /.")] = True,
     sensor: SensorOption = None,
+    readings: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Readings for each --sensor as lines of JSON: a source as of --nmea, but no file. "
+            "May be repeated. NAME=SOURCE is of one vehicle of several.",
+        ),
+    ] = None,
+    places: PlacesOption = None,
 ) -> None:
     """Localize a vehicle while it drives; serve a web page, WebSocket, HTTP and NMEA."""
     from ..writers import check_apart
 
     pose, factor, more = read_start(start), _speed(speed), read_sensors(sensor)
     recorded = record and record / "fixes.arrow"
-    fittings = Fittings(named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out))
+    fittings = Fittings(
+        named(nmea), named(can), named(dbc), named(vehicle), named(nmea_out), named(readings)
+    )
     names = fittings.names
-    read = [roads, *(play or ())]
+    read = [roads, *(play or ()), *([places] if places else [])]
     read += [v for given in (dbc, vehicle, can, nmea) for one in named(given).values() for v in one]
     check_apart({"--record": recorded, "--state": state}, read)
+    if readings and (not more or play):
+        raise typer.BadParameter(
+            "--readings goes with --sensor, which says whose they are, and not with --play"
+        )
     sinks = {name: [_sink(t) for t in fittings.nmea_out.get(name, ())] for name in names}
     if len(names) > 1 and (pose is not None or play):
         raise typer.BadParameter("--start and --play are of one vehicle; several were named")
@@ -140,11 +156,13 @@ def live(
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         first = names[0]
-        plan = _plan(roads, _path(fittings.one("vehicle", first)), pose, lag, more)
+        car = _path(fittings.one("vehicle", first))
+        plan = _plan(roads, car, pose, lag, more, places)
         plan.name = first
         plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
         if plan.recording is None:
             plan.nmea, plan.can = _inputs(fittings, first)
+            plan.readings = _readings(fittings, first)
         plan.others = [_other(plan, fittings, name, lag, more) for name in names[1:]]
         plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
         vehicles: list[Plan | Fitted] = [plan, *plan.others]
@@ -163,8 +181,9 @@ def live(
 
 
 def _plan(
-    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]"
-) -> "Plan":
+    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]",
+    places: Path | None,
+) -> "Plan":  # fmt: skip
     """The filter on its map, warm."""
     with comes_with("live", "live"):
         from ..live.server import Plan
@@ -175,8 +194,11 @@ def _plan(
     car, settings = _car(vehicle)
     network = open_map(roads, check=True)
     localizer = Localizer(
-        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors
-    )
+        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors,
+        places=places,
+    )  # fmt: skip
+    for note in [] if localizer.places is None else localizer.places.notes():
+        typer.echo(f"note: {note}", err=True)
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
 
 
@@ -269,10 +291,18 @@ def _other(
 
     car, settings = _car(_path(fittings.one("vehicle", name)))
     localizer = Localizer(
-        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors
-    )
+        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors,
+        places=plan.localizer.places,
+    )  # fmt: skip
     nmea, can = _inputs(fittings, name)
-    return Fitted(localizer, name, nmea, can)
+    return Fitted(localizer, name, nmea, can, _readings(fittings, name))
+
+
+def _readings(fittings: Fittings, name: str | None) -> "list[Address]":
+    """Where readings of further sensors come from, of a vehicle."""
+    from ..live.sources import nmea_address
+
+    return [nmea_address(one, "--readings") for one in fittings.readings.get(name, ())]
 
 
 def _car(path: Path | None) -> "tuple[Vehicle, Settings]":

@@ -20,6 +20,7 @@ class Fittings:
     dbc: Named
     vehicle: Named
     nmea_out: Named
+    readings: Named
 
     @property
     def names(self) -> list[str | None]:
@@ -36,6 +37,7 @@ class Fittings:
                 "for each was expected"
             )
         options = {"--dbc": self.dbc, "--vehicle": self.vehicle, "--nmea-out": self.nmea_out}
+        options["--readings"] = self.readings
         for option, given in options.items():
             for name in given:
                 if name is not None and name not in names:
@@ -45,6 +47,8 @@ class Fittings:
                     )
         if len(names) > 1 and None in self.nmea_out:
             raise typer.BadParameter("--nmea-out without a vehicle; NAME=SINK was expected")
+        if len(names) > 1 and None in self.readings:
+            raise typer.BadParameter("--readings without a vehicle; NAME=SOURCE was expected")
         return names or [None]
 
     def one(self, option: str, name: str | None) -> str | None:

@@ -124,8 +124,8 @@ def match(
     places: Annotated[
         Path | None,
         typer.Option(
-            help="Table of point objects, such as signs (CSV, GeoJSON, GeoParquet), for --ahead "
-            "and --nearby."
+            help="Table of point objects, such as signs (CSV, GeoJSON, GeoParquet), for --ahead, "
+            "--nearby and --report."
         ),
     ] = None,
     ahead: Annotated[
@@ -150,9 +150,13 @@ def match(
     outputs = {"-o": out, "--path-out": path_out, "--report": report, "--lineage": lineage}
     outputs |= {"--ahead": ahead, "--nearby": nearby}
     writers.check_apart(outputs, [*drive, roads, can, dbc, vehicle, places])
-    if (places is None) != (ahead is nearby is None):
+    if places is None and not ahead is nearby is None:
         raise SettingError(
-            "--places goes with --ahead or --nearby; both a table and where to write were expected"
+            "--ahead and --nearby go with --places; a table of point objects was expected"
+        )
+    if places is not None and ahead is nearby is report is None:
+        raise SettingError(
+            "--places goes with --ahead, --nearby or --report; where to write was expected"
         )
     for output in (out, path_out, lineage, ahead, nearby):
         if output is not None:
@@ -222,7 +226,7 @@ def match(
             from ..replay.drive_report import write_report
             from ..replay.open_replay import Remaking, one_of
 
-            shown = Remaking(one_of(drives, None), network, car)
+            shown = Remaking(one_of(drives, None), network, car, places=about, sensors=more)
             recorded = shown.recorded(result, shown.absolute(windows))
             write_report(recorded, report, network, force=force)
     for note in [] if about is None else about.notes():

@@ -13,11 +13,14 @@ from .arguments import (
     DbcOption,
     Force,
     MapOption,
+    PlacesOption,
+    SensorOption,
     TilesBy,
     Token,
     VehicleOption,
     check_token,
     read_columns,
+    read_sensors,
     read_start,
     read_window,
 )
@@ -53,6 +56,8 @@ def replay(
         typer.Option(metavar="START:END", help="Withhold GNSS from the start, as for `match`."),
     ] = None,
     path: PathFile = None,
+    places: PlacesOption = None,
+    sensor: SensorOption = None,
     drive_id: DriveId = None,
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port to listen on. 0: any free port.")
@@ -79,14 +84,16 @@ def replay(
 ) -> None:
     """Replay a drive or a result in the browser, and mask GNSS while it plays."""
     pose, windows = read_start(start), [read_window(text) for text in mask or ()]
-    own = read_columns(columns)
+    own, more = read_columns(columns), read_sensors(sensor)
     with comes_with("live", "replay"):
         check_token(host, token)
+    from ..places import Places
     from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..replay.dropped import DroppedFile
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..replay.truth import read_truth
     from ..roadmap import open_map
+    from ..sensed import columns_of
 
     with comes_with("live", "replay"):
         import uvicorn  # noqa: F401  # now, not when the drive has been answered
@@ -97,10 +104,15 @@ def replay(
     with progress_line() as progress:
         progress("reading the map", 0, 0)
         network = open_map(roads)
+        about = None if places is None else Places(places, network)
         known = None if truth is None else read_truth(truth)
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
+            if about is not None or more:
+                raise typer.BadParameter(
+                    "--places or --sensor was given with a result; a drive was expected"
+                )
             player = play_result(drive[0], network, drive_id, path, known)
         else:
             if path is not None:
@@ -108,13 +120,16 @@ def replay(
                     "--path was given with a drive; points from `match -o` were expected"
                 )
             progress("reading the drive", 0, 0)
-            drives = read_drive(drive, vehicle=car, dbc=dbc, can=can, columns=own or None)
+            drives = read_drive(
+                drive, vehicle=car, dbc=dbc, can=can, columns=(own | columns_of(more)) or None
+            )
             one = one_of(drives, drive_id)
             progress("localizing", 0, 0)
-            player = play_drive(Remaking(one, network, car, pose), windows, known)
+            shown = Remaking(one, network, car, pose, places=about, sensors=more)
+            player = play_drive(shown, windows, known)
         app = replay_app(
             player, network, tiles_url=tiles, tiles_by=tiles_by, host=host, token=token,
-            opener=DroppedFile(network, car, dbc),
+            opener=DroppedFile(network, car, dbc, about, more),
         )  # fmt: skip
         listener = listen(host, port)
     name = f"[{host}]" if ":" in host else host

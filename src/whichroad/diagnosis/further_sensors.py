@@ -1,6 +1,7 @@
 """Further sensors whose readings fit nothing: what the filter left out, by their names."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from .._compile import Records
 from .finding import Finding
@@ -24,6 +25,27 @@ def readings_of(names: Sequence[str], sensors: Records) -> dict[str, dict[str, i
     }
 
 
+def notes_of(counts: Mapping[str, Mapping[str, int]]) -> list[str]:
+    """A sentence for each sensor that is named, for tables of many trips.
+
+    Args:
+        counts: As `readings_of` gives them.
+    """
+    return [
+        f"sensor {name}: {one['misfits']:,} of {one['heard']:,} readings did not fit the rest, "
+        f"{one['withheld']:,} were left out"
+        for name, one in counts.items()
+        if _is_wrong(one)
+    ]
+
+
+def _is_wrong(one: Any) -> bool:
+    """Whether so much of a sensor did not fit that it is named."""
+    share = float(one["misfits"] / max(one["heard"], 1.0))
+    often = one["misfits"] >= _FEW and share >= _MANY
+    return bool(share > _USUAL and (often or one["withheld"] >= _LEAST))
+
+
 def further_findings(names: Sequence[str], sensors: Records) -> tuple[Finding, ...]:
     """Sensors of which rows were left out.
 
@@ -34,8 +56,7 @@ def further_findings(names: Sequence[str], sensors: Records) -> tuple[Finding, .
     found = []
     for name, one in zip(names, sensors, strict=False):
         share = float(one["misfits"] / max(one["heard"], 1.0))
-        often = one["misfits"] >= _FEW and share >= _MANY
-        if share <= _USUAL or not (often or one["withheld"] >= _LEAST):
+        if not _is_wrong(one):
             continue
         found.append(
             Finding(

@@ -23,6 +23,7 @@ _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
+_TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are used
 _ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
 _STANDS = 0.1  # m/s by the odometer
@@ -116,6 +117,15 @@ def weigh_distances(
 
 
 @kernel
+def _bear_out(vetting: Record, course: float) -> None:
+    """A course that agrees has turned since the first one that did."""
+    if vetting.agreed == math.inf:
+        vetting.agreed = course
+    elif abs(wrap(course - vetting.agreed)) > _TURNS_ALONG:
+        vetting.borne_out = 1
+
+
+@kernel
 def weigh_courses(
     vetting: Record, courses: Courses, seen: Seen, steered: bool, since: float
 ) -> float:
@@ -148,6 +158,7 @@ def weigh_courses(
             _score(vetting, COURSE, since if off < 1.2 else 2.0 * since)
         elif off < 0.3 + 0.5 * wide:
             _score(vetting, COURSE, -since)
+            _bear_out(vetting, course)
     return turn if vetting.refused[COURSE] == 0 else 0.0
 
 

@@ -8,6 +8,7 @@ from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ..graph.index import near, vertex_at
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from .gaussian import normal_cdf
+from .map_error import map_variance
 from .reduction import drop_lightest
 from .state import (
     CAPACITY,
@@ -62,8 +63,9 @@ class Start(NamedTuple):
 
 @kernel
 def _fill_start(
-    hyp: Record, ctx: Context, fix: Vector, start: Start, heading: float, sigma: float, scale: float
-) -> None:
+    hyp: Record, ctx: Context, fix: Vector, start: Start, heading: float, sigma: float,
+    state: Record,
+) -> None:  # fmt: skip
     """Fill a blank hypothesis from one fix and a heading: p = z − R a − S γ − white."""
     par = ctx.par[0]
     mean = hyp.mu
@@ -74,8 +76,8 @@ def _fill_start(
     sh = math.sin(heading)
     lx = ch * forward - sh * left
     ly = sh * forward + ch * left
-    mean[X] = fix[0] - scale * lx
-    mean[Y] = fix[1] - scale * ly
+    mean[X] = fix[0] - state.scale * lx
+    mean[Y] = fix[1] - state.scale * ly
     mean[H] = wrap(heading)
     mean[K] = start.rate
     mean[B] = start.drift
@@ -100,8 +102,10 @@ def _fill_start(
     cov[K, K] = start.rate_sigma**2
     cov[B, B] = start.drift_sigma**2
     cov[D, D] = lane_sigma(ctx, hyp.edge) ** 2
-    cov[MX, MX] = par.map_sigma**2
-    cov[MY, MY] = par.map_sigma**2
+    mean[MX] = state.map.whole[0]
+    mean[MY] = state.map.whole[1]
+    cov[MX, MX] = map_variance(state, par)
+    cov[MY, MY] = map_variance(state, par)
 
 
 @entry
@@ -168,15 +172,15 @@ def _start_on_roads(
     state = belief.state[0]
     known = start.heading_sigma < 10.0
     full = start.bias * start.bias + start.white * start.white
-    sigma = math.sqrt(fix[2] ** 2 * full + par.map_sigma**2)
+    sigma = math.sqrt(fix[2] ** 2 * full + map_variance(state, par))
     radius = max(par.search_radius, 4.5 * sigma + par.lane_sigma)
-    found = near(roads, fix[0], fix[1], radius, ctx.work.near)
+    x = fix[0] + state.scale * state.map.whole[0]  # in the map's frame
+    y = fix[1] + state.scale * state.map.whole[1]
+    found = near(roads, x, y, radius, ctx.work.near)
     for c in range(found):
         edge = ctx.work.near[c].edge
         road = roads.edges[edge]
-        segment, s, _, _, _ = project(
-            roads, edge, vertex_at(roads, edge, ctx.work.near[c].s), fix[0], fix[1]
-        )
+        segment, s, _, _, _ = project(roads, edge, vertex_at(roads, edge, ctx.work.near[c].s), x, y)
         mass = normal_cdf((road.length - s) / sigma) - normal_cdf(-s / sigma)
         if road.rule & AGAINST_ONE_WAY:
             mass *= par.wrong_way
@@ -195,7 +199,7 @@ def _start_on_roads(
         blank(hyp, edge, segment)
         _fill_start(
             hyp, ctx, fix, start, start.heading if known else along,
-            start.heading_sigma if known else 0.12, state.scale,
+            start.heading_sigma if known else 0.12, state,
         )  # fmt: skip
         hyp.p_not_passed = max(normal_cdf((road.length - s) / sigma), 1e-6)
         hyp.log_weight = math.log(mass)
@@ -217,7 +221,7 @@ def _start_off_road(
         hyp = belief.hyp[state.count]
         blank(hyp, OFF_ROAD, 0)
         sigma = start.heading_sigma if known else 0.3
-        _fill_start(hyp, ctx, fix, start, heading, sigma, state.scale)
+        _fill_start(hyp, ctx, fix, start, heading, sigma, state)
         hyp.log_weight = share
         state.count += 1
 

@@ -8,6 +8,7 @@ import numpy as np
 from .._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ..graph.geometry import wrap
 from ..graph.network import records
+from .map_error import map_scale
 from .matched_pose import match_pose
 from .node_shares import share_out, take_back
 from .protection import Centre, set_levels, set_odds
@@ -60,6 +61,7 @@ ESTIMATE = np.dtype(
         ("level_along", "f4"),  # m, bound on the error along the heading
         ("level_across", "f4"),  # m, and across it
         ("gnss_scale", "f8"),  # GNSS sigmas over the reported ones, as learnt
+        ("map_scale", "f8"),  # error of the map over map_sigma, as learnt
         ("edge", "i4"),  # the most probable one, OFF_ROAD, NO_EDGE
         ("live", "i4"),  # hypotheses
         ("alt_edge", "i4", (ALTERNATIVES,)),  # the most probable edges, in order
@@ -128,6 +130,7 @@ def describe(
     out.speed = state.speed
     out.chi2 = chi2
     out.gnss_scale = math.sqrt(state.gnss_factor)
+    out.map_scale = map_scale(state, ctx.par[0])
     out.live = state.count
     hypotheses = int(state.count)
     shared = state.mode != WHEELS and not ctx.par[0].paper

@@ -10,6 +10,7 @@ from .._compile import Record, Vector, kernel
 from ..graph.geometry import project, wrap
 from .gnss import NU0, NU1, V00, V11
 from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads
+from .map_error import least_factor
 from .motion import age_bias
 from .state import (
     GX,
@@ -258,7 +259,7 @@ def _average_energy(
     state.innovation_factor += gain * (factor * by_innovations / total - state.innovation_factor)
     state.bias_factor += bias_gain * (factor * by_bias / total - state.bias_factor)
     learnt = max(state.innovation_factor, state.windowed_factor, state.bias_factor)
-    least = 1.0 / (1.0 + ctx.par[0].gnss_white_ratio ** 2)  # both errors as large as reported
+    least = least_factor(state, ctx.par[0])
     state.gnss_factor = min(max(learnt, least), 400.0)
 
 

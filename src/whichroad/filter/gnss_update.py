@@ -14,6 +14,7 @@ from .gnss import (
 )
 from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
 from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched
+from .map_error import forget_map
 from .reported_motion import LATENCY, observe_reported
 from .sides import loosen, take_sides
 from .state import (
@@ -99,6 +100,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
         state.road_energy[0] = state.road_energy[1] = 0.0
         if is_inflated(state, par, epoch):
             state.gnss_factor = state.road_prior
+    forget_map(state)
     start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
     state.started = 1

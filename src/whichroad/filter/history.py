@@ -58,6 +58,8 @@ STEP = np.dtype(
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), and how far, m
         ("standing", "f8"),  # s of standing until then
         ("gnss_factor", "f8"),  # on reported variances
+        ("map_factor", "f8"),  # on map_sigma²,
+        ("map_mean", "f8", (2,)),  # and how far the map is off as a whole, m
     ],
     align=True,
 )
@@ -179,8 +181,7 @@ def accumulate_motion(
     """
     since = history.since[0]
     arc = moving if mode == CLOCK else epoch.arc
-    c = math.cos(since.turn)
-    s = math.sin(since.turn)
+    c, s = math.cos(since.turn), math.sin(since.turn)
     forward = c * epoch.forward - s * epoch.left
     left = s * epoch.forward + c * epoch.left
     clock = drift_clock(epoch, moving)
@@ -258,6 +259,9 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.elsewhere[1] = state.elsewhere[1]
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
+    step.map_factor = state.map.factor
+    for a in range(2):
+        step.map_mean[a] = state.map.whole[a]
     pack_noise(history.reference[0].cov, history.since[0].plane_noise)
     copy_record(step.motion, history.since[0])
     _clear_motion(history.since[0])
@@ -310,13 +314,9 @@ def _clear_motion(since: Record) -> None:
     since.arc = 0.0
     since.clock = 0.0
     since.metres = 0.0
-    since.turn = 0.0
-    since.forward = 0.0
-    since.left = 0.0
-    since.lever_forward = 0.0
-    since.lever_left = 0.0
-    since.map_aged = 0.0
-    since.gnss_aged = 0.0
+    since.turn = since.forward = since.left = 0.0
+    since.lever_forward = since.lever_left = 0.0
+    since.map_aged = since.gnss_aged = 0.0
     since.drawn = 0
     since.jumped = 0
     since.switched = 0

@@ -136,6 +136,7 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     par = ctx.par[0]
     mean = model.then_mean
     motion = history.steps[link.step].motion
+    then = history.steps[link.step - 1]
     f = model.f
     q = model.q
     edge = history.nodes[link.j].edge
@@ -152,8 +153,8 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     gnss_kept = math.exp(-motion.gnss_aged / (par.gnss_time * slower))
     for a in (MX, MY):
         f[a, a] = kept
-        model.mu[a] = kept * mean[a]
-        q[a] = (1.0 - kept * kept) * par.map_sigma**2
+        model.mu[a] = kept * mean[a] + (1.0 - kept) * then.map_mean[a - MX]
+        q[a] = (1.0 - kept * kept) * then.map_factor * par.map_sigma**2
     for a in (GX, GY):
         f[a, a] = gnss_kept
         model.mu[a] = gnss_kept * mean[a]

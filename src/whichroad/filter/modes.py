@@ -7,7 +7,7 @@ from ._simd import copy_record
 from .history import History
 from .motion import GYRO_PACE
 from .silence import hear, is_pause, may_have_moved
-from .sources import ARC, COURSE, SPEED
+from .sources import ARC, COURSE, SPEED, is_borne_out
 from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
 from .windows import BY_GYRO
@@ -151,7 +151,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     _heed_silence(belief, history, reading, par.mode)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
-    if vetting.refused[COURSE] == 1:
+    if vetting.refused[COURSE] == 1 or not is_borne_out(vetting):
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0

@@ -324,14 +324,16 @@ def keep_lane(par: Record, kept: float, lane_sigma: float) -> float:
 
 @kernel
 def decay_map(
-    mean: Vector, cov: Matrix, par: Record, kept: MapDecay, lane: float, lane_sigma: float
-) -> None:
+    mean: Vector, cov: Matrix, par: Record, usual: Record, kept: MapDecay, lane: float,
+    lane_sigma: float,
+) -> None:  # fmt: skip
     """Gauss-Markov step of the lane offset and the map's error.
 
     Args:
         mean: State, (N,), in place.
         cov: Covariance, (N, N), in place.
-        par: The parameters: sigma of the map's error.
+        par: The parameters.
+        usual: The map's error, as learnt.
         kept: φ of both.
         lane: Usual lane offset here, m.
         lane_sigma: Its sigma, m.
@@ -346,20 +348,21 @@ def decay_map(
     for i in range(N):
         scale_by(cov[i], keep[i], keep)
     mean[D] = lane + in_lane * (mean[D] - lane)
-    mean[MX] *= kept.map
-    mean[MY] *= kept.map
-    lost = 1.0 - kept.map * kept.map
+    mean[MX] = usual.whole[0] + kept.map * (mean[MX] - usual.whole[0])
+    mean[MY] = usual.whole[1] + kept.map * (mean[MY] - usual.whole[1])
+    drawn = (1.0 - kept.map * kept.map) * usual.factor * par.map_sigma * par.map_sigma
     cov[D, D] += (1.0 - in_lane * in_lane) * lane_sigma * lane_sigma
-    cov[MX, MX] += lost * par.map_sigma * par.map_sigma
-    cov[MY, MY] += lost * par.map_sigma * par.map_sigma
+    cov[MX, MX] += drawn
+    cov[MY, MY] += drawn
 
 
 @kernel
 def age_map(
-    mean: Vector, cov: Matrix, par: Record, metres: float, lane: float, lane_sigma: float
-) -> None:
+    mean: Vector, cov: Matrix, par: Record, usual: Record, metres: float, lane: float,
+    lane_sigma: float,
+) -> None:  # fmt: skip
     """`decay_map` over a distance (m)."""
-    decay_map(mean, cov, par, map_decay(par, metres), lane, lane_sigma)
+    decay_map(mean, cov, par, usual, map_decay(par, metres), lane, lane_sigma)
 
 
 @kernel

@@ -108,6 +108,7 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
     """
     par = ctx.par[0]
     kept = map_decay(par, metres)
+    usual = belief.state[0].map
     on = 0.0
     more_lateral = 0.0
     more_heading = 0.0
@@ -115,7 +116,8 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
         hyp = belief.hyp[i]
         edge = hyp.edge
         hyp.grace -= metres
-        decay_map(hyp.mu, hyp.cov, par, kept, lane_mean(ctx, edge), lane_sigma(ctx, edge))
+        lane, width = lane_mean(ctx, edge), lane_sigma(ctx, edge)
+        decay_map(hyp.mu, hyp.cov, par, usual, kept, lane, width)
         if edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)

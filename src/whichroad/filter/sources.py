@@ -29,6 +29,8 @@ VETTING = np.dtype(
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
+        ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
+        ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
@@ -84,6 +86,7 @@ def clear(vetting: Record) -> None:
     vetting.turn_sample.jitter = 0.1
     vetting.suspect_at = -math.inf
     vetting.since[:] = math.inf
+    vetting.agreed = math.inf
     vetting.windows.jitter = 2.0
     vetting.windows.jumped_at = -math.inf
     vetting.windows.speed_time = -math.inf
@@ -95,6 +98,17 @@ def is_possible(vetting: Record) -> bool:
     """Whether the odometry has been what cars can do for long enough."""
     rested = vetting.windows.now.time - vetting.impossible_at >= _REST
     return bool(rested and vetting.rolled >= _ROLLED * (1 << vetting.relapses))
+
+
+@kernel
+def is_borne_out(vetting: Record) -> bool:
+    """Whether courses were seen to turn with the motion, or fixes are too sparse to show it.
+
+    A course that is always 0 fits where the vehicle drives north, too.
+    """
+    windows = vetting.windows
+    alone = windows.count <= 1 and windows.jumped_at < windows.now.time
+    return bool(vetting.borne_out == 1 or alone)
 
 
 @kernel

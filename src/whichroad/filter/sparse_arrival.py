@@ -161,15 +161,17 @@ def predict_transition(
 
 @kernel(inline=True)
 def place_on_road(
-    hyp: Record, ctx: Context, transition: Transition, foot: Foot, edge: int, scale: float
+    hyp: Record, state: Record, ctx: Context, transition: Transition, foot: Foot, edge: int
 ) -> None:
     """Age the slow states over the route, and put the vehicle on the road's line."""
     mean = hyp.mu
+    scale = state.scale
     lane = lane_mean(ctx, edge)
     sigma = lane_sigma(ctx, edge)
     if edge != hyp.edge:
         redraw_lane(mean, hyp.cov, transition.turn, lane_mean(ctx, hyp.edge), lane, sigma)
-    age_map(mean, hyp.cov, ctx.par[0], max(foot.s + transition.length, 0.0), lane, sigma)
+    metres = max(foot.s + transition.length, 0.0)
+    age_map(mean, hyp.cov, ctx.par[0], state.map, metres, lane, sigma)
     add_across(hyp.cov, ACROSS_SIGMA * ACROSS_SIGMA, foot.tx, foot.ty)
     ahead = transition.along - foot.s
     mean[X] = foot.x + scale * (mean[D] * foot.ty - mean[MX] + ahead * foot.tx)
@@ -191,7 +193,7 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     transition = _transition(hyp, ctx, pair, tx, ty, fix)
     foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
     predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)
-    place_on_road(hyp, ctx, transition, foot, edge, state.scale)
+    place_on_road(hyp, state, ctx, transition, foot, edge)
     hyp.log_weight -= pair.cost
     hyp.edge = edge
     hyp.p_not_passed = 1.0

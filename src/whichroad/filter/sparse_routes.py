@@ -8,6 +8,7 @@ from ..graph.index import closest
 from ..graph.network import Roads
 from ..graph.search import Query
 from .inflation import bias_time
+from .map_error import map_variance
 from .road import track
 from .state import GX, GY, MX, MY, Belief, Context, K, X, Y, heaviest
 
@@ -126,7 +127,7 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     x, y = on_map(belief.hyp[heaviest(belief)], state, fix[0], fix[1], keep)
     ratio = par.gnss_white_ratio**2
     factor = state.gnss_factor * (1.0 + ratio)
-    sigma = math.sqrt(factor * fix[2] ** 2 + par.map_sigma**2)
+    sigma = math.sqrt(factor * fix[2] ** 2 + map_variance(state, par))
     white = max(state.white_factor, state.gnss_factor * ratio)
     jitter = math.sqrt(white + state.gnss_factor * (1.0 - keep * keep)) * fix[2]
     radius = SPAN * sigma + 3.0

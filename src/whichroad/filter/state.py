@@ -32,6 +32,7 @@ from .epoch import EPOCH as EPOCH
 from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
+from .map_record import MAP_ERROR
 from .ranks import RANKING
 from .sources import REPORTS, VETTING, clear
 from .windows import CLOCK as CLOCK
@@ -91,6 +92,7 @@ FILTER = np.dtype(
         ("vetting", VETTING),  # which sensors are believed
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
+        ("map", MAP_ERROR),  # as learnt (filter.map_error)
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
@@ -237,6 +239,7 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp.path_entry = -1
     state = records(1, FILTER)
     state.course_time = -math.inf
+    state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
     clear(state[0].vetting)
     state[0].reports.speed[1] = state[0].reports.course[1] = -math.inf
     state[0].reports.place[2] = -math.inf
@@ -341,12 +344,8 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         for b in range(N):
             hyp.cov[a, b] = 0.0
     hyp.log_weight = hyp.weight = 0.0
-    hyp.along = 0.0
-    hyp.along_sigma = 1.0
-    hyp.lateral = 0.0
-    hyp.p_not_passed = 1.0
-    hyp.travel_variance = 0.0
-    hyp.grace = 0.0
+    hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = 0.0
+    hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):

@@ -20,6 +20,7 @@ from .gnss_update import observe_fix, observe_standing, start_at_fix
 from .gyro import rest
 from .history import History, accumulate_motion, accumulate_noise, is_full, store
 from .inflation import bias_time
+from .map_error import learn_map
 from .modes import believed
 from .motion import (
     Increment,
@@ -88,7 +89,7 @@ def step(
         observe_evidence(belief, ctx, epoch.first_evidence, epoch.evidence)  # further sensors
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
-        _observe_map(belief, history, ctx)  # Y_carto, Q^carto
+        _observe_map(belief, history, ctx, epoch)  # Y_carto, Q^carto
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
@@ -114,8 +115,7 @@ def run(
         last: One past the last.
 
     Returns:
-        The epoch it stopped before: `last`, or earlier when the path tree or the history
-        is full.
+        The epoch it stopped before: `last`, or earlier when a table is full.
     """
     for k in range(first, last):
         if len(path.entry) - path.size[0] < _NEW_ENTRIES and len(path.entry) > _NEW_ENTRIES:
@@ -167,8 +167,7 @@ def _start(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
         if not paper.start(belief, ctx, epoch):
             state.motion = WAIT
         return
-    known = start_at_fix(belief, path, ctx, epoch)
-    state.knows_heading = known
+    state.knows_heading = start_at_fix(belief, path, ctx, epoch)
     normalise(belief)
 
 
@@ -339,7 +338,7 @@ def _map_is_due(state: Record, ctx: Context) -> bool:
 
 
 @kernel(inline=True)
-def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
+def _observe_map(belief: Belief, history: History, ctx: Context, epoch: Record) -> None:
     """Y_carto, after hypotheses have left the roads, come back and turned round."""
     state = belief.state[0]
     if ctx.par[0].paper:
@@ -349,6 +348,7 @@ def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
         _exchange(belief, ctx)
     history.since[0].map_aged += state.since_map
     observe_map(belief, ctx, state.knows_heading == 1)
+    learn_map(belief, ctx, epoch)
     state.since_map = 0.0
     state.changed = 1
 

@@ -12,7 +12,7 @@ import math
 from .._compile import Record, kernel
 from .agreement import weigh_courses, weigh_distances, weigh_turns
 from .plausibility import check_odometry, is_odd
-from .sources import ARC, SOURCES, SPEED, TURN, is_possible
+from .sources import ARC, COURSE, SOURCES, SPEED, TURN, is_possible
 from .windows import (
     ANCHORS,
     CLOCK,
@@ -112,6 +112,9 @@ def _decide(vetting: Record) -> None:
             vetting.refused[source] = 1
         elif vetting.score[source] <= _BELIEVED:
             vetting.refused[source] = 0
+    if vetting.refused[COURSE] == 1:
+        vetting.borne_out = 0
+        vetting.agreed = math.inf
 
 
 @kernel

@@ -141,7 +141,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     foot = Foot(s, x, y, ux, uy)
     hyp.segment = segment
     predict_transition(hyp, ctx, taken, foot, math.atan2(ty, tx), fix.process)
-    place_on_road(hyp, ctx, taken, foot, edge, state.scale)
+    place_on_road(hyp, state, ctx, taken, foot, edge)
     hyp.edge = edge
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)

@@ -1,7 +1,7 @@
 """Dead reckoning by odometry alone, for comparison with the filter."""
 
 from ..geodesy.plane import Plane
-from ..observations import Distance, GeoFix, Observation, YawRate
+from ..observations import Distance, GeoFix, Observation, SensorReading, YawRate
 from ..online import Estimate
 from ..sensors.odometry import dead_reckoned, step_between
 from ..settings import Vehicle
@@ -39,7 +39,7 @@ class DeadReckoning:
 
     def take(self, reading: Observation) -> None:
         """Move by one odometry reading; readings out of order are ignored."""
-        if isinstance(reading, GeoFix | Distance | YawRate):
+        if isinstance(reading, GeoFix | Distance | YawRate | SensorReading):
             return
         before, pose = self._before, self._pose
         if before is not None and reading.time <= before.time:

@@ -6,7 +6,7 @@ NMEA and UBX have the parsers of recorded logs.  A CAN log is read as a whole, a
 import math
 import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple, TypeVar
@@ -21,7 +21,8 @@ from ..observations import (
     WheelTicks,
     YawRate,
 )
-from ..readers.can import Signal, find_signals, si_factor
+from ..readers.can import Signal, find_signals, si_factor, unit_factor
+from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.reading import Reading
 from ..readers.receiver_told import ReceiverTold
@@ -58,7 +59,8 @@ class NmeaStream:
     ) -> None:  # fmt: skip
         self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
         self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
-        self._ubx = UbxParser(Reading.of(settings=settings), self._sensors)
+        asked = {SENSED + name: name for name in told}
+        self._ubx = UbxParser(Reading.of(settings=settings, columns=asked), self._sensors)
         self._status = StatusReader()
         self._readings: list[SensorReading] = []
         self._told = ReceiverTold(time.time(), told) if told else None
@@ -79,7 +81,10 @@ class NmeaStream:
         fixes, sentences = self._ubx.feed(data)
         if not self._ubx.seen:
             fixes = self._parser.feed(sentences)
-        self._readings += [] if self._told is None else self._told.feed(sentences)
+        if self._told is not None:
+            said = self._told.feed(sentences)
+            self._readings += self._ubx.told if self._ubx.seen else said
+            self._ubx.told.clear()
         return self._shifted(fixes)
 
     def readings(self) -> list[SensorReading]:
@@ -127,19 +132,23 @@ class CanStream:
         dbc: The database of the signals.
         vehicle: Names the signals; wheels give the scales.
         offset: s added to the frames' times.
+        columns: Aliases of columns that further sensors read, as `Sensed.columns` has them.
 
     Raises:
         ReadError: The .dbc is not one, or does not know a signal.
     """
 
-    def __init__(self, dbc: str | PathLike[str], vehicle: Vehicle, offset: float = 0.0) -> None:
+    def __init__(
+        self, dbc: str | PathLike[str], vehicle: Vehicle, offset: float = 0.0,
+        columns: Iterable[str] = (),
+    ) -> None:  # fmt: skip
         self.skipped_why: Counter[str] = Counter()
-        signals = find_signals(dbc, vehicle, self.skipped_why)
+        signals = find_signals(dbc, vehicle, self.skipped_why, columns)
         self._vehicle, self._offset = vehicle, offset
         self._by_frame: dict[int, list[_Bits]] = {}
         for role, signal in signals.items():
             self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal))
-        self._roles = set(signals)
+        self._roles = {role for role in signals if not role.startswith(SENSED)}
         self._reverse_value = _reverse_value(signals, vehicle)
         self._backwards = False
         self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
@@ -176,7 +185,7 @@ class CanStream:
         if wanted is None:
             return []
         stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
-        values = []
+        values, sensed = [], dict[str, float]()
         for bits in wanted:
             if len(data) < bits.bytes:
                 self.skipped_why["frame cut short"] += 1
@@ -187,9 +196,12 @@ class CanStream:
             elif bits.role == "reverse":
                 wanted_value = self._reverse_value
                 self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
+            elif bits.role.startswith(SENSED):
+                sensed[bits.role.removeprefix(SENSED)] = value
             else:
                 values.append((bits.role, value))
-        return [one for role, value in values for one in self._take(role, stamp, value)]
+        told: list[Observation] = [SensorReading(stamp, sensed)] if sensed else []
+        return told + [one for role, value in values for one in self._take(role, stamp, value)]
 
     def counted(self) -> dict[str, list[float]]:
         """What `resume` takes, to go on counting after a crash; JSON can hold it."""
@@ -266,8 +278,10 @@ class CanStream:
 def _bits(role: str, signal: Signal) -> _Bits:
     """Where the bits of a signal are; the .dbc counts those of big endian from the left."""
     about = signal.about
-    plain = role.endswith("_ticks") or role == "reverse"
-    factor = 1.0 if plain else si_factor((about.unit or "").strip()) or 1.0
+    plain, unit = role.endswith("_ticks") or role == "reverse", (about.unit or "").strip()
+    factor = 1.0 if plain else si_factor(unit) or 1.0
+    if role.startswith(SENSED):
+        factor = unit_factor(role.removeprefix(SENSED), unit)
     scale, offset = factor * float(about.scale), factor * float(about.offset)
     little = about.byte_order == "little_endian"
     start = about.start if little else 8 * (about.start // 8) + 7 - about.start % 8

@@ -14,11 +14,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..diagnosis.sensor_states import SensorState
 from ..observations import GeoFix, Observation
 from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
+from .heard_sensors import HeardSensors
 from .message_types import UNKNOWN, EstimateMessage, PlayMessage
 from .messages import Around, Messages
 from .recording import Recorder
@@ -38,6 +40,7 @@ _AHEAD = 5.0  # s, largest difference of clocks beyond the window
 _OTHERS_SILENT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
 _RECENT = 0.25  # s after a fix during which the next fix is expected
 _BETWEEN = 1.5  # factor on the message interval for odometry while a fix is expected
+_STATES = 0.2  # s between two looks at the sensors' states
 _RECORDED = 0.09  # s of event time between recorded estimates
 
 
@@ -74,7 +77,8 @@ class FilterLoop:
         self.localizer, self.recorder, self._clock = localizer, recorder, clock
         self.vehicle = vehicle
         self.buffer = ReorderBuffer(localizer, window)
-        self.messages = Messages(localizer.roads)
+        self.messages = Messages(localizer.roads, localizer.places)
+        self.heard = HeardSensors(localizer.sensors)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
         self.latency = Latency()
         self.sensors: dict[str, Health] = {}
@@ -90,6 +94,8 @@ class FilterLoop:
         self._fix_masked = False
         self._receiver = UNKNOWN
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
+        self._known: tuple[SensorState, ...] = ()
+        self._asked_at = -1e9  # clock at the last look at the sensors' states
         self._last_fix_message = -1e9  # clock at the last message triggered by a fix
         self._newest = self._newest_at = -math.inf  # newest observation, clock at its arrival
         self._interval: float | None = None  # s between arrivals of the most frequent input
@@ -168,6 +174,7 @@ class FilterLoop:
         has_fix = False
         recorder, buffer, reckoning = self.recorder, self.buffer, self.reckoning
         for one in observations:
+            self.heard.take(one)
             if recorder is not None:
                 recorder.observe(one)
             if isinstance(one, GeoFix):
@@ -196,6 +203,7 @@ class FilterLoop:
         """Start again at a time to which the localizer was set from outside: earlier, maybe."""
         self.buffer.begin(when)
         self.reckoning.stop()
+        self.heard.forget_after(when)
         self._fix = None
         self._newest, self._newest_at, self.until = when, self._clock(), -math.inf
 
@@ -299,11 +307,18 @@ class FilterLoop:
             decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
             sensors=[sensor.message(now) for sensor in self.sensors.values()],
+            heard=self.heard.messages(self.until, self._states(now)),
             gnss_masked=self.gnss_masked,
             play=self.play(),
             latency_ms=self.latency.message(now),
             protection_risk=localizer.settings.protection_risk,
         )
+
+    def _states(self, now: float) -> tuple[SensorState, ...]:
+        """What the filter holds of the sensors, asked for now and then: it changes slowly."""
+        if now - self._asked_at >= _STATES:
+            self._asked_at, self._known = now, self.localizer.sensor_states
+        return self._known
 
     def health(self) -> dict[str, Any]:
         """The content of `/health`."""

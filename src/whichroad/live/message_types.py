@@ -101,7 +101,7 @@ class SensorMessage(TypedDict):
     """The health of one input."""
 
     name: str
-    kind: str  # gnss, wheels, or file
+    kind: str  # gnss, wheels, readings (of further sensors), or file
     state: str  # waiting, ok, silent, lost, ended
     ok: bool
     rate_hz: float
@@ -110,6 +110,48 @@ class SensorMessage(TypedDict):
     count: int  # observations so far
     skipped: int  # records that could not be used
     refused: int  # fixes of a second sender on the same port
+
+
+class LearntMessage(TypedDict):
+    """A number that the filter has learnt of a sensor."""
+
+    what: str  # errors (over what is reported), scale, drift or bias (of turns, to the left)
+    value: float
+    sigma: float | None
+    unit: str
+
+
+class HeardMessage(TypedDict):
+    """One sensor as the filter hears it, on whatever input it comes."""
+
+    name: str  # gnss, wheels, odometer, speed_and_gyro, gyro, or a further sensor's own
+    further: bool
+    count: int  # readings so far
+    rate_hz: float
+    age_s: float | None  # since the last one; null: there was none
+    doubted: list[str] | None  # what of it is not believed now; null: not known
+    misfits: int | None  # readings of a further sensor that fitted no hypothesis,
+    withheld: int | None  # and those that were left out
+    learnt: list[LearntMessage]
+
+
+class PlaceMessage(TypedDict):
+    """A point object relative to the vehicle."""
+
+    id: int | str
+    distance_m: float  # along the road, where it is ahead; nearby in a straight line
+    sigma_m: float
+    p: float  # of driving past it, or of being so near
+    lat: float
+    lon: float
+
+
+class LevelMessage(TypedDict):
+    """A level of the road, with the probability of all roads on it."""
+
+    level: int | None  # roads above the ground; null: off the roads, or what no hypothesis knows
+    kind: str | None  # bridge, tunnel or ground
+    p: float
 
 
 class PlayMessage(TypedDict):
@@ -163,7 +205,11 @@ class EstimateMessage(TypedDict):
     hypotheses: list[HypothesisMessage]  # most probable first
     fix: FixMessage | None
     reckoning: ReckoningMessage | None
-    sensors: list[SensorMessage]
+    sensors: list[SensorMessage]  # the inputs
+    heard: list[HeardMessage]  # what came in on them
+    levels: list[LevelMessage]  # most probable first; empty where the map tells none
+    ahead: list[PlaceMessage] | None  # within 500 m along the road; null: there are no places
+    nearby: list[PlaceMessage] | None  # within 50 m
     gnss_masked: bool
     play: PlayMessage
     latency_ms: LatencyMessage

@@ -14,16 +14,20 @@ from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
 from ..observations import Array, GeoFix, Hypothesis, Pose
 from ..online import Estimate
+from ..places import Places
 from ..roadmap import RoadMap
+from ..roadmap.level_shares import LevelShare, LevelShares
 from .message_types import (
     UNKNOWN,
     VERSION,
     Ellipse,
     EstimateMessage,
     FixMessage,
+    HeardMessage,
     HypothesisMessage,
     LaggedMessage,
     LatencyMessage,
+    LevelMessage,
     PlayMessage,
     PoseMessage,
     ReceiverStatus,
@@ -31,6 +35,7 @@ from .message_types import (
     RoadMessage,
     SensorMessage,
 )
+from .place_messages import AHEAD_M, LEAST_P, NEARBY_M, PlaceMessages
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +52,7 @@ class Around:
     decided_until: float | None = None
     reckoning: ReckoningMessage | None = None
     sensors: Sequence[SensorMessage] = ()
+    heard: Sequence[HeardMessage] = ()
     gnss_masked: bool = False
     play: PlayMessage = field(
         default_factory=lambda: PlayMessage(
@@ -68,10 +74,12 @@ class Messages:
 
     Args:
         roads: The map that the estimates are of.
+        places: Point objects that the estimates are asked about.
     """
 
-    def __init__(self, roads: RoadMap) -> None:
-        self._roads = roads
+    def __init__(self, roads: RoadMap, places: Places | None = None) -> None:
+        self._roads, self._levels = roads, LevelShares(roads)
+        self._places = None if places is None else PlaceMessages(places)
         self._streets: dict[int, dict[str, Any]] = {}  # place in `RoadMap.pieces` -> its columns
 
     def estimate(self, estimate: Estimate, around: Around) -> EstimateMessage:
@@ -81,7 +89,7 @@ class Messages:
             estimate: The localizer's.
             around: Everything else.
         """
-        hypotheses, until = estimate.hypotheses, around.decided_until
+        hypotheses, until, places = estimate.hypotheses, around.decided_until, self._places
         pose, cov, map_pose = estimate.pose, estimate.cov, estimate.map_pose
         return EstimateMessage(
             version=VERSION,
@@ -118,10 +126,21 @@ class Messages:
             fix=_fix(estimate, around),
             reckoning=around.reckoning,
             sensors=list(around.sensors),
+            heard=list(around.heard),
+            levels=self._levels_of(hypotheses),
+            ahead=None if places is None else places.of(estimate.ahead(AHEAD_M)),
+            nearby=None if places is None else places.of(estimate.nearby(NEARBY_M)),
             gnss_masked=around.gnss_masked,
             play=around.play,
             latency_ms=around.latency_ms,
         )
+
+    def _levels_of(self, hypotheses: Sequence[Hypothesis]) -> list[LevelMessage]:
+        edges = [-1 if one.edge is None else one.edge for one in hypotheses]
+        found = self._levels.of(
+            edges, [one.abscissa for one in hypotheses], [one.p for one in hypotheses]
+        )
+        return level_messages(found)
 
     def _lagged(self, estimate: Estimate) -> LaggedMessage | None:
         """The smoothed estimate, of the moment the lag ago."""
@@ -202,6 +221,15 @@ def iso(time: float) -> str:
     """Seconds since 1970 as ISO 8601 in UTC, to the millisecond."""
     moment = datetime.fromtimestamp(round(time, 3), UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def level_messages(levels: Sequence[LevelShare]) -> list[LevelMessage]:
+    """Levels as they are published; the least probable are left out."""
+    return [
+        LevelMessage(level=one.level, kind=one.kind, p=round(one.p, 4))
+        for one in levels
+        if one.p >= LEAST_P
+    ]
 
 
 def _finite(value: float, digits: int) -> float | None:

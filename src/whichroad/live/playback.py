@@ -16,6 +16,7 @@ from ..observations import (
     GeoFix,
     Observation,
     Odometer,
+    SensorReading,
     SpeedYaw,
     SpeedYawRate,
     WheelCounts,
@@ -32,6 +33,7 @@ from .message_types import PlayMessage
 _KINDS: dict[type, Callable[..., Observation]] = {
     WheelCounts: WheelTicks, WheelSpeeds: WheelSpeed, Odometer: Distance, SpeedYawRate: SpeedYaw,
 }  # fmt: skip
+_OF_READING = ("values", "sensor")  # of a `SensorReading`, after its time
 _BLOCK = 4096  # observations created at once
 _SLICE = 0.004  # s of work before other tasks run
 _STEP = 0.1  # s of the recording in one step
@@ -64,6 +66,10 @@ class RecordedObservations:
         if fixes is not None and len(fixes):
             columns = [getattr(fixes, field.name) for field in fields(GeoFix)]
             self._columns.append((GeoFix, columns))
+        if drive.sensed:
+            columns = [np.array([one.time for one in drive.sensed])]
+            columns += [_objects([getattr(one, n) for one in drive.sensed]) for n in _OF_READING]
+            self._columns.append((SensorReading, columns))
         for kind, (_, columns) in enumerate(self._columns):
             times.append(columns[0])
             kinds.append(np.full(len(columns[0]), kind, np.int8))
@@ -121,6 +127,13 @@ class RecordedObservations:
             for place, cells in zip(places.tolist(), values, strict=True):
                 block[place] = make(*cells)
         self._block, self._first = block, index
+
+
+def _objects(values: list[Any]) -> Any:
+    """An array of any objects, (n,)."""
+    found = np.empty(len(values), object)
+    found[:] = values
+    return found
 
 
 class Player:

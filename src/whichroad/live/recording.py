@@ -9,7 +9,7 @@ start cuts off.
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,14 @@ from ..observations import (
     Distance,
     GeoFix,
     Observation,
+    SensorReading,
     SpeedYaw,
     WheelSpeed,
     WheelTicks,
     YawRate,
 )
 from ..online import Localizer
+from ..readers.folders import READINGS
 from ..roadmap import RoadMap
 from ..tables.export import points_table
 from ..tables.schema import POINTS, RECORDING, TIME, times
@@ -131,12 +133,15 @@ class Recorder:
         folder: Made if it is not there; an earlier recording is gone on with.
         roads: The map of the estimates.
         about: Written to `recording.json`.
+        columns: Those that further sensors read; their readings are recorded, too.
 
     Raises:
         WriteError: The folder cannot be written to, or holds something else.
     """
 
-    def __init__(self, folder: Path, roads: RoadMap, about: dict[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, roads: RoadMap, about: dict[str, Any], columns: Sequence[str] = ()
+    ) -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
@@ -149,6 +154,10 @@ class Recorder:
         self._fixes = Appended(folder / "fixes.arrow", _schema(_FIXES))
         self._odometry = Appended(folder / "odometry.arrow", _schema(_COLUMNS))
         self._points = Appended(folder / "points.arrow", POINTS.with_metadata(RECORDING))
+        self._columns = ("time", *dict.fromkeys(columns))
+        self._readings = (
+            Appended(folder / READINGS, _schema(self._columns)) if columns else None
+        )  # fmt: skip
         self._seen: list[Observation] = []
         self._estimates: list[tuple[bytes, bytes]] = []  # an epoch, its estimate
 
@@ -186,14 +195,18 @@ class Recorder:
     def close(self) -> None:
         """Write what waits; no more follows."""
         self.flush()
-        for stream in (self._fixes, self._odometry, self._points):
-            stream.close()
+        for stream in (self._fixes, self._odometry, self._points, self._readings):
+            if stream is not None:
+                stream.close()
 
     def _write(self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]) -> None:
         fixes = [one for one in seen if isinstance(one, GeoFix)]
         if fixes:
             self._fixes.append(_fix_table(fixes))
-        odometry = [one for one in seen if not isinstance(one, GeoFix)]
+        readings = [one for one in seen if isinstance(one, SensorReading)]
+        if readings and self._readings is not None:
+            self._readings.append(_reading_table(readings, self._columns))
+        odometry = [one for one in seen if not isinstance(one, GeoFix | SensorReading)]
         if odometry:
             self._odometry.append(_odometry_table(odometry))
         if estimates:
@@ -222,6 +235,12 @@ def _odometry_table(readings: list[Any]) -> pa.Table:
         for place, name in zip(_PLACE[type(one)], one.__slots__, strict=True):
             columns[place][row] = getattr(one, name)
     return _table(_COLUMNS, columns)
+
+
+def _reading_table(readings: list[SensorReading], names: tuple[str, ...]) -> pa.Table:
+    columns: list[list[Any]] = [[one.time for one in readings]]
+    columns += [[one.values.get(name) for one in readings] for name in names[1:]]
+    return _table(names, columns)
 
 
 def _table(names: tuple[str, ...], columns: list[Any]) -> pa.Table:

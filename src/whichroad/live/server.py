@@ -64,6 +64,7 @@ class Plan:
     compiled: Path | None = None
     nmea: Sequence[Address] = ()
     can: Sequence[tuple[Address, Path]] = ()
+    readings: Sequence[Address] = ()
     recording: Drive | None = None
     speed: float | None = 1.0
     laps: int = 1
@@ -86,7 +87,7 @@ class Plan:
     def fitted(self) -> list[Fitted]:
         """All vehicles, the first one first."""
         first = Fitted(
-            self.localizer, self.name, self.nmea, self.can, self.record, self.state,
+            self.localizer, self.name, self.nmea, self.can, self.readings, self.record, self.state,
             self.nmea_outputs,
         )  # fmt: skip
         return [first, *self.others]

@@ -18,6 +18,7 @@ from ..errors import SettingError
 from ..observations import Observation
 from .decode import CanStream, NmeaStream
 from .health import Health
+from .reading_lines import ReadingLines
 from .senders import OneSender
 
 Deliver = Callable[[Health, Sequence[Observation], float], None]
@@ -49,8 +50,12 @@ class Address:
     interface: str = ""
 
 
-def nmea_address(text: str) -> Address:
+def nmea_address(text: str, option: str = "--nmea") -> Address:
     """`/dev/ttyUSB0@9600`, `tcp://host:port`, `udp://:port`, or `listen://host:port`.
+
+    Args:
+        text: As it was given.
+        option: By which.
 
     Raises:
         SettingError: It is none of them.
@@ -60,9 +65,10 @@ def nmea_address(text: str) -> Address:
     if found := _SERIAL.fullmatch(text):
         return Address("serial", found[1], int(found[2] or 9600))
     raise SettingError(
-        f"--nmea is {text!r}, and the file does not exist; a serial port (/dev/ttyUSB0@9600), "
-        "tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, or a recorded file was expected; "
-        "check the name"
+        f"{option} is {text!r}, and the file does not exist; a serial port (/dev/ttyUSB0@9600), "
+        "tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT"
+        + (", or a recorded file" if option == "--nmea" else "")
+        + " was expected; check the name"
     )
 
 
@@ -99,7 +105,7 @@ class NmeaInput:
     def __init__(
         self,
         health: Health,
-        stream: NmeaStream,
+        stream: NmeaStream | ReadingLines,
         deliver: Deliver,
         sensors: Callable[[], Health] | None = None,
     ) -> None:

@@ -13,9 +13,11 @@ from .broadcaster import Broadcaster
 from .checkpoint import Checkpoint
 from .decode import CanStream, NmeaStream
 from .filter_loop import FilterLoop
+from .health import Health
 from .nmea_output import NmeaOutput
+from .reading_lines import ReadingLines
 from .recording import Recorder
-from .sources import READERS, Address, NmeaInput, read_can
+from .sources import READERS, Address, Deliver, NmeaInput, read_can
 
 MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
@@ -29,6 +31,7 @@ class Fitted:
         name: Of the vehicle, as `?vehicle=` names it; None: it is the only one.
         nmea: Where fixes come from.
         can: Where frames come from, and the .dbc that describes them.
+        readings: Where lines of JSON with readings of further sensors come from.
         record: Folder of the recording.
         state: File of the checkpoint.
         nmea_outputs: Outputs of NMEA.
@@ -38,6 +41,7 @@ class Fitted:
     name: str | None = None
     nmea: Sequence[Address] = ()
     can: Sequence[tuple[Address, Path]] = ()
+    readings: Sequence[Address] = ()
     record: Path | None = None
     state: Path | None = None
     nmea_outputs: Sequence[NmeaOutput] = ()
@@ -61,7 +65,8 @@ class VehicleRun:
         recorder = None
         if fitted.record is not None:
             about = {"map": repr(fitted.localizer.roads), "begun": time.time()}
-            recorder = Recorder(fitted.record, fitted.localizer.roads, about)
+            columns = tuple(fitted.localizer.sensor_columns.values())
+            recorder = Recorder(fitted.record, fitted.localizer.roads, about, columns)
         self.filter_loop = FilterLoop(
             fitted.localizer, window=0.0 if played else window, rate=rate, recorder=recorder,
             vehicle=fitted.name,
@@ -89,7 +94,8 @@ class VehicleRun:
         """The coroutines that bring observations, with the sensors' times or those of arrival."""
         fitted, filter_loop = self.fitted, self.filter_loop
         car, settings = fitted.localizer.vehicle, fitted.localizer.settings
-        told = wanted(fitted.localizer.sensor_columns)
+        columns = fitted.localizer.sensor_columns
+        told = wanted(columns)
         deliver = self._on_arrival if by_arrival else filter_loop.take
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:
@@ -108,11 +114,23 @@ class VehicleRun:
         for address, dbc in fitted.can:
             health = filter_loop.sensor(name_of(address), "wheels")
             offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
-            stream = self.buses[name_of(address)] = CanStream(dbc, car, offset)
+            stream = self.buses[name_of(address)] = CanStream(dbc, car, offset, columns)
             if self.checkpoint is not None:
                 stream.resume(self.checkpoint.counted.get(name_of(address), {}))
             inputs.append(read_can(address, health, stream, deliver))
+        for address in fitted.readings:
+            health = filter_loop.sensor(name_of(address), "readings")
+            inputs.append(
+                READERS[address.kind](address, health, partial(self._lines, health, deliver))
+            )
         return inputs
+
+    def _lines(self, health: Health, deliver: Deliver) -> NmeaInput:
+        """A decoder of lines of JSON for one peer; any number of peers may send readings."""
+        localizer = self.fitted.localizer
+        offset = localizer.vehicle.clock_offset.get("readings", 0.0)
+        lines = ReadingLines(localizer.sensors, offset)
+        return NmeaInput(health, lines, deliver)
 
     def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
         """Observations get the time at which they came."""

@@ -34,10 +34,6 @@ arrayobj: Any = _arrayobj
 _SELDOM = (100_000, 50, 100)  # garbage collection: numba's objects live on, and there are millions
 PLAIN = "plain"  # argument: by public functions of numba alone
 _WORDS = types.CPointer(types.int64)
-OPTIONS = {
-    "error_model": "numpy", "nogil": True, "_nrt": False,
-    "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
-}  # fmt: skip
 
 
 def numba_type(kind: Kind) -> Any:
@@ -241,11 +237,11 @@ def lower(names: Iterable[str], collect: bool) -> Any:
 
     collector = _Collector() if collect else None
     _index_as_it_is()
-    _compile.teach_numba(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    _compile.teach_numba()
     shims, modules = [], []
     for name in names:
         layout = _compile.entries()[name].layout
-        compiled = njit((_WORDS,), **OPTIONS)(outer(layout, _compile.entries()[name]))
+        compiled = njit((_WORDS,), **_compile.OPTIONS)(outer(layout, _compile.entries()[name]))
         signature = compiled.signatures[0]
         callee = compiled.overloads[signature].fndesc.llvm_func_name
         shims.append(_SHIM.format(name=name, callee=callee, checksum=layout.checksum()))

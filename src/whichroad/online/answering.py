@@ -23,7 +23,7 @@ class Answering:
 
     def __init__(self, roads: RoadMap, places: Any, unknown: float) -> None:
         self._roads, self._unknown = roads, unknown
-        self._places = places_on(places, roads)
+        self.places = places_on(places, roads)
         self._stances = StanceReader()
 
     def of(self, now: EpochFilter, far_fix: FarFix) -> Estimate:
@@ -40,4 +40,4 @@ class Answering:
         return Estimate(time, row, known, self._roads, far_fix, self._unknown, self._about(belief))
 
     def _about(self, belief: Belief) -> Any:
-        return None if self._places is None else (self._places, self._stances.of(belief))
+        return None if self.places is None else (self.places, self._stances.of(belief))

@@ -112,6 +112,7 @@ class Row(NamedTuple):
     level_along: float  # m
     level_across: float
     gnss_scale: float
+    map_scale: float
     edge: int
     live: int
     status: int
@@ -120,7 +121,7 @@ class Row(NamedTuple):
 _ROW = packed(
     ESTIMATE, "x", "y", "heading", "cov", "p_edge", "p_way", "p_off_road", "s", "lateral", "map_x",
     "map_y", "match_x", "match_y", "speed", "map_cov", "protection_level", "level_along",
-    "level_across", "gnss_scale", "edge", "live", "status",
+    "level_across", "gnss_scale", "map_scale", "edge", "live", "status",
 )  # fmt: skip
 _WATCHED_EPOCH = packed(EPOCH, "time", "arc", "turn", "fix", "has_fix")
 _WATCHED = packed(ESTIMATE, "x", "y", "heading", "map_x", "map_y", "speed", "gnss_scale")
@@ -254,6 +255,11 @@ class EpochFilter:
     def mode(self) -> int:
         """What moves the vehicle: WHEELS, DISTANCE or CLOCK."""
         return int(self._par[_MODE])
+
+    @property
+    def turns_by(self) -> int:
+        """What measures the turn of the epoch, as `filter.windows` counts it."""
+        return self.epoch[_GYRO]
 
     def set_mode(self, mode: int) -> None:
         """Say what moves the vehicle from now on."""

@@ -75,7 +75,7 @@ class Estimate:
 
     def __repr__(self) -> str:
         names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status",
-                 "abscissa", "lateral", "protection_level", "gnss_scale")  # fmt: skip
+                 "abscissa", "lateral", "protection_level", "gnss_scale", "map_scale")  # fmt: skip
         return f"Estimate({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @property
@@ -175,6 +175,11 @@ class Estimate:
     def gnss_scale(self) -> float:
         """GNSS errors over what is reported, as learnt; 1 before an answer."""
         return self._values.gnss_scale if self.answered else 1.0
+
+    @property
+    def map_scale(self) -> float:
+        """Errors of the map over `Settings.map_sigma`, as learnt; 1 before an answer."""
+        return self._values.map_scale if self.answered else 1.0
 
     @property
     def reason(self) -> str:

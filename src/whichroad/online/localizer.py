@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..diagnosis.findings import Finding, findings
-from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..filter.state import (
     CLOCK,
@@ -39,6 +37,7 @@ from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
 from .sensing import Sensing
+from .watched import Watched
 
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
@@ -48,7 +47,7 @@ _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
 
 
-class Localizer(LooksBack):
+class Localizer(LooksBack, Watched):
     """The on-line filter: one observation in, one estimate out.
 
     Example:
@@ -162,18 +161,6 @@ class Localizer(LooksBack):
     def answered(self) -> bool:
         """Whether there is an answer yet: a fix came, or a pose was given."""
         return self._filter.count > 0
-
-    @property
-    def sensor_columns(self) -> dict[str, str]:
-        """The columns that its further sensors read, by the alias that has readers keep them."""
-        return self._sensing.sensed.columns
-
-    @property
-    def diagnosis(self) -> tuple[Finding, ...]:
-        """Sensors that were withheld, else settings that do not fit the data so far."""
-        state, names = self._filter.belief.state[0], self._sensing.sensed.names
-        further = further_findings(names, state.sensors)
-        return (*further, *findings(self._statistics, state.vetting))
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.

@@ -185,6 +185,7 @@ def edge_of(roads: RoadMap, edge: int) -> dict[str, Any]:
         "name": known.get("name"),
         "highway": known.get("highway"),
         "speed_limit_kmh": known.get("speed_limit_kmh"),
+        "kind": next((kind for kind in ("tunnel", "bridge") if known.get(kind)), None),
         "length_m": round(float(roads.arrays.edges.length[edge]), 1),
         "line": np.round(np.column_stack([lon, lat]), 7).tolist(),
     }

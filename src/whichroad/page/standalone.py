@@ -7,7 +7,7 @@ from typing import Any
 from .static_files import STATIC
 
 MODULES = (
-    "look", "series", "scene", "chart", "links", "numbers", "panel", "papermap", "report",
+    "look", "series", "beside", "scene", "chart", "links", "numbers", "panel", "papermap", "report",
 )  # fmt: skip
 
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)

@@ -5,7 +5,9 @@ an odometer with yaw rate, an odometer, speed alone.
 """
 
 import difflib
+import math
 from collections import Counter
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError, comes_with
-from ..geodesy.angles import DEGREE
+from ..geodesy.angles import DEGREE, degrees
 from ..geodesy.units import KMH, KNOT, MPH
-from ..observations import Array, Drive, OdometryLog
+from ..observations import Array, Drive, OdometryLog, SensorReading
 from ..settings import Vehicle
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
 from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, steered, unused, yaw_rates
+from .names import SENSED
 from .table_units import possible_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
@@ -61,16 +64,28 @@ class Signal(NamedTuple):
 Series = tuple[Array, Array]  # times, values
 
 
-def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle: Vehicle) -> Drive:
-    """Read a car's odometry from a CAN log.
+def unit_factor(column: str, unit: str) -> float:
+    """The factor from a .dbc's unit to that which the name of a sensor's column ends with."""
+    if column.endswith("_deg"):
+        return degrees(1.0) if unit.lower() in ("rad", "radian", "radians") else 1.0
+    return (si_factor(unit) or 1.0) if column.endswith(("_m", "_mps", "_radps")) else 1.0
+
+
+def read_can(
+    path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle: Vehicle,
+    columns: Iterable[str] = (),
+) -> Drive:  # fmt: skip
+    """Read a car's odometry, and what further sensors say, from a CAN log.
 
     Args:
         path: candump text or anything python-can reads.
         dbc: The database of its signals.
-        vehicle: `[signals]` names the signals by role; wheels give the scales.
+        vehicle: `[signals]` names the signals by role; wheels give the scales.  `[sensors]`
+            names those of further sensors by column.
+        columns: Aliases of columns that further sensors read, as `Sensed.columns` has them.
 
     Returns:
-        A drive with odometry only, and what was skipped.
+        A drive without fixes, and what was skipped.
 
     Raises:
         ReadError: There is no .dbc, a signal is unknown or multiplexed, or nothing that
@@ -80,7 +95,7 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
     if dbc is None:
         raise ReadError(f"{where}: a CAN log needs the .dbc that describes it; give --dbc FILE")
     skipped: Skipped = Counter()
-    signals = find_signals(dbc, vehicle, skipped)
+    signals = find_signals(dbc, vehicle, skipped, columns)
     frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
     notes: list[str] = []
     series = {
@@ -88,21 +103,35 @@ def read_can(path: str | PathLike[str], dbc: str | PathLike[str] | None, vehicle
         for role, signal in signals.items()
         if signal.frame in frames
     }
+    sensed = _sensed({r: series.pop(r) for r in list(series) if r.startswith(SENSED)})
     log = _odometry(series, signals, vehicle, skipped, notes)
-    if log is None:
+    if log is None and not sensed:
         silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
         raise ReadError(
             f"{where}: none of {', '.join(silent)} moves the vehicle in it; both rear wheels, "
             "speed with yaw rate, an odometer or a speed were expected; is it the right .dbc?"
         )
-    notes += unused({role for role, (_, values) in series.items() if len(values)}, log)
+    if log is not None:
+        notes += unused({role for role, (_, values) in series.items() if len(values)}, log)
     return Drive(
-        Path(path).stem, None, log, (str(path),), skipped=dict(skipped), notes=tuple(notes)
-    )
+        Path(path).stem, None, log, (str(path),), dict(skipped), tuple(notes), sensed
+    )  # fmt: skip
 
 
-def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -> dict[str, Signal]:
-    """Role -> signal, for the roles that the vehicle names.
+def _sensed(series: dict[str, Series]) -> tuple[SensorReading, ...]:
+    """What further sensors say: one reading for all of their signals of one time."""
+    at: dict[float, dict[str, float]] = {}
+    for role, (time, values) in series.items():
+        for when, value in zip(time.tolist(), values.tolist(), strict=True):
+            if math.isfinite(value):
+                at.setdefault(when, {})[role.removeprefix(SENSED)] = value
+    return tuple(SensorReading(when, at[when]) for when in sorted(at))
+
+
+def find_signals(
+    dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped, columns: Iterable[str] = ()
+) -> dict[str, Signal]:
+    """Role -> signal, for the roles that the vehicle names, and columns of further sensors.
 
     Of messages or signals of one name the first counts.
 
@@ -127,6 +156,8 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
         for name in (f"{m.name}.{signal.name}", signal.name)
     }
     roles = {r: n for r, n in vehicle.signals.items() if r != "reverse_value"}
+    further = {alias: vehicle.sensors.get(alias.removeprefix(SENSED)) for alias in columns}
+    roles |= {alias: name for alias, name in further.items() if name and alias.startswith(SENSED)}
     names = sorted({s.name for s in known.values()})
     if not roles:
         raise ReadError(
@@ -136,17 +167,18 @@ def find_signals(dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped) -
         )
     found = {}
     for role, name in roles.items():
+        part = "[sensors]" if role.startswith(SENSED) else "[signals]"
+        about = f"vehicle.toml: {part} {role.removeprefix(SENSED)} is {name!r}"
         if name not in known:
             close = difflib.get_close_matches(name, names, 3, 0.5)
             hint = f"did you mean {' or '.join(close)}? " if close else ""
             raise ReadError(
-                f"vehicle.toml: [signals] {role} is {name!r}, which {where} does not know; {hint}"
-                f"it offers {listed(names, 40)}"
+                f"{about}, which {where} does not know; {hint}it offers {listed(names, 40)}"
             )
         signal = known[name]
         if signal.about.multiplexer_ids:
             raise ReadError(
-                f"vehicle.toml: [signals] {role} is {name!r}, a multiplexed signal of {where}; "
+                f"{about}, a multiplexed signal of {where}; "
                 "a signal that is in every frame of its message was expected"
             )
         found[role] = signal
@@ -204,8 +236,10 @@ def _series(
         values = decode(about, data)
     else:
         values = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
-    if role not in _PLAIN:
-        unit = (about.unit or "").strip()
+    unit = (about.unit or "").strip()
+    if role.startswith(SENSED):
+        values = values * unit_factor(role.removeprefix(SENSED), unit)
+    elif role not in _PLAIN:
         factor = si_factor(unit)
         if role == "yaw_rate":
             said = f"signal {signal.name} (unit {unit!r})"

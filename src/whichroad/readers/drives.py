@@ -15,6 +15,7 @@ from .can import read_can
 from .combining import Part, combined
 from .drive_tables import read_table
 from .folders import (
+    READINGS,
     Folder,
     by_folder,
     described_folders,
@@ -29,7 +30,7 @@ from .gnss_logger import read_gnss_logger
 from .gpx import read_gpx
 from .json_files import read_json
 from .kml import read_kml
-from .names import NoSuchColumn
+from .names import SENSED, NoSuchColumn
 from .nmea import read_nmea
 from .reading import Reading
 from .ros import is_bag, read_bag
@@ -105,7 +106,7 @@ def read_drive(
     _check_used(parts, dbc, crs)
     parts = [_on_our_clock(part, reading.vehicle) for part in parts]
     for folder in folders:
-        parts += _recording(folder, reading.vehicle, reading.settings)
+        parts += _recording(folder, reading)
     drives = _drives_of(parts, reading.vehicle)
     if not any(_holds_anything(drive) for drive in drives):
         reasons = ", ".join(by_reason(d.skipped) for d in drives if d.skipped)
@@ -260,11 +261,11 @@ def _part(file: Any, reading: Reading, dbc: AnyPath | None) -> Part:
 
 
 def _can_part(path: AnyPath, reading: Reading, dbc: AnyPath | None) -> Part:
-    drives = [read_can(path, dbc, reading.vehicle)]
+    drives = [read_can(path, dbc, reading.vehicle, reading.columns)]
     return Part(Path(path).name, "can", drives, False, str(Path(path).parent))
 
 
-def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[Part]:
+def _recording(folder: Path, reading: Reading) -> list[Part]:
     """What the live service recorded; it is on our clock already, its counters are unwrapped."""
     files = [folder / name for name in ("fixes.arrow", "odometry.arrow")]
     if not all(file.is_file() for file in files):
@@ -272,10 +273,14 @@ def _recording(folder: Path, vehicle: Vehicle, settings: Settings) -> list[Part]
             f"{folder}: cannot be read (a folder without fixes.arrow, odometry.arrow); a file, or "
             "a recording of `whichroad live --record`, was expected"
         )
-    straight = replace(vehicle, counter_bits=0)
+    straight = replace(reading.vehicle, counter_bits=0)
+    further = {k: v for k, v in reading.columns.items() if k.startswith(SENSED)}
+    if further and (folder / READINGS).is_file():
+        files.append(folder / READINGS)
     parts = []
     for file in [file for file in files if _has_rows(file)]:  # a drive may be without wheels
-        drives = read_table(file, Reading(straight, settings))
+        own = further if file.name == READINGS else {}
+        drives = read_table(file, Reading(straight, reading.settings, columns=own))
         drives = [replace(drive, drive_id=folder.name) for drive in drives]
         parts.append(Part(f"{folder.name}/{file.name}", "table", drives, True))
     if not parts:
@@ -321,5 +326,7 @@ def _on_our_clock(part: Part, vehicle: Vehicle) -> Part:
             fixes = replace(fixes, time=fixes.time + for_fixes)
         if odometry is not None:
             odometry = _later(odometry, for_odometry)
-        drives.append(replace(drive, fixes=fixes, odometry=odometry))
+        more = for_odometry if part.kind == "can" or fixes is None else for_fixes
+        sensed = tuple(replace(one, time=one.time + more) for one in drive.sensed)
+        drives.append(replace(drive, fixes=fixes, odometry=odometry, sensed=sensed))
     return part._replace(drives=drives)

@@ -17,6 +17,7 @@ from .source import STDIN, is_file, is_file_object
 from .vehicle import read_vehicle
 
 VEHICLE = "vehicle.toml"  # name of a car's description in the folder of its drives
+READINGS = "readings.arrow"  # of further sensors, in a recording of `whichroad live`
 _DBC = ".dbc"
 _TABLES = (".parquet", ".geoparquet", ".pq", ".arrow", ".feather", ".csv")
 _SUMMARY = "summary.json"  # of `whichroad demo`

@@ -24,6 +24,7 @@ from .ubx_frames import (
     LONGEST,
     NAV_COV,
     NAV_PVT,
+    NAV_RELPOSNED,
     TAIL,
     Frames,
     payloads,
@@ -31,6 +32,7 @@ from .ubx_frames import (
     without,
 )
 from .ubx_sensors import measurements, odometry, on_utc
+from .ubx_told import RELPOSNED, UbxTold
 
 _PVT = np.dtype({  # the fields that are used; places in the payload
     "names": ["itow", "year", "month", "day", "hour", "minute", "second", "valid", "nano",
@@ -53,6 +55,7 @@ _NO_FIX = "epoch without a fix"
 _NO_DATE = "epoch without a date"
 _RECKONED = "dead-reckoned fix (without GNSS)"
 _NAMES = {NAV_PVT: "NAV-PVT", NAV_COV: "NAV-COV", ESF_MEAS: "ESF-MEAS"}
+_BEGIN = np.zeros(1, np.int64)  # of a frame alone
 _MOST_HELD = 2 * LONGEST  # bytes of a stream that wait for the end of a frame
 
 
@@ -92,21 +95,25 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
         notes.append(f"UBX messages not needed: {by_reason(others.most_common(8))}")
     return [
         Drive(source.stem, fixes, wheels, (source.path,), dict(skipped), tuple(notes),
-              _told(pvt[dated], time[dated], wanted(reading.columns)))
+              _told(data, frames, pvt, pvt_at, wanted(reading.columns)))
     ]  # fmt: skip
 
 
 def _told(
-    pvt: NDArray[np.void], time: NDArray[np.float64], names: frozenset[str]
+    data: bytes, frames: Frames, pvt: NDArray[np.void], pvt_at: Ints, names: frozenset[str]
 ) -> tuple[SensorReading, ...]:
-    """Satellites and heights over the sea as sensors ask for them; lost ones are no satellites."""
-    rows = zip(time.tolist(), pvt["satellites"].tolist(), (1e-3 * pvt["height"]).tolist(),
-               (pvt["flags"] & 1).tolist(), strict=True)  # fmt: skip
-    made = []
-    for at, count, height, fix in rows if names else ():
-        values = {"satellites": float(count * fix)} | ({"height_m": height} if fix else {})
-        told = {name: value for name, value in values.items() if name in names}
-        made += [SensorReading(at, told)] if told else []
+    """What further sensors ask for, in the order of the log."""
+    if not names:
+        return ()
+    told, made = UbxTold(names), list[SensorReading]()
+    headings = _long(frames, NAV_RELPOSNED, RELPOSNED, Counter())
+    messages = payloads(data, headings.start, RELPOSNED)
+    time, dated = _times(pvt)
+    begin = 0
+    for k, end in enumerate(np.searchsorted(headings.start, [*pvt_at[1:].tolist(), len(data)])):
+        made += told.of_epochs(pvt[k : k + 1], time[k : k + 1], dated[k : k + 1])
+        made += told.of_headings(messages[begin:end])
+        begin = int(end)
     return tuple(sorted(made, key=lambda one: one.time))
 
 
@@ -137,6 +144,7 @@ class UbxParser:
         sensors: Takes ESF-MEAS; None: it is passed over.
 
     Attributes:
+        told: What further sensors ask for, since it was last taken from here.
         skipped: How many messages were not used, by reason.
         seen: Whether a NAV-PVT has come.
     """
@@ -144,7 +152,10 @@ class UbxParser:
     def __init__(self, reading: Reading | None = None, sensors: Sensors | None = None) -> None:
         self.skipped: Skipped = Counter()
         self.seen = False
+        self.told: list[SensorReading] = []
         self._sensors = sensors
+        self._names = wanted(reading.columns) if reading is not None else frozenset[str]()
+        self._teller = UbxTold(self._names)
         self._reading = reading or Reading()
         self._held = b""
         self._waiting = b""  # a NAV-PVT whose NAV-COV may follow
@@ -174,6 +185,8 @@ class UbxParser:
                 fixes += self.pause(frame)
             elif kind == ESF_MEAS and self._sensors is not None:
                 self._sensors.measured(frame)
+            elif kind == NAV_RELPOSNED and len(frame) >= HEAD + RELPOSNED.itemsize + TAIL:
+                self.told += self._teller.of_headings(payloads(frame, _BEGIN, RELPOSNED))
         return fixes, without(data[:done], frames)
 
     def pause(self, cov_frame: bytes = b"") -> list[GeoFix]:
@@ -194,10 +207,12 @@ class UbxParser:
         return fixes
 
     def _tell_epoch(self, frame: bytes) -> None:
-        if self._sensors is None or len(frame) < HEAD + _PVT.itemsize + TAIL:
+        if len(frame) < HEAD + _PVT.itemsize + TAIL or not (self._sensors or self._names):
             return
-        time, dated = _times(payloads(frame, np.zeros(1, np.int64), _PVT))
-        if dated[0]:
+        pvt = payloads(frame, _BEGIN, _PVT)
+        time, dated = _times(pvt)
+        self.told += self._teller.of_epochs(pvt, time, dated)
+        if dated[0] and self._sensors is not None:
             self._sensors.epoch(float(time[0]))
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .checks import Bools, Ints, Skipped
 
-NAV_PVT, NAV_COV, ESF_MEAS = 0x0107, 0x0136, 0x1002  # class and number of a message
+# class and number of a message
+NAV_PVT, NAV_COV, NAV_RELPOSNED, ESF_MEAS = 0x0107, 0x0136, 0x013C, 0x1002
 WANTED = (NAV_PVT, NAV_COV, ESF_MEAS)
 SYNC = b"\xb5\x62"
 HEAD, TAIL = 6, 2  # bytes before and after the payload

@@ -35,7 +35,7 @@ _WHEELS = {
 }
 _GYRO = {"scale": ("gyro_scale",), "bias_rad_s": ("gyro_bias",)}
 _ANTENNA = {"forward_m": ("antenna_forward",), "left_m": ("antenna_left",)}
-_SECTIONS = ("wheels", "gyro", "antenna", "clock", "signals", "noise", "driving_side")
+_SECTIONS = ("wheels", "gyro", "antenna", "clock", "signals", "sensors", "noise", "driving_side")
 
 
 def read_vehicle(path: str | PathLike[str]) -> Vehicle:
@@ -72,6 +72,8 @@ def vehicle_from(content: Mapping[str, Any], where: str = "vehicle") -> Vehicle:
     given["clock_offset"] = {k: _number(v, f"{where}: [clock] {k}") for k, v in clock.items()}
     signals = _section(content, "signals", ROLES, where)
     given["signals"] = {k: _text(v, f"{where}: [signals] {k}") for k, v in signals.items()}
+    sensors = _section(content, "sensors", None, where)
+    given["sensors"] = {k: _text(v, f"{where}: [sensors] {k}") for k, v in sensors.items()}
     noise = _section(content, "noise", [f.name for f in fields(Settings)], where)
     given["noise"] = {k: _number(v, f"{where}: [noise] {k}") for k, v in noise.items()}
     if "driving_side" in content:

@@ -15,6 +15,7 @@ from ..roadmap.drawing import attribution
 from ..tables.status import STATUS
 from ..writers import replacing
 from .recorded_messages import RecordedMessages
+from .report_columns import columns_beside
 from .stretches import stretches_of
 from .timeline import thinned, timeline
 
@@ -110,6 +111,7 @@ def report_data(recorded: RecordedMessages, roads: "RoadMap | None" = None) -> d
         "edges": _edges(recorded, roads, at),
         "summary": _summary(recorded),
         "places": stretches_of(recorded, roads),
+        "beside": columns_beside(recorded, at),
     }
 
 

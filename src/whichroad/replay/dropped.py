@@ -1,7 +1,7 @@
 """Files that are dropped onto the page of a replay: a log, or an answer."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,9 @@ from .player import Remake
 from .recorded_messages import RecordedMessages
 
 if TYPE_CHECKING:
+    from ..places import Places
     from ..roadmap import RoadMap
+    from ..sensors import Sensor
     from ..settings import Vehicle
 
 LARGEST = 32 * 1024 * 1024  # bytes of a file
@@ -29,6 +31,8 @@ class DroppedFile:
     roads: "RoadMap"
     vehicle: "Vehicle | None" = None
     dbc: Path | None = None
+    places: "Places | None" = None
+    sensors: "Sequence[Sensor]" = ()
 
     def __call__(self, name: str, content: bytes) -> Opened:
         """Read a log and match it, or read an answer.
@@ -55,7 +59,12 @@ class DroppedFile:
         if is_points(path):
             return play_result(path, self.roads).recorded, None
         from ..readers import read_drive
+        from ..sensed import columns_of
 
-        drive = one_of(read_drive([path], vehicle=self.vehicle, dbc=self.dbc), None)
-        remake = Remaking(drive, self.roads, self.vehicle)
+        columns = columns_of(self.sensors)
+        drives = read_drive([path], vehicle=self.vehicle, dbc=self.dbc, columns=columns or None)
+        remake = Remaking(
+            one_of(drives, None), self.roads, self.vehicle, places=self.places,
+            sensors=self.sensors,
+        )  # fmt: skip
         return remake([]), remake

@@ -18,7 +18,9 @@ from .truth import Truth
 
 if TYPE_CHECKING:
     from ..observations import Drive
+    from ..places import Places
     from ..roadmap import RoadMap
+    from ..sensors import Sensor
     from ..settings import Vehicle
     from ..tables.result import Result
 
@@ -50,6 +52,8 @@ class Remaking:
     vehicle: "Vehicle | None" = None
     start: Any = None
     model: str = "default"
+    places: "Places | None" = None
+    sensors: "Sequence[Sensor]" = ()
 
     def __call__(self, windows: Sequence[Window]) -> RecordedMessages:
         """The messages with fixes withheld in windows of seconds since 1970."""
@@ -57,13 +61,14 @@ class Remaking:
         since = [(a - begin, min(b - begin, _END)) for a, b in windows]
         result = match(
             self.drive, self.roads, vehicle=self.vehicle, start=self.start, mask=since,
-            model=self.model, hypotheses=True,
+            model=self.model, hypotheses=True, places=self.places, sensors=self.sensors,
         )  # fmt: skip
         return self.recorded(result, windows)
 
     def recorded(self, result: "Result", windows: Sequence[Window] = ()) -> RecordedMessages:
         """The messages of an existing result."""
-        return RecordedMessages(result, self.roads, Signals(self.drive, self.vehicle), windows)
+        signals = Signals(self.drive, self.vehicle, self.sensors)
+        return RecordedMessages(result, self.roads, signals, windows)
 
     def absolute(self, mask: Sequence[tuple[Any, Any]]) -> list[Window]:
         """Windows in seconds since 1970 from what `match` takes as `mask`."""

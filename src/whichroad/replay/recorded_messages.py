@@ -11,17 +11,21 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..diagnosis.sensor_states import SensorTrack
 from ..geodesy.angles import axis_bearing_of, bearing_of, radians
 from ..geodesy.units import METRES_PER_DEGREE
 from ..live.message_types import VERSION, EstimateMessage, PlayMessage
-from ..live.messages import iso
+from ..live.messages import iso, level_messages
 from ..observations import Array
+from ..roadmap.level_shares import LevelShare, LevelShares
 from ..sensors.gnss import ellipse
 from ..tables.status import STATUS, far_off
 from .driven_path import Route
+from .places_about import PlacesAbout
 from .signals import Signals
 
 if TYPE_CHECKING:
+    from ..live.message_types import HeardMessage
     from ..roadmap import RoadMap
     from ..tables.result import Result
 
@@ -97,6 +101,9 @@ class RecordedMessages:
             else _from_table(points, self.columns, edge)
         )
         self.reckoning = self.signals.reckoning(self, self.used_fixes())
+        self.sensor_track = result.sensor_track or SensorTrack([], [])
+        self.places = PlacesAbout(result.surroundings[0]) if result.surroundings else None
+        self._levels = None if roads is None else LevelShares(roads)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -194,6 +201,10 @@ class RecordedMessages:
             "hypotheses": self.hypotheses(k),
             "fix": self._fix(k),
             "reckoning": self.reckoning.at(k), "sensors": self.signals.sensors(time),
+            "heard": self.heard(k),
+            "levels": level_messages(self.levels(k)),
+            "ahead": None if self.places is None else self.places.ahead(k),
+            "nearby": None if self.places is None else self.places.nearby(k),
             "gnss_masked": bool(self.is_masked(time)), "play": play,
             "latency_ms": {"p50": None, "p99": None},
         }  # fmt: skip
@@ -225,6 +236,26 @@ class RecordedMessages:
                 }
             )
         return found
+
+    def heard(self, k: int) -> "list[HeardMessage]":
+        """The sensors as they were heard until epoch k, and what the filter held of them."""
+        time = float(self.time[k])
+        return self.signals.heard_at(time, self.sensor_track.at(time))
+
+    def levels(self, k: int) -> list[LevelShare]:
+        """Levels of the road at epoch k; of edges but the best the level at their middle counts."""
+        if self._levels is None or not np.isfinite(self.columns["lat"][k]):
+            return []
+        edge, p = self.choices.edge[k], self.choices.p[k]
+        here = (edge != NONE) & (p > 0.0)
+        edges, best, s = edge[here].tolist(), int(self.edge[k]), self.columns["abscissa_m"][k]
+        along = [s if one == best else self._middle(one) for one in edges]
+        return self._levels.of(edges, along, p[here].tolist())
+
+    def _middle(self, edge: int) -> float:
+        if self._roads is None or edge < 0:
+            return 0.0
+        return 0.5 * float(self._roads.arrays.edges.length[edge])
 
     def _get(self, name: str, k: int) -> float | None:
         column = self.columns.get(name)

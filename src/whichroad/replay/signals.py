@@ -1,25 +1,43 @@
 """The sensors of a recorded drive, for display beside the estimates."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ..diagnosis.sensor_states import SensorState
 from ..geodesy.angles import axis_bearing_of, degrees, radians, wrap_bearing
 from ..geodesy.units import METRES_PER_DEGREE
-from ..observations import Array, Drive, Fixes
+from ..live.heard_sensors import heard_message
+from ..observations import (
+    Array,
+    Drive,
+    Fixes,
+    Odometer,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSpeeds,
+    WithGyro,
+)
+from ..sensors import Sensor
 from ..sensors.gnss import ellipse
 from ..sensors.odometry import Motion, motion_of
 from ..settings import Vehicle
 
 if TYPE_CHECKING:
-    from ..live.message_types import ReckoningMessage, SensorMessage
+    from ..live.message_types import HeardMessage, ReckoningMessage, SensorMessage
 
 _RATE_WINDOW = 5.0  # s over which a rate is averaged
 _SILENT = 3.0  # s after which a sensor counts as silent
 _GAP = 5.0  # s without a fix after which wheels alone are shown
+_RECENT = 64  # readings that give a rate
 _EMPTY = np.zeros(0)
+_LOGS = {
+    WheelCounts: "wheels", WheelSpeeds: "wheels", Odometer: "odometer",
+    SpeedYawRate: "speed_and_gyro",
+}  # fmt: skip
 
 
 class Estimates(Protocol):
@@ -58,15 +76,21 @@ class Signals:
     Args:
         drive: As the readers give it.
         vehicle: For the odometry.
+        sensors: Further ones, whose readings the drive may hold.
     """
 
-    def __init__(self, drive: Drive | None = None, vehicle: Vehicle | None = None) -> None:
+    def __init__(
+        self, drive: Drive | None = None, vehicle: Vehicle | None = None,
+        sensors: Sequence[Sensor] = (),
+    ) -> None:  # fmt: skip
         fixes = drive.fixes if drive is not None else None
         self.fixes = fixes if fixes is not None and len(fixes) else None
         self.fix_times: Array = self.fixes.time if self.fixes is not None else _EMPTY
         self._shape = _shape(self.fixes) if self.fixes is not None else None
         log = drive.odometry if drive is not None else None
         self.motion: Motion | None = motion_of(log, vehicle or Vehicle()) if log else None
+        self.heard = _times_of(drive, sensors) if drive is not None else {}
+        self._further = {one.name for one in sensors}
 
     def fix(self, time: float) -> dict[str, Any] | None:
         """The last fix at a time (s since 1970)."""
@@ -111,6 +135,20 @@ class Signals:
             )  # fmt: skip
         return sensors
 
+    def heard_at(self, time: float, states: Sequence[SensorState]) -> "list[HeardMessage]":
+        """Every sensor as it was heard until a time.
+
+        Args:
+            time: s since 1970.
+            states: What the filter held of them then; empty: not known.
+        """
+        known, found = {one.name: one for one in states}, []
+        for name, times in self.heard.items():
+            count, rate, age = heard_until(times, time)
+            further = name in self._further
+            found.append(heard_message(name, count, rate, age, known, further=further))
+        return found
+
     def reckoning(self, estimates: Estimates, used: Array) -> Reckoning:
         """Equation (1) of the paper through every gap, from the pose before it.
 
@@ -131,6 +169,40 @@ class Signals:
             if a < n and np.isfinite(estimates.columns["lat"][a]):
                 _reckon(motion, estimates, slice(int(a), min(int(b) + 1, n)), out)
         return out
+
+
+def heard_until(times: Array, now: float) -> tuple[int, float, float | None]:
+    """How many of some times (s, rising) have passed, how many a second lately, and s since then.
+
+    The age is None before the first.  There is no rate after a silence of seconds.
+    """
+    count = int(np.searchsorted(times, now + 1e-6, side="right"))
+    if not count:
+        return 0, 0.0, None
+    first, age = max(count - _RECENT, 0), max(now - float(times[count - 1]), 0.0)
+    usual = float(times[count - 1] - times[first]) / max(count - 1 - first, 1)
+    heard = usual > 0.0 and age <= max(5.0 * usual, _SILENT)
+    return count, 1.0 / usual if heard else 0.0, age
+
+
+def _times_of(drive: Drive, sensors: Sequence[Sensor]) -> dict[str, Array]:
+    """When each sensor of a drive was heard, (n,) s each, by the names of messages."""
+    found: dict[str, Array] = {}
+    if drive.fixes is not None and len(drive.fixes):
+        found["gnss"] = drive.fixes.time
+    log = drive.odometry
+    if isinstance(log, WithGyro):
+        found["odometer"], found["gyro"] = log.distance.time, log.gyro.time
+    elif log is not None and len(log.time):
+        found[_LOGS[type(log)]] = log.time
+    for one in sensors:
+        columns = frozenset(one.columns)
+        found[one.name] = np.array([
+            reading.time for reading in drive.sensed
+            if reading.sensor == one.name
+            or (not reading.sensor and columns & reading.values.keys())
+        ], np.float64)  # fmt: skip
+    return found
 
 
 def _reckon(motion: Motion, estimates: Estimates, rows: slice, out: Reckoning) -> None:

@@ -46,6 +46,7 @@ class Estimates(NamedTuple):
     level_along: NDArray[np.float32]
     level_across: NDArray[np.float32]
     gnss_scale: Array
+    map_scale: Array
     edge: NDArray[np.int32]
     live: NDArray[np.int32]
     alt_edge: NDArray[np.int32]  # (n, ALTERNATIVES)

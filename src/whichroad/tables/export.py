@@ -109,6 +109,7 @@ def points_table(
         "level_along_m": _nullable(v.level_along.astype(float), none),
         "level_across_m": _nullable(v.level_across.astype(float), none),
         "gnss_scale": _nullable(v.gnss_scale, none | (v.gnss_scale == 0.0)),
+        "map_scale": _nullable(v.map_scale, none),
         "source_m": _nullable(place.m, off),
         "source_share": _nullable(place.share, off),
     }

@@ -9,6 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..diagnosis.finding import Finding
+from ..diagnosis.sensor_states import SensorTrack
 from ..errors import SettingError
 from ..path import Alternative, Route, best_routes
 from ..wording import counted
@@ -37,6 +38,7 @@ class Result:
         roads: The map, to be drawn below the answer; a pickled result is without it.
         find_lineage: Gives births and deaths of the hypotheses; None: of several drives.
         surroundings: Of each drive, where places were given.
+        sensor_track: What was believed and learnt of the sensors, when `hypotheses` were asked for.
     """
 
     def __init__(
@@ -50,10 +52,11 @@ class Result:
         roads: "RoadMap | None" = None,
         find_lineage: "Callable[[], Lineage] | None" = None,
         surroundings: "Sequence[Surroundings]" = (),
+        sensor_track: SensorTrack | None = None,
     ) -> None:
         self._find_alternatives, self._roads = find_alternatives, roads
         self._find_lineage = find_lineage
-        self._surroundings = tuple(surroundings)
+        self.surroundings, self.sensor_track = tuple(surroundings), sensor_track
         self._late: dict[str, Any] = {
             "points": points, "path": path, "summary": summary, "diagnosis": diagnosis
         }  # fmt: skip
@@ -71,7 +74,7 @@ class Result:
         if self._find_alternatives is not None:
             _ = self._parts
         gone = {"_find_alternatives": None, "_roads": None, "_find_lineage": None}
-        return self.__dict__ | gone | {"_surroundings": ()}
+        return self.__dict__ | gone | {"surroundings": ()}
 
     def __repr__(self) -> str:
         figures = self.summary
@@ -241,12 +244,12 @@ class Result:
         return self._about(lambda drive: drive.nearby(radius_m))
 
     def _about(self, ask: "Callable[[Surroundings], pa.Table]") -> pa.Table:
-        if not self._surroundings:
+        if not self.surroundings:
             raise SettingError(
                 "places: this result has none, or is out of a pickle; a drive that was matched "
                 "with places=... was expected"
             )
-        return pa.concat_tables([ask(drive) for drive in self._surroundings])
+        return pa.concat_tables([ask(drive) for drive in self.surroundings])
 
     def routes(self, k: int = 3) -> list[Route]:
         """The k most probable routes from the drive's start to its end, connected edges with P.

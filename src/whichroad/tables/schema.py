@@ -63,6 +63,7 @@ POINTS = pa.schema(
         ("level_along_m", pa.float64()),
         ("level_across_m", pa.float64()),
         ("gnss_scale", pa.float64()),
+        ("map_scale", pa.float64()),
         ("source_m", pa.float64()),  # from the start of the source's road, as it was drawn
         ("source_share", pa.float64()),  # of its length
     ]

@@ -1,5 +1,6 @@
 // What the page tells of what is pointed at, links to moments, and files that are dropped.
 
+import { numbersOfPlace, placesOf } from "./beside.js";
 import { fetchJson, here } from "./feed.js";
 import { linked } from "./links.js";
 import { awayFrom, nearest, numbersOfFix, numbersOfMoment, numbersOfRoad } from "./numbers.js";
@@ -14,6 +15,8 @@ export function tellOfMap(world, numbers, { state, fixes, began, nameOf, overlay
     const view = world.view(overlay.clientWidth, overlay.clientHeight);
     const fix = nearest(fixes(), (one) => view.project(one.lon, one.lat), x, y);
     if (fix) return void numbers.show(numbersOfFix(fix, began()), x, y);
+    const place = nearest(placesOf(state.frame), (one) => view.project(one.lon, one.lat), x, y);
+    if (place) return void numbers.show(numbersOfPlace(state.frame, place), x, y);
     const row = rowAt(state.series, view, x, y);
     if (row >= 0) return void numbers.show(numbersOfMoment(state.series, row, began(), nameOf), x, y);
     const { lat, lng } = event.lngLat;

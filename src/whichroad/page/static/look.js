@@ -13,7 +13,7 @@ export const LOOK = {
     small: "#fbfaf8", tunnel: "#e2ded6", text: "#4b4740", halo: "#ffffff", arrow: "#a59f93",
     ink: "#16181b", paper: "#ffffff", faint: "#5c636f", grid: "rgba(22,24,27,0.10)",
     fix: "#d9730d", masked: "#8a8f98", reckoning: "#8e44ad", outside: "rgba(22,24,27,0.05)",
-    hatch: "rgba(90,98,130,0.16)", ellipse: "#b9d4ea",
+    hatch: "rgba(90,98,130,0.16)", ellipse: "#b9d4ea", place: "#0e6b5c",
   },
   dark: {
     name: "dark",
@@ -21,7 +21,7 @@ export const LOOK = {
     small: "#434c59", tunnel: "#2f3641", text: "#b4bcc8", halo: "#12151a", arrow: "#6c7685",
     ink: "#eef1f5", paper: "#1b2028", faint: "#a5afbc", grid: "rgba(238,241,245,0.12)",
     fix: "#ffa94d", masked: "#8d97a5", reckoning: "#c792ea", outside: "rgba(238,241,245,0.05)",
-    hatch: "rgba(160,172,210,0.18)", ellipse: "#2f4a68",
+    hatch: "rgba(160,172,210,0.18)", ellipse: "#2f4a68", place: "#5fd6bd",
   },
 };
 

@@ -1,6 +1,7 @@
 // Words and figures beside the map; an element is touched only when its text changes.
 
-import { STATUS, clock, colourOf, percent, roadLook, titleOf } from "./look.js";
+import { fillAhead, fillLevel, fillSensors } from "./beside.js";
+import { STATUS, colourOf, percent, roadLook, titleOf } from "./look.js";
 
 const LISTED = 5; // roads in the list
 
@@ -37,7 +38,9 @@ export function fillPanel(frame, roads, known, look) {
   const latency = frame.latency_ms ?? {};
   setText("latency", latency.p99 === null || latency.p99 === undefined ? "–"
     : `${latency.p50.toFixed(1)} / ${latency.p99.toFixed(1)} ms`);
-  fillSensors(frame.sensors ?? []);
+  fillLevel(frame.levels);
+  fillAhead(frame.ahead ?? null, frame.nearby ?? []);
+  fillSensors(frame.sensors ?? [], frame.heard ?? []);
 }
 
 function kindOf(road) {
@@ -80,7 +83,8 @@ function fillRoads(roads, known, look) {
   shown.forEach(([edge, p], i) => {
     const [bar, name, share] = list.children[i].children;
     const title = titleOf(edge, known.get(edge)?.name, known.get(edge)?.highway);
-    const suffix = edge >= 0 && known.has(edge) ? ` ${edge}` : "";
+    const kind = known.get(edge)?.kind;
+    const suffix = edge >= 0 && known.has(edge) ? ` ${edge}${kind ? ` · ${kind}` : ""}` : "";
     if (name.dataset.title !== title + suffix) {
       name.dataset.title = title + suffix;
       name.textContent = title;
@@ -103,31 +107,4 @@ function rowOf() {
     row.append(part);
   }
   return row;
-}
-
-const SENSOR = { gnss: "GNSS", wheels: "wheels", file: "file" };
-
-function fillSensors(sensors) {
-  const list = byId("sensors");
-  while (list.children.length < sensors.length) {
-    const row = document.createElement("li");
-    for (const kind of ["dot", "name", "rate"]) {
-      const part = document.createElement("span");
-      part.className = kind;
-      row.append(part);
-    }
-    list.append(row);
-  }
-  while (list.children.length > sensors.length) list.lastChild.remove();
-  sensors.forEach((one, i) => {
-    const row = list.children[i];
-    const [, name, rate] = row.children;
-    row.dataset.state = one.ok ? "ok" : one.state;
-    row.title = `${one.name}: ${one.count.toLocaleString("en")} readings, ${one.skipped} skipped`;
-    const title = SENSOR[one.kind] ?? one.kind;
-    if (name.textContent !== title) name.textContent = title;
-    const old = one.age_s !== null && one.age_s > 2 ? ` ${clock(one.age_s)}` : "";
-    const text = one.ok ? `${one.rate_hz.toFixed(one.rate_hz < 10 ? 1 : 0)} Hz` : one.state + old;
-    if (rate.textContent !== text) rate.textContent = text;
-  });
 }

@@ -1,5 +1,6 @@
 // The report: one drive in one file, with a cursor that can be moved through it.
 
+import { besideAt, numbersOfPlace, placesOf } from "./beside.js";
 import { drawDrive, drawRace, sharp } from "./chart.js";
 import { LOOK, STATUS, STATUSES, clock, keepTheme, lookOf, percent, themeWished, titleOf } from "./look.js";
 import { copyLink, linked } from "./links.js";
@@ -44,6 +45,8 @@ function told(x, y) {
   const on = ([lon, lat]) => view.project(lon, lat);
   const fix = nearest(fixesAt(fixes, now.t), (one) => on([one.lon, one.lat]), x, y);
   if (fix) return numbersOfFix(fix, 0);
+  const place = nearest(placesOf(now.frame), (one) => on([one.lon, one.lat]), x, y);
+  if (place) return numbersOfPlace(now.frame, place);
   const rows = Array.from({ length: series.length }, (_, i) => i).filter((i) => !Number.isNaN(series.get("lat", i)));
   const row = nearest(rows, (i) => on([series.get("lon", i), series.get("lat", i)]), x, y);
   if (row !== null) return numbersOfMoment(series, row, 0, nameOf);
@@ -71,7 +74,7 @@ function frameOf(k) {
     pose: answered ? { lat: line.lat[k], lon: line.lon[k], bearing_deg: more.bearing[k], speed_mps: more.speed[k] } : null,
     ellipse: more.major[k] === null ? null : { major_m: more.major[k], minor_m: more.minor[k], bearing_deg: more.axis[k] },
     p_way: line.p[k], p_off_road: line.off[k], protection_m: more.protection[k], gnss_scale: more.scale[k],
-    gnss_masked: line.masked[k] === 1, hypotheses: poses, sensors: [],
+    gnss_masked: line.masked[k] === 1, hypotheses: poses, sensors: [], ...besideAt(data.beside, k),
     road: {
       edge_id: edge < 0 ? null : edge, name: known.name, highway: known.highway,
       speed_limit_kmh: known.speed_limit_kmh, matched_lat: more.matched_lat[k], matched_lon: more.matched_lon[k],

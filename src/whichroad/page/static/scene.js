@@ -3,6 +3,7 @@
 // A view projects: {project(lon, lat) -> {x, y}, width, height, bounds: [west, south, east, north]}.
 // Nothing here knows the map.
 
+import { drawPlaces } from "./beside.js";
 import { CHI_95, STATUSES, colourOf, percent, roadLook, titleOf } from "./look.js";
 import { roadsOf } from "./series.js";
 
@@ -26,6 +27,7 @@ export function drawScene(ctx, view, scene, look) {
   drawRoads(ctx, view, scene, look);
   drawReckoning(ctx, view, scene, look);
   drawFixes(ctx, view, scene, look);
+  drawPlaces(ctx, view, frame, look);
   if (!frame.pose) return;
   const labels = [];
   drawHypotheses(ctx, view, scene, look, labels);
