@@ -4,11 +4,14 @@ Rates are by processor seconds of all processes, each part beside `match_many` o
 in the same minute.  Trips are drives simulated in Heidelberg, with a fix every five seconds;
 each comes several times, with errors of its own and at another time.
 
-    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split,speeds]
+    python -m benchmarks fleet [--parts cost,order,memory,kill,poison,open,first,split,speeds,spark]
                                [--drives TRIPS]
+
+The part `memory` has also twenty times as many trips.  `spark` needs Java 17.
 """
 
 import ctypes
+import json
 import os
 import random
 import resource
@@ -29,7 +32,8 @@ import pyarrow.parquet as pq
 import whichroad
 from whichroad.simulate import drivable, random_route, simulate_drive
 
-from . import Figure, Options
+from . import Figure, Options, Skipped
+from .spark_jobs import descendants
 
 TRIPS = 4000
 FIXES = 250  # of a trip
@@ -37,8 +41,11 @@ STEP = 5  # s between fixes
 DRIVES = 40  # that are simulated
 NOISE = 2.0  # m, the copies' own
 KILLS = 20
+MANY = 20  # times as many trips for the memory
+MONTHS = 3  # vehicles of a month that all engines split
 SPREAD = 0.1  # log, of edges, of drivers and of passages
-PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split", "speeds")
+PARTS = ("cost", "order", "memory", "kill", "poison", "open", "first", "split", "speeds",
+         "spark")  # fmt: skip
 
 
 def run(options: Options) -> list[Figure]:
@@ -200,22 +207,55 @@ class Bench:
             Figure("their paths are equal", float(a.equals(b)), ">= 1", "", a.num_rows),
         ]
 
+    def mixed(self, trips: int) -> Path:
+        """The rows of so many trips in any order, written without holding them."""
+        path = self.folder / "mixed.parquet"
+        rng = np.random.default_rng(2)
+        size = np.array([len(lat) for lat, _ in self.drives])
+        lat, lon = (np.concatenate([drive[k] for drive in self.drives]) for k in (0, 1))
+        drive = np.arange(trips) % len(size)
+        first = np.concatenate([[0], np.cumsum(size[drive])])
+        begin = np.concatenate([[0], np.cumsum(size)])[drive]
+        order = rng.permutation(first[-1])
+        schema = self.table.schema
+        with pq.ParquetWriter(path, schema) as file:
+            for low in range(0, len(order), 1 << 20):
+                rows = order[low : low + (1 << 20)]
+                trip = np.searchsorted(first, rows, "right") - 1
+                step = rows - first[trip]
+                at = begin[trip] + step
+                names = np.char.add("trip ", np.char.zfill(trip.astype(str), 7))
+                columns = [names, 1.7e9 + 97.0 * trip + STEP * step,
+                           lat[at] + rng.normal(0, NOISE / 111e3, len(at)),
+                           lon[at] + rng.normal(0, NOISE / 72e3, len(at))]  # fmt: skip
+                file.write_table(pa.table([pa.array(c) for c in columns], schema), 1 << 16)
+        return path
+
     def memory(self) -> list[Figure]:
-        """Largest memory of all processes together, of few and of many rows."""
-        found = []
-        for trips in (self.trips, 5 * self.trips):
-            source = self.shuffled(self._table(trips))
-            process = self.fleet(source, "m")
-            most = 0.0
+        """Largest memory of all processes together, of few and of many rows, shuffled."""
+        figures, most = [], []
+        for trips in (self.trips, MANY * self.trips):
+            source = self.mixed(trips)
+            rows = pq.read_metadata(source).num_rows
+            before, process = spent(), self.fleet(source, "m")
+            sorting = matching = 0.0
             while process.poll() is None:
-                most = max(most, own_memory(process.pid))
+                now = own_memory(process.pid) / 2**20
+                if (self.folder / "m" / "manifest.json").exists():
+                    matching = max(matching, now)
+                else:
+                    sorting = max(sorting, now)
                 time.sleep(0.2)
-            found.append(most / 2**20)
-        return [
-            Figure(f"memory, {self.trips * FIXES:,} rows in any order", found[0], "<= 1024", "MiB"),
-            Figure(f"memory, {5 * self.trips * FIXES:,} rows", found[1], "<= 1024", "MiB"),
-            Figure("their ratio", found[1] / found[0], "0.8..1.2"),
-        ]
+            await_orphans()
+            most.append(max(sorting, matching))
+            figures += [
+                Figure(f"memory, sorting {rows:,} rows in any order", sorting, "<= 1024", "MiB"),
+                Figure(f"memory, matching {rows:,} rows", matching, "<= 1024", "MiB"),
+                Figure(f"{rows:,} rows", rows / (spent() - before), "", "fixes/s of the processor"),
+            ]
+            shutil.rmtree(self.folder / "m", ignore_errors=True)
+            source.unlink()
+        return [*figures, Figure("the larger of many over few", most[1] / most[0], "0.8..1.2")]
 
     def kill(self) -> list[Figure]:
         """Kill -9 at twenty random moments of runs that go on: the same bytes in the end."""
@@ -385,6 +425,71 @@ class Bench:
         start = 1.7e9 + float(rng.uniform(0.0, 30 * 86400.0))
         return pa.table({"trip_id": [name] * len(at), "time": start + at, "lat": lat, "lon": lon})
 
+    def spark(self) -> list[Figure]:
+        """Two workers of Spark beside two processes; and splits by all engines."""
+        if shutil.which("java") is None:
+            raise Skipped("Spark needs Java 17, and there is no java on the path")
+        months = self.folder / "months.parquet"
+        fleet = self._months()
+        pq.write_table(fleet, months)
+        outs = {name: self.folder / f"spark-{name}" for name in ("path", "points", "split")}
+        job = [str(self.source), "", {"trip_id": "trip_id"}]
+        jobs = [[job[0], str(outs[give]), job[2] | {"give": give}]
+                for give in ("path", "path", "path", "points", "points")]  # fmt: skip
+        jobs.append([str(months), str(outs["split"]), {"trip_id": "vehicle", "split": "5min"}])
+        line = [sys.executable, "-m", "benchmarks.spark_jobs", str(self.map), json.dumps(jobs)]
+        ran = subprocess.run(line, check=True, capture_output=True, text=True)
+        await_orphans()
+        took = [json.loads(text) for text in ran.stdout.splitlines()[-len(jobs) :]]
+        plain = min(self.whole(self.source, "n", "--order", "sorted") for _ in range(2))
+        full = min(self.whole(self.source, "p", "--order", "sorted", "--points", "all")
+                   for _ in range(2))  # fmt: skip
+        rows = self.table.num_rows
+        same = [same_rows(outs[give], self.folder / "p" / give) for give in ("path", "points")]
+        return [
+            Figure("Spark, path, first run", took[0], "", "s", rows),
+            Figure("Spark, path, a later run", min(took[1:3]), "", "s", rows),
+            Figure("Spark, points, a later run", took[4], "", "s", rows),
+            Figure("command, path and drives", plain, "", "s", rows),
+            Figure("command, points, path and drives", full, "", "s", rows),
+            Figure("Spark over the command, path", min(took[1:3]) / plain, "<= 1.3"),
+            Figure("Spark over the command, points", took[4] / full, "<= 1.8"),
+            Figure("the same rows of path and points", float(all(same)), ">= 1", "", rows),
+            *self._split_by_all(months, fleet, outs["split"]),
+        ]
+
+    def _months(self) -> pa.Table:
+        """Some vehicles of a month, rows in any order."""
+        tables = [
+            table.append_column("vehicle", pa.array([f"car {k}"] * len(table)))
+            for k, table in ((k, self.month(k)[0]) for k in range(MONTHS))
+        ]
+        table = pa.concat_tables(tables)
+        return table.take(np.random.default_rng(5).permutation(len(table)))
+
+    def _split_by_all(self, months: Path, fleet: pa.Table, by_spark: Path) -> list[Figure]:
+        """Whether the trips of vehicles are the same by the command, DuckDB, Spark and at once."""
+        import duckdb
+
+        at_once = whichroad.match_many(fleet, self.roads, drive_id="vehicle", split="5min")
+        options = ["--trip-id", "vehicle", "--split", "5min"]
+        self.fleet(months, "split", *options).wait()
+        lake = duckdb.sql(f"FROM '{months}' ORDER BY vehicle, time")
+        stream = pa.RecordBatchReader.from_stream(lake)
+        by_duckdb = self.folder / "duckdb.parquet"
+        batches = whichroad.fleet.match_batches(
+            stream, self.map, trip_id="vehicle", split="5min", ordered=True
+        )
+        pq.write_table(pa.Table.from_batches(batches), by_duckdb)
+        once = self.folder / "once.parquet"
+        pq.write_table(at_once.path, once)
+        found = [same_rows(other, once) for other in (self.folder / "split" / "path", by_duckdb,
+                                                      by_spark)]  # fmt: skip
+        trips = at_once.drives.num_rows
+        names = ("the command", "DuckDB", "Spark")
+        return [Figure(f"split by {name}: the same rows", float(one), ">= 1", "", trips)
+                for name, one in zip(names, found, strict=True)]  # fmt: skip
+
     def split(self) -> list[Figure]:
         """Ends of trips of 100 vehicles in 30 days."""
         from whichroad.readers.splitting import split_trips
@@ -444,10 +549,25 @@ def read(folder: Path) -> pa.Table:
     return table.replace_schema_metadata(None).combine_chunks()
 
 
+def same_rows(one: Path, other: Path) -> bool:
+    """Whether two tables hold the same rows, in whatever order and types of Arrow.
+
+    The columns are those of the first: files of the command have a geometry beside lon and lat.
+    """
+    a, b = (pq.read_table(path).replace_schema_metadata(None) for path in (one, other))
+    keys = [(n, "ascending") for n in ("drive_id", "seq", "time") if n in a.column_names]
+    try:
+        b = b.select(a.column_names)
+        a = a.cast(b.schema)
+    except (KeyError, pa.ArrowException):
+        return False
+    return bool(a.sort_by(keys).combine_chunks().equals(b.sort_by(keys).combine_chunks()))
+
+
 def own_memory(pid: int) -> float:
     """Bytes of a process and its descendants, shared pages by their share, files left out."""
     total = 0.0
-    for one in [pid, *_descendants(pid)]:
+    for one in [pid, *descendants(pid)]:
         try:
             for line in Path(f"/proc/{one}/smaps_rollup").read_text().splitlines():
                 if line.startswith("Pss_Anon:"):
@@ -455,14 +575,3 @@ def own_memory(pid: int) -> float:
         except OSError:
             continue
     return total
-
-
-def _descendants(pid: int) -> list[int]:
-    found: list[int] = []
-    try:
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            for child in map(int, (task / "children").read_text().split()):
-                found += [child, *_descendants(child)]
-    except OSError:
-        pass
-    return found

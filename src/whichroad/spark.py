@@ -22,7 +22,7 @@ def match(
     df: "DataFrame",
     map: str | Path,
     *,
-    trip_id: str = "trip_id",
+    trip_id: str = "drive_id",
     give: str = "path",
     partitions: int | None = None,
     ship: bool = False,
@@ -34,11 +34,12 @@ def match(
         df: Rows with time, lat and lon, in any order, by the names of docs/formats.md.
         map: The path of a compiled map, or of a folder of them, that driver and workers see;
             with `ship` one on the driver.
-        trip_id: The column that names trips.
+        trip_id: The column that names trips; the default finds its usual aliases.
         give: "path", "points", "slim" (points without poses) or "drives".
         partitions: Of the shuffle by trip; None: as Spark is set.
         ship: Send the map to the workers by `SparkContext.addFile`.
-        options: As of `whichroad.fleet.match_batches`: vehicle, settings, lag, crs, split.
+        options: As of `whichroad.fleet.match_batches`: vehicle, settings, lag, crs, columns, tz,
+            sensors, split.
 
     Returns:
         A DataFrame with the columns of `whichroad.fleet.SCHEMAS[give]`, of a folder of maps with
@@ -58,26 +59,33 @@ def match(
         ) from None
     from .fleet import MAPS_SCHEMAS, SCHEMAS
     from .fleet.inputs import used_columns
+    from .readers.dates import zone_of
+    from .readers.many_trips import own_names
     from .readers.names import find
+    from .sensed import columns_of
 
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
-    used = used_columns(df.columns, trip_id, "df")
+    columns, trip_id = own_names(options.get("columns"), trip_id)
+    zone_of(options.get("tz"))
+    own = {**columns, **columns_of(options.get("sensors", ()))}
+    used = used_columns(df.columns, trip_id, "df", own)
     name, several = str(map), Path(map).is_dir()
     if ship:
         if not Path(map).exists():
             raise MapError(f"{map}: it is not there; a compiled map on the driver was expected")
         df.sparkSession.sparkContext.addFile(name, recursive=several)
         name = Path(map).name
-    found = find(df.columns)
+    found = find(df.columns, own)
     places = [found[q].name for q in ("lat", "lon") if q in found]
     rows = df.select(*(_quoted(column) for column in used.columns))
     trip = _quoted(used.trip)
     rows = rows.repartition(partitions, trip) if partitions else rows.repartition(trip)
     rows = rows.sortWithinPartitions(trip, *(_quoted(n) for n in (used.time, *places)))
     schema = (MAPS_SCHEMAS if several else SCHEMAS)[give]
-    options |= {"shipped": ship, "several": several, "give": give, "trip_id": used.trip}
-    return rows.mapInArrow(partial(_partition, map=name, **options), from_arrow_schema(schema))
+    options |= {"columns": columns, "give": give, "trip_id": used.trip}
+    work = partial(_partition, map=name, shipped=ship, several=several, **options)
+    return rows.mapInArrow(work, from_arrow_schema(schema))
 
 
 def _quoted(name: str) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.feather as feather
 import pyarrow.parquet as pq
@@ -168,7 +169,11 @@ def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, tow
     blank = blank.set_column(2, "lat", pa.array(np.full(len(blank), np.nan)))
     nameless = trip(None, 2)
     swapped = trip("swapped", 3).rename_columns(["trip_id", "time", "lon", "lat"])
-    poison = [far, blank, nameless, swapped.select(["trip_id", "time", "lat", "lon"])]
+    still = trip("still", 4)
+    still = still.set_column(1, "time", pa.array(np.full(len(still), 1.6e9)))
+    half = trip("half", 4)  # most of its rows are used
+    half = half.set_column(2, "lat", pa.array([np.nan] * 30 + half["lat"].to_pylist()[30:]))
+    poison = [far, blank, nameless, swapped.select(["trip_id", "time", "lat", "lon"]), still, half]
     pq.write_table(pa.concat_tables([table, *poison]), tmp_path / "t.parquet")
     ran = CliRunner().invoke(
         app, ["fleet", str(tmp_path / "t.parquet"), "--map", str(town), "-o", str(tmp_path / "out"),
@@ -176,10 +181,15 @@ def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, tow
     )  # fmt: skip
     assert ran.exit_code == 0, ran.output
     bad = pq.read_table(tmp_path / "out" / "bad_trips.parquet").to_pylist()
-    assert {row["drive_id"] for row in bad} == {"far", "blank", "", "swapped"}
+    assert {row["drive_id"] for row in bad} == {"far", "blank", "", "swapped", "still"}
     assert all(row["reason"] for row in bad)
+    (one,) = (row for row in bad if row["answered"])
+    assert one["drive_id"] == "still"
+    assert one["reason"] == "78 rows skipped: repeated time; the answer is of 1 fix"
+    assert "5 bad trips listed in" in ran.output
     assert "no answer: " in ran.output
     good = rows_of(tmp_path / "out", "path")
+    good = good.filter(pc.invert(pc.is_in(good["drive_id"], pa.array(["still", "half"]))))
     keys = [("drive_id", "ascending"), ("seq", "ascending")]
     assert good.to_pylist() == usual.path.sort_by(keys).to_pylist()
 
@@ -273,7 +283,7 @@ def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, mo
         ({"points": "few"}, "none, slim, all"),
         ({"workers": 0}, "at least 1"),
         ({"split": "soon"}, "5min"),
-        ({"memory": "much"}, "512MB"),
+        ({"memory": "much"}, "256MB"),
     ):
         with pytest.raises(SettingError, match=words):
             run_fleet(tmp_path / "t.parquet", town, tmp_path / "o", **options)
@@ -290,3 +300,14 @@ def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, mo
     pq.write_table(away, tmp_path / "t.parquet")
     with pytest.raises(DriveError, match="none of 40 trips"):
         run_fleet(tmp_path / "t.parquet", town, tmp_path / "p", order="sorted", workers=1)
+
+
+def test_the_process_that_hands_out_work_does_without_pandas(tmp_path, town, table):
+    pq.write_table(table.slice(0, 79), tmp_path / "t.parquet")
+    code = (
+        "import sys, whichroad.fleet.run as r\n"
+        "r._all = lambda *a: sys.exit(print('pandas' in sys.modules))\n"
+        "r.run_fleet(*sys.argv[1:], workers=2, order='sorted')"
+    )
+    line = [sys.executable, "-c", code, str(tmp_path / "t.parquet"), str(town), str(tmp_path / "o")]
+    assert subprocess.run(line, capture_output=True, text=True).stdout.strip() == "False"

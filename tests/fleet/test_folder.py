@@ -129,6 +129,33 @@ def test_rows_in_any_order_other_columns_and_parts_of_splits(maps, trips):
     assert match_many(b, maps, split="5min").drives["drive_id"].to_pylist() == ["b/1.1", "b/1.2"]
 
 
+def test_a_zone_and_own_names_cut_where_the_usual_ones_cut(maps, trips, tmp_path):
+    from pyproj import Transformer
+
+    usual = match_many(trips, maps)
+    micros = pa.array((trips["time"].to_numpy() + 7200.0) * 1e6).cast(pa.int64())
+    to = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    x, y = to.transform(trips["lon"].to_numpy(), trips["lat"].to_numpy())
+    trip, local = trips["trip_id"], micros.cast(pa.timestamp("us"))
+    degrees = pa.table({"T": trip, "Z": local, "B": trips["lat"], "L": trips["lon"]})
+    plane = pa.table({"T": trip, "Z": local, "R": x, "H": y})
+    for table, own in (
+        (degrees, {"lat": "B", "lon": "L"}),
+        (plane, {"x": "R", "y": "H"}),
+    ):
+        named = {"columns": own | {"time": "Z", "drive_id": "T"}, "tz": "Europe/Berlin"}
+        more = named | {"crs": "EPSG:32632"}
+        found = match_many(table, maps, **more)
+        assert found.drives["fixes"].to_pylist() == usual.drives["fixes"].to_pylist()
+        keys = ["drive_id", "edge_id", "map"]
+        assert found.path.select(keys).equals(usual.path.select(keys))
+        assert found.points["time"].equals(usual.points["time"])
+        pq.write_table(table, tmp_path / "t.parquet")
+        out = tmp_path / "-".join(own)
+        run_fleet(tmp_path / "t.parquet", maps, out, workers=1, order="sorted", **more)
+        assert pq.read_table(out / "path").select(keys).equals(found.path.select(keys))
+
+
 def test_fleet_engines_and_speeds_tell_the_maps_apart(maps, trips, tmp_path):
     usual = match_many(trips, maps)
     for give in ("path", "drives", "slim"):

@@ -11,6 +11,9 @@ import pytest
 
 import whichroad
 from fleet.conftest import trip
+from fleet.test_folder import maps as maps
+from fleet.test_folder import trips as trips
+from fleet.test_own_columns import BERLIN, OWN, their_own
 from whichroad.batch import match_many
 from whichroad.errors import MapError, ReadError, SettingError
 
@@ -83,6 +86,37 @@ def test_a_vehicle_is_cut_into_the_same_trips(spark, town):
     wanted = [tuple(row[n] for n in ("drive_id", "fixes", "path_m")) for row in usual.to_pylist()]
     assert found == sorted(wanted)
     assert [name for name, *_ in found] == ["v/1", "v/2", "v/3", "w/1", "w/2"]
+
+
+def test_own_names_and_a_zone_are_those_of_one_machine(spark, town, table, shuffled):
+    from whichroad.spark import match
+
+    theirs = their_own(shuffled)
+    zoneless = spark.createDataFrame(
+        theirs.to_pandas(), "Fahrt string, Zeit timestamp_ntz, Breite double, Laenge double"
+    )
+    columns = OWN | {"drive_id": "Fahrt"}
+    out = match(zoneless, town, give="drives", columns=columns, tz=BERLIN)
+    usual = match_many(table, town).drives.sort_by("drive_id").to_pylist()
+    found = sorted((row.asDict() for row in out.collect()), key=lambda row: row["drive_id"])
+    for a, b in zip(found, usual, strict=True):
+        for name in ("drive_id", "fixes", "path_m", "duration_s", "notes"):
+            assert a.get(name) == b.get(name), name
+    with pytest.raises(ReadError, match="did you mean Zeit"):
+        match(zoneless, town, columns=columns | {"time": "Zeiit"})
+    with pytest.raises(ReadError, match="not a known time zone"):
+        match(zoneless, town, columns=columns, tz="Mars")
+
+
+def test_a_folder_of_maps_names_the_map_of_each_row(spark, maps, trips):
+    from whichroad.spark import match
+
+    out = match(spark.createDataFrame(trips.to_pandas()), maps, give="path")
+    usual = match_many(trips, maps).path
+    names = ["drive_id", "seq", "edge_id", "map"]
+    found = sorted(tuple(row[n] for n in names) for row in out.collect())
+    assert found == sorted(tuple(row.values()) for row in usual.select(names).to_pylist())
+    assert len({row[-1] for row in found}) == 2
 
 
 def test_what_cannot_be_run_is_refused_by_the_driver(spark, town, table):

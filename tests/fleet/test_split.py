@@ -1,5 +1,7 @@
 """Trips of a vehicle: cut where it pauses, stops or jumps, whatever order its rows have."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -101,6 +103,22 @@ def test_a_vehicle_that_only_stands_is_one_trip_and_rows_without_time_are_kept()
     ordered, parts = split_trips(holes, PAUSE)
     assert parts[-1].high == table.num_rows
     assert ordered["time"][-1].as_py() is None
+
+
+def test_clocks_that_are_set_forward_cut_no_trip(town):
+    table, _ = vehicle([(960, 0, False)], step=5.0)
+    night = datetime(2026, 3, 29, 0, 59, 30, tzinfo=UTC).timestamp()  # 01:59:30 in Berlin
+    at = table["time"].to_numpy() - 1.6e9 + night
+    hours = np.where(at < night + 30.0, 1, 2)
+    local = pa.array((at + 3600.0 * hours) * 1e6).cast(pa.int64()).cast(pa.timestamp("us"))
+    names = pa.array(["v"] * len(at))
+    table = table.set_column(0, "time", local).append_column("vehicle_id", names)
+    for more, trips in (({}, 2), ({"tz": "Europe/Berlin"}, 1)):
+        ordered = match_batches(
+            iter(table.to_batches()), town, give="drives", split="5min", ordered=True, **more
+        )
+        assert pa.Table.from_batches(ordered).num_rows == trips
+        assert match_many(table, town, split="5min", **more).drives.num_rows == trips
 
 
 def test_times_are_understood_or_refused():

@@ -134,7 +134,7 @@ def match_stream(
     own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own)
+        chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own, zone=job.zone)
         for tables in _in_order(pool, job.tables, chunks, 2 * workers):
             done += tables.drives.num_rows
             if progress:
@@ -210,11 +210,11 @@ def match_tables(
     batches: Any, job: Job | MapsJob, trip_id: str, split: float | None, *, ordered: bool
 ) -> Iterator[Tables]:
     """As `match_batches`, but all tables of the same trips that the job gives."""
+    own, zone = job.own_columns(), job.zone
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split, own=job.own_columns())
+        chunks = ordered_batches(batches, trip_id, split=split, own=own, zone=zone)
     else:
-        own = job.own_columns()
-        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own)
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own, zone=zone)
     for chunk in chunks:
         yield job.tables(chunk)
 

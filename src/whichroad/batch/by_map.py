@@ -1,6 +1,7 @@
 """The trips of a chunk on several maps: each on the map that holds it, the tables as one."""
 
 from collections.abc import Iterator, Sequence
+from datetime import tzinfo
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -44,6 +45,11 @@ class MapsJob(NamedTuple):
     def identity(self) -> dict[str, Any]:
         """What results name as their map."""
         return self.maps.identity
+
+    @property
+    def zone(self) -> tzinfo | None:
+        """As of `Job`."""
+        return self.job.zone
 
     def with_more(self, sensors: Sequence[Sensor], places: Any) -> "MapsJob":
         """The job with further sensors, as `Job.with_more`; places belong to one map.
@@ -98,7 +104,7 @@ class MapsJob(NamedTuple):
 
     def _at_borders(self, name: str, rows: pa.Table, trip: int) -> Iterator[_Part]:
         """The parts of a trip, or all of it where it cannot be read."""
-        rows, time = in_time_order(rows, self.job.columns)
+        rows, time = in_time_order(rows, self.job.columns, self.zone)
         at, lat, lon = self._fixes(rows, time)
         if not len(at):
             yield _Part(name, rows, 0, None, trip)

@@ -7,6 +7,8 @@ A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import tzinfo
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,12 +42,17 @@ from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
-_NONE = relative_schema(None).empty_table()
 AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are given
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"
 )
+
+
+@lru_cache(maxsize=1)
+def _no_places() -> pa.Table:
+    """A table of places without rows."""
+    return relative_schema(None).empty_table()
 
 
 class _Tables(NamedTuple):
@@ -69,12 +76,13 @@ class Tables(_Tables):
     nearby: pa.Table
 
     def __new__(
-        cls, points: pa.Table, path: pa.Table, drives: pa.Table, ahead: pa.Table = _NONE,
-        nearby: pa.Table = _NONE,
+        cls, points: pa.Table, path: pa.Table, drives: pa.Table,
+        ahead: pa.Table | None = None, nearby: pa.Table | None = None,
     ) -> "Tables":  # fmt: skip
         """Three tables, and two that stand beside them."""
         self = super().__new__(cls, points, path, drives)
-        self.ahead, self.nearby = ahead, nearby
+        self.ahead = _no_places() if ahead is None else ahead
+        self.nearby = _no_places() if nearby is None else nearby
         return self
 
     def every(self) -> tuple[pa.Table, ...]:
@@ -153,6 +161,11 @@ class Job(NamedTuple):
         """What results name as their map."""
         return self.roads.identity
 
+    @property
+    def zone(self) -> tzinfo | None:
+        """Of times that name none; None: UTC."""
+        return zone_of(self.tz)
+
     def with_more(self, sensors: Sequence[Sensor], places: Any) -> "Job":
         """The job with further sensors and with places, as `match` takes them.
 
@@ -205,7 +218,7 @@ class Job(NamedTuple):
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
         outside = np.zeros(len(chunk.names), np.int64)
         read = batched_fixes(
-            chunk.table, first[:-1], self.settings or Settings(), self.columns, zone_of(self.tz)
+            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.zone
         )
         if read is None or not len(read.fixes):
             return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable, outside, {})

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..wording import counted
-from .arguments import CrsOption, SensorOption, VehicleOption, read_sensors
+from .arguments import (
+    ColumnsOption,
+    CrsOption,
+    SensorOption,
+    VehicleOption,
+    ZoneOption,
+    read_columns,
+    read_sensors,
+)
 from .console import print_table, progress_line
 
 if TYPE_CHECKING:
@@ -65,6 +73,8 @@ def fleet(
         str | None, typer.Option(metavar="S|full", help="Smoothing, as for `whichroad match`.")
     ] = None,
     crs: CrsOption = None,
+    columns: ColumnsOption = None,
+    tz: ZoneOption = None,
     sensor: SensorOption = None,
     places: Annotated[
         Path | None,
@@ -75,12 +85,14 @@ def fleet(
     ] = None,
     memory: Annotated[
         str, typer.Option(help="Memory limit of the sort; the rest goes to disk.")
-    ] = "512MB",
+    ] = "256MB",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in this folder.")
     ] = False,
 ) -> None:
     """Match millions of trips: files in, a folder of path, drives and points out."""
+    own = {name: str(column) for name, column in read_columns(columns).items()}
+    sensors = read_sensors(sensor)
     from ..fleet import run_fleet
 
     with progress_line() as show:
@@ -91,8 +103,8 @@ def fleet(
 
         summary = run_fleet(
             trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
-            vehicle=vehicle, lag=lag, crs=crs, sensors=read_sensors(sensor), places=places,
-            workers=workers, memory=memory, resume=resume, progress=tell,
+            vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, sensors=sensors,
+            places=places, workers=workers, memory=memory, resume=resume, progress=tell,
         )  # fmt: skip
     print_fleet(summary)
 
@@ -110,17 +122,19 @@ def _line(so_far: "Progress") -> str:
 
 def print_fleet(summary: "Summary") -> None:
     """What was done; what was skipped, by reason, goes to the standard error."""
-    from ..fleet.run import BAD
+    from ..fleet.bad_trips import NAME as BAD
 
     done = summary.done
+    if summary.note:
+        typer.echo(f"note: {summary.note}", err=True)
     for reason, count in done.skipped.most_common():
         typer.echo(f"skipped: {reason}: {count:,}", err=True)
     for note, count in done.noted.most_common(_MOST_PRINTED):
         typer.echo(f"note: {counted(count, 'trip')}: {note}", err=True)
     for reason, count in done.reasons.most_common(_MOST_PRINTED):
         typer.echo(f"no answer: {counted(count, 'trip')}: {reason}", err=True)
-    if done.trips > done.answered:
-        typer.echo(f"all of them are listed in {summary.out / BAD}", err=True)
+    if summary.bad:
+        typer.echo(f"{counted(summary.bad, 'bad trip')} listed in {summary.out / BAD}", err=True)
     print_table(
         str(summary.out),
         [

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow as pa
-import pyarrow.dataset as ds
 
 from ..errors import ReadError
 from ..readers.checks import listed
-from ..readers.names import find
+from ..readers.names import NoSuchColumn, find
 
 _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
@@ -106,13 +105,16 @@ class Used(NamedTuple):
 def used_columns(
     names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str | int] = _NONE
 ) -> Used:
-    """Which columns of a table are read; `own`: those of further sensors, by their aliases.
+    """Which columns of a table are read; `own`: own names, and columns that sensors read.
 
     Raises:
-        ReadError: None names trips, or none has times.
+        ReadError: None names trips, none has times, or one of `own` is not there.
     """
     names = list(names)
-    found = find(names, own)
+    try:
+        found = find(names, own)
+    except NoSuchColumn as error:
+        raise ReadError(f"{where}: {str(error).removeprefix('table: ')}") from None
     usual = found.get("drive_id") or found.get("vehicle_id")
     trip = trip_id if trip_id in names else usual.name if usual and trip_id == "drive_id" else None
     if trip is None:
@@ -137,6 +139,8 @@ def schema_of(path: Path, kind: str) -> pa.Schema:
     Raises:
         ReadError: It cannot be read.
     """
+    import pyarrow.dataset as ds  # it brings pandas, which takes long
+
     try:
         return ds.dataset(str(path), format=kind).schema
     except (pa.ArrowException, OSError) as error:

@@ -24,6 +24,8 @@ def asked(task: Task, inputs: Inputs, order: str, identity: dict[str, Any]) -> d
         "map": identity,
         "inputs": inputs.stamps(),
         "trip_id": task.trip_id,
+        "columns": dict(task.columns),
+        "tz": task.tz,
         "order": order,
         "split_s": task.split,
         "points": task.points,

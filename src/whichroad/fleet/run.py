@@ -8,36 +8,33 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.dataset as ds
-import pyarrow.parquet as pq
-
 from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
 from ..places.place_table import read_places
 from ..readers import read_vehicle
+from ..readers.dates import zone_of
+from ..readers.many_trips import own_names, zone_note_of
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
-from ..sensed import checked, columns_of
+from ..sensed import checked
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..smoothing import Lag
 from . import manifest
+from .bad_trips import write_bad
 from .inputs import Inputs, inputs_of
 from .staging import stage
-from .units import UNIT_ROWS, Unit, plan
+from .units import UNIT_ROWS, Unit, batches_of, plan
 from .work import NOTHING, Done, Task, done_before, run_unit
 
-BAD = "bad_trips.parquet"
 _WORK = ".work"  # folder of what is needed until the end
 _AHEAD = 4  # units that wait for each worker
 
@@ -59,6 +56,8 @@ class Summary(NamedTuple):
     units: int
     units_before: int  # that were there when the run began
     seconds: float
+    note: str | None = None  # on times that name no zone
+    bad: int = 0  # trips in the table of bad ones
 
 
 def run_fleet(
@@ -74,10 +73,12 @@ def run_fleet(
     settings: Settings | None = None,
     lag: Any = None,
     crs: Any = None,
+    columns: Mapping[str, str] | None = None,
+    tz: str | None = None,
     sensors: Sequence[Sensor] = (),
     places: str | Path | None = None,
     workers: int | None = None,
-    memory: str = "512MB",
+    memory: str = "256MB",
     resume: bool = False,
     unit_rows: int = UNIT_ROWS,
     progress: Callable[[Progress], None] | None = None,
@@ -98,6 +99,8 @@ def run_fleet(
         settings: The model's numbers.
         lag: As in `match`.
         crs: Reference system of `x, y` columns.
+        columns: Own names of columns, as in `match_many`.
+        tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the files.
         places: Path of a table of point objects: `ahead` and `nearby` have those within 500 m
             ahead and within 50 m, at each epoch.
@@ -116,6 +119,8 @@ def run_fleet(
     """
     began = time.monotonic()
     _check(order, points, workers)
+    own, trip_id = own_names(columns, trip_id)
+    zone_of(tz)
     if places is not None:
         if is_folder(map):
             raise SettingError(f"{map}: places are read for one map, and this is a folder of them")
@@ -139,6 +144,7 @@ def run_fleet(
     task = Task(
         str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
         seconds_of(split), checked(sensors), None if places is None else str(places),
+        own, tz,
     )  # fmt: skip
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:
@@ -146,12 +152,13 @@ def run_fleet(
     size = workers or cores()
     units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
     waiting = [unit for unit in units if not task.is_done(unit)]
+    note = _zone_note(task, waiting)
     done = NOTHING
     for unit in units:
         if task.is_done(unit):
             done = done.plus(done_before(task, unit))
     done = _all(task, units, waiting, done, min(size, len(waiting)), progress)
-    _write_bad(folder)
+    bad = write_bad(folder)
     shutil.rmtree(folder / _WORK, ignore_errors=True)
     if not done.answered:
         reason = next((reason for reason, _ in done.reasons.most_common(1)), "there is no trip")
@@ -160,7 +167,7 @@ def run_fleet(
             f"map were expected; the most usual reason: {reason}"
         )
     seconds = time.monotonic() - began
-    return Summary(folder, done, len(units), len(units) - len(waiting), seconds)
+    return Summary(folder, done, len(units), len(units) - len(waiting), seconds, note, bad)
 
 
 def _check(order: str, points: str, workers: int | None) -> None:
@@ -214,26 +221,35 @@ def _units(
     missing = held and [unit for unit in held if not task.is_done(unit)]
     if held and not missing:
         return held
+    own = task.own_columns()
     if now["order"] == "sorted" and inputs.is_parquet:
         files = [path.resolve() for path in inputs.files["parquet"]]
     else:
-        text = json.dumps([now["inputs"], now["trip_id"], now["order"]])
+        text = json.dumps([now["inputs"], now["trip_id"], now["order"], own])
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         staged = folder.resolve() / _WORK / f"rows-{key}.parquet"
         if not staged.exists():
             ordered = now["order"] == "sorted"
             stage(
                 inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads,
-                own=columns_of(task.sensors),
+                own=own,
             )  # fmt: skip
         files = [staged]
     if held:
         return held
-    units = plan(files, task.trip_id, unit_rows)
+    units = plan(files, task.trip_id, unit_rows, own)
     if not units:
         raise ReadError("trips: there is no row in them; rows with a drive_id were expected")
     manifest.write(folder, now, units)
     return units
+
+
+def _zone_note(task: Task, waiting: list[Unit]) -> str | None:
+    """What to say where times name no zone, and the caller has named none."""
+    if task.tz is not None or not waiting:
+        return None
+    own = task.own_columns()
+    return zone_note_of(batches_of(waiting[0], task.trip_id, own), own)
 
 
 def _all(
@@ -260,7 +276,8 @@ def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if hasattr(context, "set_forkserver_preload"):
-        context.set_forkserver_preload(["whichroad.fleet.work"])
+        # Arrow loads pandas, where there is one, with its first array: once for all workers
+        context.set_forkserver_preload(["whichroad.fleet.work", "pandas"])
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     running = set()
     try:
@@ -293,16 +310,3 @@ def _begin() -> None:
 def _end_with(sentinel: int) -> None:
     wait([sentinel])
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _write_bad(folder: Path) -> None:
-    """The trips without an answer as a table: name and reason."""
-    drives = ds.dataset(str(folder / "drives"), format="parquet")
-    columns = ["drive_id", "reason"]
-    beside = folder / f".{BAD}.{os.getpid()}"
-    schema = pa.schema([drives.schema.field(name) for name in columns], drives.schema.metadata)
-    with pq.ParquetWriter(beside, schema, compression="zstd") as file:
-        for batch in drives.to_batches(columns=columns, filter=~pc.field("answered")):
-            if batch.num_rows:
-                file.write_table(pa.Table.from_arrays(batch.columns, schema=schema))
-    os.replace(beside, folder / BAD)

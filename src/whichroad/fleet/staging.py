@@ -3,18 +3,17 @@
 Files that are in order but cannot be read by parts (CSV, Arrow, queries) are copied as they are.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pyarrow.dataset as ds
-
 from ..errors import ReadError, SettingError
-from ..readers.names import find
+from ..readers.names import find, normal
 from .inputs import Inputs, Used, schema_of, used_columns
 
-_ISO = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"
+_LOCAL = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?"
+_ZONED = _LOCAL + r"(Z|[+-]\d\d(:?\d\d)?)"
 _SAMPLE = 10_000  # rows of which the times are looked at
 _GROUP = 65_536  # rows
 _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
@@ -22,7 +21,7 @@ _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UB
 
 def stage(
     inputs: Inputs, target: Path, trip_id: str, *, ordered: bool, memory: str, threads: int,
-    own: Mapping[str, str],
+    own: Mapping[str, str | int],
 ) -> Used:  # fmt: skip
     """Write the used columns of all inputs to one Parquet file.
 
@@ -31,16 +30,16 @@ def stage(
         target: The file; its folder takes what memory lacks.
         trip_id: The column that names trips.
         ordered: The rows stay in their order; else they are sorted by trip and time.
-        memory: Limit of the sort, such as 512MB.
+        memory: Limit of the sort, such as 256MB.
         threads: Of DuckDB.
-        own: Columns of further sensors, by their aliases.
+        own: Own names of columns, and those that further sensors read.
 
     Raises:
         ReadError: An input cannot be read, or lacks columns.
         SettingError: DuckDB is not installed, or the limit is none.
     """
     with _connection(target.parent, memory, threads) as con:
-        sources = [_source(con, inputs, kind, trip_id) for kind in inputs.files]
+        sources = [_source(con, inputs, kind, trip_id, own) for kind in inputs.files]
         sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
         union = " UNION ALL BY NAME ".join(sources)
         kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
@@ -79,8 +78,9 @@ def _connection(folder: Path, memory: str, threads: int) -> Iterator[Any]:
         con = duckdb.connect(
             config={"memory_limit": memory, "temp_directory": str(spill), "threads": threads}
         )
+        con.execute("SET enable_progress_bar = false")
     except duckdb.Error as error:
-        raise SettingError(f"memory is {memory!r}; a size such as 512MB was expected") from error
+        raise SettingError(f"memory is {memory!r}; a size such as 256MB was expected") from error
     try:
         yield con
     finally:
@@ -102,34 +102,50 @@ def _run(con: Any, query: str) -> Any:
         raise ReadError(f"trips: DuckDB cannot read them ({reason}); check files, query") from None
 
 
-def _source(con: Any, inputs: Inputs, kind: str, trip_id: str) -> str:
+def _source(con: Any, inputs: Inputs, kind: str, trip_id: str, own: Mapping[str, str | int]) -> str:
     """The query of all rows of the files of a kind."""
     paths = inputs.files[kind]
     names = ", ".join(_text(path) for path in paths)
     if kind == "csv":
-        return _csv(con, names, trip_id, str(paths[0]))
+        return _csv(con, inputs, trip_id, own)
     if kind == "parquet":
-        found = find(schema_of(paths[0], kind).names)
+        columns = schema_of(paths[0], kind).names
+        found = find(columns, _there(own, columns))
         if {"lat", "lon"} <= found.keys() or "geometry" not in found:
             return f"SELECT * FROM read_parquet([{names}], union_by_name=true)"
+    import pyarrow.dataset as ds
+
     con.register(f"files_{kind}", ds.dataset([str(path) for path in paths], format=kind))
     return f"SELECT * FROM files_{kind}"
 
 
-def _csv(con: Any, names: str, trip_id: str, where: str) -> str:
+def _there(own: Mapping[str, str | int], names: Iterable[str]) -> dict[str, str | int]:
+    """Those own names whose columns this table has: a union may have others."""
+    there = {normal(name) for name in names}
+    return {alias: column for alias, column in own.items() if normal(str(column)) in there}
+
+
+def _csv(con: Any, inputs: Inputs, trip_id: str, own: Mapping[str, str | int]) -> str:
     """The query of CSV files: trips stay text, times are read only where they are ISO 8601."""
+    paths = inputs.files["csv"]
+    names = ", ".join(_text(path) for path in paths)
     options = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"
     seen = _run(con, f"DESCRIBE SELECT * FROM read_csv([{names}], {options})").fetchall()
-    used = used_columns([row[0] for row in seen], trip_id, where)
     kinds = {row[0]: row[1] for row in seen}
+    others = inputs.queries or len(inputs.files) > 1
+    own = _there(own, kinds) if others else own
+    used = used_columns(kinds, trip_id, str(paths[0]), own)
     options += f", types={{{_text(used.trip)}: 'VARCHAR'}}"
     rows = f"read_csv([{names}], {options})"
     time = _quoted(used.time)
     if kinds[used.time] == "VARCHAR":
         few = f"SELECT {time} AS t FROM {rows} LIMIT {_SAMPLE}"
-        test = f"SELECT bool_and(t IS NULL OR regexp_full_match(t, '{_ISO}')) FROM ({few})"
-        if _run(con, test).fetchone()[0]:
-            return f"SELECT * REPLACE (TRY_CAST({time} AS TIMESTAMPTZ) AS {time}) FROM {rows}"
+        for form, kind in ((_ZONED, "TIMESTAMPTZ"), (_LOCAL, "TIMESTAMP")):
+            test = f"SELECT bool_and(t IS NULL OR regexp_full_match(t, '{form}')) FROM ({few})"
+            if _run(con, test).fetchone()[0]:
+                moment = f"TRY_CAST({time} AS {kind})"
+                moment = f"CASE WHEN regexp_full_match({time}, '{form}') THEN {moment} END"
+                return f"SELECT * REPLACE ({moment} AS {time}) FROM {rows}"
     return f"SELECT * FROM {rows}"
 
 

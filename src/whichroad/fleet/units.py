@@ -14,6 +14,7 @@ from .inputs import used_columns
 
 UNIT_ROWS = 1 << 18  # rows of a unit, about
 _BATCH = 1 << 15  # rows read at once
+_NONE: Mapping[str, str | int] = {}
 
 
 class Piece(NamedTuple):
@@ -32,10 +33,13 @@ class Unit(NamedTuple):
     pieces: tuple[Piece, ...]
 
 
-def plan(files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS) -> list[Unit]:
+def plan(
+    files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS,
+    own: Mapping[str, str | int] = _NONE,
+) -> list[Unit]:  # fmt: skip
     """Cut files, in which the rows of a trip lie together, into units.
 
-    Only the columns that name trips are read.
+    Only the columns that name trips are read.  `own` is that of `inputs.used_columns`.
 
     Raises:
         ReadError: A file cannot be read, or a trip comes again after others.
@@ -54,9 +58,9 @@ def plan(files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS) -> lis
 
     for path in files:
         low = at = 0
-        for column in _names(path, trip_id):
+        for column in _names(path, trip_id, own):
             begins = _begins(column, last)
-            for place in begins.tolist():
+            for place in begins:
                 _check(path, column[place].as_py(), seen)
                 if rows + at + place - low >= unit_rows:
                     if at + place > low:
@@ -73,11 +77,11 @@ def plan(files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS) -> lis
     return units
 
 
-def _names(path: Path, trip_id: str) -> Iterator[pa.Array]:
+def _names(path: Path, trip_id: str, own: Mapping[str, str | int]) -> Iterator[pa.Array]:
     """The trips of the rows of a file, part by part."""
     try:
         with pq.ParquetFile(path) as file:
-            used = used_columns(file.schema_arrow.names, trip_id, str(path))
+            used = used_columns(file.schema_arrow.names, trip_id, str(path), own)
             for batch in file.iter_batches(_BATCH, columns=[used.trip]):
                 column = batch.column(0)
                 if pa.types.is_dictionary(column.type):
@@ -89,14 +93,12 @@ def _names(path: Path, trip_id: str) -> Iterator[pa.Array]:
         raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
 
 
-def _begins(column: pa.Array, last: Any) -> np.ndarray[Any, Any]:
+def _begins(column: pa.Array, last: Any) -> list[int]:
     """The rows at which another trip begins, after one of the name `last`."""
-    changed = np.empty(len(column), np.bool_)
-    changed[0] = last is None or column[0].as_py() != last
-    same = pc.equal(column.slice(1), column.slice(0, len(column) - 1)).fill_null(False)
-    both = pc.and_(pc.is_null(column.slice(1)), pc.is_null(column.slice(0, len(column) - 1)))
-    changed[1:] = ~pc.or_(same, both).to_numpy(zero_copy_only=False)
-    return np.flatnonzero(changed)
+    first = [] if last is not None and column[0].as_py() == last else [0]
+    after, before = column.slice(1), column.slice(0, len(column) - 1)
+    same = pc.coalesce(pc.equal(after, before), pc.and_(pc.is_null(after), pc.is_null(before)))
+    return [*first, *(row + 1 for row in pc.indices_nonzero(pc.invert(same)).to_pylist())]
 
 
 def _check(path: Path, name: Any, seen: set[int]) -> None:

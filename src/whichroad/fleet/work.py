@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +15,7 @@ from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tabl
 from ..errors import WriteError
 from ..places import Places
 from ..roadmap import shared_map
+from ..sensed import columns_of
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
@@ -41,10 +42,16 @@ class Task(NamedTuple):
     split: float | None
     sensors: tuple[Sensor, ...] = ()
     places: str | None = None  # path of a table of point objects
+    columns: Mapping[str, str | int] = {}  # own names
+    tz: str | None = None  # of times that name no zone
 
     def folder(self, table: str) -> Path:
         """Where the files of a table go."""
         return Path(self.out) / table
+
+    def own_columns(self) -> dict[str, str | int]:
+        """Own names of columns, and the columns that the sensors read, as `Job.own_columns`."""
+        return {**self.columns, **columns_of(self.sensors)}
 
     @property
     def tables(self) -> dict[str, str]:
@@ -96,12 +103,12 @@ def run_unit(task: Task, unit: Unit) -> Done:
     give = frozenset(task.tables) | {"drives"}
     job = job_of(
         task.map, task.vehicle, task.settings, task.lag, False, task.crs, give,
-        split=task.split is not None,
+        split=task.split is not None, columns=task.columns, tz=task.tz,
     )  # fmt: skip
     about = None if task.places is None else _places(task.places, task.map)
     job = job.with_more(task.sensors, about)
     identity = job.identity
-    rows = batches_of(unit, task.trip_id, job.own_columns())
+    rows = batches_of(unit, task.trip_id, task.own_columns())
     last = [name for name in task.tables if name != "points"]  # drives say that the unit is done
     parts: dict[str, list[pa.Table]] = {name: [] for name in last}
     with ExitStack() as files:

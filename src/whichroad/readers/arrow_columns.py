@@ -1,6 +1,7 @@
 """Columns of an Arrow table as NumPy arrays: numbers, times, labels."""
 
 import math
+from collections import Counter
 from datetime import tzinfo
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -149,6 +150,24 @@ def times(
         return Times(values * meaning.factor)
     moments = of_numbers(values, zone)
     return Times(values, counted=True) if moments is None else Times(*moments)
+
+
+def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:
+    """Whether a time, an array of one, names no zone; of numbers by their size alone.
+
+    Of numbers and timestamps no array of NumPy is made: with its first one Arrow brings pandas.
+    """
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(cell.type):
+        return cell.type.tz is None
+    if _is_number(cell.type):
+        value = cell[0].as_py()
+        read = (
+            None if meaning.factor or value is None else of_numbers(np.array([float(value)]), None)
+        )
+        return read is not None and read.zoneless
+    return times(pa.chunked_array([cell]), meaning, "table", Counter()).zoneless
 
 
 def _plain(column: "pa.ChunkedArray") -> tuple["pa.ChunkedArray", "pa.DataType"]:

@@ -4,8 +4,8 @@ A trip of a stream is complete once enough rows of other trips have followed its
 """
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import tzinfo
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from .arrow_columns import texts, times
+from .arrow_columns import is_zoneless, texts
 from .checks import listed
 from .csv_text import no_column
 from .dates import taken_as_utc
@@ -56,7 +56,7 @@ class Trip(NamedTuple):
 
 def trip_batches(
     source: Any, drive_id: str = "drive_id", *, split: float | None = None, strict: bool = False,
-    own: Own = _NONE,
+    own: Own = _NONE, zone: tzinfo | None = None,
 ) -> Iterator[TripBatch]:  # fmt: skip
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
@@ -69,6 +69,7 @@ def trip_batches(
             into trips called `name/1`, `name/2`, ...
         strict: Refuse a stream in which the name of a complete trip comes again.
         own: Own names of columns, by documented names, and further columns that are kept.
+        zone: Of times that name none, for `split`; None: UTC.
 
     Raises:
         ReadError: The source is none of these, or has no such column.
@@ -76,7 +77,7 @@ def trip_batches(
 
     def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
         trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
-        yield from packed(split_each(trips, split, own) if split else trips, strict)
+        yield from packed(split_each(trips, split, own, zone) if split else trips, strict)
 
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id, own))
@@ -88,7 +89,7 @@ def trip_batches(
         elif split:
             table = of_vehicles(usual_rows(source, drive_id, own), own)
             trips = (Trip(*trip) for trip in cut(table))
-            yield from packed(split_each(trips, split, own), strict)
+            yield from packed(split_each(trips, split, own, zone), strict)
         else:
             yield from parts_of(of_vehicles(usual_rows(source, drive_id, own), own))
     elif isinstance(source, Iterable):
@@ -250,13 +251,15 @@ def parts_of(table: "pa.Table") -> Iterator[TripBatch]:
         trip = end
 
 
-def split_each(trips: Iterable[Trip], pause: float, own: Own = _NONE) -> Iterator[Trip]:
+def split_each(
+    trips: Iterable[Trip], pause: float, own: Own = _NONE, zone: tzinfo | None = None
+) -> Iterator[Trip]:
     """The trips of each name, numbered from 1; rows without a name stay together."""
     for name, rows, _ in trips:
         if not name:
             yield Trip(name, rows)
             continue
-        ordered, parts = split_trips(rows, pause, own)
+        ordered, parts = split_trips(rows, pause, own, zone)
         for number, (low, high, standing) in enumerate(parts, 1):
             yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 
@@ -329,15 +332,17 @@ def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
 
 def zone_note(path: str | PathLike[str], drive_id: str, columns: Own | None) -> str | None:
     """What to say of a file whose times name no zone, by its first time; None: nothing."""
-    import pyarrow as pa
-
     own, drive_id = own_names(columns, drive_id)
-    for batch in _of_path(Path(path), drive_id, own):
+    return zone_note_of(_of_path(Path(path), drive_id, own), own)
+
+
+def zone_note_of(batches: Iterable[Any], own: Own) -> str | None:
+    """`zone_note` of record batches."""
+    for batch in batches:
         if batch.num_rows:
             meaning = find(batch.schema.names, own)["time"]
-            first = pa.chunked_array([batch.column(meaning.place).slice(0, 1)])
-            read = times(first, meaning, "table", Counter())
-            return taken_as_utc(meaning.name) if read.zoneless else None
+            zoneless = is_zoneless(batch.column(meaning.place).slice(0, 1), meaning)
+            return taken_as_utc(meaning.name) if zoneless else None
     return None
 
 

@@ -7,6 +7,7 @@ are the same whatever engine brought the rows together.
 import re
 from collections import Counter
 from collections.abc import Mapping
+from datetime import tzinfo
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -63,8 +64,9 @@ def seconds_of(text: str | float | None) -> float | None:
 
 
 def split_trips(
-    table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None
-) -> "tuple[pa.Table, list[Part]]":
+    table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None,
+    zone: tzinfo | None = None,
+) -> "tuple[pa.Table, list[Part]]":  # fmt: skip
     """The rows of one vehicle in the order of time, and the trips among them.
 
     A trip ends before a pause of more than `pause` without a fix, when the vehicle begins to
@@ -74,11 +76,12 @@ def split_trips(
         table: All rows of a vehicle, with times; rows without a readable time come last.
         pause: s.
         own: Own names of columns, as `names.find` takes them.
+        zone: Of times that name none; None: UTC.
 
     Returns:
         The table in order, and its trips; at least one where there are rows.
     """
-    table, time = in_time_order(table, own)
+    table, time = in_time_order(table, own, zone)
     found = find(table.column_names, own)
     lat, lon = (degrees_of(table, found.get(name)) for name in ("lat", "lon"))
     rows = np.flatnonzero(np.isfinite(time) & is_place(lat, lon))
@@ -88,12 +91,12 @@ def split_trips(
 
 
 def in_time_order(
-    table: "pa.Table", own: Mapping[str, str | int] | None = None
+    table: "pa.Table", own: Mapping[str, str | int] | None = None, zone: tzinfo | None = None
 ) -> "tuple[pa.Table, Array]":
     """The rows of a vehicle in the order of time, and their times, s.
 
     Rows without a readable time come last, their time is infinite. `own` names columns, as
-    `names.find` takes them.
+    `names.find` takes them; `zone` is that of times that name none, None: UTC.
     """
     found = find(table.column_names, own)
     unknown = np.full(table.num_rows, np.inf)
@@ -101,7 +104,8 @@ def in_time_order(
         return table, unknown
     meaning = found["time"]
     try:
-        time = times(table.column(meaning.place), meaning, "table", Counter()).seconds
+        column = table.column(meaning.place)
+        time = times(column, meaning, "table", Counter(), zone=zone).seconds
     except Exception:  # the reader of the trip will say what its times are
         return table, unknown
     time = np.where(np.isfinite(time), time, np.inf)

@@ -1,6 +1,7 @@
 """The filter's estimates as whole columns, and in words why a status is what it is."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,12 @@ from ..roadmap import RoadMap
 from .status import COUNTS, RECENT, STATUS, far_off, reason, title
 
 XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
-_SHARES = pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
+
+
+@lru_cache(maxsize=1)
+def _shares() -> pa.Array:
+    """Probabilities in hundredths as text."""
+    return pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
 
 
 class Estimates(NamedTuple):
@@ -102,7 +108,7 @@ def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
     road = pa.array(edges[row, rank]).dictionary_encode()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
     competitors = pc.binary_join_element_wise(
-        _titles(road.dictionary, roads).take(road.indices), _SHARES.take(pa.array(cents)), " "
+        _titles(road.dictionary, roads).take(road.indices), _shares().take(pa.array(cents)), " "
     )
     ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
     return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), competitors), " or ")

@@ -1,6 +1,7 @@
 """What was found of drives, as columns: points, path, summary."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,12 @@ _RULES = (
     (U_TURN, "u_turn"),
 )
 _GAP = 1 << 20  # flag of a gap, above all rules
-_STATUS = pa.array(STATUS)
+
+
+@lru_cache(maxsize=1)
+def _statuses() -> pa.Array:
+    """The words of `STATUS`.  Arrow's first array brings pandas: not where this is imported."""
+    return pa.array(STATUS)
 
 
 def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
@@ -96,7 +102,7 @@ def points_table(
         "p_road": _nullable(v.p_edge, none),
         "p_way": _nullable(v.p_way, none),
         "p_off_road": _nullable(v.p_off_road, none),
-        "status": _STATUS.take(pa.array(v.status)),
+        "status": _statuses().take(pa.array(v.status)),
         "reason": reasons(epochs, v, roads, first),
         "alternatives": _alternatives(v),
         "protection_level_m": _nullable(v.protection_level, none),
