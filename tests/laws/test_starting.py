@@ -9,6 +9,7 @@ import pytest
 import whichroad
 from laws.public import CAR, DISTANCE, START, degrees, geo_fixes, readings, road_map
 from scenes import drive_along
+from whichroad.sensors import Compass, SensorReading
 
 LENGTH = 2000.0  # m
 # no pruning, no merging, no probability for unknown causes
@@ -29,11 +30,12 @@ def cut(line: Sequence[Any], count: int) -> list[np.ndarray]:
 def first(
     roads: whichroad.RoadMap, x: float, y: float, *, sigma: float = 3.0,
     settings: whichroad.Settings = PLAIN, bearing: float | None = None,
+    sensors: Sequence[Any] = (),
 ) -> whichroad.Localizer:  # fmt: skip
     """The filter after a fix."""
     lon, lat = degrees(x, y)
     course = {} if bearing is None else {"bearing_deg": bearing, "sigma_bearing_deg": 5.0}
-    online = whichroad.Localizer(roads, vehicle=CAR, settings=settings)
+    online = whichroad.Localizer(roads, vehicle=CAR, settings=settings, sensors=sensors)
     online.update(
         whichroad.GeoFix(START, float(lat), float(lon), sigma**2, 0.0, sigma**2, **course)
     )
@@ -87,6 +89,15 @@ def test_a_known_course_excludes_opposite_directions():
     online = first(road_map([ALONG, beside(12.0)]), 1000.0, 5.0, bearing=85.0)
     assert set(shares(online)) == {(0, True), (1, True), None}
     assert online.estimate().pose.bearing_deg == pytest.approx(85.0, abs=5.0)
+
+
+@pytest.mark.parametrize("bearing", [90.0, 270.0])
+def test_a_compass_says_no_more_against_a_direction_than_that_it_is_mistaken(bearing: float):
+    """At a start nothing else tells the direction, and a compass may be mounted backwards."""
+    online = first(road_map([ALONG]), 1000.0, 0.0, sensors=[Compass(sigma_deg=1.0, lasts_m=0.0)])
+    online.update(SensorReading(START + 0.01, {"compass_deg": bearing}, "compass"))
+    found = shares(online)
+    assert found[0, bearing > 180.0] / found[0, bearing < 180.0] == pytest.approx(0.02, rel=0.1)
 
 
 def test_far_from_every_road_a_vehicle_is_and_stays_off_road():

@@ -28,6 +28,7 @@ from .state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, X, Y
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _NEAREST = 0.5  # m, to a place
 _JUDGES = 0.01  # weight from which on a hypothesis judges a reading
+_MISTAKEN = 0.02  # P(a heading is not the vehicle's), once for as long as its error lasts
 _WRONG = 2.0  # score of a misfit; a reading that fits takes one off
 _REFUSED, _MOST = 8.0, 16.0  # score from which on a sensor is not believed; the largest
 _S = 0  # scratch: innovation variance
@@ -74,6 +75,9 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
     within the gate, o times beyond it, is given o (o − 1) times its innovation variance more, alike
     for all: the farther it is off, the less it moves anything.  A sensor that lately gave such rows
     is doubted: its variance is multiplied by one and its score.
+
+    A heading may be that of another axis, and at a start no other sensor may tell the direction.
+    So it says no more against a hypothesis than that it is mistaken itself.
     """
     state = belief.state[0]
     gate = ctx.par[0].gnss_gate
@@ -82,6 +86,7 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
     if best < math.inf and not _is_believed(sensor, best > gate):
         return
     variance = (reading.variance[axis] + extra) * (1.0 + sensor.score) / reading.share
+    least = _least(belief, reading, variance) if reading.kind == HEADING else -math.inf
     row = ctx.work.row
     bound = 0.0
     fit = 0.0
@@ -90,6 +95,9 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
         if reading.kind == LATERAL and hyp.edge == OFF_ROAD:
             continue
         nu, curved = _fill_row(hyp, row, state, reading, axis)
+        if reading.kind == HEADING and _log_likelihood(hyp, nu, reading, variance) < least:
+            hyp.log_weight += least  # of this one the heading is mistaken, and tells nothing
+            continue
         ell = condition(hyp.mu, hyp.cov, row, nu, variance + curved, state.scale)
         hyp.log_weight += ell
         s = hyp.scratch[_S] - reading.variance[axis] + variance
@@ -99,6 +107,26 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
         for i in range(state.count):
             if belief.hyp[i].edge == OFF_ROAD:  # it fits as a road does on average
                 belief.hyp[i].log_weight += fit / bound
+
+
+@kernel
+def _log_likelihood(hyp: Record, nu: float, reading: Record, variance: float) -> float:
+    """Of a heading, by the innovation variance that `_judge` left in the scratch."""
+    s = hyp.scratch[_S] - reading.variance[0] + variance
+    return float(-0.5 * (LOG_2PI + math.log(s) + nu * nu / s))
+
+
+@kernel
+def _least(belief: Belief, reading: Record, variance: float) -> float:
+    """The least that a heading says of any hypothesis: of the best one, and P(mistaken) below."""
+    state = belief.state[0]
+    best = -math.inf
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight >= _JUDGES:
+            nu = wrap(reading.value - hyp.mu[H])
+            best = max(best, _log_likelihood(hyp, nu, reading, variance))
+    return float(best + reading.share * math.log(_MISTAKEN))
 
 
 @kernel
