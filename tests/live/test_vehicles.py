@@ -103,10 +103,12 @@ def test_an_option_names_its_vehicle_or_is_for_all():
     given = Fittings(
         named(["van=udp://:2000", "bus=listen://:2001"]), named(["van=can0"]), named(["car.dbc"]),
         named(["bus=bus.toml", "van=van.toml"]), named(["van=tcp://:3000"]),
+        named(["van=van.jsonl"]),
     )  # fmt: skip
     assert given.names == ["van", "bus"]
     assert given.one("dbc", "van") == given.one("dbc", "bus") == "car.dbc"
     assert given.one("vehicle", "bus") == "bus.toml"
+    assert given.one("readings", "van") == "van.jsonl"
     assert own_file(None, "van") is None
 
 
@@ -116,12 +118,14 @@ def test_an_option_names_its_vehicle_or_is_for_all():
         (["udp://:1", "van=udp://:2"], [], []),
         (["van=udp://:1"], ["bus=tcp://:2"], []),
         (["van=udp://:1", "bus=udp://:2"], ["tcp://:3"], []),
+        (["van=udp://:1"], [], ["bus=bus.jsonl"]),
+        (["van=udp://:1", "bus=udp://:2"], [], ["both.jsonl"]),
     ],
 )
 def test_a_vehicle_without_a_name_or_without_an_input_is_told(texts):
-    nmea, out, _ = map(named, texts)
+    nmea, out, readings = map(named, texts)
     with pytest.raises(BadParameter, match=r"NAME|name of a vehicle"):
-        _ = Fittings(nmea, {}, {}, {}, out).names
+        _ = Fittings(nmea, {}, {}, {}, out, readings).names
 
 
 def test_satellites_hdop_and_height_go_from_the_receiver_to_gga():

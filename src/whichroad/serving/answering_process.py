@@ -131,7 +131,7 @@ def main() -> None:
     if told["last"]:
         from ..live.priority import give_way
 
-        give_way()
+        give_way(always=True)
     import pyarrow as pa
 
     pa.set_cpu_count(1)
