@@ -4,6 +4,7 @@ Classes, by `--classes`:
 
     ranges   5 km without GNSS, a range of 1 m to a point every 200 m, surveyed or read off the map
     compass  started by wheels and the map alone, with a compass of 5 degrees and without one
+    mounted  a cold start with fixes, wheels and a compass whose readings are off by some degrees
     removed  a full set, and the set less each sensor: ANEES, truth in the 95 % ellipse
     faults   each sensor with each fault from a minute on: level exceeded, named
 """
@@ -28,7 +29,9 @@ from .search import _first_held, prepare
 from .town import CHI2_95, WARM_UP_S, right_edges
 
 SEEDS = range(7500, 7540)
-CLASSES = ("ranges", "compass", "removed", "faults")
+CLASSES = ("ranges", "compass", "mounted", "removed", "faults")
+_OFF_DEG = (0.0, 20.0, 140.0, 180.0)  # of the class mounted
+_FAR_M = 30.0
 _AFTER_M, _OUTAGE_M = 1500.0, 5000.0  # of the class ranges
 _LENGTH_M = 7500.0
 _POINTS = ("none", "surveyed", "none in its frame", "read off the map")  # of the map
@@ -123,6 +126,22 @@ def one_compass(seed: int, *, settings: Settings) -> Row:
     return row
 
 
+def one_mounted(seed: int, *, settings: Settings) -> Row:
+    """A drive of 1.5 km with a compass that is off by each of some angles: how far off it ends."""
+    drive, row = _drive(seed, 1500.0), Row()
+    for off in _OFF_DEG:
+        sensor, told = SENSORS["compass"](world["roads"], drive, np.random.default_rng([seed, 9]))
+        turned = [
+            replace(one, values={"compass_deg": (one.values["compass_deg"] + off) % 360.0})
+            for one in told
+        ]
+        errors = _Errors(drive, *localize(drive, [(sensor, turned)], settings)[:2], False)
+        far = errors.error[-1] > _FAR_M
+        row[f"{off:g}: far"] = float(far)
+        row[f"{off:g}: far and sure"] = float(far and errors.rows.p_edge[-1] > 0.99)
+    return row
+
+
 def one_removed(seed: int, *, settings: Settings) -> Row:
     """A drive with 1.5 km without GNSS, by all sensors, by none, and by all but one."""
     drive = _drive(seed, 5600.0, "outage")
@@ -167,13 +186,15 @@ def run(options: Options) -> list[Figure]:
     seeds = options.seeds or SEEDS
     heidelberg = options.need("maps", "heidelberg.osm.pbf")
     figures: list[Figure] = []
-    works = dict(zip(CLASSES, (one_ranges, one_compass, one_removed, one_faulty), strict=True))
-    tables = dict(
-        zip(CLASSES, (_ranges_table, _compass_table, _removed_table, _faults_table), strict=True)
-    )
+    ones = (one_ranges, one_compass, one_mounted, one_removed, one_faulty)
+    shown = (_ranges_table, _compass_table, _mounted_table, _removed_table, _faults_table)
+    works = dict(zip(CLASSES, ones, strict=True))
+    tables = dict(zip(CLASSES, shown, strict=True))
     for name in options.more.get("classes", ",".join(CLASSES)).split(","):
         work = partial(works[name], settings=options.settings())
-        figures += tables[name](Table(each(work, seeds, options, prepare, (heidelberg,)), seeds))
+        figures += tables[name](
+            Table(each(work, seeds, options, prepare, (heidelberg, heidelberg)), seeds)
+        )
     return figures
 
 
@@ -218,6 +239,17 @@ def _compass_table(table: Table) -> list[Figure]:
         Figure("compass: median way, of that without", float(medians[0] / medians[1]), "<= 0.7",
                "", n),
     ]  # fmt: skip
+
+
+def _mounted_table(table: Table) -> list[Figure]:
+    figures = []
+    for off in _OFF_DEG:
+        name = f"compass off by {off:g} degrees: ends {_FAR_M:g} m off"
+        figures += [
+            table.share(name, f"{off:g}: far", None, "<= 0"),
+            table.share(f"{name}, and sure of its road", f"{off:g}: far and sure"),
+        ]
+    return figures
 
 
 def _removed_table(table: Table) -> list[Figure]:
