@@ -286,16 +286,24 @@ def _settle(
 
 
 @kernel(inline=True)
-def _search(belief: Belief, path: Path, ctx: Context, epoch: Record, white: float) -> None:
-    """Look for the vehicle at the fix, where the turns of its odometry may be wrong."""
+def _search(
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, misfit: bool
+) -> None:
+    """Look for the vehicle at a fix that is far away, where the belief may be wrong."""
     state = belief.state[0]
+    par = ctx.par[0]
     vetting = state.vetting
+    lost = state.mode == WHEELS and _is_lost(belief)
+    if state.mode == WHEELS and (lost or misfit):
+        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
     share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
     undecided = epoch.time - vetting.undecided_at < _SEARCHED
     undecided = undecided and epoch.time > state.restarted_at + _TRIED
     if state.mode == WHEELS and vetting.untried == 1 and vetting.turned == 0 and undecided:
         share = _UNTRIED_SHARE
-    if share > 0.0 and ctx.par[0].gnss_lost > 0.0:
+    if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
+        share = _RESTARTED
+    if share > 0.0:
         state.restarted_at = epoch.time
         _add_restarts(belief, path, ctx, epoch, white, True, share)
 
@@ -353,13 +361,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
-    lost = state.mode == WHEELS and _is_lost(belief)
-    if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
-        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
-    _search(belief, path, ctx, epoch, white)
-    alone = par.gnss_lost > 0.0 and is_alone(state, par, epoch)
-    if alone and is_unlikely(belief, epoch.time):
-        _add_restarts(belief, path, ctx, epoch, white, True, _RESTARTED)
+    if par.gnss_lost > 0.0:
+        _search(belief, path, ctx, epoch, white, misfit)
     _observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if misfit:
