@@ -7,7 +7,7 @@ from ._simd import copy_record
 from .history import History
 from .motion import GYRO_PACE
 from .silence import hear, is_pause, may_have_moved
-from .sources import ARC, COURSE, SPEED, TURN, is_borne_out
+from .sources import ARC, COURSE, NONE, SPEED, TURN, TURNS, is_borne_out
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
 from .windows import BY_GYRO, BY_WHEELS, UNTURNED
@@ -113,6 +113,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting = state.vetting
     vetting.score[TURN] = 0.0
     vetting.refused[TURN] = 0
+    vetting.turned = 0
     vetting.reported[TURN] = 0.0
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0
@@ -185,7 +186,10 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         state.mode = mode
     elif mode != state.mode:
         switch(belief, history, ctx, mode)
-    if vetting.news == 1 and epoch.has_fix and is_elsewhere(belief, epoch):
-        state.misfits = par.lost_after
-        state.gnss_factor = 0.0
+    if vetting.news != NONE and epoch.has_fix and is_elsewhere(belief, epoch):
+        if vetting.news == TURNS:
+            vetting.elsewhere = 1
+        else:
+            state.misfits = par.lost_after
+            state.gnss_factor = 0.0
     return reading
