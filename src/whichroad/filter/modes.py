@@ -107,10 +107,10 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     """Where another sensor measures the turn from now on, nothing is known of its drift."""
     state = belief.state[0]
     steered = BY_WHEELS if gyro == BY_WHEELS else BY_GYRO
-    if steered == state.steered:
-        return
-    state.steered = steered
     vetting = state.vetting
+    if steered == vetting.steered:
+        return
+    vetting.steered = steered
     vetting.score[TURN] = 0.0
     vetting.refused[TURN] = 0
     vetting.turned = 0

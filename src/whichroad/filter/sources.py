@@ -32,6 +32,7 @@ VETTING = np.dtype(
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
         ("turned", "u1"),  # 1: so has the odometry
+        ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
         ("untried", "u1"),  # 1: a fix last fitted nothing in the first turn of the odometry
         ("bend", "f8"),  # rad by which it has turned in the last seconds
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away

@@ -90,7 +90,6 @@ FILTER = np.dtype(
         ("mode", "i8"),  # what moves the vehicle now: WHEELS, DISTANCE or CLOCK
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
         ("known_drift", "f8", (2,)),  # the same of b
-        ("steered", "u1"),  # what b is of: BY_WHEELS or BY_GYRO
         ("vetting", VETTING),  # which sensors are believed
         ("still", STILL),  # whether fixes alone show that the vehicle stands (filter.standstill)
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
