@@ -23,7 +23,8 @@ _DIFFER, _DISPUTE = 0.4, 0.5  # rad by which turns differ; without fixes
 _SETTLED = 0.15  # rad, below which a dispute is over
 _CURVED, _HARDEST = 0.45, 14.0  # 1/m, m/s²: what no car does
 _MOVES, _AT_ONCE = 1.0, 0.2  # m, of a second, and of one reading
-_SAME, _STUCK = 1e-6, 2.0  # rad/s between readings, and s, of a gyro that is stuck
+_SAME, _STUCK = 1e-6, 2.0  # rad/s between readings, and s, of a gyro that is stuck,
+_UNLIKE = 0.15  # rad by which the wheels turn otherwise meanwhile
 _REFUSED, _MOST, _LEAST = 3.0, 6.0, -3.0  # of a score
 _TURNS = 0.4  # rad, through which two agree
 _FORGET = 30.0  # s over which sums are kept while both are believed
@@ -222,12 +223,12 @@ class Takeover:
         last = self._anchors[-1]
         off = [b - a for a, b in zip(recent.turned, last.turned, strict=True)]
         apart = abs(off[GYRO] - off[WHEELS])
+        if self._constant[1] > _STUCK and apart > _UNLIKE:
+            self._count(GYRO, _REFUSED)
         if told or any(self.wrong) or max(self._score) >= _REFUSED:
             self.disputed = False
         elif apart > _DISPUTE:
             self.disputed = True
-            if self._constant[1] > _STUCK:
-                self._count(GYRO, _REFUSED)
         elif apart < _SETTLED:
             self.disputed = False
 
