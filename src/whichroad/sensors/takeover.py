@@ -22,7 +22,8 @@ _RECENT = 8.0  # s over which turns are compared without fixes
 _DIFFER, _DISPUTE = 0.4, 0.5  # rad by which turns differ; without fixes
 _SETTLED = 0.15  # rad, below which a dispute is over
 _CURVED, _HARDEST = 0.45, 14.0  # 1/m, m/s²: what no car does
-_MOVES, _AT_ONCE = 1.0, 0.2  # m, of a second, and of one reading
+_MOVES, _SOON = 1.0, 0.3  # m, of a second, and of the last readings
+_TICKS = 0.08  # rad by which counts are rounded
 _SAME, _STUCK = 1e-6, 2.0  # rad/s between readings, and s, of a gyro that is stuck,
 _UNLIKE = 0.15  # rad by which the wheels turn otherwise meanwhile
 _REFUSED, _MOST, _LEAST = 3.0, 6.0, -3.0  # of a score
@@ -55,6 +56,8 @@ class Takeover:
         self._anchors: deque[Anchor] = deque(maxlen=32)
         self._turned, self._place = [0.0, 0.0], [0j, 0j]
         self._second = [0.0, 0.0, 0.0, 0.0]  # s, arc, and turns of each since the last anchor
+        self._part: deque[tuple[float, ...]] = deque(maxlen=16)  # s, m, rad, rad of the last
+        # readings, and the m and rad that were taken
         self._fix: tuple[complex, float] | None = None  # m, since the last anchor
         self._origin: tuple[float, float, float] | None = None  # degrees; cosine of the first
         self._time = -math.inf
@@ -91,11 +94,24 @@ class Takeover:
         self._sum_up(dt, arc, wheels, gyro)
         if self._second[0] >= (_EVERY if self._fix is not None else _WITHOUT):
             self._judge(time)
+        taken = self._taken(dt, arc, wheels, gyro)
+        self._part.append((dt, arc, wheels, gyro, taken[0], taken[1]))
+        return taken
+
+    def _taken(self, dt: float, arc: float, wheels: float, gyro: float) -> Taken:
+        """What is taken of a reading."""
         if self.wrong[WHEELS] and not self.wrong[GYRO]:
             return self._alive(arc, wheels, gyro), gyro, BY_GYRO
-        if _impossible(dt, arc, wheels, _AT_ONCE) and not _impossible(dt, arc, gyro, _AT_ONCE):
-            return self._alive(arc, wheels, gyro), gyro, BY_WHEELS  # until that is judged
-        return arc, wheels, UNTURNED if self.disputed else BY_WHEELS
+        part = self._part
+        while part and sum(abs(one[1]) for one in part) - abs(part[0][1]) + abs(arc) > _SOON:
+            part.popleft()
+        past = [sum(column) for column in zip(*part, strict=True)] if part else [0.0] * 6
+        t, far, w, g = (a + b for a, b in zip(past[:4], (dt, arc, wheels, gyro), strict=True))
+        if self.wrong[GYRO] or _impossible(t, far, g, _SOON) or not _impossible(t, far, w, _SOON):
+            return arc, wheels, UNTURNED if self.disputed else BY_WHEELS
+        self._count(WHEELS, _REFUSED)
+        self.wrong[WHEELS] = True  # and what was given of these wheels is taken back
+        return self._alive(far, w, g) - past[4], g - past[5], BY_GYRO
 
     def mute(self, seconds: float) -> None:
         """Wheels were silent beside the gyro for so many seconds."""
@@ -111,19 +127,20 @@ class Takeover:
             for a in self._anchors
         ]  # fmt: skip
         return [
-            self._time, self._turned, places, self._second, fix, self._origin, self._score,
-            self.wrong, self.disputed, self.seconds, self.silent, self.sums, self._constant,
-            anchors,
+            self._time, self._turned, places, self._second, list(map(list, self._part)), fix,
+            self._origin, self._score, self.wrong, self.disputed, self.seconds, self.silent,
+            self.sums, self._constant, anchors,
         ]  # fmt: skip
 
     def restore(self, kept: list[Any]) -> None:
         """Know again what `kept` gave."""
         copied: list[Any] = [list(one) if isinstance(one, list) else one for one in kept]
         (
-            self._time, self._turned, places, self._second, fix, origin, self._score,
+            self._time, self._turned, places, self._second, part, fix, origin, self._score,
             self.wrong, self.disputed, self.seconds, self.silent, self.sums, self._constant,
             anchors,
         ) = copied  # fmt: skip
+        self._part = deque(map(tuple, part), maxlen=16)
         self._origin = None if origin is None else (origin[0], origin[1], origin[2])
         self._anchors.clear()
         for time, w, g, wx, wy, gx, gy, sigma, *at in anchors:
@@ -136,6 +153,7 @@ class Takeover:
     def _begin(self) -> None:
         """Compare from now on only."""
         self._anchors.clear()
+        self._part.clear()
         self._second, self._fix, self.disputed = [0.0, 0.0, 0.0, 0.0], None, False
 
     def _sum_up(self, dt: float, arc: float, wheels: float, gyro: float) -> None:
@@ -173,7 +191,8 @@ class Takeover:
         impossible = [_impossible(since, arc, turn) for turn in (wheels, gyro)]
         if impossible[WHEELS] != impossible[GYRO]:
             self._count(WHEELS if impossible[WHEELS] else GYRO, _REFUSED)
-        self._dispute(time, self._by_fixes(since))
+        self._by_fixes(since)
+        self._dispute(time)
         for who in (WHEELS, GYRO):
             if self._score[who] >= _REFUSED:
                 self.wrong[who] = True
@@ -184,13 +203,13 @@ class Takeover:
     def _count(self, who: int, seconds: float) -> None:
         self._score[who] = min(max(self._score[who] + seconds, _LEAST), _MOST)
 
-    def _by_fixes(self, since: float) -> bool:
-        """Compare turns of both with those of the fixes; whether fixes could tell anything."""
+    def _by_fixes(self, since: float) -> None:
+        """Compare turns of both with those of the fixes, where these are far enough apart."""
         last = self._anchors[-1]
         middle = self._far_from(last)
         first = self._far_from(middle) if middle is not None else None
         if first is None or middle is None:
-            return False
+            return
         ways = zip(_places(first), _places(middle), _places(last), strict=True)
         legs = [(m - a, b - m) for a, m, b in ways]
         wheels, gyro, fixes = (cmath.phase(after * before.conjugate()) for before, after in legs)
@@ -203,7 +222,6 @@ class Takeover:
         elif abs(wheels) > _TURNS and abs(_wrap(wheels - gyro)) < 0.5 * _DIFFER:
             self._count(WHEELS, -2.0 * since)
             self._count(GYRO, -2.0 * since)
-        return True
 
     def _far_from(self, last: Anchor) -> Anchor | None:
         """The newest anchor whose fix is far enough from that of another one."""
@@ -216,16 +234,17 @@ class Takeover:
                 return one
         return None
 
-    def _dispute(self, time: float, told: bool) -> None:
-        """Whether the two differ while no fix tells who is right."""
+    def _dispute(self, time: float) -> None:
+        """Whether the two differ while nothing tells who is right."""
         recent = next((one for one in self._anchors if time - one.time <= _RECENT), None)
         assert recent is not None
         last = self._anchors[-1]
         off = [b - a for a, b in zip(recent.turned, last.turned, strict=True)]
         apart = abs(off[GYRO] - off[WHEELS])
-        if self._constant[1] > _STUCK and apart > _UNLIKE:
+        stuck = self._constant[1] > _STUCK and apart > _UNLIKE
+        if stuck and self._score[WHEELS] < _REFUSED and not self.wrong[WHEELS]:
             self._count(GYRO, _REFUSED)
-        if told or any(self.wrong) or max(self._score) >= _REFUSED:
+        if any(self.wrong) or max(self._score) >= _REFUSED:
             self.disputed = False
         elif apart > _DISPUTE:
             self.disputed = True
@@ -251,4 +270,4 @@ def _impossible(seconds: float, arc: float, turn: float, least: float = _MOVES) 
     """Whether no car turns so."""
     if abs(arc) < least:
         return False
-    return abs(turn) > _CURVED * abs(arc) or abs(turn * arc) > _HARDEST * seconds * seconds
+    return abs(turn) > _CURVED * abs(arc) + _TICKS or abs(turn * arc) > _HARDEST * seconds * seconds
