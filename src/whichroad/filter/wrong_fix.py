@@ -2,7 +2,7 @@
 
 It is there where every route to the fix is far less likely than the usual one.  The fix costs it
 what a wrong one is worth, and does not move it; the next fix decides.  Where the receiver was
-silent before, its error may last: see `sides.fork_astray`.
+silent before, its error may last: see `sides.fork_biased`.
 """
 
 import math
@@ -21,7 +21,7 @@ from .sparse_arrival import (
     predict_transition,
 )
 from .sparse_routes import SparseFix, usual_speed, variance_along
-from .state import ASTRAY, CAPACITY, OFF_ROAD, WRONG, Belief, Context, K, Path, move_row
+from .state import BIASED, CAPACITY, OFF_ROAD, WRONG, Belief, Context, K, Path, move_row
 
 _DEARER = 5.0  # nats by which the best route to a fix that may be wrong is dearer than usual
 _LONGEST = 30.0  # s between fixes; in a longer while a road has too many forks to drive on along it
@@ -150,7 +150,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
     hyp.along = s
-    hyp.ignores = ASTRAY if was_silent(state, fix.dt) else WRONG
+    hyp.ignores = BIASED if was_silent(state, fix.dt) else WRONG
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search
