@@ -137,6 +137,20 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     )
 
 
+@kernel(inline=True)
+def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
+    """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer."""
+    dt = fix.dt
+    process = fix.process
+    if hyp.origin.waits == 2:
+        dt += hyp.origin.ignored - hyp.origin.since
+        process = speed_process(dt)
+    return SparseFix(
+        fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
+        process, fix.found,
+    )  # fmt: skip
+
+
 @kernel
 def u_turn_cost(roads: Roads, edge: int) -> float:
     """Cost of turning round on an edge, nats."""
@@ -173,4 +187,5 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD, _SLACK, _LABELS,
+        bool(hyp.origin.waits == 2),
     )  # fmt: skip

@@ -33,6 +33,7 @@ from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
 from .map_record import MAP_ERROR
+from .origin import ORIGIN
 from .ranks import RANKING
 from .sources import REPORTS, VETTING, clear
 from .windows import CLOCK as CLOCK
@@ -78,6 +79,7 @@ HYPOTHESIS = np.dtype(
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
         ("ignores", "u1"),  # 1: it takes this epoch's fix to say nothing
+        ("origin", ORIGIN),  # where it was before a fix that it takes to be wrong
     ],
     align=True,
 )
@@ -343,16 +345,15 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.mu[a] = 0.0
         for b in range(N):
             hyp.cov[a, b] = 0.0
-    hyp.log_weight = hyp.weight = 0.0
+    hyp.log_weight = hyp.weight = hyp.sinks = 0.0
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
-    hyp.sinks = 0.0
     hyp.blames = NOTHING
-    hyp.ignores = 0
+    hyp.ignores = hyp.origin.waits = 0
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
