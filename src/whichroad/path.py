@@ -33,6 +33,7 @@ class Chain(NamedTuple):
     time: Array  # s
     along: Array  # m
     share: Array | None = None  # of the likely routes that pass it; None: all pass all
+    route: Array | None = None  # of these that is the one driven; None: there is one
 
 
 def tidied(path: Path, *users: NDArray[np.int64]) -> Path:
@@ -84,7 +85,10 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
         found.append(entry)
         entry = int(parent[entry])
     rows = path.entry[np.array(found[::-1], int)]
-    return Chain(rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float))
+    return Chain(
+        rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float),
+        rows.route.astype(float),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +155,16 @@ class _Columns(NamedTuple):
     entry_time: Array
     along: Array
     entry_share: Array
+    entry_route: Array
+
+
+class _Entered(NamedTuple):
+    """An edge between two fixes."""
+
+    edge: int
+    time: float  # s
+    share: float  # of the likely routes that pass it
+    route: float  # of these that is the one driven
 
 
 def _columns(history: History, path: Path, roads: Roads) -> _Columns:
@@ -160,48 +174,49 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
     return _Columns(
         roads, step.time, step.first_node, step.end_node, node.edge, node.smoothed,
         node.path_entry, node.first_link, node.end_link, link.origin, link.share, entry.parent,
-        entry.edge, entry.time, entry.along, entry.share,
+        entry.edge, entry.time, entry.along, entry.share, entry.route,
     )  # fmt: skip
 
 
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
     edge = c.edge[nodes]
-    rows: list[tuple[int, float, float, float]] = []
+    rows: list[tuple[int, float, float, float, float]] = []
     for k in np.flatnonzero(np.diff(edge, prepend=-9)).tolist():
         now, entry = float(c.time[k]), int(c.path_entry[nodes[k]])
         before = float(c.time[k - 1]) if k else now
         between = _between(c, int(nodes[k - 1]), int(nodes[k])) if k else []
-        rows += [(e, min(max(t, before), now), 0.0, share) for e, t, share in between]
-        where, when, share = 0.0, now, 1.0
+        rows += [(b.edge, min(max(b.time, before), now), 0.0, b.share, b.route) for b in between]
+        where, when, share, route = 0.0, now, 1.0, 1.0
         if entry >= 0 and c.entry_edge[entry] == edge[k]:
             where = float(c.along[entry])
             when = float(c.entry_time[entry]) if now - before > _CLOSE else now
-            share = float(c.entry_share[entry])
-        rows.append((int(edge[k]), min(max(when, before), now), where, share))
-    edges, times, along, shares = zip(*rows, strict=True)
-    return Chain(np.array(edges, np.int32), np.array(times), np.array(along), np.array(shares))
+            share, route = float(c.entry_share[entry]), float(c.entry_route[entry])
+        rows.append((int(edge[k]), min(max(when, before), now), where, share, route))
+    edges, *others = zip(*rows, strict=True)
+    return Chain(np.array(edges, np.int32), *(np.array(column) for column in others))
 
 
-def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float, float]]:
-    """Edges driven between those of two linked nodes, when each was entered, and its share."""
+def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
+    """Edges driven between those of two linked nodes."""
     then, edge = int(c.edge[i]), int(c.edge[j])
     if OFF_ROAD in (then, edge):
         return []
     if c.roads.edges[edge].opposite == then or joins(c.roads, then, edge):
         return []
-    found: list[tuple[int, float, float]] = []
+    found: list[_Entered] = []
     entry, stop = int(c.path_entry[j]), int(c.path_entry[i])
     while (entry := int(c.parent[entry])) >= 0 and entry != stop:
         at = int(c.entry_edge[entry])
         if at in (OFF_ROAD, then) or len(found) == _ENTRIES:
             break
-        found.append((at, float(c.entry_time[entry]), float(c.entry_share[entry])))
+        shares = float(c.entry_share[entry]), float(c.entry_route[entry])
+        found.append(_Entered(at, float(c.entry_time[entry]), *shares))
     if entry >= 0 and (entry == stop or c.entry_edge[entry] == then):
         return found[::-1]
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
-    return [(e, time, 1.0) for e in shortest(c.roads, then, edge) or []]
+    return [_Entered(e, time, 1.0, 1.0) for e in shortest(c.roads, then, edge) or []]
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
@@ -302,8 +317,8 @@ def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
                     continue
                 longer = tail
                 if edge[i] != edge[j]:
-                    for e, _, _ in reversed(_between(c, i, j)):
-                        longer = put(e, longer)
+                    for entered in reversed(_between(c, i, j)):
+                        longer = put(entered.edge, longer)
                     longer = put(int(edge[i]), longer)
                 before[i, longer] = before.get((i, longer), 0.0) + part
         if len(before) > _BEAM:

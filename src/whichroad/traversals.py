@@ -62,6 +62,7 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
         return driven
     driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
     driven.share = chain.share[at] if chain.share is not None else 1.0
+    driven.route = chain.route[at] if chain.route is not None else 1.0
     first = np.zeros(len(at) + 1, np.int64)
     first_epochs(driven, epochs, first)
     broken_rules(roads, driven)

@@ -24,6 +24,14 @@ ORIGIN = np.dtype(
 
 
 @kernel
+def forget_origin(origin: Record) -> None:
+    """It waits for nothing."""
+    origin.since = origin.ignored = origin.along = origin.variance = 0.0
+    origin.rate = origin.rate_variance = origin.cross = 0.0
+    origin.edge = origin.entries = origin.waits = 0
+
+
+@kernel
 def is_waiting(hyp: Record, time: float) -> bool:
     """Whether a hypothesis takes the fix of a time (s) to be wrong, and waits for the next one."""
     return bool(hyp.origin.waits == 1 and abs(hyp.origin.ignored - time) < _AT_ONCE)

@@ -13,6 +13,7 @@ from ..graph.index import vertex_at
 from ..graph.labels import Search
 from .road import track
 from .sparse_arrival import (
+    Drive,
     Foot,
     Transition,
     enter_route,
@@ -184,7 +185,8 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search
-        enter_route(hyp, path, search, label, max(metres, 1.0), state.time - fix.dt, fix.dt)
+        drive = Drive(state.time - fix.dt, fix.dt, metres, 1.0)
+        enter_route(hyp, path, search, label, drive)
         up = label
         while up >= 0:
             hyp.origin.entries += 1
