@@ -173,11 +173,17 @@ def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Depart
 
 
 @kernel(inline=True)
+def per_metre_of(dt: float) -> float:
+    """What a metre of a detour costs that was driven in dt seconds, nats."""
+    return 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _MAX_EXCESS))
+
+
+@kernel(inline=True)
 def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
     """Costs and limits of the search from one hypothesis."""
     sigma = fix.sigma
     old = fix.process.distance_by_speed
-    per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * fix.dt, _MAX_EXCESS))
+    per_metre = per_metre_of(fix.dt)
     beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
     speed = float(ctx.roads.edges[hyp.edge].speed)
     reach = old * start.rate + EXCESS_SPEED * speed * (fix.dt - old)
