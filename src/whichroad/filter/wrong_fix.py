@@ -140,7 +140,7 @@ def carry(
 
 
 @kernel
-def _remember(belief: Belief, row: int, fix: SparseFix) -> None:
+def _note_origin(belief: Belief, row: int, fix: SparseFix) -> None:
     """Note where a hypothesis is, and when it was there."""
     hyp = belief.hyp[row]
     cov = hyp.cov
@@ -179,7 +179,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     child = int(state.count)
     move_row(belief, top, child)
     hyp = belief.hyp[child]
-    _remember(belief, child, fix)
+    _note_origin(belief, child, fix)
     carry(belief, ctx, child, label, metres, fix)
     hyp.ignores = 1
     if label >= 0:
