@@ -47,7 +47,7 @@ from .state import (
     rescale,
     spawn,
 )
-from .wrong_fix import drive_on, is_doubtful
+from .wrong_fix import drive_on, may_be_wrong
 
 _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
 _MOST_ARRIVALS = 24  # routes that become hypotheses
@@ -257,7 +257,7 @@ def transit(
     choose_routes(belief, ctx, sparse)
     off_road = False
     seen = fix_of(belief.hyp[top], sparse)
-    doubtful = is_doubtful(belief, ctx, top, seen)
+    doubtful = may_be_wrong(belief, ctx, top, seen)
     if doubtful:
         drive_on(belief, path, ctx, top, seen)
     for i in range(n):
@@ -356,7 +356,7 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        if hyp.ignores == 1:
+        if hyp.ignores != 0:
             hyp.ignores = 0
             continue
         track(belief, roads, i)

@@ -38,7 +38,7 @@ from .path_tree import Path as Path
 from .path_tree import enter as enter
 from .path_tree import new_path as new_path
 from .ranks import RANKING
-from .sources import REPORTS, VETTING, clear
+from .sources import REPORTS, STILL, VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
 from .windows import WHEELS as WHEELS
@@ -49,6 +49,7 @@ OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
 NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
+WRONG, ASTRAY = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
@@ -81,7 +82,7 @@ HYPOTHESIS = np.dtype(
         ("segment", "i4"),  # vertex at which the current segment starts
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
-        ("ignores", "u1"),  # 1: it takes this epoch's fix to say nothing
+        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; ASTRAY: to be far off
         ("origin", ORIGIN),  # where it was before a fix that it takes to be wrong
     ],
     align=True,
@@ -95,6 +96,7 @@ FILTER = np.dtype(
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
+        ("still", STILL),  # whether fixes alone show that the vehicle stands (filter.standstill)
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
         ("map", MAP_ERROR),  # as learnt (filter.map_error)
@@ -221,15 +223,15 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     """An empty belief; `lineage` where its history is stored (`filter.history`)."""
     hyp = records(capacity, HYPOTHESIS)
     hyp.edge = NO_EDGE
-    hyp.along_sigma = 1.0
-    hyp.p_not_passed = 1.0
+    hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.path_entry = -1
     state = records(1, FILTER)
     state.course_time = -math.inf
     state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
+    state[0].still.age = -1.0
     clear(state[0].vetting)
-    state[0].reports.speed[1] = state[0].reports.course[1] = -math.inf
-    state[0].reports.place[2] = -math.inf
+    reports = state[0].reports
+    reports.speed[1] = reports.course[1] = reports.place[2] = -math.inf
     return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 

@@ -2,15 +2,17 @@
 
 It is there where the routes to the fix are less likely than the usual one.  The fix costs it
 what a wrong one is worth, and does not move it.  How far it has come is a guess only: with the
-next fix it begins anew where it was before (`filter.past_wrong_fix`).
+next fix it begins anew where it was before (`filter.past_wrong_fix`).  Where the receiver was
+silent before, its error may last: see `sides.fork_astray`.
 """
 
 import math
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import locate
 from ..graph.index import vertex_at
 from ..graph.labels import Search
+from .inflation import was_silent
 from .road import track
 from .sparse_arrival import (
     Drive,
@@ -21,17 +23,38 @@ from .sparse_arrival import (
     predict_transition,
 )
 from .sparse_routes import SparseFix, usual_speed, variance_along
-from .state import CAPACITY, MX, MY, OFF_ROAD, Belief, Context, K, Path, X, Y, move_row
+from .state import (
+    ASTRAY,
+    CAPACITY,
+    MX,
+    MY,
+    OFF_ROAD,
+    WRONG,
+    Belief,
+    Context,
+    K,
+    Path,
+    X,
+    Y,
+    move_row,
+)
 
 _DEARER = 1.0  # nats by which the best route to a fix that may be wrong is dearer than usual
-_LONGEST = 200.0  # s, by which a hypothesis is taken on along its road
+_LONGEST = 200.0  # s, by which a hypothesis is taken on along its road,
+_SILENT = 30.0  # and that after which a fix may be astray for good
 _LEAST = 0.1  # weight of a hypothesis that drives on
 _MOST = 64  # edges that it drives through
 
 
 @kernel
-def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
-    """Whether the routes to a fix are so dear that it may be wrong.
+def _may_be_astray(state: Record, dt: float) -> bool:
+    """Whether the error of a fix after dt seconds of silence may last."""
+    return bool(dt <= _SILENT and was_silent(state, dt))
+
+
+@kernel
+def may_be_wrong(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
+    """Whether the routes to a fix are so dear that it may be wrong, or its receiver was silent.
 
     Args:
         belief: Normalised.
@@ -42,6 +65,8 @@ def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
     hyp = belief.hyp[top]
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
+    if _may_be_astray(belief.state[0], fix.dt):
+        return True
     if fix.dt > _LONGEST:
         return False
     track(belief, ctx.roads, top)
@@ -179,9 +204,11 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     child = int(state.count)
     move_row(belief, top, child)
     hyp = belief.hyp[child]
-    _note_origin(belief, child, fix)
+    astray = _may_be_astray(state, fix.dt)
+    if not astray:
+        _note_origin(belief, child, fix)
     carry(belief, ctx, child, label, metres, fix)
-    hyp.ignores = 1
+    hyp.ignores = ASTRAY if astray else WRONG
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search
