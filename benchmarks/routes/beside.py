@@ -260,10 +260,11 @@ def parked(options: Options) -> list[Figure]:
         some = rows[bins == b]
         if len(some):
             options.say(f"  P(off) {some[:, 0].mean():.3f}: {some[:, 1].mean():.3f} of {len(some)}")
-    n = len(rows)
+    n, off_road = len(rows), int(beside.sum())
+    on_it, wrong = float(p[~beside].mean()), 1e3 * float(sure.sum() / beside.sum())
     return [
         Figure("parked: error of P(off_road)", float(sum(gaps)), "<= 0.02", "", n),
-        Figure("parked: P(off_road) beside", float(p[beside].mean()), "", "", int(beside.sum())),
-        Figure("parked: P(off_road) on the road", float(p[~beside].mean()), "", "", n - int(beside.sum())),
-        Figure("parked: a road at P >= .999 beside", 1e3 * float(sure.sum() / beside.sum()), "", "/1000", n),
-    ]  # fmt: skip
+        Figure("parked: P(off_road) beside", float(p[beside].mean()), "", "", off_road),
+        Figure("parked: P(off_road) on the road", on_it, "", "", n - off_road),
+        Figure("parked: a road at P >= .999 beside", wrong, "", "/1000", off_road),
+    ]
