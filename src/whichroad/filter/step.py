@@ -193,7 +193,7 @@ def _predict(
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
-        metres = transit(belief, path, ctx, epoch, dt)
+        metres = transit(belief, path, history, ctx, epoch, dt)
         history.since[0].jumped = 1
         history.since[0].map_aged += metres
         _count_motion(state, metres, dt)
