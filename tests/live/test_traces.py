@@ -268,6 +268,11 @@ def assert_one_sentence(said):
     assert ".py" not in said
 
 
+def checked_and_matched(folder):
+    trace_worker.check_body(folder)
+    trace_worker.match_trace(folder)
+
+
 @pytest.mark.parametrize(("body", "kind", "status"), STRANGE, ids=range(len(STRANGE)))
 def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(files, tmp_path, body, kind, status):
     """As the process that matches says it, but in this one."""
@@ -278,8 +283,7 @@ def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(files, tmp_path, bo
     (tmp_path / trace_worker.REQUEST).write_text(asked, encoding="utf-8")
     (tmp_path / trace_worker.BODY).write_bytes(body)
     with pytest.raises(trace_worker.Refused) as refused:
-        trace_worker.check_body(tmp_path)
-        trace_worker.match_trace(tmp_path)
+        checked_and_matched(tmp_path)
     assert refused.value.status in status
     assert_one_sentence(refused.value.why)
 
