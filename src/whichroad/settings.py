@@ -76,7 +76,7 @@ class Settings:
         1.5, 1, 100, "", "initial ratio of GNSS sigmas to the reported ones"
     )
     gnss_inflation: float = _number(
-        1.5, 1, 100, "", "initial ratio of GNSS sigmas where only roads can check them; 1: none"
+        2.0, 1, 100, "", "initial ratio of GNSS sigmas where only roads can check them; 1: none"
     )
     gnss_fault_time: float = _number(
         60, 1, 1e9, "s", "mean duration of gross errors of the receiver"

@@ -12,6 +12,8 @@ from .filter.state import OFF_ROAD
 from .graph.network import Roads, records
 from .path import Chain
 
+_SHORT = 30.0  # m
+
 Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
 
 
@@ -44,6 +46,16 @@ def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:
     return np.asarray(on[np.append(True, edge[1:] != edge[:-1])[: len(on)]])
 
 
+def _begin(driven: Traversals) -> int:
+    """The first edge of a path that is more likely than not, or that was driven for a while.
+
+    Where a drive begins beside a junction, the heaviest chain may have begun on any of its roads.
+    """
+    improbable = (driven.p < 0.5) & (driven.exit_m - driven.enter_m < _SHORT)
+    begins = np.flatnonzero(~improbable)
+    return int(begins[0]) if len(begins) else 0
+
+
 def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
     """The edges of a path, timed by the positions on them.
 
@@ -69,4 +81,4 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     known = np.flatnonzero(estimates.live > 0)
     last = int(known[-1]) if len(known) else len(epochs) - 1
     time_edges(roads, driven, first, epochs, estimates, last)
-    return driven
+    return driven[_begin(driven) :]

@@ -20,7 +20,7 @@ from scenes import (
 from whichroad.filter.estimate import Output
 from whichroad.filter.gnss import Axes, innovations, observe_given
 from whichroad.filter.sides import take_sides
-from whichroad.filter.state import GX, MOTION, RECEIVER, B, Belief, H, X, Y, normalise
+from whichroad.filter.state import CLOCK, GX, MOTION, RECEIVER, B, Belief, H, X, Y, normalise
 
 ROAD = network(straight_road())
 CTX = context(ROAD)
@@ -32,7 +32,7 @@ def met(belief: Belief, away: float) -> tuple[bool, bool]:
     """A fix so many metres ahead of where the vehicle is thought to be (at 500 m) is observed."""
     fix = np.array([500.0 + away, 0.0, SIGMA, SIGMA, 0.0])
     innovations(belief, CTX, fix, AXES)
-    told = take_sides(belief, AXES, GATE, SHARE)
+    told = take_sides(belief, AXES, GATE, SHARE, 0.0)
     innovations(belief, CTX, fix, AXES)
     observe_given(belief, CTX, fix, AXES, 9.0, True, 0.0)
     normalise(belief)
@@ -110,3 +110,49 @@ def test_fixes_that_are_pulled_away_take_nobody_with_them(seed: int, pull: float
     error = away(output, road)
     assert (error <= output.rows.protection_level).mean() > 0.99
     assert np.median(error[450:]) < 10.0
+
+
+T_JUNCTION = network(
+    [
+        *([[100.0 * k, 0.0], [100.0 * k + 100.0, 0.0]] for k in range(8)),
+        [[800.0, 0.0], [800.0, 900.0]],
+        [[800.0, 0.0], [800.0, -900.0]],
+    ]
+)
+OTHER = 18  # the edge down, where the vehicle drives up
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turns_that_go_the_other_way_lead_nowhere(seed: int):
+    """At the first turn the gyro says right where the car turns left, into the other road."""
+    road = drive_along([[10.0, -1.75], [801.75, -1.75], [801.75, 800.0]])
+    fix = gnss(road, sigma=2.0, seed=seed)
+    epochs = epochs_of(road, fix, np.arange(0, len(road.time), 10), course=0.1)
+    epochs.course_sigma = math.inf
+    epochs.turn *= -1.0
+    epochs.left *= -1.0
+    output = localize(T_JUNCTION, epochs).output
+    error = away(output, road)
+    assert (error <= output.rows.protection_level).mean() > 0.97
+    assert error[-100:].max() < 12.0
+    assert (output.rows.p_edge[output.rows.edge == OTHER] < 0.999).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("astray", [(40.0, 0.0), (-40.0, 0.0), (15.0, 25.0)])
+def test_satellites_found_again_in_a_wrong_place_are_doubted(
+    seed: int, astray: tuple[float, float]
+):
+    """A receiver alone is silent for eight seconds.  For half a minute it is then drawn in."""
+    road = drive_along([[500.0, -1.75], [1600.0, -1.75]])
+    every = np.arange(0, len(road.time), 10)
+    road = Truth(*(column[every] for column in road))
+    fix = gnss(road, sigma=2.0, seed=seed)
+    faded = np.where(road.time > 45.0, np.exp((45.0 - road.time) / 12.0), 0.0)
+    fix[:, :2] += np.outer(faded, astray)
+    heard = np.flatnonzero((road.time < 37.0) | (road.time > 45.0))
+    epochs = epochs_of(road, fix, heard)[heard]
+    epochs.odometry_valid = 0
+    output = localize(network(straight_road(9000.0)), epochs, mode=CLOCK).output
+    error = np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
+    assert (error <= output.rows.protection_level).mean() > 0.97

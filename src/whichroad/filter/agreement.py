@@ -241,6 +241,7 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
         _score(vetting, TURN, since)
     elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
         _score(vetting, TURN, -2.0 * since)
+        vetting.turned = 1
     if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
         vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)
         vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)

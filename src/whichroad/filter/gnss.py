@@ -22,6 +22,7 @@ from .state import (
     GX,
     GY,
     OFF_ROAD,
+    WRONG,
     Belief,
     Context,
     H,
@@ -197,7 +198,7 @@ def _weigh(belief: Belief, axes: Axes, extra0: float, extra1: float) -> None:
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
-        wrong = hyp.ignores == 1
+        wrong = hyp.ignores == WRONG
         s0 = to[V00] + axes.r0 + (_WRONG_VARIANCE if wrong else extra0)
         to[NU1] -= to[NU0] * to[V01] / s0
         s1 = to[V11] - to[V01] * to[V01] / s0 + axes.r1 + (_WRONG_VARIANCE if wrong else extra1)
@@ -224,7 +225,7 @@ def observe_given(
             least -= 0.01 * belief.hyp[i].weight
     for i in range(state.count):
         hyp = belief.hyp[i]
-        if hyp.weight < least or hyp.ignores == 1:
+        if hyp.weight < least or hyp.ignores == WRONG:
             continue
         s0 = hyp.scratch[V00] + axes.r0
         s1 = hyp.scratch[V11] + axes.r1
@@ -247,7 +248,7 @@ def observe_given(
     if refuted > 0.0:
         _drop_refuted(belief, refuted)
     for i in range(state.count):
-        if belief.hyp[i].ignores == 0:
+        if belief.hyp[i].ignores != WRONG:
             _condition(belief.hyp[i], state, ctx, fix, axes)
     return best
 

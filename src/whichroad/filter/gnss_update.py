@@ -13,10 +13,10 @@ from .gnss import (
     observe_state,
 )
 from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
-from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched
+from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
 from .map_error import forget_map
 from .reported_motion import LATENCY, observe_reported
-from .sides import loosen, take_sides
+from .sides import blame_receiver, fork_astray, keep_bias, loosen, take_sides
 from .state import (
     CLOCK,
     NOTHING,
@@ -47,6 +47,11 @@ _SIDES = 1.6  # times the gate: one sound fix in a thousand
 _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
+_BENT = 0.3  # rad by which odometry that was never seen to turn may have turned the wrong way
+_TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
+_UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
+_SEARCHED = 20.0  # s for which it is
+_TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -85,21 +90,36 @@ def start_of(belief: Belief, ctx: Context, epoch: Record) -> Start:
     )  # fmt: skip
 
 
+@kernel
+def _begin_factor(state: Record, par: Record, epoch: Record) -> None:
+    """Nothing is known of how much larger the receiver's errors are than reported."""
+    least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+    state.gnss_factor = least * par.gnss_start**2
+    state.innovation_factor = least * par.gnss_start**2
+    state.windowed_factor = least
+    state.bias_factor = least
+    state.road_prior = par.gnss_inflation**2
+    state.road_energy[0] = state.road_energy[1] = 0.0
+    if is_inflated(state, par, epoch):
+        state.gnss_factor = state.road_prior
+
+
+@kernel
+def _forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
+    """Begin the factor anew; biases stay the same metres."""
+    state = belief.state[0]
+    before = state.gnss_factor
+    _begin_factor(state, par, epoch)
+    keep_bias(belief, math.sqrt(before / state.gnss_factor))
+
+
 @kernel(inline=True)
 def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
     """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
     par = ctx.par[0]
     state = belief.state[0]
     if state.gnss_factor == 0.0:
-        least = 1.0 / (1.0 + par.gnss_white_ratio**2)
-        state.gnss_factor = least * par.gnss_start**2
-        state.innovation_factor = least * par.gnss_start**2
-        state.windowed_factor = least
-        state.bias_factor = least
-        state.road_prior = par.gnss_inflation**2
-        state.road_energy[0] = state.road_energy[1] = 0.0
-        if is_inflated(state, par, epoch):
-            state.gnss_factor = state.road_prior
+        _begin_factor(state, par, epoch)
     forget_map(state)
     start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
@@ -224,17 +244,23 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
     share = _MOVED_SHARE
     young = state.learnt_time < _YOUNG
+    untried = vetting.turned == 0 and abs(vetting.bend) > _BENT
     if jumped and young:
         return False
     if young:
         share = _BEGAN_SHARE
     elif jumped:
         share = ctx.par[0].gnss_lost
+    elif untried:
+        share = _BEGAN_SHARE
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
-    changed, undecided = take_sides(belief, axes, gate, share)
+    wrong_way = 2.0 * abs(vetting.bend) if untried else 0.0
+    changed, undecided = take_sides(belief, axes, gate, share, wrong_way)
     if undecided:
         if epoch.time - vetting.forked_at > _FORGOTTEN:
             vetting.undecided_at = epoch.time
+            vetting.untried = untried
+            state.restarted_at = epoch.time
         vetting.forked_at = epoch.time
     return changed
 
@@ -247,10 +273,39 @@ def _settle(
     state = belief.state[0]
     changed = doubted and loosen(belief, axes, ctx.par[0].gnss_gate)
     state.vetting.moved = changed
-    if state.mode == WHEELS and since < _RECENT and not doubted:
+    if state.vetting.elsewhere == 1:
+        blame_receiver(belief, axes)
+        changed = True
+    elif state.mode == WHEELS and since < _RECENT and not doubted:
         changed = _take_sides(belief, ctx, epoch, axes)
+    elif was_silent(state, since):
+        fork_astray(belief)
+        changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)
+
+
+@kernel(inline=True)
+def _search(
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, misfit: bool
+) -> None:
+    """Look for the vehicle at a fix that is far away, where the belief may be wrong."""
+    state = belief.state[0]
+    par = ctx.par[0]
+    vetting = state.vetting
+    lost = state.mode == WHEELS and _is_lost(belief)
+    if state.mode == WHEELS and (lost or misfit):
+        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
+    share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
+    undecided = epoch.time - vetting.undecided_at < _SEARCHED
+    undecided = undecided and epoch.time > state.restarted_at + _TRIED
+    if state.mode == WHEELS and vetting.untried == 1 and vetting.turned == 0 and undecided:
+        share = _UNTRIED_SHARE
+    if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
+        share = _RESTARTED
+    if share > 0.0:
+        state.restarted_at = epoch.time
+        _add_restarts(belief, path, ctx, epoch, white, True, share)
 
 
 @kernel(inline=True)
@@ -286,6 +341,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
     age_receiver(belief, ctx, bias_time(state, par, epoch))
+    if state.vetting.elsewhere == 1:
+        _forget_factor(belief, par, epoch)
     factor = state.gnss_factor
     white = math.sqrt(factor) * par.gnss_white_ratio
     if state.mode == CLOCK:
@@ -304,12 +361,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
     misfit = chi2 > 4.0 * par.gnss_gate
-    lost = state.mode == WHEELS and _is_lost(belief)
-    if state.mode == WHEELS and par.gnss_lost > 0.0 and (lost or misfit):
-        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
-    alone = par.gnss_lost > 0.0 and is_alone(state, par, epoch)
-    if alone and is_unlikely(belief, epoch.time):
-        _add_restarts(belief, path, ctx, epoch, white, True, _RESTARTED)
+    if par.gnss_lost > 0.0:
+        _search(belief, path, ctx, epoch, white, misfit)
     _observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if misfit:

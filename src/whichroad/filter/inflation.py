@@ -19,6 +19,8 @@ _PRIOR = 0.3  # weight of the factor believed before, in times for which errors 
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
 _PAUSE = 5.0  # s between two starts at its fixes
+_REACQUIRED = 3.0  # s, and
+_UNUSUAL = 3.0  # times the usual interval, of a silence
 _LIGHT = 0.01  # weight below which a hypothesis says nothing
 
 
@@ -30,6 +32,19 @@ def is_vouched(state: Record, epoch: Record) -> bool:
     """
     doppler = epoch.speed_sigma < 1.0 and state.heard[1] < _SPEED_INTERVAL
     return bool(state.mode == WHEELS or doppler)
+
+
+@kernel
+def was_silent(state: Record, since: float) -> bool:
+    """Whether a receiver alone was silent for so long that it may have lost its satellites.
+
+    Args:
+        state: With the mean interval of readings, this one in it.
+        since: s since the fix before.
+    """
+    usual = 2.0 * state.heard[1] - since  # before this interval, which is half of the mean
+    unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
+    return bool(state.mode == CLOCK and unusual)
 
 
 @kernel

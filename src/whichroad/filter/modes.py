@@ -7,7 +7,7 @@ from ._simd import copy_record
 from .history import History
 from .motion import GYRO_PACE
 from .silence import hear, is_pause, may_have_moved
-from .sources import ARC, COURSE, SPEED, is_borne_out
+from .sources import ARC, COURSE, NONE, SPEED, TURNS, is_borne_out
 from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
 from .windows import BY_GYRO
@@ -160,7 +160,10 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         state.mode = mode
     elif mode != state.mode:
         switch(belief, history, ctx, mode)
-    if vetting.news == 1 and epoch.has_fix and is_elsewhere(belief, epoch):
-        state.misfits = par.lost_after
-        state.gnss_factor = 0.0
+    if vetting.news != NONE and epoch.has_fix and is_elsewhere(belief, epoch):
+        if vetting.news == TURNS:
+            vetting.elsewhere = 1
+        else:
+            state.misfits = par.lost_after
+            state.gnss_factor = 0.0
     return reading

@@ -5,6 +5,7 @@ import math
 from .._compile import kernel
 from .gnss import NU0, NU1, V00, V11, Axes
 from .state import (
+    ASTRAY,
     CAPACITY,
     GX,
     GY,
@@ -15,6 +16,7 @@ from .state import (
     Belief,
     H,
     K,
+    N,
     X,
     Y,
     move_row,
@@ -26,6 +28,9 @@ _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
 _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
 _SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
+_MOST_TURNED = 1.5  # rad, more than a linear model bears
+_ASTRAY = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
+_ASTRAY_BY = 30.0  # and m, how far away on each axis
 
 
 @kernel
@@ -99,7 +104,9 @@ def loosen(belief: Belief, axes: Axes, gate: float) -> bool:
 
 
 @kernel(inline=True)
-def take_sides(belief: Belief, axes: Axes, gate: float, share: float) -> tuple[bool, bool]:
+def take_sides(
+    belief: Belief, axes: Axes, gate: float, share: float, turned: float
+) -> tuple[bool, bool]:
     """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
 
     Each hypothesis of weight becomes three.  One believes that the receiver's error has changed,
@@ -111,6 +118,7 @@ def take_sides(belief: Belief, axes: Axes, gate: float, share: float) -> tuple[b
         axes: Of the fix, and its white noise.
         gate: Chi-square (two degrees) of a fix that fits.
         share: P(the motion was wrong), where sides are taken anew.
+        turned: By how much turns may be wrong then beyond the usual, rad.
 
     Returns:
         Whether the belief has changed, so that innovations have to be found again; and whether
@@ -127,15 +135,16 @@ def take_sides(belief: Belief, axes: Axes, gate: float, share: float) -> tuple[b
     best, square = _misfit(belief, axes, -1)
     if best <= gate:
         return False, False
-    _fork(belief, share)
+    _fork(belief, share, turned)
     _explain(belief, square, RECEIVER)
     _explain(belief, square, MOTION)
     return True, True
 
 
 @kernel(inline=True)
-def _fork(belief: Belief, share: float) -> None:
+def _fork(belief: Belief, share: float, turned_by: float) -> None:
     """Make each hypothesis of weight three, see `take_sides`."""
+    heading = min(max(_TURNED, turned_by), _MOST_TURNED)
     state = belief.state[0]
     for i in range(state.count):
         hyp = belief.hyp[i]
@@ -149,10 +158,74 @@ def _fork(belief: Belief, share: float) -> None:
         rescale(moved, share)
         move_row(belief, state.count, state.count + 1)
         turned = belief.hyp[state.count + 1]
-        turned.cov[H, H] += _TURNED * _TURNED
+        turned.cov[H, H] += heading * heading
         if state.mode == WHEELS:
             turned.cov[B, B] += _DRIFTED * _DRIFTED
         rescale(moved, _OF_TURNS)
         rescale(turned, 1.0 - _OF_TURNS)
         rescale(hyp, 1.0 - share)
         state.count += 2
+
+
+@kernel(inline=True)
+def blame_receiver(belief: Belief, axes: Axes) -> None:
+    """Let a misfit be the receiver's, under all hypotheses.
+
+    Args:
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
+    """
+    _, square = _misfit(belief, axes, -1)
+    for i in range(belief.state[0].count):
+        belief.hyp[i].blames = RECEIVER
+    _explain(belief, square, RECEIVER)
+
+
+@kernel(inline=True)
+def fork_astray(belief: Belief) -> None:
+    """A receiver that was silent may have found its satellites in a wrong place.
+
+    Each hypothesis of weight becomes two, of which one has a larger error of the receiver.  One
+    that has driven on regardless of the fix is of the latter kind.
+    """
+    state = belief.state[0]
+    root = state.bias_root
+    more = 2.0 * _ASTRAY_BY**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.ignores == ASTRAY:
+            hyp.cov[GX, GX] += more
+            hyp.cov[GY, GY] += more
+            rescale(hyp, _ASTRAY)
+            continue
+        if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
+            continue
+        move_row(belief, i, state.count)
+        astray = belief.hyp[state.count]
+        astray.cov[GX, GX] += more
+        astray.cov[GY, GY] += more
+        rescale(astray, _ASTRAY)
+        rescale(hyp, 1.0 - _ASTRAY)
+        state.count += 1
+
+
+@kernel
+def keep_bias(belief: Belief, ratio: float) -> None:
+    """Let biases be the same metres by a scale that is so many times smaller.
+
+    Args:
+        belief: In place; the reported covariance, as smoothed and as used, includes the factor.
+        ratio: The scale until now over that from now on.
+    """
+    state = belief.state[0]
+    for k in range(3):
+        state.gnss_cov[k] /= ratio * ratio
+        state.bias_cov[k] /= ratio * ratio
+        state.bias_root[k] /= ratio
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        for state_of_bias in (GX, GY):
+            hyp.mu[state_of_bias] *= ratio
+            for j in range(N):
+                hyp.cov[state_of_bias, j] *= ratio
+                hyp.cov[j, state_of_bias] *= ratio

@@ -12,10 +12,13 @@ from .births import cold_start
 from .gnss import NU0, NU1, V00, V01, V11, Axes, innovations
 from .gnss_noise import update_root
 from .gnss_update import observe_fix, start_at_fix, start_of
-from .state import START, Belief, Context, Path, X, Y, most_probable, normalise
+from .standstill import is_still
+from .state import START, Belief, Context, K, Path, X, Y, most_probable, normalise, redraw
 
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
+_NO_SPEED = 20.0  # m/s, sigma of a speed that says nothing
 _STANDING = 0.5  # m/s; a receiver that reports less stands
+_LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
 _STOOD = 30.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
 _UNUSUAL = 4.0  # and times the usual interval of readings
@@ -61,8 +64,17 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
 
 @kernel(inline=True)
 def stands(belief: Belief, epoch: Record, dt: float) -> bool:
-    """Whether the receiver's speed says that the vehicle stands, and has stood since its last."""
+    """Whether the receiver says that the vehicle stands, and has stood since its last fix.
+
+    Its speed says so; where it reports none, its fixes do.
+    """
     state = belief.state[0]
+    if epoch.speed_sigma > _NO_SPEED:
+        still = is_still(state, epoch, dt, SPARSE)
+        if still and state.standing == 0.0:
+            for i in range(state.count):
+                redraw(belief.hyp[i], K, 0.0, _LEFT**2)
+        return still
     if epoch.speed_sigma >= 1.0 or epoch.speed >= _STANDING or state.speed >= 3.0 * _STANDING:
         return False
     if dt <= SPARSE:

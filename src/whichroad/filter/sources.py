@@ -9,6 +9,7 @@ from .windows import WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
 SOURCES = 4
+NONE, TURNS, ANYTHING = range(3)  # what an epoch has refused anew
 
 SAMPLE = np.dtype(
     [
@@ -30,6 +31,10 @@ VETTING = np.dtype(
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
+        ("turned", "u1"),  # 1: so has the odometry
+        ("untried", "u1"),  # 1: a fix last fitted nothing in the first turn of the odometry
+        ("bend", "f8"),  # rad by which it has turned in the last seconds
+        ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
@@ -49,7 +54,7 @@ VETTING = np.dtype(
         ("reported", "f8", (SOURCES,)),  # while it was: what it said, m or rad² (turns squared),
         ("seen", "f8", (SOURCES,)),  # and what the others did, m or rad² (both multiplied)
         ("offs", "f8", (2,)),  # courses less directions of fixes: sums of cosine and sine
-        ("news", "u1"),  # 1: something was refused with this epoch
+        ("news", "u1"),  # with this epoch was refused: NONE, TURNS that had agreed, ANYTHING
         ("drift", "f8"),  # rad/m that the odometry's turns are short of, as learnt
         ("wavers", "u1"),  # 1: with this epoch turns may be wrong
         ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
@@ -64,6 +69,18 @@ REPORTS = np.dtype(
         ("course", "f8", (3,)),  # rad, s, rad/s
         ("place", "f8", (4,)),  # of a fix about a second ago: x, y (plane), when, s, course, rad
         ("latency", "f8", (2,)),  # of courses, moments: s times rad²/s², and rad²/s²
+    ],
+    align=True,
+)
+
+STILL = np.dtype(
+    [
+        ("near", "f8", (2,)),  # fixes, low-pass filtered, plane
+        ("far", "f8", (2,)),  # the same of these
+        ("at", "f8", (2,)),  # where the vehicle came to stand
+        ("time", "f8"),  # of the last fix, s
+        ("age", "f8"),  # s of fixes that are in it; negative: none
+        ("stands", "u1"),  # 1: the fixes stay where they are
     ],
     align=True,
 )

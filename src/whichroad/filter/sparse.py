@@ -44,7 +44,7 @@ from .state import (
     rescale,
     spawn,
 )
-from .wrong_fix import drive_on, is_doubtful
+from .wrong_fix import drive_on, may_be_wrong
 
 _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
 _MOST_ARRIVALS = 24  # routes that become hypotheses
@@ -236,7 +236,7 @@ def transit(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) 
     set_goals(ctx.work.search, ctx.work.near, sparse.found)
     choose_routes(belief, ctx, sparse)
     off_road = False
-    doubtful = is_doubtful(belief, ctx, top, sparse)
+    doubtful = may_be_wrong(belief, ctx, top, sparse)
     if doubtful:
         doubtful = drive_on(belief, path, ctx, top, sparse)
     for i in range(n):
@@ -332,7 +332,7 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        if hyp.ignores == 1:
+        if hyp.ignores != 0:
             hyp.ignores = 0
             continue
         track(belief, roads, i)

@@ -34,7 +34,7 @@ from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
 from .map_record import MAP_ERROR
 from .ranks import RANKING
-from .sources import REPORTS, VETTING, clear
+from .sources import REPORTS, STILL, VETTING, clear
 from .windows import CLOCK as CLOCK
 from .windows import DISTANCE as DISTANCE
 from .windows import WHEELS as WHEELS
@@ -45,6 +45,7 @@ OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
 NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
+WRONG, ASTRAY = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
@@ -77,7 +78,7 @@ HYPOTHESIS = np.dtype(
         ("segment", "i4"),  # vertex at which the current segment starts
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
-        ("ignores", "u1"),  # 1: it takes this epoch's fix to say nothing
+        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; ASTRAY: to be far off
     ],
     align=True,
 )
@@ -90,6 +91,7 @@ FILTER = np.dtype(
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
+        ("still", STILL),  # whether fixes alone show that the vehicle stands (filter.standstill)
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
         ("map", MAP_ERROR),  # as learnt (filter.map_error)
@@ -234,23 +236,22 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     """An empty belief; `lineage` where its history is stored (`filter.history`)."""
     hyp = records(capacity, HYPOTHESIS)
     hyp.edge = NO_EDGE
-    hyp.along_sigma = 1.0
-    hyp.p_not_passed = 1.0
+    hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.path_entry = -1
     state = records(1, FILTER)
     state.course_time = -math.inf
     state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
+    state[0].still.age = -1.0
     clear(state[0].vetting)
-    state[0].reports.speed[1] = state[0].reports.course[1] = -math.inf
-    state[0].reports.place[2] = -math.inf
+    reports = state[0].reports
+    reports.speed[1] = reports.course[1] = reports.place[2] = -math.inf
     return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
 
 
 def new_path(capacity: int) -> Path:
     """An empty path tree."""
     entry = records(capacity, PATH_ENTRY)
-    entry.edge = NO_EDGE
-    entry.parent = -1
+    entry.edge, entry.parent = NO_EDGE, -1
     return Path(entry, np.zeros(1, np.int64))
 
 

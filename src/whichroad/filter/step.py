@@ -291,7 +291,7 @@ def _observe_gnss(
     if state.motion == STAND or still:
         observe_standing(belief, ctx, epoch)
         return 0.0
-    if state.motion == ROUTES:
+    if state.motion == ROUTES or state.changed:
         normalise(belief)
     par = ctx.par[0]
     history.since[0].gnss_aged += state.moving * par.gnss_time / bias_time(state, par, epoch)

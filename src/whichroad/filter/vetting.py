@@ -12,7 +12,17 @@ import math
 from .._compile import Record, kernel
 from .agreement import weigh_courses, weigh_distances, weigh_turns
 from .plausibility import check_odometry, is_odd
-from .sources import ARC, COURSE, SOURCES, SPEED, TURN, is_possible
+from .sources import (
+    ANYTHING,
+    ARC,
+    COURSE,
+    NONE,
+    SOURCES,
+    SPEED,
+    TURN,
+    TURNS,
+    is_possible,
+)
 from .windows import (
     ANCHORS,
     CLOCK,
@@ -58,7 +68,8 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         scale: Plane metres per true metre.
     """
     windows = vetting.windows
-    vetting.news = 0
+    vetting.news = NONE
+    vetting.elsewhere = 0
     vetting.wavers = 0
     measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
@@ -85,6 +96,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         return
     seen = between(windows, first, last, scale)
     steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
+    vetting.bend = seen.turn
     courses = course_between(windows, first, last)
     turn = weigh_courses(vetting, courses, seen, steered, since)
     if sensors == WHEELS and seen.odometry:
@@ -108,10 +120,14 @@ def _decide(vetting: Record) -> None:
     """Stop believing, or believe again."""
     for source in range(SOURCES):
         if vetting.score[source] >= _REFUSED:
-            vetting.news = 1 if vetting.refused[source] == 0 else vetting.news
+            if vetting.refused[source] == 0:
+                agreed = source == TURN and vetting.turned == 1 and vetting.news == NONE
+                vetting.news = TURNS if agreed else ANYTHING
             vetting.refused[source] = 1
         elif vetting.score[source] <= _BELIEVED:
             vetting.refused[source] = 0
+    if vetting.refused[TURN] == 1:
+        vetting.turned = 0
     if vetting.refused[COURSE] == 1:
         vetting.borne_out = 0
         vetting.agreed = math.inf

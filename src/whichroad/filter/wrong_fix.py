@@ -1,7 +1,8 @@
 """One wrong fix: a hypothesis that drives on along its road, and takes the fix to say nothing.
 
 It is there where every route to the fix is far less likely than the usual one.  The fix costs it
-what a wrong one is worth, and does not move it; the next fix decides.
+what a wrong one is worth, and does not move it; the next fix decides.  Where the receiver was
+silent before, its error may last: see `sides.fork_astray`.
 """
 
 import math
@@ -10,6 +11,7 @@ from .._compile import kernel
 from ..graph.geometry import locate
 from ..graph.index import vertex_at
 from ..graph.labels import Search
+from .inflation import was_silent
 from .road import track
 from .sparse_arrival import (
     Foot,
@@ -19,7 +21,7 @@ from .sparse_arrival import (
     predict_transition,
 )
 from .sparse_routes import SparseFix, usual_speed, variance_along
-from .state import CAPACITY, OFF_ROAD, Belief, Context, K, Path, move_row
+from .state import ASTRAY, CAPACITY, OFF_ROAD, WRONG, Belief, Context, K, Path, move_row
 
 _DEARER = 5.0  # nats by which the best route to a fix that may be wrong is dearer than usual
 _LONGEST = 30.0  # s between fixes; in a longer while a road has too many forks to drive on along it
@@ -29,8 +31,8 @@ _END = -2
 
 
 @kernel
-def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
-    """Whether the routes to a fix are so dear that it may be wrong.
+def may_be_wrong(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
+    """Whether the routes to a fix are so dear that it may be wrong, or its receiver was silent.
 
     Args:
         belief: Normalised.
@@ -43,6 +45,8 @@ def is_doubtful(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool:
         return False
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
+    if was_silent(belief.state[0], fix.dt):
+        return True
     track(belief, ctx.roads, top)
     tx, ty = hyp.tangent[0], hyp.tangent[1]
     wide = variance_along(hyp, tx, ty, fix.process) + fix.sigma * fix.sigma
@@ -146,7 +150,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
     hyp.along = s
-    hyp.ignores = 1
+    hyp.ignores = ASTRAY if was_silent(state, fix.dt) else WRONG
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search
