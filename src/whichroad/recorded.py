@@ -109,13 +109,17 @@ def localize_recorded(
     )  # fmt: skip
     chunk = min(_CHUNK, max(n // _STATES, 1)) if poses else _CHUNK
     track = SensorTrack([], []) if poses else None
+    go_on = run.bind(belief, path, history, epochs, output, ctx, ..., ...)
     while done < n:
         target = min(done + chunk, n)
-        done = run(belief, path, history, epochs, output, ctx, done, target)
-        if lag is not None and is_full(history):
+        done = go_on(done, target)
+        moved = lag is not None and is_full(history)
+        if moved:
             history = workspace.enlarged(history)
         elif done < target or len(path.entry) - path.size[0] < _SPARE_ENTRIES:
-            path = tidied(path, *entries_in_use(belief, history))
+            path, moved = tidied(path, *entries_in_use(belief, history)), True
+        if moved:
+            go_on = run.bind(belief, path, history, epochs, output, ctx, ..., ...)
         if track is not None and done:
             track.time.append(float(epochs.time[done - 1]))
             track.states.append(states_of(belief, timeline.sensors, int(epochs.gyro[done - 1])))

@@ -70,9 +70,9 @@ class Past(NamedTuple):
     filtered: Output
     lag: Lag
 
-    def alternatives(self) -> list[Alternative]:
-        """The parts of the drive with their competing routes."""
-        return alternatives(self.history, self.path, self.roads.arrays)
+    def alternatives(self, *, told: bool = True) -> list[Alternative]:
+        """The parts of the drive with their competing routes; `told` as in `path.alternatives`."""
+        return alternatives(self.history, self.path, self.roads.arrays, told=told)
 
     def decided_until(self) -> float | None:
         """Seconds from the drive's start up to which the road is decided; None: nowhere."""
@@ -200,8 +200,11 @@ def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> 
     if not steps or past.lag.length == 0.0:
         return output
     buffers = buffers or new_buffers()
+    smooth_one = smooth_span.bind(
+        buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, ...
+    )
     for span in _spans(past, steps):
-        smooth_span(buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, span)
+        smooth_one(span)
     return output
 
 
