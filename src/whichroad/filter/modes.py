@@ -59,6 +59,8 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
         drift = (state.known_drift[0], state.known_drift[1])
     if abs(state.vetting.drift - drift[0]) > 3.0 * math.sqrt(drift[1]):
         drift = (state.vetting.drift, (0.2 * state.vetting.drift) ** 2 + par.drift_sigma**2)
+    if before == CLOCK:
+        state.vetting.returned_at = state.vetting.windows.now.time
     for i in range(state.count):
         if before == CLOCK:
             redraw(belief.hyp[i], K, rate[0], rate[1])

@@ -58,6 +58,13 @@ def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
 
 
 @kernel
+def misfit(belief: Belief, axes: Axes) -> float:
+    """Chi-square of a fix under the hypothesis of weight that fits best, by its innovations."""
+    best, _ = _misfit(belief, axes, -1)
+    return best
+
+
+@kernel
 def _explain(belief: Belief, square: float, side: int) -> None:
     """Let a misfit be what hypotheses blame: more variance of bias, or of position.
 

@@ -288,8 +288,7 @@ def _observe_gnss(
         state.observed = 1
         return observe_after_silence(belief, path, ctx, epoch)
     still = state.mode != CLOCK and state.since_fix <= _STILL
-    if state.motion == STAND or still:
-        observe_standing(belief, ctx, epoch)
+    if (state.motion == STAND or still) and observe_standing(belief, ctx, epoch):
         return 0.0
     if state.motion == ROUTES or state.changed:
         normalise(belief)
