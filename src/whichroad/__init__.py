@@ -80,7 +80,8 @@ def __getattr__(name: str) -> Any:
     if name in ("fleet", "sensors", "spark"):
         return importlib.import_module(f".{name}", __name__)
     if name in _MODULE_OF:
-        return getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)
+        found = getattr(importlib.import_module(f".{_MODULE_OF[name]}", __name__), name)
+        return globals().setdefault(name, found)  # the next use is an ordinary attribute
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

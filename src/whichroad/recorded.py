@@ -11,6 +11,7 @@ from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.sensor_states import SensorTrack, states_of
+from .diagnosis.sensors import sensor_findings, takeover_findings
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -108,13 +109,17 @@ def localize_recorded(
     )  # fmt: skip
     chunk = min(_CHUNK, max(n // _STATES, 1)) if poses else _CHUNK
     track = SensorTrack([], []) if poses else None
+    go_on = run.bind(belief, path, history, epochs, output, ctx, ..., ...)
     while done < n:
         target = min(done + chunk, n)
-        done = run(belief, path, history, epochs, output, ctx, done, target)
-        if lag is not None and is_full(history):
+        done = go_on(done, target)
+        moved = lag is not None and is_full(history)
+        if moved:
             history = workspace.enlarged(history)
         elif done < target or len(path.entry) - path.size[0] < _SPARE_ENTRIES:
-            path = tidied(path, *entries_in_use(belief, history))
+            path, moved = tidied(path, *entries_in_use(belief, history)), True
+        if moved:
+            go_on = run.bind(belief, path, history, epochs, output, ctx, ..., ...)
         if track is not None and done:
             track.time.append(float(epochs.time[done - 1]))
             track.states.append(states_of(belief, timeline.sensors, int(epochs.gyro[done - 1])))
@@ -125,8 +130,11 @@ def localize_recorded(
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
     fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
 
+    named = takeover_findings(timeline.takeover)
+
     def diagnose() -> tuple[Finding, ...]:
-        return (*further, *fit())
+        # settings are not judged by sensors that are wrong
+        return (*further, *named, *(sensor_findings(vetting) if named else fit()))
 
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:

@@ -200,8 +200,11 @@ def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> 
     if not steps or past.lag.length == 0.0:
         return output
     buffers = buffers or new_buffers()
+    smooth_one = smooth_span.bind(
+        buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, ...
+    )
     for span in _spans(past, steps):
-        smooth_span(buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, span)
+        smooth_one(span)
     return output
 
 

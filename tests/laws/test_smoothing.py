@@ -1,6 +1,7 @@
 """Smoothing is never worse than filtering: later observations only add information."""
 
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -32,13 +33,20 @@ def silent(truth: Truth, kind: str) -> tuple[Truth, np.ndarray]:
     return truth._replace(s=s), spoken
 
 
+class Driven(NamedTuple):
+    """A drive, what was observed of it, and the epochs that are judged."""
+
+    truth: Truth
+    observed: list[Any]
+    judged: np.ndarray
+
+
 @cache
-def figures(mode: str, lag: object, silence: str | None = None) -> np.ndarray:
-    """RMS of the position (m), ANEES of the position and of the bearing over all drives, (3,)."""
-    roads = road_map(grid_town())
+def drives(mode: str, silence: str | None) -> list[Driven]:
+    """One drive for each seed, made once for all lags."""
     found = []
     for seed in SEEDS:
-        truth = drive_along(way_through(seed, 8))
+        truth = drive(seed)
         n = len(truth.time)
         at = np.arange(0, n, 10)
         told, spoken = truth, np.ones(n, bool)
@@ -49,7 +57,26 @@ def figures(mode: str, lag: object, silence: str | None = None) -> np.ndarray:
             told, spoken = silent(truth, silence)
             judged &= ~spoken
         observed = geo_fixes(truth, gnss(truth, seed=seed), at, doppler=mode == GNSS)
-        observed += readings(told, mode, spoken)
+        found.append(Driven(truth, observed + readings(told, mode, spoken), judged))
+    return found
+
+
+@cache
+def town() -> whichroad.RoadMap:
+    return road_map(grid_town())
+
+
+@cache
+def drive(seed: int) -> Truth:
+    return drive_along(way_through(seed, 8))
+
+
+@cache
+def figures(mode: str, lag: object, silence: str | None = None) -> np.ndarray:
+    """RMS of the position (m), ANEES of the position and of the bearing over all drives, (3,)."""
+    roads = town()
+    found = []
+    for truth, observed, judged in drives(mode, silence):
         result = whichroad.match(observed, roads, vehicle=CAR, lag=lag)
         found.append([e.mean() for e in errors_of(result, truth, judged)])
     squared, nees, bearing = np.mean(found, axis=0)

@@ -23,7 +23,7 @@ import requests
 from jsonschema import Draft202012Validator
 
 from live.service import Served, drive_files
-from whichroad import match, read_vehicle
+from whichroad import Settings, match, read_vehicle
 from whichroad.errors import ReadError
 from whichroad.live import trace_worker, traces
 from whichroad.live.schemas import schemas
@@ -34,6 +34,7 @@ from whichroad.live.trace_limits import (
     check_size,
     stream_of,
 )
+from whichroad.live.trace_options import TraceOptions
 from whichroad.readers import drive_from_table
 
 ARROW, CSV, JSON = "application/vnd.apache.arrow.stream", "text/csv", "application/json"
@@ -246,29 +247,54 @@ def test_an_answer_is_that_of_match(served, files, ride, town, make, kind):
     assert said["summary"]["epochs"] == 2500
 
 
+STRANGE = [  # bodies, their formats, and the status of the refusal
+    (b'{"time": [99999999999999999999999], "lat": [1], "lon": [2]}', JSON, (400, 422)),
+    (b'[{"time": 1, "lat": 99999999999999999999999, "lon": 2}]', JSON, (400, 422)),
+    (b"time,lat,lon\n99999999999999999999999,1,2\n", CSV, (422,)),
+    (b'{"time": [1e999], "lat": [1], "lon": [2]}', JSON, (400, 422)),
+    (b'[{"time": -1e20, "lat": 49.4115, "lon": 2.8267}]', JSON, (422,)),
+    (as_arrow({"time": pa.array([2**64 - 1], pa.uint64()), "lat": [1.0], "lon": [2.0]}), ARROW,
+     (422,)),
+    (as_arrow({"time": np.zeros(20_000_000, np.int8)}, "zstd"), ARROW, (413,)),
+    (as_arrow({"time": pa.nulls(100_000_000)}, "zstd"), ARROW, (413,)),
+    (b"[" + b"[]," * 5_000_000 + b"[]]", JSON, (413,)),
+    (b"\x1f\x8b\x08\x00" + bytes(100), CSV, (422,)),
+]  # fmt: skip
+SUFFIXES = {ARROW: ".arrow", CSV: ".csv", JSON: ".json"}
+
+
+def assert_one_sentence(said):
+    assert len(said) < 200
+    assert ".py" not in said
+
+
+def checked_and_matched(folder):
+    trace_worker.check_body(folder)
+    trace_worker.match_trace(folder)
+
+
+@pytest.mark.parametrize(("body", "kind", "status"), STRANGE, ids=range(len(STRANGE)))
+def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(files, tmp_path, body, kind, status):
+    """As the process that matches says it, but in this one."""
+    car, settings = read_vehicle(files / "drive" / "vehicle.toml"), Settings()
+    asked = trace_worker.request(
+        SUFFIXES[kind], TraceOptions(), files / "town.map", car, settings
+    )  # fmt: skip
+    (tmp_path / trace_worker.REQUEST).write_text(asked, encoding="utf-8")
+    (tmp_path / trace_worker.BODY).write_bytes(body)
+    with pytest.raises(trace_worker.Refused) as refused:
+        checked_and_matched(tmp_path)
+    assert refused.value.status in status
+    assert_one_sentence(refused.value.why)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("body", "kind", "status"),
-    [
-        (b'{"time": [99999999999999999999999], "lat": [1], "lon": [2]}', JSON, (400, 422)),
-        (b'[{"time": 1, "lat": 99999999999999999999999, "lon": 2}]', JSON, (400, 422)),
-        (b"time,lat,lon\n99999999999999999999999,1,2\n", CSV, (422,)),
-        (b'{"time": [1e999], "lat": [1], "lon": [2]}', JSON, (400, 422)),
-        (b'[{"time": -1e20, "lat": 49.4115, "lon": 2.8267}]', JSON, (422,)),
-        (as_arrow({"time": pa.array([2**64 - 1], pa.uint64()), "lat": [1.0], "lon": [2.0]}), ARROW,
-         (422,)),
-        (as_arrow({"time": np.zeros(20_000_000, np.int8)}, "zstd"), ARROW, (413,)),
-        (as_arrow({"time": pa.nulls(100_000_000)}, "zstd"), ARROW, (413,)),
-        (b"[" + b"[]," * 5_000_000 + b"[]]", JSON, (413,)),
-        (b"\x1f\x8b\x08\x00" + bytes(100), CSV, (422,)),
-    ],
-    ids=range(10),
-)  # fmt: skip
-def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(served, body, kind, status):
+@pytest.mark.parametrize("which", [0, 2, 7])  # at reading, at matching, at checking the size
+def test_a_refusal_comes_over_http_too(served, which):
+    body, kind, status = STRANGE[which]
     got, said = post(served, body, kind)
     assert got in status
-    assert len(said["error"]) < 200
-    assert ".py" not in said["error"]
+    assert_one_sentence(said["error"])
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from whichroad.native import cache, library, linking
 
 from . import toys
 
-NAMES = ("toy_numbers", "toy_tuples", "toy_records", "toy_nothing")
+NAMES = ("toy_numbers", "toy_span", "toy_tuples", "toy_records", "toy_nothing")
 
 
 def lowered(folder: Path, *arguments: str) -> tuple[Path, str]:

@@ -84,6 +84,14 @@ def test_a_bound_call_is_the_call_with_other_numbers(toy_library):
         bound()
 
 
+def test_a_bound_call_takes_a_tuple_of_numbers_each_time(toy_library):
+    values = np.arange(1.0, 5.0)
+    bound = call(toy_library, toys.toy_span).bind((values, ..., ...))
+    for span, k in ((toys.Span(1, 0.5, True), 3), (toys.Span(3, -2.0, True), -1)):
+        assert bound(span, k) == toys.toy_span.function(values, span, k)
+    assert bound(toys.Span(0, 1.0, False), 7) == -1.0
+
+
 @pytest.mark.parametrize(
     "cube",
     [

@@ -35,6 +35,14 @@ class Outer(NamedTuple):
     on: bool
 
 
+class Span(NamedTuple):
+    """Numbers alone."""
+
+    first: int
+    factor: float
+    on: bool
+
+
 @kernel
 def _sum_of(values: Vector, factor: float) -> float:
     total = 0.0
@@ -52,6 +60,12 @@ def _inlined(table: Matrix) -> float:
 def toy_numbers(a: int, b: float, c: bool) -> tuple[float, int, bool]:
     """Numbers in and out."""
     return (b / a if c else b * a, a // 3, not c)
+
+
+@entry
+def toy_span(values: Vector, span: Span, k: int) -> float:
+    """A tuple of numbers between others."""
+    return values[span.first] * span.factor + k if span.on else -1.0
 
 
 @entry

@@ -118,10 +118,10 @@ def _drift(belief: Belief, by_gyro: bool) -> tuple[Learnt, ...]:
 
 def _moments(belief: Belief, of: int) -> tuple[float, float]:
     """Mean and variance of one state over all hypotheses."""
-    hyp = belief.hyp[: int(belief.state[0].count)]
+    hyp = belief.hyp.view(np.ndarray)[: int(belief.state[0].count)]  # records are slow to read
     if not len(hyp):
         return 0.0, 0.0
-    weight, mu, cov = np.array(hyp.weight), hyp.mu[:, of], hyp.cov[:, of, of]
+    weight, mu, cov = hyp["weight"].copy(), hyp["mu"][:, of], hyp["cov"][:, of, of]
     total = float(weight.sum())
     if total <= 0.0:
         return 0.0, 0.0

@@ -16,7 +16,7 @@ from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
 from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
 from .map_error import forget_map
 from .reported_motion import LATENCY, observe_reported
-from .sides import blame_receiver, fork_astray, keep_bias, loosen, misfit, take_sides
+from .sides import blame_receiver, fork_biased, keep_bias, loosen, misfit, take_sides
 from .state import (
     CLOCK,
     NOTHING,
@@ -290,7 +290,7 @@ def _settle(
     elif state.mode == WHEELS and since < _RECENT and not doubted:
         changed = _take_sides(belief, ctx, epoch, axes)
     elif was_silent(state, since):
-        fork_astray(belief)
+        fork_biased(belief)
         changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)

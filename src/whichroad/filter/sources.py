@@ -32,6 +32,7 @@ VETTING = np.dtype(
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
         ("turned", "u1"),  # 1: so has the odometry
+        ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
         ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
         ("returned_at", "f8"),  # s, when odometry was last believed again
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands

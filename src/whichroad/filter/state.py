@@ -49,7 +49,7 @@ OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
 NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
-WRONG, ASTRAY = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
+WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
@@ -82,7 +82,7 @@ HYPOTHESIS = np.dtype(
         ("segment", "i4"),  # vertex at which the current segment starts
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
-        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; ASTRAY: to be far off
+        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
         ("origin", ORIGIN),  # where it was before a fix that it takes to be wrong
     ],
     align=True,

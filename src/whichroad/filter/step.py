@@ -54,7 +54,7 @@ from .state import (
     Y,
     normalise,
 )
-from .windows import BY_GYRO
+from .windows import BY_GYRO, GYRO_ALONE
 
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
@@ -259,7 +259,7 @@ def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int)
         return noise
     before = state.unmeasured
     state.unmeasured += metres
-    return extrapolated(noise, before, metres)
+    return extrapolated(noise, before, metres, epoch.gyro == GYRO_ALONE)
 
 
 @kernel(inline=True)

@@ -27,6 +27,7 @@ from .windows import (
     ANCHORS,
     CLOCK,
     DISTANCE,
+    UNTURNED,
     WHEELS,
     Seen,
     add_fix,
@@ -79,7 +80,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
             vetting.missed = 0
         elif epoch.has_fix and vetting.silent > _SILENT:
             vetting.missed = 1
-        advance(windows, epoch, dt, measured)
+        advance(windows, epoch, dt, measured and epoch.gyro != UNTURNED)
         if measured and dt > 0.0:
             check_odometry(vetting, epoch, dt, sensors)
         elif not measured:

@@ -3,7 +3,7 @@
 It is there where the routes to the fix are less likely than the usual one.  The fix costs it
 what a wrong one is worth, and does not move it.  How far it has come is a guess only: with the
 next fix it begins anew where it was before (`filter.past_wrong_fix`).  Where the receiver was
-silent before, its error may last: see `sides.fork_astray`.
+silent before, its error may last: see `sides.fork_biased`.
 """
 
 import math
@@ -24,7 +24,7 @@ from .sparse_arrival import (
 )
 from .sparse_routes import SparseFix, usual_speed, variance_along
 from .state import (
-    ASTRAY,
+    BIASED,
     CAPACITY,
     MX,
     MY,
@@ -41,13 +41,13 @@ from .state import (
 
 _DEARER = 1.0  # nats by which the best route to a fix that may be wrong is dearer than usual
 _LONGEST = 200.0  # s, by which a hypothesis is taken on along its road,
-_SILENT = 30.0  # and that after which a fix may be astray for good
+_SILENT = 30.0  # and that after which a fix may be biased for good
 _LEAST = 0.1  # weight of a hypothesis that drives on
 _MOST = 64  # edges that it drives through
 
 
 @kernel
-def _may_be_astray(state: Record, dt: float) -> bool:
+def _may_be_biased(state: Record, dt: float) -> bool:
     """Whether the error of a fix after dt seconds of silence may last."""
     return bool(dt <= _SILENT and was_silent(state, dt))
 
@@ -65,7 +65,7 @@ def may_be_wrong(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool
     hyp = belief.hyp[top]
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
-    if _may_be_astray(belief.state[0], fix.dt):
+    if _may_be_biased(belief.state[0], fix.dt):
         return True
     if fix.dt > _LONGEST:
         return False
@@ -204,11 +204,11 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     child = int(state.count)
     move_row(belief, top, child)
     hyp = belief.hyp[child]
-    astray = _may_be_astray(state, fix.dt)
-    if not astray:
+    biased = _may_be_biased(state, fix.dt)
+    if not biased:
         _note_origin(belief, child, fix)
     carry(belief, ctx, child, label, metres, fix)
-    hyp.ignores = ASTRAY if astray else WRONG
+    hyp.ignores = BIASED if biased else WRONG
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search

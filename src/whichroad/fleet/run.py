@@ -32,7 +32,7 @@ from . import manifest
 from .bad_trips import write_bad
 from .inputs import Inputs, inputs_of
 from .staging import stage
-from .units import UNIT_ROWS, Unit, batches_of, plan
+from .units import UNIT_ROWS, Unit, batches_of, plan, rows_of
 from .work import NOTHING, Done, Task, done_before, run_unit
 
 _WORK = ".work"  # folder of what is needed until the end
@@ -237,6 +237,8 @@ def _units(
         files = [staged]
     if held:
         return held
+    if threads > 1 and rows_of(files) > unit_rows:
+        _start_processes()  # what they import takes as long as planning
     units = plan(files, task.trip_id, unit_rows, own)
     if not units:
         raise ReadError("trips: there is no row in them; rows with a drive_id were expected")
@@ -271,14 +273,27 @@ def _here(task: Task, units: list[Unit]) -> Iterator[Done]:
     return (run_unit(task, unit) for unit in units)
 
 
-def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]:
-    """Units by processes, each with the map mapped; few of them wait."""
+def _context() -> Any:
+    """How processes are made: by one that has imported what they need, where there is that."""
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if hasattr(context, "set_forkserver_preload"):
         # Arrow loads pandas, where there is one, with its first array: once for all workers
         context.set_forkserver_preload(["whichroad.fleet.work", "pandas"])
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    return context
+
+
+def _start_processes() -> None:
+    """Let the process import that makes the others, beside this one."""
+    if _context().get_start_method() == "forkserver":
+        from multiprocessing import forkserver
+
+        forkserver.ensure_running()
+
+
+def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]:
+    """Units by processes, each with the map mapped; few of them wait."""
+    pool = ProcessPoolExecutor(workers, mp_context=_context(), initializer=_begin)
     running = set()
     try:
         left = iter(units)

@@ -1,6 +1,7 @@
 """Work units: ranges of rows of Parquet files that hold whole trips."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ import pyarrow.parquet as pq
 from ..errors import ReadError
 from .inputs import used_columns
 
-UNIT_ROWS = 1 << 18  # rows of a unit, about
+UNIT_ROWS = 1 << 17  # rows of a unit, at most, but for a last trip
 _BATCH = 1 << 15  # rows read at once
 _NONE: Mapping[str, str | int] = {}
 
@@ -37,13 +38,15 @@ def plan(
     files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS,
     own: Mapping[str, str | int] = _NONE,
 ) -> list[Unit]:  # fmt: skip
-    """Cut files, in which the rows of a trip lie together, into units.
+    """Cut files, in which the rows of a trip lie together, into one or an even number of units.
 
+    They are about equal, so that workers end at about the same time.
     Only the columns that name trips are read.  `own` is that of `inputs.used_columns`.
 
     Raises:
         ReadError: A file cannot be read, or a trip comes again after others.
     """
+    unit_rows = _equal(rows_of(files), unit_rows)
     units: list[Unit] = []
     pieces: list[Piece] = []
     rows = 0
@@ -77,20 +80,50 @@ def plan(
     return units
 
 
-def _names(path: Path, trip_id: str, own: Mapping[str, str | int]) -> Iterator[pa.Array]:
-    """The trips of the rows of a file, part by part."""
+def rows_of(files: Sequence[Path]) -> int:
+    """Rows of Parquet files, by what their ends say.
+
+    Raises:
+        ReadError: A file cannot be read.
+    """
+    rows = 0
+    for path in files:
+        with _read(path):
+            rows += pq.read_metadata(path).num_rows
+    return rows
+
+
+def _equal(rows: int, most: int) -> int:
+    """Rows of each unit, so that the last is as large as the others, and their number even."""
+    if rows <= most:
+        return most
+    return -(-rows // (2 * -(-rows // (2 * most))))
+
+
+@contextmanager
+def _read(path: Path | str) -> Iterator[None]:
+    """Errors of a Parquet file by its name.
+
+    Raises:
+        ReadError: There was one.
+    """
     try:
-        with pq.ParquetFile(path) as file:
-            used = used_columns(file.schema_arrow.names, trip_id, str(path), own)
-            for batch in file.iter_batches(_BATCH, columns=[used.trip]):
-                column = batch.column(0)
-                if pa.types.is_dictionary(column.type):
-                    column = column.cast(column.type.value_type)
-                if len(column):
-                    yield column
+        yield
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
         raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
+
+
+def _names(path: Path, trip_id: str, own: Mapping[str, str | int]) -> Iterator[pa.Array]:
+    """The trips of the rows of a file, part by part."""
+    with _read(path), pq.ParquetFile(path) as file:
+        used = used_columns(file.schema_arrow.names, trip_id, str(path), own)
+        for batch in file.iter_batches(_BATCH, columns=[used.trip]):
+            column = batch.column(0)
+            if pa.types.is_dictionary(column.type):
+                column = column.cast(column.type.value_type)
+            if len(column):
+                yield column
 
 
 def _begins(column: pa.Array, last: Any) -> list[int]:
@@ -125,12 +158,8 @@ def batches_of(unit: Unit, trip_id: str, own: Mapping[str, str | int]) -> Iterat
         ReadError: A file cannot be read.
     """
     for path, low, high in unit.pieces:
-        try:
-            with pq.ParquetFile(path) as file:
-                yield from _rows(file, low, high, trip_id, own)
-        except (pa.ArrowException, OSError) as error:
-            reason = str(error).splitlines()[0]
-            raise ReadError(f"{path}: cannot be read as parquet ({reason})") from None
+        with _read(path), pq.ParquetFile(path) as file:
+            yield from _rows(file, low, high, trip_id, own)
 
 
 def _rows(

@@ -76,11 +76,13 @@ def run_again(
     def epochs() -> Iterator[Gaussians]:
         nonlocal path
         history, state, hyp = new_history(0), belief.state[0], belief.hyp
+        step = run.bind(belief, path, history, timeline.epochs, output, ctx, ..., ...)
         for k in range(first, len(timeline.epochs)):
             b = _count_from_here(belief)
             before: list[int] = hyp.path_entry[:b].tolist()
-            while run(belief, path, history, timeline.epochs, output, ctx, k, k + 1) == k:
+            while step(k, k + 1) == k:
                 path = _larger(path)
+                step = run.bind(belief, path, history, timeline.epochs, output, ctx, ..., ...)
             g = int(state.count)
             p = known * hyp.weight[:g]
             if g:

@@ -63,8 +63,26 @@ def request(
     return json.dumps({**asked, "settings": asdict(settings)})
 
 
+def check_body(folder: Path) -> None:
+    """Check the size of the body in a folder, which takes no more than reading it.
+
+    Args:
+        folder: Holds `request.json` and `body`.
+
+    Raises:
+        Refused: It stands for too much, or is not what it is called.
+    """
+    suffix = json.loads((folder / REQUEST).read_text("utf-8"))["suffix"]
+    with _refusing(folder):
+        body = (folder / BODY).read_bytes()
+        if suffix == ".arrow" and (stream := stream_of(body)) is not body:
+            body = stream
+            (folder / BODY).write_bytes(body)
+        check_size(body, suffix)
+
+
 def match_trace(folder: Path) -> None:
-    """Match the trace in a folder, and leave the answer there.
+    """Match the trace in a folder, whose size was checked, and leave the answer there.
 
     Args:
         folder: Holds `request.json` and `body`.
@@ -76,7 +94,7 @@ def match_trace(folder: Path) -> None:
 
     asked = json.loads((folder / REQUEST).read_text("utf-8"))
     vehicle, settings = Vehicle(**asked["vehicle"]), Settings(**asked["settings"])
-    try:
+    with _refusing(folder):
         drives = _read(folder, asked["suffix"], vehicle, settings)
         if sum(_size(drive) for drive in drives) > MOST_ROWS:
             raise TooLargeTrace(f"trace: at most {MOST_ROWS:,} rows are taken here")
@@ -86,6 +104,17 @@ def match_trace(folder: Path) -> None:
         )  # fmt: skip
         with _written(folder / ANSWER, asked["gzip"]) as file, _within_bounds():
             file.writelines(answer_of(result, asked["give"]))
+
+
+@contextlib.contextmanager
+def _refusing(folder: Path) -> Iterator[None]:
+    """Errors as the status and the sentence that the client gets.
+
+    Raises:
+        Refused: There was one.
+    """
+    try:
+        yield
     except TooLargeTrace as error:
         raise Refused(413, str(error)) from None
     except WhichroadError as error:
@@ -151,20 +180,14 @@ def _read(folder: Path, suffix: str, vehicle: Vehicle, settings: Settings) -> An
     """The drives of a body whose size is checked."""
     from ..readers import drive_from_table, read_drive
 
-    body = (folder / BODY).read_bytes()
-    if suffix == ".arrow" and (stream := stream_of(body)) is not body:
-        body = stream
-        (folder / BODY).write_bytes(body)
-    check_size(body, suffix)
     with _within_bounds():
         if suffix == ".json":
-            given = _given(body)
+            given = _given((folder / BODY).read_bytes())
             if not (isinstance(given, dict) and given.get("type") in GEOMETRIES):
                 return drive_from_table(_columns(given), vehicle=vehicle, settings=settings)
             del given
         path = folder / ("trace.geojson" if suffix == ".json" else f"trace{suffix}")
         os.replace(folder / BODY, path)
-        del body
         return read_drive(path, vehicle=vehicle, settings=settings)
 
 
@@ -218,6 +241,19 @@ def _limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
+def _prepare() -> None:
+    """Import what matching needs, so that it does not count as the trace's memory; limit that."""
+    import geopandas  # noqa: F401
+    import pyarrow as pa
+    import pyarrow.csv
+
+    from .. import matching  # noqa: F401
+
+    pa.set_cpu_count(1)
+    pa.set_io_thread_count(1)
+    _limit_memory()
+
+
 def _end_with_the_service(folder: Path) -> None:
     """Wait for the end of the standard input: the service is gone, or the client is."""
     with contextlib.suppress(OSError):
@@ -231,16 +267,9 @@ def main() -> None:
     """Match the trace in the folder that is the argument."""
     folder = Path(sys.argv[1])
     threading.Thread(target=_end_with_the_service, args=(folder,), daemon=True).start()
-    import geopandas  # noqa: F401  # what is imported does not count as the trace's memory
-    import pyarrow as pa
-    import pyarrow.csv
-
-    from .. import matching  # noqa: F401
-
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    _limit_memory()
     try:
+        check_body(folder)  # before all that matching needs is imported: that takes a second
+        _prepare()
         match_trace(folder)
     except Refused as refused:
         text = json.dumps({"status": refused.status, "error": refused.why})

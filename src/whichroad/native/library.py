@@ -180,13 +180,19 @@ class Call:
         return words
 
     def bind(self, args: Sequence[Any]) -> Callable[..., Any]:
-        """The call with its pointers taken; `...` where each call will give a number."""
+        """The call with its pointers taken; `...` where each call will give a number, or several.
+
+        Several are a tuple of nothing but numbers, as the kernel takes it.
+        """
         values, at, free = [], 0, []
         for (_, kind), put, arg in zip(self._kinds, self._puts, args, strict=True):
             words: list[Any] = []
             if arg is ... and not isinstance(kind, Array | Fields):
                 free.append((struct.Struct(NUMBERS[kind]).pack_into, 8 * at))
                 words = [0]
+            elif arg is ... and isinstance(kind, Fields):
+                free.append((_packer(kind), 8 * at))
+                words = [0] * len(kind.types)
             else:
                 put(arg, words)
             values += words
@@ -205,6 +211,13 @@ class Call:
             return result(block, result_at)
 
         return call
+
+
+def _packer(kind: Fields) -> Callable[[Any, int, Any], None]:
+    """What puts a tuple of numbers at its place in a block."""
+    codes = [NUMBERS[one] for one in kind.types if isinstance(one, type)]
+    pack = struct.Struct("".join(codes)).pack_into
+    return lambda block, place, numbers: pack(block, place, *numbers)
 
 
 def _putter(name: str, kind: Kind) -> Put:
