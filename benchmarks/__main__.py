@@ -48,6 +48,7 @@ BENCHMARKS = {
     "evidence": ("evidence.run", "further sensors: ranges, a compass, each removed, each faulty"),
     "stand": ("stand.run", "ten minutes at a stop beside a biased gyro, then no GNSS"),
     "first": ("first_heard.run", "on line, a fix or the wheels first, then 5 km without GNSS"),
+    "takeover": ("takeover.run", "wheels and a gyro together, one of them wrong or silent"),
     "calibrate": ("calibration.run", "cars from their own drives: errors, coverage"),
     "outages": ("calibration.outages", "1.5 km without GNSS of cars that were calibrated"),
     "exact": ("exact.run", "exact inference against oracles; the reduction against it"),

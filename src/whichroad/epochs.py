@@ -6,7 +6,7 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,13 @@ from ._compile import Records
 from .errors import DriveError, SettingError
 from .filter.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
-from .filter.windows import BY_GYRO, BY_WHEELS
+from .filter.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE
 from .geodesy.plane import Plane
-from .observations import Array, Drive, Fixes, SensorReading
+from .observations import Array, Drive, Fixes, SensorReading, WithGyro
 from .sensed import Row, Sensed
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
+from .sensors.takeover import Takeover
 from .settings import Vehicle
 from .wording import by_reason
 
@@ -38,6 +39,7 @@ class Timeline:
     masked: int  # fixes withheld
     evidence: Evidence = NO_EVIDENCE  # of further sensors, in the order of the epochs
     sensors: tuple[str, ...] = ()  # their names
+    takeover: Takeover | None = None  # of a gyro beside wheels
 
     @property
     def interval(self) -> float:
@@ -109,10 +111,8 @@ def build_timeline(
     Raises:
         DriveError: There is neither a fix nor odometry.
     """
-    motion = motion_of(drive.odometry, vehicle) if drive.odometry is not None else None
-    if motion is not None and len(motion.time) < 2:
-        motion = None
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
+    motion = _motion(drive, fixes, vehicle, mask)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
         raise DriveError(
@@ -138,13 +138,12 @@ def build_timeline(
     epochs.time, epochs.arc, epochs.turn, epochs.odometry_valid = time, arc, turn, valid
     epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
     epochs.speed_sigma = epochs.course_sigma = np.inf
-    epochs.gyro = BY_GYRO if motion is not None and motion.gyro else BY_WHEELS
+    epochs.gyro = _turned_by(motion, time)
+    epochs.odometry_valid[epochs.gyro == GYRO_ALONE] = 0
     masked = 0
     if fixes is not None:
         at = _nearest(time, fixes.time)
-        keep = np.ones(len(fixes), bool)
-        for low, high in mask_windows(mask, float(time[0])):
-            keep &= ~((fixes.time >= low) & (fixes.time <= high))
+        keep = _kept(fixes, mask, float(time[0]))
         masked = int((~keep).sum())
         fix, heading, sigma = fix_rows(fixes, plane)
         at = at[keep]
@@ -153,9 +152,45 @@ def build_timeline(
         epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
+    takeover = None if motion is None else motion.takeover
     if sensed is None:
-        return Timeline(epochs, mode, masked)
-    return Timeline(epochs, mode, masked, _heard(epochs, told, sensed), sensed.names)
+        return Timeline(epochs, mode, masked, takeover=takeover)
+    return Timeline(epochs, mode, masked, _heard(epochs, told, sensed), sensed.names, takeover)
+
+
+def _kept(
+    fixes: Fixes, mask: Sequence[tuple[float, float]], begin: float
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Which fixes are not withheld, (n,)."""
+    keep = np.ones(len(fixes), bool)
+    for low, high in mask_windows(mask, begin):
+        keep &= ~((fixes.time >= low) & (fixes.time <= high))
+    return keep
+
+
+def _motion(
+    drive: Drive, fixes: Fixes | None, vehicle: Vehicle, mask: Sequence[tuple[float, float]]
+) -> Motion | None:
+    """What moves the vehicle; None where there are less than two readings."""
+    if drive.odometry is None:
+        return None
+    told = fixes
+    if isinstance(drive.odometry, WithGyro) and fixes is not None and len(drive.odometry.time):
+        begin = min(float(fixes.time[0]), float(drive.odometry.time[0]))
+        keep = _kept(fixes, mask, begin)
+        told = Fixes(**{f.name: getattr(fixes, f.name)[keep] for f in fields(Fixes)})
+    motion = motion_of(drive.odometry, vehicle, told)
+    return motion if len(motion.time) > 1 else None
+
+
+def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:
+    """What measures the turn to each moment, (n,), or to all of them."""
+    if motion is None:
+        return BY_WHEELS
+    if motion.by is None:
+        return BY_GYRO if motion.gyro else BY_WHEELS
+    step = np.searchsorted(motion.time, time).clip(0, len(motion.time) - 1)
+    return np.asarray(motion.by[step], np.uint8)
 
 
 def _heard(epochs: Records, told: Sequence[SensorReading], sensed: Sensed) -> Evidence:

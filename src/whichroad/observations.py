@@ -85,9 +85,9 @@ class YawRates:
 
 @dataclass(frozen=True, slots=True)
 class WithGyro:
-    """An odometer and a gyro beside it, each at its own times."""
+    """An odometer or wheels, and a gyro beside them, each at its own times."""
 
-    distance: Odometer
+    distance: Odometer | WheelCounts | WheelSpeeds
     gyro: YawRates
 
     @property

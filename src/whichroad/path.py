@@ -14,13 +14,12 @@ from .filter.passage import joins
 from .filter.state import OFF_ROAD, Belief, Path, new_path
 from .graph.network import Roads
 from .observations import Array
+from .rivals import rivals
+from .rivals import shortest as shortest
 
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
 _CLOSE = 2.0  # s between two steps, up to which an edge is entered at the second
 _ENTRIES = 256  # edges between two steps, at most, read from the path tree
-_DETOUR = 3.0  # longest route between unlinked edges, over their distance
-_DETOUR_MORE = 300.0  # m, added to that longest route
-_RULE_COST = 500.0  # m, cost of a turn that breaks a rule
 _SURE = 0.999  # P(edge) from which on every route passes an edge
 _BEAM = 200  # routes that are extended at once between two such edges
 _LEAST = 1e-4  # P of a route up to which it is left out
@@ -33,6 +32,7 @@ class Chain(NamedTuple):
     time: Array  # s
     along: Array  # m
     share: Array | None = None  # of the likely routes that pass it; None: all pass all
+    route: Array | None = None  # of these that is the one driven; None: there is one
 
 
 def tidied(path: Path, *users: NDArray[np.int64]) -> Path:
@@ -84,7 +84,10 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
         found.append(entry)
         entry = int(parent[entry])
     rows = path.entry[np.array(found[::-1], int)]
-    return Chain(rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float))
+    return Chain(
+        rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float),
+        rows.route.astype(float),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +154,16 @@ class _Columns(NamedTuple):
     entry_time: Array
     along: Array
     entry_share: Array
+    entry_route: Array
+
+
+class _Entered(NamedTuple):
+    """An edge between two fixes."""
+
+    edge: int
+    time: float  # s
+    share: float  # of the likely routes that pass it
+    route: float  # of these that is the one driven
 
 
 def _columns(history: History, path: Path, roads: Roads) -> _Columns:
@@ -160,87 +173,64 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
     return _Columns(
         roads, step.time, step.first_node, step.end_node, node.edge, node.smoothed,
         node.path_entry, node.first_link, node.end_link, link.origin, link.share, entry.parent,
-        entry.edge, entry.time, entry.along, entry.share,
+        entry.edge, entry.time, entry.along, entry.share, entry.route,
     )  # fmt: skip
 
 
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
     edge = c.edge[nodes]
-    rows: list[tuple[int, float, float, float]] = []
+    rows: list[tuple[int, float, float, float, float]] = []
     for k in np.flatnonzero(np.diff(edge, prepend=-9)).tolist():
         now, entry = float(c.time[k]), int(c.path_entry[nodes[k]])
         before = float(c.time[k - 1]) if k else now
         between = _between(c, int(nodes[k - 1]), int(nodes[k])) if k else []
-        rows += [(e, min(max(t, before), now), 0.0, share) for e, t, share in between]
-        where, when, share = 0.0, now, 1.0
+        rows += [(b.edge, min(max(b.time, before), now), 0.0, b.share, b.route) for b in between]
+        where, when, share, route = 0.0, now, 1.0, 1.0
         if entry >= 0 and c.entry_edge[entry] == edge[k]:
             where = float(c.along[entry])
             when = float(c.entry_time[entry]) if now - before > _CLOSE else now
-            share = float(c.entry_share[entry])
-        rows.append((int(edge[k]), min(max(when, before), now), where, share))
-    edges, times, along, shares = zip(*rows, strict=True)
-    return Chain(np.array(edges, np.int32), np.array(times), np.array(along), np.array(shares))
+            share, route = float(c.entry_share[entry]), float(c.entry_route[entry])
+        rows.append((int(edge[k]), min(max(when, before), now), where, share, route))
+    edges, *others = zip(*rows, strict=True)
+    return Chain(np.array(edges, np.int32), *(np.array(column) for column in others))
 
 
-def _between(c: _Columns, i: int, j: int) -> list[tuple[int, float, float]]:
-    """Edges driven between those of two linked nodes, when each was entered, and its share."""
+def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
+    """Edges driven between those of two linked nodes."""
     then, edge = int(c.edge[i]), int(c.edge[j])
     if OFF_ROAD in (then, edge):
         return []
     if c.roads.edges[edge].opposite == then or joins(c.roads, then, edge):
         return []
-    found: list[tuple[int, float, float]] = []
+    found: list[_Entered] = []
     entry, stop = int(c.path_entry[j]), int(c.path_entry[i])
     while (entry := int(c.parent[entry])) >= 0 and entry != stop:
         at = int(c.entry_edge[entry])
         if at in (OFF_ROAD, then) or len(found) == _ENTRIES:
             break
-        found.append((at, float(c.entry_time[entry]), float(c.entry_share[entry])))
+        shares = float(c.entry_share[entry]), float(c.entry_route[entry])
+        found.append(_Entered(at, float(c.entry_time[entry]), *shares))
     if entry >= 0 and (entry == stop or c.entry_edge[entry] == then):
         return found[::-1]
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
-    return [(e, time, 1.0) for e in shortest(c.roads, then, edge) or []]
+    return [_Entered(e, time, 1.0, 1.0) for e in shortest(c.roads, then, edge) or []]
 
 
-def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
-    """Edges between the end of edge a and the start of edge b; None: no route is short enough."""
-    end = roads.vertices[roads.edges[a].last_vertex]
-    start = roads.vertices[roads.edges[b].first_vertex]
-    away = float(np.hypot(end.x - start.x, end.y - start.y))
-    reach = _DETOUR * away + _DETOUR_MORE
-    queue: list[tuple[float, int, int]] = [(0.0, a, -1)]
-    came: dict[int, int] = {}
-    while queue:
-        so_far, edge, before = heapq.heappop(queue)
-        if edge in came:
-            continue
-        came[edge] = before
-        if edge == b:
-            found = []
-            while (edge := came[edge]) != a:
-                found.append(edge)
-            return found[::-1]
-        for turn in roads.turns[roads.edges[edge].first_turn : roads.edges[edge].end_turn]:
-            f = int(turn.edge)
-            cost = so_far + (float(roads.edges[f].length) if f != b else 0.0)
-            cost += _RULE_COST if turn.rule else 0.0
-            if f not in came and cost <= reach:
-                heapq.heappush(queue, (cost, f, edge))
-    return None
-
-
-def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative]:
+def alternatives(
+    history: History, path: Path, roads: Roads, *, told: bool = True
+) -> list[Alternative]:
     """The drive in parts between sure edges, each with its routes and their probabilities.
 
     The parts follow each other, the last edge of one being the first of the next; nearly all
-    have one route.
+    have one route.  P of the routes of a part sum to 1, less what no route was found for.
 
     Args:
         history: The graph, smoothed.
         path: The tree of edges entered.
         roads: The network.
+        told: Whether routes between the same two fixes are told that the filter only counted.
 
     Returns:
         The parts in driving order.
@@ -261,7 +251,7 @@ def alternatives(history: History, path: Path, roads: Roads) -> list[Alternative
         a, b = sure[k], sure[k + 1]
         if b == a + 1 and best[k] == best[k + 1]:
             continue
-        parts.append(Alternative(float(time[a]), float(time[b]), _routes(c, a, b)))
+        parts.append(Alternative(float(time[a]), float(time[b]), _routes(c, a, b, told)))
     if not parts and steps:
         alone = Route(1.0, (best[0],) if best[0] != OFF_ROAD else ())
         parts.append(Alternative(float(time[0]), float(time[steps - 1]), (alone,)))
@@ -273,7 +263,21 @@ def _best_edge(c: _Columns, p: Array, step: int) -> int:
     return int(c.edge[first + int(np.argmax(p[first:last]))])
 
 
-def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
+def _ways(c: _Columns, i: int, j: int, told: bool) -> list[tuple[float, tuple[int, ...]]]:
+    """Edges between those of two linked nodes with their shares, which sum to 1 at most."""
+    between = _between(c, i, j)
+    taken = tuple(b.edge for b in between)
+    share = min((b.route for b in between), default=1.0)
+    found = [(share, taken)]
+    if told and share < 1.0 - _LEAST:
+        step = int(np.searchsorted(c.first_node, j, side="right")) - 1
+        way = [int(c.edge[i]), *taken, int(c.edge[j])]
+        others = rivals(c.roads, way, [b.share for b in between], float(np.diff(c.time)[step - 1]))
+        found += [((1.0 - share) * p, edges) for p, edges in others if edges != taken]
+    return found
+
+
+def _routes(c: _Columns, first: int, last: int, told: bool) -> tuple[Route, ...]:
     """Routes from one step to a later one, backwards: P(route) = Σ γ(last) Π f over its chains.
 
     A route is kept as its last edges, each with what follows, so that routes share their ends.
@@ -289,7 +293,8 @@ def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
         return number[key]
 
     edge = c.edge
-    here: dict[tuple[int, int], float] = {}
+    lost, here = 0.0, dict[tuple[int, int], float]()
+    ways: dict[tuple[int, int], list[tuple[float, tuple[int, ...]]]] = {}
     for j in range(int(c.first_node[last]), int(c.end_node[last])):
         here[j, put(int(edge[j]), -1)] = float(c.smoothed[j])
     for step in range(last, first, -1):
@@ -300,22 +305,30 @@ def _routes(c: _Columns, first: int, last: int) -> tuple[Route, ...]:
                 i, part = then + int(c.origin[at]), weight * float(c.share[at])
                 if part < 0.1 * _LEAST:
                     continue
-                longer = tail
-                if edge[i] != edge[j]:
-                    for e, _, _ in reversed(_between(c, i, j)):
+                if edge[i] == edge[j]:
+                    before[i, tail] = before.get((i, tail), 0.0) + part
+                    continue
+                if (i, j) not in ways:
+                    ways[i, j] = _ways(c, i, j, told)
+                lost += part * max(1.0 - sum(share for share, _ in ways[i, j]), 0.0)
+                for share, way in ways[i, j]:
+                    longer = tail
+                    for e in reversed(way):
                         longer = put(e, longer)
                     longer = put(int(edge[i]), longer)
-                before[i, longer] = before.get((i, longer), 0.0) + part
+                    before[i, longer] = before.get((i, longer), 0.0) + part * share
         if len(before) > _BEAM:
             before = dict(sorted(before.items(), key=lambda item: -item[1])[:_BEAM])
         if not before:  # a new beginning
             break
         here = before
-    return _summed(here, tails)
+    return _summed(here, tails, lost)
 
 
-def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) -> tuple[Route, ...]:
-    """Routes of the same edges are one."""
+def _summed(
+    here: dict[tuple[int, int], float], tails: list[tuple[int, int]], lost: float
+) -> tuple[Route, ...]:
+    """Routes of the same edges are one; `lost` is the weight of those that are not told."""
     routes: dict[tuple[int, ...], float] = {}
     for (_, tail), weight in here.items():
         edges: list[int] = []
@@ -324,7 +337,7 @@ def _summed(here: dict[tuple[int, int], float], tails: list[tuple[int, int]]) ->
             if edge != OFF_ROAD and (not edges or edges[-1] != edge):
                 edges.append(edge)
         routes[tuple(edges)] = routes.get(tuple(edges), 0.0) + weight
-    total = math.fsum(routes.values())
+    total = math.fsum(routes.values()) + lost
     kept = sorted(((w / total, e) for e, w in routes.items() if w > _LEAST * total), reverse=True)
     return tuple(Route(p, edges) for p, edges in kept)
 
@@ -341,9 +354,10 @@ def best_routes(parts: list[Alternative], count: int) -> list[Route]:
     """
     open_parts = [k for k, part in enumerate(parts) if len(part.routes) > 1]
     start = (0,) * len(open_parts)
+    closed = math.fsum(math.log(part.routes[0].p) for part in parts if len(part.routes) == 1)
 
     def log_p(choice: tuple[int, ...]) -> float:
-        return math.fsum(
+        return closed + math.fsum(
             math.log(parts[k].routes[c].p) for k, c in zip(open_parts, choice, strict=True)
         )
 

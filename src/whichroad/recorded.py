@@ -11,6 +11,7 @@ from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.sensor_states import SensorTrack, states_of
+from .diagnosis.sensors import sensor_findings, takeover_findings
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.estimate import Output, new_output
@@ -129,8 +130,11 @@ def localize_recorded(
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
     fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
 
+    named = takeover_findings(timeline.takeover)
+
     def diagnose() -> tuple[Finding, ...]:
-        return (*further, *fit())
+        # settings are not judged by sensors that are wrong
+        return (*further, *named, *(sensor_findings(vetting) if named else fit()))
 
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:

@@ -70,9 +70,9 @@ class Past(NamedTuple):
     filtered: Output
     lag: Lag
 
-    def alternatives(self) -> list[Alternative]:
-        """The parts of the drive with their competing routes."""
-        return alternatives(self.history, self.path, self.roads.arrays)
+    def alternatives(self, *, told: bool = True) -> list[Alternative]:
+        """The parts of the drive with their competing routes; `told` as in `path.alternatives`."""
+        return alternatives(self.history, self.path, self.roads.arrays, told=told)
 
     def decided_until(self) -> float | None:
         """Seconds from the drive's start up to which the road is decided; None: nowhere."""

@@ -46,14 +46,38 @@ def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:
     return np.asarray(on[np.append(True, edge[1:] != edge[:-1])[: len(on)]])
 
 
-def _begin(driven: Traversals) -> int:
-    """The first edge of a path that is more likely than not, or that was driven for a while.
+def _improbable(driven: Traversals) -> NDArray[np.bool_]:
+    """Edges that no path begins with: less likely than not, and driven for some metres only.
 
     Where a drive begins beside a junction, the heaviest chain may have begun on any of its roads.
     """
-    improbable = (driven.p < 0.5) & (driven.exit_m - driven.enter_m < _SHORT)
-    begins = np.flatnonzero(~improbable)
+    return np.asarray((driven.p < 0.5) & (driven.exit_m - driven.enter_m < _SHORT))
+
+
+def _begin(driven: Traversals) -> int:
+    """The first edge of a path that it may begin with."""
+    begins = np.flatnonzero(~_improbable(driven))
     return int(begins[0]) if len(begins) else 0
+
+
+def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, NDArray[np.int64]]:
+    """Several paths, one behind the other, each from the edge that it may begin with.
+
+    Args:
+        driven: Their rows.
+        first: (d + 1,) where each begins, and the number of rows.
+
+    Returns:
+        The rows that are left, and where each path begins in them.
+    """
+    left = np.ones(len(driven), bool)
+    starts = first[:-1][np.diff(first) > 0]
+    for a in starts[_improbable(driven[starts])].tolist():
+        end = int(first[np.searchsorted(first, a, side="right")])
+        left[a : a + _begin(driven[a:end])] = False
+    if left.all():
+        return driven, first
+    return driven[left], np.append(0, np.cumsum(left))[first]
 
 
 def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
@@ -74,6 +98,7 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
         return driven
     driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
     driven.share = chain.share[at] if chain.share is not None else 1.0
+    driven.route = chain.route[at] if chain.route is not None else 1.0
     first = np.zeros(len(at) + 1, np.int64)
     first_epochs(driven, epochs, first)
     broken_rules(roads, driven)

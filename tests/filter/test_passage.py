@@ -10,6 +10,7 @@ from whichroad.filter.estimate import new_output
 from whichroad.filter.passage import TRAVERSAL, first_epochs, time_edges
 from whichroad.filter.state import EPOCH, NO_EDGE, OFF_ROAD
 from whichroad.graph.network import records
+from whichroad.traversals import trimmed
 
 # a street of three edges of 100 m and a side street; edge 2 i + 1 is edge 2 i driven back
 ROADS = network(
@@ -83,3 +84,13 @@ def test_an_unsure_point_does_not_hold_the_path_back():
     driven = passed([(0, 0.0), (2, 6.5)], seen)
     assert driven[0].exit_time <= 5.0
     assert driven[1].p == np.float32(0.999)
+
+
+def test_several_paths_begin_where_each_would_alone():
+    driven = records(7, TRAVERSAL)
+    driven.p[:] = (0.4, 0.4, 0.9, 0.9, 0.4, 0.3, 0.2)
+    driven.exit_m[:] = (5.0, 9.0, 9.0, 9.0, 50.0, 5.0, 5.0)
+    first = np.array([0, 3, 3, 4, 5, 7])  # the second is empty, in the last nothing is likely
+    left, begins = trimmed(driven, first)
+    assert left.p.tolist() == [0.9, 0.9, 0.4, 0.3, 0.2]
+    assert begins.tolist() == [0, 1, 1, 2, 3, 5]

@@ -139,9 +139,9 @@ def test_turns_that_go_the_other_way_lead_nowhere(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("astray", [(40.0, 0.0), (-40.0, 0.0), (15.0, 25.0)])
+@pytest.mark.parametrize("biased", [(40.0, 0.0), (-40.0, 0.0), (15.0, 25.0)])
 def test_satellites_found_again_in_a_wrong_place_are_doubted(
-    seed: int, astray: tuple[float, float]
+    seed: int, biased: tuple[float, float]
 ):
     """A receiver alone is silent for eight seconds.  For half a minute it is then drawn in."""
     road = drive_along([[500.0, -1.75], [1600.0, -1.75]])
@@ -149,7 +149,7 @@ def test_satellites_found_again_in_a_wrong_place_are_doubted(
     road = Truth(*(column[every] for column in road))
     fix = gnss(road, sigma=2.0, seed=seed)
     faded = np.where(road.time > 45.0, np.exp((45.0 - road.time) / 12.0), 0.0)
-    fix[:, :2] += np.outer(faded, astray)
+    fix[:, :2] += np.outer(faded, biased)
     heard = np.flatnonzero((road.time < 37.0) | (road.time > 45.0))
     epochs = epochs_of(road, fix, heard)[heard]
     epochs.odometry_valid = 0

@@ -7,6 +7,7 @@ from scenes import localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, new_epochs
 from whichroad.graph.network import Roads
+from whichroad.path import alternatives
 from whichroad.traversals import traversals
 
 FIXES = (60.0, 460.0, 940.0, 1340.0)  # m along the road, the ways being between the middle two
@@ -22,19 +23,27 @@ def ways(upper: float, lower: float) -> Roads:
     return network([*before, *above, *below, *after])
 
 
-def said(roads: Roads, lag: object) -> dict[int, float]:
-    """P of each edge of the path of a vehicle that was seen every 30 s."""
-    epochs: Records = new_epochs(len(FIXES))
-    epochs.time[:] = 30.0 * np.arange(len(FIXES))
+def seen_every_30_s(fixes: tuple[float, ...] = FIXES) -> Records:
+    """A vehicle on the road."""
+    epochs: Records = new_epochs(len(fixes))
+    epochs.time[:] = 30.0 * np.arange(len(fixes))
     epochs.has_fix[:] = 1
-    epochs.fix[:, 0] = FIXES
+    epochs.fix[:, 0] = fixes
     epochs.fix[:, 1] = -1.75
     epochs.fix[:, 2:4] = 5.0
     epochs.speed_sigma[:] = np.inf
     epochs.course_sigma[:] = np.inf
+    return epochs
+
+
+def said(
+    roads: Roads, lag: object, column: str = "p", fixes: tuple[float, ...] = FIXES
+) -> dict[int, float]:
+    """P of each edge of the path of the vehicle, or of its route."""
+    epochs = seen_every_30_s(fixes)
     found = localize(roads, epochs, mode=CLOCK, lag=lag)
     rows = traversals(epochs, found.output, found.chain, roads)
-    return dict(zip(rows.edge.tolist(), rows.p.tolist(), strict=True))
+    return dict(zip(rows.edge.tolist(), rows[column].tolist(), strict=True))
 
 
 @pytest.mark.parametrize("lag", [None, "full"])
@@ -56,3 +65,30 @@ def test_the_longer_the_other_way_the_surer_the_edge():
     assert p == sorted(p)
     assert p[0] < 0.7
     assert p[2] > 0.9
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_a_route_is_at_most_as_sure_as_each_of_its_edges(lag: object):
+    fixes = (60.0, 360.0, 940.0, 1340.0)
+    p, route = (said(ways(100.0, 130.0), lag, column, fixes) for column in ("p", "p_route"))
+    assert all(route[edge] <= p[edge] + 1e-9 for edge in p)
+    assert route[UPPER[0]] == pytest.approx(p[UPPER[0]], abs=0.01)  # the one rival avoids both
+    assert route[8] == pytest.approx(route[UPPER[0]], abs=1e-6)  # which no rival avoids
+    assert p[8] > 0.97 > route[8]
+    assert route[18] == p[18]  # a fix lies on it
+
+
+def test_the_way_that_was_not_taken_is_told_with_its_probability():
+    roads = ways(100.0, 130.0)
+    past = localize(roads, seen_every_30_s(), mode=CLOCK, lag="full").past
+    assert past is not None
+    p_upper = said(roads, "full", "p_route")[UPPER[0]]
+    parts = alternatives(past.history, past.path, roads)
+    (doubtful,) = (part for part in parts if set(UPPER) <= set(part.routes[0].edges))
+    first, second = doubtful.routes
+    assert set(UPPER) <= set(first.edges)
+    assert set(LOWER) <= set(second.edges)
+    assert first.p == pytest.approx(p_upper, abs=0.02)
+    assert first.p + second.p == pytest.approx(1.0, abs=0.01)
+    untold = alternatives(past.history, past.path, roads, told=False)
+    assert min(part.routes[0].p for part in untold) == pytest.approx(first.p, abs=1e-6)

@@ -42,7 +42,7 @@ def seek(edges: np.ndarray) -> None:
     set_goals(SEARCH, goals, len(goals))
 
 
-EVERYWHERE = Query(0.0, 0.0, 1e9, 0.02, math.inf, 1e9, math.inf, 1e9, LABELS)
+EVERYWHERE = Query(0.0, 0.0, 1e9, 0.02, math.inf, 1e9, math.inf, 1e9, LABELS, False)
 
 
 def found(

@@ -1,14 +1,17 @@
 """Level, places and sensors beside the track: in messages, and in the report's columns."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
+import whichroad
 from whichroad.live.schemas import schemas
 from whichroad.replay.drive_report import report_data
 from whichroad.replay.open_replay import Remaking
+from whichroad.replay.points import read_points
 from whichroad.replay.recorded_messages import RecordedMessages
 
 PLAY: Any = {"mode": "replay", "paused": False, "speed": 1.0, "position_s": 0, "length_s": 1}
@@ -84,3 +87,30 @@ def test_a_drive_without_places_says_that_there_are_none(recorded: RecordedMessa
     said = recorded.message(500, 0, PLAY)
     assert (said["ahead"], said["nearby"]) == (None, None)
     assert report_data(recorded)["beside"]["ahead"] is None
+
+
+def test_points_from_a_file_show_the_places_of_the_best_road(
+    crowded: Remaking, full: RecordedMessages, tmp_path: Path
+):
+    assert crowded.places is not None
+    whichroad.match(crowded.drive, crowded.roads, vehicle=crowded.vehicle).write(
+        tmp_path / "points.parquet"
+    )
+    points = read_points(tmp_path / "points.parquet")
+    read = RecordedMessages(points, crowded.roads, places=crowded.places)
+    assert read.places is not None
+    compared = 0
+    for k in range(200, len(read) - 600, 200):
+        j = int(np.searchsorted(full.time, read.time[k] - 1e-3))
+        if read.columns["p_road"][k] < 0.999 or full.columns["p_road"][j] < 0.999:
+            continue
+        for ask in ("ahead", "nearby"):
+            here, there = (getattr(one.places, ask)(at) for one, at in ((read, k), (full, j)))
+            sure = {one["id"]: one for one in there if one["p"] > 0.9}
+            found = {one["id"]: one for one in here}
+            assert sure.keys() <= found.keys()
+            for id_, one in sure.items():
+                assert found[id_]["distance_m"] == pytest.approx(one["distance_m"], abs=5.0)
+                compared += 1
+    assert compared > 10
+    assert report_data(read)["beside"]["ahead"] is not None

@@ -157,7 +157,7 @@ def match_trace(trace: Trace, roads: RoadMap, vehicle: Vehicle, settings: Settin
         raise DriveError("trace: no road fits its points")
     on, at, along = _places(rows, time, driven, roads)
     run = np.cumsum(driven.gap)[at]
-    parts = recorded.past.alternatives()
+    parts = recorded.past.alternatives(told=False)
     runs = []
     for number in np.unique(run[on]).tolist():
         points = np.flatnonzero(on & (run == number)).tolist()

@@ -15,7 +15,7 @@ from ..filter.state import CLOCK
 from ..graph.network import records
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
-from ..traversals import Traversals
+from ..traversals import Traversals, trimmed
 from ..workspace import Workspace
 
 _EDGES = 16  # driven from one epoch to the next, that the table holds
@@ -113,6 +113,5 @@ def filter_batch(
     rows = int(drives.first_edge[done])
     drives = Drives(bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy())
     time_each(roads.arrays, epochs, output.rows, drives, np.zeros(rows + 1, np.int64))
-    return Batch(
-        epochs, output, drives.first_epoch.tolist(), drives.driven, drives.first_edge.tolist()
-    )
+    driven, first_edge = trimmed(drives.driven, drives.first_edge)
+    return Batch(epochs, output, drives.first_epoch.tolist(), driven, first_edge.tolist())

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ..diagnosis.finding import Finding
 from ..diagnosis.statistics import ConsistencyStatistics, rows_of
 from ..epochs import build_timeline
-from ..observations import Drive, SpeedYawRate, WithGyro
+from ..observations import Drive, Odometer, SpeedYawRate, WithGyro
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
@@ -55,7 +55,9 @@ class Bench:
                 drive = replace(drive, fixes=replace(drive.fixes, time=drive.fixes.time + late))
             timeline = build_timeline(drive, self.roads.plane, vehicle)
             recorded = localize_recorded(self.roads, timeline, vehicle=vehicle, settings=tuned)
-            by_time = isinstance(drive.odometry, SpeedYawRate | WithGyro)
+            log = drive.odometry
+            by_time = isinstance(log, SpeedYawRate)
+            by_time |= isinstance(log, WithGyro) and isinstance(log.distance, Odometer)
             statistics = ConsistencyStatistics(tuned, vehicle, by_time=by_time)
             across = across_sums(timeline.epochs, recorded.output, self.roads, vehicle)
             statistics.take(rows_of(timeline.epochs, recorded.output))

@@ -60,7 +60,7 @@ class Quantity:
 def named(log: OdometryLog) -> tuple[str, ...]:
     """The quantities of odometry that a log can tell of."""
     match log:
-        case WheelCounts() | WheelSpeeds():
+        case WheelCounts() | WheelSpeeds() | WithGyro(distance=WheelCounts() | WheelSpeeds()):
             return (SCALE, RATIO, TRACK, FORWARD, LEFT, CLOCK)
         case SpeedYawRate() | WithGyro():
             return (SCALE, GYRO_SCALE, GYRO_BIAS, FORWARD, LEFT, CLOCK)
@@ -86,6 +86,7 @@ def values_of(vehicle: Vehicle, start: Vehicle) -> dict[str, float]:
 
 def with_values(start: Vehicle, values: Mapping[str, float], log: OdometryLog) -> Vehicle:
     """A car with these numbers, put where its odometry takes them from."""
+    log = log.distance if isinstance(log, WithGyro) else log
     now = values_of(start, start) | dict(values)
     scale, ratio = now[SCALE], now[RATIO]
     fields: dict[str, float] = {

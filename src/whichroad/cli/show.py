@@ -109,11 +109,11 @@ def replay(
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
         player: Player
         if len(drive) == 1 and can is None and is_points(drive[0]):
-            if about is not None or more:
+            if more:
                 raise typer.BadParameter(
-                    "--places or --sensor was given with a result; a drive was expected"
+                    "--sensor was given with a result, which has no readings; a drive was expected"
                 )
-            player = play_result(drive[0], network, drive_id, path, known)
+            player = play_result(drive[0], network, drive_id, path, known, about)
         else:
             if path is not None:
                 raise typer.BadParameter(
@@ -146,22 +146,29 @@ def report(
         Path | None, typer.Option("--map", help="Road map, to draw the roads near the track.")
     ] = None,
     path: PathFile = None,
+    places: PlacesOption = None,
     drive_id: DriveId = None,
     force: Force = False,
 ) -> None:
-    """Write one HTML file that shows a result, to open anywhere or to mail."""
+    """Write one HTML file that shows a result, to open anywhere or to mail.
+
+    Places ahead are those of the most probable road.  How sensors were heard is no part of a
+    result: `match --report` shows it.
+    """
+    from ..places import Places
     from ..replay.drive_report import check_report, write_report
     from ..replay.points import check_map, read_points
     from ..replay.recorded_messages import RecordedMessages
     from ..roadmap import open_map
     from ..writers import check_apart
 
-    check_apart({"-o": out}, [result, roads, path])
+    check_apart({"-o": out}, [result, roads, path, places])
     check_report(out, force=force)
-    if path is not None and roads is None:
-        raise typer.BadParameter(
-            "--path was given without --map; the roads are needed to draw a path"
-        )
+    for option, given in (("--path", path), ("--places", places)):
+        if given is not None and roads is None:
+            raise typer.BadParameter(
+                f"{option} was given without --map; the roads are needed to draw it"
+            )
     with progress_line() as progress:
         progress("reading the result", 0, 0)
         points = read_points(result, drive_id, path)
@@ -170,5 +177,6 @@ def report(
         if network is not None:
             check_map(points, network, result)
         progress("writing", 0, 0)
-        write_report(RecordedMessages(points, network), out, network, force=force)
+        about = None if places is None or network is None else Places(places, network)
+        write_report(RecordedMessages(points, network, places=about), out, network, force=force)
     typer.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from .._compile import Record
 from ..filter.sources import ARC, COURSE, SPEED, TURN
 from ..geodesy.angles import degrees
+from ..sensors.takeover import GYRO, WHEELS, Takeover
 from .finding import Finding
 
 _LEAST = 3.0  # s for which a source was withheld, to be named
@@ -15,6 +16,8 @@ _UNITS = {3.6: "km/h", 1.944: "knots", 2.237: "mph", 3.281: "feet/s"}
 _NEAR = 0.08  # of the ratio of a unit
 _STANDS = 0.1  # ratio below which a source stands still
 _OPPOSITE = -0.5  # ratio of turns below which they have the other sign
+_IN_DEGREES = 5.0  # above which they are in degrees
+_SILENT = 10.0  # s, to be named
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
@@ -46,6 +49,43 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
     if vetting.seconds[COURSE] >= _LEAST:
         found.append(_course(vetting))
     return tuple(found)
+
+
+def takeover_findings(takeover: Takeover | None) -> tuple[Finding, ...]:
+    """Wheels or a gyro beside them that turned otherwise than the vehicle, or said nothing.
+
+    Args:
+        takeover: At the end of a drive, or now; None: there is no such gyro.
+    """
+    if takeover is None:
+        return ()
+    found = []
+    squares = {WHEELS: takeover.sums[2], GYRO: takeover.sums[0]}  # of the other one
+    for who, name in ((WHEELS, "wheels"), (GYRO, "gyro")):
+        seconds, silent = takeover.seconds[who], takeover.silent[who]
+        if seconds >= _LEAST:
+            gain = takeover.sums[1] / max(squares[who], 1e-9)
+            what, advice = _turned_wrongly(who, gain)
+            text = f"for {seconds:,.0f} s it turned otherwise than the rest; {advice}"
+            found.append(Finding(f"{name}: {what}", "warning", gain, 0.9, 1.1, text))
+        if silent >= _SILENT:
+            text = f"nothing was heard of it for {silent:,.0f} s, while the other one was heard"
+            found.append(Finding(f"{name}: silent", "warning", silent, 0.0, _SILENT, text))
+    return tuple(found)
+
+
+def _turned_wrongly(who: int, gain: float) -> tuple[str, str]:
+    """What is wrong with turns that are so many times those of the other one, and what to do."""
+    if gain < _OPPOSITE:
+        why = ("left and right are swapped", "the yaw rate has the other sign")[who]
+        return "sign of turns", f"{why}"
+    if abs(gain) < _DEGREES and who == GYRO:
+        return "stands still", "the gyro measured no turn; look at its cable and its unit"
+    if gain > _IN_DEGREES and who == GYRO:
+        return "unit of turns", "is the yaw rate in degrees a second?"
+    if who == WHEELS:
+        return "turns", "look for a wheel that stands still, slips or has another size"
+    return "turns", "look at the yaw rate's unit and mounting"
 
 
 def _when(vetting: Record, source: int) -> str:

@@ -102,14 +102,14 @@ def weigh_distances(
         by_odometer = 0  # its turns are wrong, and not its distance
     if by_odometer > 0 and by_speed > 0 and both < 0:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
+    stands = rolls and odometer < _STANDS * seen.seconds
+    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
     elif reported and by_speed > 0:
         _score(vetting, SPEED, since)
-    elif rolls and by_odometer > 0:
-        stands = odometer < _STANDS * seen.seconds
-        if stands and fixes > _RUNS * seen.seconds:
-            _score(vetting, ARC, since)
+    elif vetting.runs == 1:
+        _score(vetting, ARC, since)
     if by_odometer < 0 or both < 0:
         _score(vetting, ARC, -since)
     if by_speed < 0 or both < 0:
@@ -242,6 +242,7 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
         _score(vetting, TURN, -2.0 * since)
         vetting.turned = 1
+        vetting.untried = 0
     if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
         vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)
         vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)

@@ -23,7 +23,7 @@ EPOCH = np.dtype(
         ("course_sigma", "f8"),  # inf: not reported
         ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
         ("has_fix", "u1"),
-        ("gyro", "u1"),  # what measures the turn: BY_WHEELS, BY_GYRO, or AT_REST
+        ("gyro", "u1"),  # what measures the turn: BY_WHEELS ... UNTURNED of `filter.windows`
         ("evidence", "u1"),  # rows of `Work.evidence`, of further sensors
         ("first_evidence", "i4"),  # the first of them
     ],

@@ -27,6 +27,7 @@ from .state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, X, Y
 
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _NEAREST = 0.5  # m, to a place
+_DOUBTFUL = 0.45  # of the gate: beyond it a reading is doubted, though it is no misfit yet
 _JUDGES = 0.01  # weight from which on a hypothesis judges a reading
 _MISTAKEN = 0.02  # P(a heading is not the vehicle's), once for as long as its error lasts
 _WRONG = 2.0  # score of a misfit; a reading that fits takes one off
@@ -72,9 +73,9 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
 
     What a reading may err by decides whether it fits: its own variance r.  What it is worth is
     the share ρ of it that is new, by the variance r/ρ.  A row that no hypothesis of weight explains
-    within the gate, o times beyond it, is given o (o − 1) times its innovation variance more, alike
-    for all: the farther it is off, the less it moves anything.  A sensor that lately gave such rows
-    is doubted: its variance is multiplied by one and its score.
+    within two sigmas, o times beyond that, is given o (o − 1) times its innovation variance more,
+    alike for all: the farther it is off, the less it moves anything.  A sensor that lately gave
+    rows beyond the gate is doubted: its variance is multiplied by one and its score.
 
     A heading may be that of another axis, and at a start no other sensor may tell the direction.
     So it says no more against a hypothesis than that it is mistaken itself.
@@ -146,7 +147,7 @@ def _judge(belief: Belief, ctx: Context, reading: Record, axis: int) -> tuple[fl
         chi2 = nu * nu / s
         if chi2 < best:
             best = chi2
-            over = chi2 / ctx.par[0].gnss_gate
+            over = chi2 / (_DOUBTFUL * ctx.par[0].gnss_gate)
             extra = s * over * max(over - 1.0, 0.0)
     return best, extra
 

@@ -36,7 +36,7 @@ from .state import (
 )
 
 _WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
-_LOG_WRONG = -4.6  # and the logarithm of how often it is
+_LOG_WRONG = -3.9  # and the logarithm of how often it is
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
 
 

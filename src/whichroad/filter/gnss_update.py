@@ -16,7 +16,7 @@ from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
 from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
 from .map_error import forget_map
 from .reported_motion import LATENCY, observe_reported
-from .sides import blame_receiver, fork_astray, keep_bias, loosen, take_sides
+from .sides import blame_receiver, fork_biased, keep_bias, loosen, misfit, take_sides
 from .state import (
     CLOCK,
     NOTHING,
@@ -47,7 +47,7 @@ _SIDES = 1.6  # times the gate: one sound fix in a thousand
 _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
-_BENT = 0.3  # rad by which odometry that was never seen to turn may have turned the wrong way
+_BENT = 0.12  # rad by which odometry that was never seen to turn may have turned the wrong way
 _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
@@ -155,16 +155,26 @@ def _axes(fix: Vector, white: float, thin: float) -> Axes:
 
 
 @kernel(inline=True)
-def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> None:
-    """A standing vehicle's fix observes the receiver's noise, and not the position."""
+def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
+    """A standing vehicle's fix observes the receiver's noise, and not the position.
+
+    Returns:
+        Whether it is a fix of a vehicle that stands there.  Else wheels or receiver are wrong,
+        and nothing but the noise was observed.
+    """
     state = belief.state[0]
     fix = epoch.fix
+    par = ctx.par[0]
     interval = max(epoch.time - state.last_fix, 0.0)
     update_root(belief, fix, state.gnss_factor, interval)
-    white = math.sqrt(state.gnss_factor) * ctx.par[0].gnss_white_ratio
+    white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
     innovations(belief, ctx, fix, _axes(fix, white, 1.0))
     learn_factor(belief, ctx, epoch, white, 0.0)
+    runs = state.mode == WHEELS and state.vetting.runs == 1
+    if runs and misfit(belief, _axes(fix, white, 1.0)) > _SIDES * par.gnss_gate:
+        return False
     state.last_fix = epoch.time
+    return True
 
 
 @kernel(inline=True)
@@ -245,13 +255,14 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     share = _MOVED_SHARE
     young = state.learnt_time < _YOUNG
     untried = vetting.turned == 0 and abs(vetting.bend) > _BENT
+    returned = epoch.time - vetting.returned_at < _YOUNG
     if jumped and young:
         return False
     if young:
         share = _BEGAN_SHARE
     elif jumped:
         share = ctx.par[0].gnss_lost
-    elif untried:
+    elif untried or returned:
         share = _BEGAN_SHARE
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
     wrong_way = 2.0 * abs(vetting.bend) if untried else 0.0
@@ -259,7 +270,7 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     if undecided:
         if epoch.time - vetting.forked_at > _FORGOTTEN:
             vetting.undecided_at = epoch.time
-            vetting.untried = untried
+            vetting.untried = untried or returned
             state.restarted_at = epoch.time
         vetting.forked_at = epoch.time
     return changed
@@ -279,7 +290,7 @@ def _settle(
     elif state.mode == WHEELS and since < _RECENT and not doubted:
         changed = _take_sides(belief, ctx, epoch, axes)
     elif was_silent(state, since):
-        fork_astray(belief)
+        fork_biased(belief)
         changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)
@@ -287,19 +298,19 @@ def _settle(
 
 @kernel(inline=True)
 def _search(
-    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, misfit: bool
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, far: bool
 ) -> None:
     """Look for the vehicle at a fix that is far away, where the belief may be wrong."""
     state = belief.state[0]
     par = ctx.par[0]
     vetting = state.vetting
     lost = state.mode == WHEELS and _is_lost(belief)
-    if state.mode == WHEELS and (lost or misfit):
+    if state.mode == WHEELS and (lost or far):
         _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
     share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
     undecided = epoch.time - vetting.undecided_at < _SEARCHED
     undecided = undecided and epoch.time > state.restarted_at + _TRIED
-    if state.mode == WHEELS and vetting.untried == 1 and vetting.turned == 0 and undecided:
+    if state.mode == WHEELS and vetting.untried == 1 and undecided:
         share = _UNTRIED_SHARE
     if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
         share = _RESTARTED
@@ -360,12 +371,12 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
-    misfit = chi2 > 4.0 * par.gnss_gate
+    far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:
-        _search(belief, path, ctx, epoch, white, misfit)
+        _search(belief, path, ctx, epoch, white, far)
     _observe_motion(belief, ctx, epoch, thin)
-    state.vetting.apart = misfit and epoch.time - state.vetting.windows.jumped_at > _JUMPED
-    if misfit:
+    state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
+    if far:
         state.misfits += 1.0
     else:
         state.misfits = 0.0

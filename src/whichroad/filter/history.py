@@ -15,7 +15,8 @@ from .._compile import Array, Matrix, Record, Records, Vector, kernel
 from ..graph.network import records
 from ._simd import N, copy_record
 from .motion import Increment, Noise, drift_clock, predict_plane
-from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, D, H, K, X, Y
+from .packed_noise import pack_noise
+from .state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
 
 PACKED = N * (N + 1) // 2
 
@@ -116,8 +117,8 @@ class History(NamedTuple):
 
 def new_history(steps: int) -> History:
     """An empty history for so many steps, or none."""
-    nodes = 4 * steps + KEPT if steps else 0
-    links = 3 * nodes + KEPT * KEPT if steps else 0
+    nodes = 4 * steps + 2 * KEPT if steps else 0
+    links = 3 * nodes + 2 * KEPT * KEPT if steps else 0
     table = records(nodes, NODE)
     table.edge = NO_EDGE
     return History(
@@ -158,8 +159,8 @@ def is_full(history: History) -> bool:
     count = history.count[0]
     return bool(
         count.steps >= len(history.steps)
-        or count.nodes + KEPT > len(history.nodes)
-        or count.links + KEPT * KEPT > len(history.links)
+        or count.nodes + 2 * KEPT > len(history.nodes)
+        or count.links + 2 * KEPT * KEPT > len(history.links)
     )
 
 
@@ -167,10 +168,10 @@ def is_full(history: History) -> bool:
 def accumulate_motion(
     history: History, epoch: Record, moving: float, speed: float, mode: int
 ) -> None:
-    """Add an epoch's motion to the motion since the last step.
+    """Add an epoch's motion to the motion since the last step, composed in the frame of that step.
 
-    Displacements are composed in the frame of that step.  Their derivative by the heading
-    drift b is Σ R(T) J u (C + ½ δc), with the turn T and the drift's clock C before.
+    Its derivative by the heading drift b is Σ R(T) J u (C + ½ δc), with the turn T and the
+    drift's clock C before.
 
     Args:
         history: Its `since` is added to.
@@ -325,6 +326,17 @@ def _clear_motion(since: Record) -> None:
 
 
 @kernel(inline=True)
+def pack_state(packed: Record, hyp: Record) -> None:
+    """Store the Gaussian of a hypothesis."""
+    at = 0
+    for a in range(N):
+        packed.mu[a] = hyp.mu[a]
+        for b in range(a + 1):
+            packed.cov[at] = hyp.cov[a, b]
+            at += 1
+
+
+@kernel(inline=True)
 def _store_node(belief: Belief, history: History, i: int) -> None:
     """Append hypothesis i as a node with its links, and begin its lineage anew."""
     state = belief.state[0]
@@ -337,13 +349,7 @@ def _store_node(belief: Belief, history: History, i: int) -> None:
     node.smoothed = hyp.weight
     node.path_entry = hyp.path_entry
     node.first_link = count.links
-    packed = history.states[count.nodes]
-    at = 0
-    for a in range(N):
-        packed.mu[a] = hyp.mu[a]
-        for b in range(a + 1):
-            packed.cov[at] = hyp.cov[a, b]
-            at += 1
+    pack_state(history.states[count.nodes], hyp)
     for a in range(state.parents):
         if belief.lineage[i, a] > _LEAST_SHARE:
             link = history.links[count.links]
@@ -367,34 +373,3 @@ def load(history: History, node: int, mean: Vector, cov: Matrix) -> None:
             cov[a, b] = packed.cov[at]
             cov[b, a] = packed.cov[at]
             at += 1
-
-
-@kernel
-def pack_noise(cov: Matrix, packed: Vector) -> None:
-    """Upper triangle of the rows and columns X, Y, H, K, B of a covariance, row by row, (15,)."""
-    at = 0
-    for a in range(D):
-        for b in range(a, D):
-            packed[at] = cov[a, b]
-            at += 1
-
-
-@kernel
-def unpack_noise(packed: Vector, c: float, s: float, cov: Matrix) -> None:
-    """Turn a packed Q by a heading (cosine, sine) into the plane: into the upper triangle.
-
-    Q' = R Q Rᵀ,   R of X and Y alone
-    """
-    at = 0
-    for a in range(D):
-        for b in range(a, D):
-            cov[a, b] = packed[at]
-            at += 1
-    xx, xy, yy = cov[X, X], cov[X, Y], cov[Y, Y]
-    cov[X, X] = c * c * xx - 2.0 * c * s * xy + s * s * yy
-    cov[Y, Y] = s * s * xx + 2.0 * c * s * xy + c * c * yy
-    cov[X, Y] = c * s * (xx - yy) + (c * c - s * s) * xy
-    for b in range(H, D):
-        px, py = cov[X, b], cov[Y, b]
-        cov[X, b] = c * px - s * py
-        cov[Y, b] = s * px + c * py

@@ -18,7 +18,7 @@ from ..graph.geometry import locate, wrap
 from ..graph.network import Roads
 from ._simd import N, add_times, set_times
 from .along import ACROSS, CORNER_SIGMA
-from .history import History, unpack_noise
+from .history import History
 from .link_road import (
     Advance,
     Link,
@@ -28,6 +28,7 @@ from .link_road import (
     skipped_along,
 )
 from .motion import Increment, Noise, keep_lane
+from .packed_noise import unpack_noise
 from .sparse_arrival import ACROSS_SIGMA, HEADING_NOISE
 from .sparse_routes import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
 from .state import (

@@ -50,6 +50,7 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
             drives.driven[row].entered = entry.time
             drives.driven[row].along = entry.along
             drives.driven[row].share = entry.share
+            drives.driven[row].route = entry.route
             after = entry.edge
         at = entry.parent
     return True

@@ -7,10 +7,10 @@ from ._simd import copy_record
 from .history import History
 from .motion import GYRO_PACE
 from .silence import hear, is_pause, may_have_moved
-from .sources import ARC, COURSE, NONE, SPEED, TURNS, is_borne_out
-from .state import CLOCK, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
+from .sources import ARC, COURSE, NONE, SPEED, TURN, TURNS, is_borne_out
+from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting import mode_of, vet
-from .windows import BY_GYRO
+from .windows import BY_GYRO, BY_WHEELS, UNTURNED
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
@@ -59,6 +59,8 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
         drift = (state.known_drift[0], state.known_drift[1])
     if abs(state.vetting.drift - drift[0]) > 3.0 * math.sqrt(drift[1]):
         drift = (state.vetting.drift, (0.2 * state.vetting.drift) ** 2 + par.drift_sigma**2)
+    if before == CLOCK:
+        state.vetting.returned_at = state.vetting.windows.now.time
     for i in range(state.count):
         if before == CLOCK:
             redraw(belief.hyp[i], K, rate[0], rate[1])
@@ -100,6 +102,29 @@ def pass_calibration(belief: Belief, gyro: int) -> None:
         if gyro == BY_GYRO:  # a metre of its clock is a time
             drift *= GYRO_PACE / max(abs(state.odometer_speed), _LEAST_PACE)
         state.vetting.drift = drift
+
+
+@kernel
+def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None:
+    """Where another sensor measures the turn from now on, nothing is known of its drift."""
+    state = belief.state[0]
+    steered = BY_WHEELS if gyro == BY_WHEELS else BY_GYRO
+    vetting = state.vetting
+    if steered == vetting.steered:
+        return
+    vetting.steered = steered
+    vetting.score[TURN] = 0.0
+    vetting.refused[TURN] = 0
+    vetting.turned = 0
+    vetting.reported[TURN] = 0.0
+    vetting.seen[TURN] = 0.0
+    vetting.drift = 0.0
+    vetting.windows.count = 0  # turns until now were those of the other one
+    state.known_drift[0] = state.known_drift[1] = 0.0
+    if state.mode == WHEELS and state.count > 0:
+        history.since[0].switched = 1
+        for i in range(state.count):
+            redraw(belief.hyp[i], B, 0.0, par.drift_sigma**2)
 
 
 @kernel
@@ -147,15 +172,18 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     vetting.begun = 1
     if epoch.has_fix:
         pass_calibration(belief, epoch.gyro)
-    vet(vetting, epoch, dt, par.mode, max(state.scale, 0.1))
-    _heed_silence(belief, history, reading, par.mode)
+    sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
+    if sensors == WHEELS:
+        _heed_gyro(belief, history, par, epoch.gyro)
+    vet(vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    _heed_silence(belief, history, reading, sensors)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1 or not is_borne_out(vetting):
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
-    mode = mode_of(vetting, par.mode)
+    mode = mode_of(vetting, sensors)
     if state.count == 0:
         state.mode = mode
     elif mode != state.mode:

@@ -11,7 +11,7 @@ from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
-from .windows import BY_GYRO, BY_WHEELS
+from .windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, UNTURNED
 
 GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
@@ -72,9 +72,9 @@ def drift_clock(epoch: Record, dt: float) -> float:
     What is wrong with wheels lasts for a distance, the bias of a gyro for a time.  A gyro's
     clock counts `GYRO_PACE` metres a second; it stands where the vehicle's standing was used.
     """
-    if epoch.gyro == BY_WHEELS:
+    if epoch.gyro == BY_WHEELS or epoch.gyro == UNTURNED:
         return float(epoch.arc)
-    return GYRO_PACE * dt if epoch.gyro == BY_GYRO else 0.0
+    return GYRO_PACE * dt if epoch.gyro == BY_GYRO or epoch.gyro == GYRO_ALONE else 0.0
 
 
 @kernel
@@ -100,7 +100,7 @@ def wheel_noise(par: Record, metres: float, turn: float) -> Noise:
 
 
 @kernel
-def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
+def extrapolated(noise: Noise, before: float, metres: float, turned: bool = False) -> Noise:
     """Process noise where motion is not measured but extrapolated.
 
     The speed is wrong by a fifth (one sigma) for as long as nothing shows it: over L metres
@@ -110,11 +110,13 @@ def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
         noise: Of measured motion.
         before: Metres extrapolated since the last fix or measurement.
         metres: Metres of this increment.
+        turned: Whether its turn is measured.
     """
     after = before + metres
+    turn = 0.0 if turned else _UNMEASURED_TURN * metres
     return Noise(
         noise.along + _UNMEASURED * (after * after - before * before), noise.across,
-        noise.heading + _UNMEASURED_TURN * metres, noise.rate, noise.drift, noise.cross,
+        noise.heading + turn, noise.rate, noise.drift, noise.cross,
     )  # fmt: skip
 
 

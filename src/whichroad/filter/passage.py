@@ -20,11 +20,13 @@ TRAVERSAL = np.dtype(
         ("entered", "f8"),  # when the hypothesis entered the edge, s
         ("along", "f8"),  # where, true m
         ("share", "f8"),  # of the likely routes between two fixes that pass it; else 1
+        ("route", "f8"),  # of these that is the one driven; else 1
         ("enter_time", "f8"),  # s
         ("exit_time", "f8"),  # s
         ("enter_m", "f8"),  # abscissa, m
         ("exit_m", "f8"),  # abscissa, m
         ("p", "f8"),  # mean P of the edge while it was driven
+        ("p_route", "f8"),  # P of all edges between the two fixes around
         ("first_seen", "i8"),  # epoch; one past the last of all: never
         ("last_seen", "i8"),  # epoch; -1: never
         ("next_seen", "i8"),  # epoch at which an edge behind it is first seen
@@ -102,8 +104,8 @@ def time_edges(
 
     Args:
         roads: The network.
-        driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along` and
-            `share`; the rest but for the rules is written.
+        driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along`, `share` and
+            `route`; the rest but for the rules is written.
         first: (r + 1,) the first epoch of each edge, and the number of epochs.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
@@ -189,7 +191,7 @@ def _place_ends(roads: Roads, driven: Traversals, i: int, estimates: Estimates) 
             for a in range(len(estimate.alt_edge)):
                 if estimate.alt_edge[a] == edge:
                     total += estimate.alt_p[a]
-    own.p = total / count if count else -1.0
+    own.p = own.p_route = total / count if count else -1.0
     own.enter_m = min(max(own.along, 0.0), length) if i == 0 or own.gap else 0.0
     own.exit_m = length
     if last:
@@ -223,8 +225,12 @@ def _bridge(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: i
             on = 1.0
             for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
                 on = min(on, _p_on_path(driven, low, high, estimates[k]))
+            route = 1.0
             for j in range(i, end):
                 driven[j].p = on * driven[j].share
+                route = min(route, driven[j].route, driven[j].share)
+            for j in range(i, end):
+                driven[j].p_route = on * route
         i = end
 
 

@@ -10,6 +10,7 @@ import math
 from .._compile import Record, entry, kernel
 from ..graph.geometry import wrap
 from .gaussian import merge_moments
+from .origin import is_waiting
 from .state import (
     KEPT,
     NO_EDGE,
@@ -35,6 +36,7 @@ _OPPOSED = 1.6  # rad
 _OFF_MOST = 8  # off-road components kept
 _OFF_PRUNE = 0.01  # of the usual floor; it is the way back when every road was wrong
 _BLIND = 500.0  # times more merging without a heading sensor
+_WAITING = 1e-6  # floor of those that take the last fix to be wrong
 
 
 @kernel
@@ -144,6 +146,13 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
 
 
 @kernel(inline=True)
+def _merges_on(belief: Belief, i: int, edge: int) -> bool:
+    """Whether hypothesis i may merge on an edge; one that waits for the next fix stays apart."""
+    hyp = belief.hyp[i]
+    return bool(hyp.edge == edge and not is_waiting(hyp, belief.state[0].time))
+
+
+@kernel(inline=True)
 def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
     """Merge the cheapest pair on the edge of hypothesis `first`; False: there is none."""
     n = belief.state[0].count
@@ -154,7 +163,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
         most = _OFF_MOST
     count = 0
     for i in range(first, n):
-        if belief.hyp[i].edge == edge:
+        if _merges_on(belief, i, edge):
             count += 1
     if count == 1:
         return False
@@ -162,10 +171,10 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
     best_i = -1
     best_j = -1
     for i in range(first, n):
-        if belief.hyp[i].edge != edge:
+        if not _merges_on(belief, i, edge):
             continue
         for j in range(i + 1, n):
-            if belief.hyp[j].edge != edge:
+            if not _merges_on(belief, j, edge):
                 continue
             if edge == OFF_ROAD:
                 cost = _merge_cost_off_road(belief.hyp[i], belief.hyp[j], best, scale, count == 2)
@@ -185,7 +194,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
 def _has_earlier(belief: Belief, i: int) -> bool:
     """Whether a hypothesis before i is on the same edge: its pairs have been compared."""
     j = 0
-    while j < i and belief.hyp[j].edge != belief.hyp[i].edge:
+    while j < i and not _merges_on(belief, j, belief.hyp[i].edge):
         j += 1
     return j < i
 
@@ -228,11 +237,13 @@ def reduce(belief: Belief, path: Path, ctx: Context) -> None:
     for i in range(n):
         hyp = belief.hyp[i]
         floor = _OFF_PRUNE * par.prune if hyp.edge == OFF_ROAD else floor_of(hyp, par.prune)
-        if hyp.weight < floor:
+        if hyp.weight < floor and (hyp.weight < _WAITING or not is_waiting(hyp, state.time)):
             hyp.edge = NO_EDGE
             dropped += 1
     for i in range(n):
-        if belief.hyp[i].edge == NO_EDGE or _has_earlier(belief, i):
+        if belief.hyp[i].edge == NO_EDGE or is_waiting(belief.hyp[i], state.time):
+            continue
+        if _has_earlier(belief, i):
             continue
         while belief.hyp[i].edge != NO_EDGE and _merge_edge(belief, i, limit, most):
             dropped += 1

@@ -5,7 +5,7 @@ import math
 from .._compile import kernel
 from .gnss import NU0, NU1, V00, V11, Axes
 from .state import (
-    ASTRAY,
+    BIASED,
     CAPACITY,
     GX,
     GY,
@@ -29,8 +29,8 @@ _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
 _SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOST_TURNED = 1.5  # rad, more than a linear model bears
-_ASTRAY = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
-_ASTRAY_BY = 30.0  # and m, how far away on each axis
+_BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
+_BIASED_BY = 30.0  # and m, how far away on each axis
 
 
 @kernel
@@ -55,6 +55,13 @@ def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
             best = chi2
             square = first + second
     return best, square
+
+
+@kernel
+def misfit(belief: Belief, axes: Axes) -> float:
+    """Chi-square of a fix under the hypothesis of weight that fits best, by its innovations."""
+    best, _ = _misfit(belief, axes, -1)
+    return best
 
 
 @kernel
@@ -182,7 +189,7 @@ def blame_receiver(belief: Belief, axes: Axes) -> None:
 
 
 @kernel(inline=True)
-def fork_astray(belief: Belief) -> None:
+def fork_biased(belief: Belief) -> None:
     """A receiver that was silent may have found its satellites in a wrong place.
 
     Each hypothesis of weight becomes two, of which one has a larger error of the receiver.  One
@@ -190,22 +197,22 @@ def fork_astray(belief: Belief) -> None:
     """
     state = belief.state[0]
     root = state.bias_root
-    more = 2.0 * _ASTRAY_BY**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    more = 2.0 * _BIASED_BY**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
     for i in range(state.count):
         hyp = belief.hyp[i]
-        if hyp.ignores == ASTRAY:
+        if hyp.ignores == BIASED:
             hyp.cov[GX, GX] += more
             hyp.cov[GY, GY] += more
-            rescale(hyp, _ASTRAY)
+            rescale(hyp, _BIASED)
             continue
         if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
             continue
         move_row(belief, i, state.count)
-        astray = belief.hyp[state.count]
-        astray.cov[GX, GX] += more
-        astray.cov[GY, GY] += more
-        rescale(astray, _ASTRAY)
-        rescale(hyp, 1.0 - _ASTRAY)
+        biased = belief.hyp[state.count]
+        biased.cov[GX, GX] += more
+        biased.cov[GY, GY] += more
+        rescale(biased, _BIASED)
+        rescale(hyp, 1.0 - _BIASED)
         state.count += 1
 
 

@@ -32,7 +32,10 @@ VETTING = np.dtype(
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
         ("turned", "u1"),  # 1: so has the odometry
-        ("untried", "u1"),  # 1: a fix last fitted nothing in the first turn of the odometry
+        ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
+        ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
+        ("returned_at", "f8"),  # s, when odometry was last believed again
+        ("runs", "u1"),  # 1: fixes run on beside odometry that stands
         ("bend", "f8"),  # rad by which it has turned in the last seconds
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
@@ -104,6 +107,7 @@ def clear(vetting: Record) -> None:
     vetting.suspect_at = -math.inf
     vetting.since[:] = math.inf
     vetting.agreed = math.inf
+    vetting.returned_at = -math.inf
     vetting.windows.jitter = 2.0
     vetting.windows.jumped_at = -math.inf
     vetting.windows.speed_time = -math.inf

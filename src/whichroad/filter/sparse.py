@@ -13,7 +13,9 @@ from ..graph.index import vertex_at
 from ..graph.network import Roads
 from ..graph.search import set_goals
 from .gaussian import normal_cdf, reshape_on_map, truncated_moments
+from .history import History
 from .motion import decay
+from .past_wrong_fix import begin_anew, note_between
 from .road import track
 from .sparse_arrival import HEADING_NOISE, arrive, observe_line
 from .sparse_choice import choose_routes
@@ -21,6 +23,7 @@ from .sparse_routes import (
     SPEED_SIGMA,
     SparseFix,
     find_candidates,
+    fix_of,
 )
 from .state import (
     CAPACITY,
@@ -79,15 +82,19 @@ def _prior_mass(ctx: Context, c: int, sigma: float) -> float:
 
 
 @kernel(inline=True)
-def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> None:
-    """Append a child of hypothesis i that has stood all the time; the others drove."""
+def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
+    """Append a child of hypothesis i that has stood all the time; the others drove.
+
+    Returns:
+        Whether there is one.
+    """
     hyp = belief.hyp[i]
     rate = hyp.mu[K]
     variance = hyp.cov[K, K]
     share = math.exp(-dt / _STAND_TIME - 0.5 * rate**2 / (variance + 0.5))
     share /= math.sqrt(1.0 + 2.0 * variance)
     if hyp.weight * share < _STANDING or belief.state[0].count >= CAPACITY:
-        return
+        return False
     child = int(belief.state[0].count)
     move_row(belief, i, child)
     rescale(hyp, 1.0 - share)
@@ -98,6 +105,7 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> None:
     decay(new.mu, new.cov, K, 0.0, 0.0, _REST_VARIANCE)
     new.travel_variance = 0.0
     belief.state[0].count = child + 1
+    return True
 
 
 @kernel(inline=True)
@@ -168,7 +176,9 @@ def _is_reached(belief: Belief, first: int, edge: int, log_weight: float) -> boo
 
 
 @kernel(inline=True)
-def _take_best_routes(belief: Belief, path: Path, ctx: Context, fix: SparseFix) -> int:
+def _take_best_routes(
+    belief: Belief, path: Path, history: History, ctx: Context, fix: SparseFix
+) -> int:
     """Append children for the pairs of the largest scores; returns how many."""
     search = ctx.work.search
     arrived = 0
@@ -181,8 +191,14 @@ def _take_best_routes(belief: Belief, path: Path, ctx: Context, fix: SparseFix) 
                 best = p
         if search.pair[best].score == -math.inf:
             break
-        arrive(belief, path, ctx, best, fix)
         search.pair[best].score = -math.inf
+        source = int(search.pair[best].source)
+        own = fix_of(belief.hyp[source], fix)
+        arrive(belief, path, ctx, best, own)
+        if belief.hyp[source].origin.waits == 2:
+            label = int(search.pair[best].label)
+            note_between(belief, path, history, ctx, source, label, own)
+            belief.hyp[belief.state[0].count - 1].origin.waits = 0
         arrived += 1
     return arrived
 
@@ -214,12 +230,15 @@ def _exchange_off_road(
 
 
 @kernel
-def transit(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) -> float:
+def transit(
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
+) -> float:
     """Take every hypothesis along the routes to the roads near a sparse fix.
 
     Args:
         belief: In place, normalised; those on roads are replaced by those that arrive.
         path: The tree of edges entered.
+        history: Past a wrong fix its last step may get more nodes.
         ctx: The drive's constants.
         epoch: With the fix.
         dt: Since the last epoch, s.
@@ -229,6 +248,7 @@ def transit(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) 
     """
     state = belief.state[0]
     n = int(state.count)
+    begin_anew(belief, path, ctx, dt)
     top = heaviest(belief)
     mean = belief.hyp[top].mu
     metres = math.hypot(epoch.fix[0] - mean[X], epoch.fix[1] - mean[Y]) / state.scale
@@ -236,15 +256,19 @@ def transit(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: float) 
     set_goals(ctx.work.search, ctx.work.near, sparse.found)
     choose_routes(belief, ctx, sparse)
     off_road = False
-    doubtful = may_be_wrong(belief, ctx, top, sparse)
+    seen = fix_of(belief.hyp[top], sparse)
+    doubtful = may_be_wrong(belief, ctx, top, seen)
     if doubtful:
-        doubtful = drive_on(belief, path, ctx, top, sparse)
+        drive_on(belief, path, ctx, top, seen)
     for i in range(n):
         if belief.hyp[i].edge == OFF_ROAD:
             off_road = True
-        else:
-            _stand(belief, ctx.roads, i, dt)
-    if _take_best_routes(belief, path, ctx, sparse) == 0 and not off_road:
+            continue
+        own = fix_of(belief.hyp[i], sparse)
+        if _stand(belief, ctx.roads, i, own.dt) and belief.hyp[i].origin.waits == 2:
+            note_between(belief, path, history, ctx, i, -1, own)
+            belief.hyp[state.count - 1].origin.waits = 0
+    if _take_best_routes(belief, path, history, ctx, sparse) == 0 and not off_road:
         if doubtful:
             rescale(belief.hyp[top], _MISSING)
         belief.hyp[top].edge = OFF_ROAD  # no route: the road driven is not on the map

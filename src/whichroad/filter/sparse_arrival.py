@@ -58,6 +58,15 @@ class Transition(NamedTuple):
     inflation: float  # of the speed's variance: the vehicle braked or hurried more than usual
 
 
+class Drive(NamedTuple):
+    """When a route was driven, and how sure it is."""
+
+    since: float  # s
+    seconds: float
+    metres: float
+    share: float  # of all likely routes between the same two fixes
+
+
 class Foot(NamedTuple):
     """A point of an edge, and its tangent."""
 
@@ -202,15 +211,14 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     if pair.label >= 0:
         hyp.new_edge = 1
         metres = max(foot.s + transition.length, 0.0)
-        weigh_rivals(belief, ctx, p, fix)
-        enter_route(hyp, path, ctx.work.search, pair.label, metres, state.time - fix.dt, fix.dt)
+        against = weigh_rivals(belief, ctx, p, fix)
+        drive = Drive(state.time - fix.dt, fix.dt, metres, 1.0 / (1.0 + against))
+        enter_route(hyp, path, ctx.work.search, pair.label, drive)
     state.count = child + 1
 
 
 @kernel
-def enter_route(
-    hyp: Record, path: Path, search: Search, label: int, metres: float, since: float, dt: float
-) -> None:
+def enter_route(hyp: Record, path: Path, search: Search, label: int, drive: Drive) -> None:
     """Enter the edges between two fixes in the path tree, with times by the distance."""
     chain = 0
     up = search.label[label].parent
@@ -222,6 +230,7 @@ def enter_route(
         for _ in range(back):
             up = search.label[up].parent
         entry = search.label[up]
-        when = since + min(max(entry.length / max(metres, 1.0), 0.0), 1.0) * dt
+        part = min(max(entry.length / max(drive.metres, 1.0), 0.0), 1.0)
         passed = 1.0 / (1.0 + entry.against)
-        hyp.path_entry = enter(path, entry.edge, hyp.path_entry, when, 0.0, passed)
+        when = drive.since + part * drive.seconds
+        hyp.path_entry = enter(path, entry.edge, hyp.path_entry, when, 0.0, passed, drive.share)

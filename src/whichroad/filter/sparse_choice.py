@@ -13,6 +13,7 @@ from .sparse_routes import (
     Departure,
     SparseFix,
     departure_of,
+    fix_of,
     heavy_tail,
     query_of,
     u_turn_cost,
@@ -276,11 +277,12 @@ def choose_routes(belief: Belief, ctx: Context, fix: SparseFix) -> None:
         if waiting < run.best_score - _WORTH or waiting == -math.inf:
             break
         hyp.scratch[_WAITING] = -math.inf
-        start = departure_of(belief, ctx.roads, i, fix)
-        query = query_of(hyp, ctx, start, fix, belief.state[0].scale)
+        own = fix_of(hyp, fix)
+        start = departure_of(belief, ctx.roads, i, own)
+        query = query_of(hyp, ctx, start, own, belief.state[0].scale)
         hits = find_routes(ctx.roads, search, query, hyp.edge, start.s)
         for h in range(-1, hits):  # -1: on along the edge
             label = int(search.hit[h]) if h >= 0 else -1
-            _weigh_route(belief, ctx, i, label, start, query, fix)
-            _weigh_turn(belief, ctx, i, label, start, query, fix)
+            _weigh_route(belief, ctx, i, label, start, query, own)
+            _weigh_turn(belief, ctx, i, label, start, query, own)
     _keep_pairs(search)

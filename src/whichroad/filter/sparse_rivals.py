@@ -13,7 +13,7 @@ from .sparse_choice import distance_cost
 from .sparse_routes import Departure, SparseFix, departure_of, usual_speed
 from .state import Belief, Context
 
-_SHARPNESS = 1.5  # of the odds between two routes, over what their costs say
+SHARPNESS = 1.5  # of the odds between two routes, over what their costs say
 
 
 class Taken(NamedTuple):
@@ -27,7 +27,7 @@ class Taken(NamedTuple):
 
 
 @kernel
-def weigh_rivals(belief: Belief, ctx: Context, p: int, fix: SparseFix) -> None:
+def weigh_rivals(belief: Belief, ctx: Context, p: int, fix: SparseFix) -> float:
     """Weigh what is against each edge of a pair's route: the routes that avoid it.
 
     Args:
@@ -35,12 +35,15 @@ def weigh_rivals(belief: Belief, ctx: Context, p: int, fix: SparseFix) -> None:
         ctx: `against` of the labels of the pair's route is written.
         p: The pair; its route has a label.
         fix: The fix that the route leads to.
+
+    Returns:
+        What is against the whole route, over its own weight.
     """
     search = ctx.work.search
     pair = search.pair[p]
     place = mark_route(search, pair.label, pair.root)
     if place < 2:
-        return
+        return 0.0
     start = departure_of(belief, ctx.roads, pair.source, fix)
     near, end = ctx.work.near[pair.goal], search.label[pair.label]
     usual = usual_speed(ctx.roads, end.length, end.time, near.edge)
@@ -48,24 +51,28 @@ def weigh_rivals(belief: Belief, ctx: Context, p: int, fix: SparseFix) -> None:
     taken = Taken(near.edge, near.s, end.length, end.time, nats)
     first = place_of(search, search.run[0].first)
     label = int(pair.label)
+    total = 0.0
     while place > 1:
         entry = search.label[label]
-        _weigh_list(ctx, taken, label, label, 0, start, fix)
+        total += _weigh_list(ctx, taken, label, label, 0, start, fix)
         if entry.twin >= 0:
-            _weigh_list(ctx, taken, label, entry.twin, first, start, fix)
+            total += _weigh_list(ctx, taken, label, entry.twin, first, start, fix)
         label = int(entry.parent)
         place -= 1
+    return total
 
 
 @kernel
 def _weigh_list(
     ctx: Context, taken: Taken, label: int, owner: int, origin: int, start: Departure,
     fix: SparseFix,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Count the rivals of a label's owner: itself, or the label that it was copied from.
 
-    `origin` is the place of their search's origin on the route, -1: it is not on it.
+    `origin` is the place of their search's origin on the route, -1: it is not on it.  Returns
+    the sum of their weights.
     """
+    total = 0.0
     search = ctx.work.search
     place = place_of(search, label)
     way = search.label[owner]
@@ -81,7 +88,10 @@ def _weigh_list(
         usual = usual_speed(ctx.roads, length, time, taken.edge)
         more = rival.cost - way.cost - taken.nats
         more += distance_cost(length + taken.to, usual, start, fix)
-        _count_against(search, label, left, math.exp(-_SHARPNESS * more))
+        weight = math.exp(-SHARPNESS * more)
+        total += weight
+        _count_against(search, label, left, weight)
+    return total
 
 
 @kernel

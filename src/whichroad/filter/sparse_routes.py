@@ -137,6 +137,20 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     )
 
 
+@kernel(inline=True)
+def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
+    """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer."""
+    dt = fix.dt
+    process = fix.process
+    if hyp.origin.waits == 2:
+        dt += hyp.origin.ignored - hyp.origin.since
+        process = speed_process(dt)
+    return SparseFix(
+        fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
+        process, fix.found,
+    )  # fmt: skip
+
+
 @kernel
 def u_turn_cost(roads: Roads, edge: int) -> float:
     """Cost of turning round on an edge, nats."""
@@ -159,11 +173,17 @@ def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Depart
 
 
 @kernel(inline=True)
+def per_metre_of(dt: float) -> float:
+    """What a metre of a detour costs that was driven in dt seconds, nats."""
+    return 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _MAX_EXCESS))
+
+
+@kernel(inline=True)
 def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
     """Costs and limits of the search from one hypothesis."""
     sigma = fix.sigma
     old = fix.process.distance_by_speed
-    per_metre = 1.0 / (_EXCESS + min(_EXCESS_RATE * fix.dt, _MAX_EXCESS))
+    per_metre = per_metre_of(fix.dt)
     beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
     speed = float(ctx.roads.edges[hyp.edge].speed)
     reach = old * start.rate + EXCESS_SPEED * speed * (fix.dt - old)
@@ -173,4 +193,5 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD, _SLACK, _LABELS,
+        bool(hyp.origin.waits == 2),
     )  # fmt: skip

@@ -22,7 +22,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Array, Ints, Matrix, Record, Records, Vector, entry, kernel
+from .._compile import Array, Matrix, Record, Records, Vector, entry, kernel
 from ..graph.index import CANDIDATE
 from ..graph.labels import Search, new_search
 from ..graph.network import Roads, lane_sigma_of, records
@@ -33,6 +33,10 @@ from .epoch import Epochs as Epochs
 from .epoch import new_epochs as new_epochs
 from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
 from .map_record import MAP_ERROR
+from .origin import ORIGIN, forget_origin
+from .path_tree import Path as Path
+from .path_tree import enter as enter
+from .path_tree import new_path as new_path
 from .ranks import RANKING
 from .sources import REPORTS, STILL, VETTING, clear
 from .windows import CLOCK as CLOCK
@@ -45,7 +49,7 @@ OFF_ROAD = -1  # edge of the hypothesis that the vehicle is on no mapped road
 NO_EDGE = -2
 
 NOTHING, RECEIVER, MOTION = range(3)  # what a hypothesis blames for fixes that fitted nothing
-WRONG, ASTRAY = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
+WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix takes it to be
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
@@ -78,7 +82,8 @@ HYPOTHESIS = np.dtype(
         ("segment", "i4"),  # vertex at which the current segment starts
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
-        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; ASTRAY: to be far off
+        ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
+        ("origin", ORIGIN),  # where it was before a fix that it takes to be wrong
     ],
     align=True,
 )
@@ -147,17 +152,6 @@ FILTER = np.dtype(
     align=True,
 )
 
-PATH_ENTRY = np.dtype(
-    [
-        ("parent", "i8"),  # entry, -1: none
-        ("time", "f8"),  # when the edge was entered, s
-        ("along", "f8"),  # where, m
-        ("edge", "i4"),
-        ("share", "f4"),  # of the likely routes between two fixes that pass the edge; else 1
-    ],
-    align=True,
-)
-
 _SETTINGS = (
     "heading_noise", "turn_noise", "along_noise", "lateral_noise", "yaw_bias_noise",
     "acceleration_noise", "scale_sigma", "drift_sigma", "lane_sigma", "lane_length", "map_sigma",
@@ -205,13 +199,6 @@ class Belief(NamedTuple):
     state: Annotated[Records, Array(FILTER, 1)]  # (1,)
 
 
-class Path(NamedTuple):
-    """Tree of edges entered: follow `parent` back to get a hypothesis' path."""
-
-    entry: Annotated[Records, Array(PATH_ENTRY, 1)]  # (n,)
-    size: Ints  # (1,)
-
-
 class Work(NamedTuple):
     """Buffers of the kernels, allocated once per thread."""
 
@@ -246,13 +233,6 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     reports = state[0].reports
     reports.speed[1] = reports.course[1] = reports.place[2] = -math.inf
     return Belief(hyp, np.zeros((capacity, KEPT if lineage else 0)), state)
-
-
-def new_path(capacity: int) -> Path:
-    """An empty path tree."""
-    entry = records(capacity, PATH_ENTRY)
-    entry.edge, entry.parent = NO_EDGE, -1
-    return Path(entry, np.zeros(1, np.int64))
 
 
 def new_parameters() -> Records:
@@ -344,16 +324,16 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.mu[a] = 0.0
         for b in range(N):
             hyp.cov[a, b] = 0.0
-    hyp.log_weight = hyp.weight = 0.0
+    hyp.log_weight = hyp.weight = hyp.sinks = 0.0
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
-    hyp.sinks = 0.0
     hyp.blames = NOTHING
     hyp.ignores = 0
+    forget_origin(hyp.origin)
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
@@ -402,19 +382,3 @@ def redraw(hyp: Record, state: int, mean: float, variance: float) -> None:
         hyp.cov[j, state] = 0.0
     hyp.cov[state, state] = variance
     hyp.mu[state] = mean
-
-
-@kernel
-def enter(path: Path, edge: int, parent: int, time: float, along: float, share: float = 1.0) -> int:
-    """Add an entry to the path tree; returns its number, the parent when it is full."""
-    new = int(path.size[0])
-    if new >= len(path.entry):
-        return parent
-    entry = path.entry[new]
-    entry.edge = edge
-    entry.parent = parent
-    entry.time = time
-    entry.along = along
-    entry.share = share
-    path.size[0] = new + 1
-    return new

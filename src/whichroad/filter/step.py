@@ -54,7 +54,7 @@ from .state import (
     Y,
     normalise,
 )
-from .windows import BY_GYRO
+from .windows import BY_GYRO, GYRO_ALONE
 
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
@@ -193,7 +193,7 @@ def _predict(
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
-        metres = transit(belief, path, ctx, epoch, dt)
+        metres = transit(belief, path, history, ctx, epoch, dt)
         history.since[0].jumped = 1
         history.since[0].map_aged += metres
         _count_motion(state, metres, dt)
@@ -259,7 +259,7 @@ def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int)
         return noise
     before = state.unmeasured
     state.unmeasured += metres
-    return extrapolated(noise, before, metres)
+    return extrapolated(noise, before, metres, epoch.gyro == GYRO_ALONE)
 
 
 @kernel(inline=True)
@@ -288,8 +288,7 @@ def _observe_gnss(
         state.observed = 1
         return observe_after_silence(belief, path, ctx, epoch)
     still = state.mode != CLOCK and state.since_fix <= _STILL
-    if state.motion == STAND or still:
-        observe_standing(belief, ctx, epoch)
+    if (state.motion == STAND or still) and observe_standing(belief, ctx, epoch):
         return 0.0
     if state.motion == ROUTES or state.changed:
         normalise(belief)

@@ -27,6 +27,7 @@ from .windows import (
     ANCHORS,
     CLOCK,
     DISTANCE,
+    UNTURNED,
     WHEELS,
     Seen,
     add_fix,
@@ -71,6 +72,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     vetting.news = NONE
     vetting.elsewhere = 0
     vetting.wavers = 0
+    vetting.runs = 0
     measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
@@ -78,7 +80,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
             vetting.missed = 0
         elif epoch.has_fix and vetting.silent > _SILENT:
             vetting.missed = 1
-        advance(windows, epoch, dt, measured)
+        advance(windows, epoch, dt, measured and epoch.gyro != UNTURNED)
         if measured and dt > 0.0:
             check_odometry(vetting, epoch, dt, sensors)
         elif not measured:

@@ -16,7 +16,9 @@ from ._simd import copy_record
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
-BY_WHEELS, BY_GYRO, AT_REST = range(3)  # what measures its turn; a gyro's rest has been used
+BY_WHEELS, BY_GYRO, AT_REST, GYRO_ALONE, UNTURNED = range(5)
+# what measures an epoch's turn: AT_REST a gyro whose rest has been used, GYRO_ALONE one while the
+# distance is not measured, UNTURNED nothing
 
 ANCHORS = 32
 _EVERY = 0.95  # s between anchors, at least

@@ -1,19 +1,21 @@
 """One wrong fix: a hypothesis that drives on along its road, and takes the fix to say nothing.
 
-It is there where every route to the fix is far less likely than the usual one.  The fix costs it
-what a wrong one is worth, and does not move it; the next fix decides.  Where the receiver was
-silent before, its error may last: see `sides.fork_astray`.
+It is there where the routes to the fix are less likely than the usual one.  The fix costs it
+what a wrong one is worth, and does not move it.  How far it has come is a guess only: with the
+next fix it begins anew where it was before (`filter.past_wrong_fix`).  Where the receiver was
+silent before, its error may last: see `sides.fork_biased`.
 """
 
 import math
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import locate
 from ..graph.index import vertex_at
 from ..graph.labels import Search
 from .inflation import was_silent
 from .road import track
 from .sparse_arrival import (
+    Drive,
     Foot,
     Transition,
     enter_route,
@@ -21,13 +23,33 @@ from .sparse_arrival import (
     predict_transition,
 )
 from .sparse_routes import SparseFix, usual_speed, variance_along
-from .state import ASTRAY, CAPACITY, OFF_ROAD, WRONG, Belief, Context, K, Path, move_row
+from .state import (
+    BIASED,
+    CAPACITY,
+    MX,
+    MY,
+    OFF_ROAD,
+    WRONG,
+    Belief,
+    Context,
+    K,
+    Path,
+    X,
+    Y,
+    move_row,
+)
 
-_DEARER = 5.0  # nats by which the best route to a fix that may be wrong is dearer than usual
-_LONGEST = 30.0  # s between fixes; in a longer while a road has too many forks to drive on along it
+_DEARER = 1.0  # nats by which the best route to a fix that may be wrong is dearer than usual
+_LONGEST = 200.0  # s, by which a hypothesis is taken on along its road,
+_SILENT = 30.0  # and that after which a fix may be biased for good
 _LEAST = 0.1  # weight of a hypothesis that drives on
 _MOST = 64  # edges that it drives through
-_END = -2
+
+
+@kernel
+def _may_be_biased(state: Record, dt: float) -> bool:
+    """Whether the error of a fix after dt seconds of silence may last."""
+    return bool(dt <= _SILENT and was_silent(state, dt))
 
 
 @kernel
@@ -41,12 +63,12 @@ def may_be_wrong(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool
         fix: The fix.
     """
     hyp = belief.hyp[top]
-    if fix.dt > _LONGEST:
-        return False
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
-    if was_silent(belief.state[0], fix.dt):
+    if _may_be_biased(belief.state[0], fix.dt):
         return True
+    if fix.dt > _LONGEST:
+        return False
     track(belief, ctx.roads, top)
     tx, ty = hyp.tangent[0], hyp.tangent[1]
     wide = variance_along(hyp, tx, ty, fix.process) + fix.sigma * fix.sigma
@@ -90,19 +112,19 @@ def _add_label(search: Search, edge: int, parent: int, length: float) -> int:
 
 @kernel
 def _walk(ctx: Context, edge: int, s: float, metres: float) -> int:
-    """The label of the edge on which one is who drives on for some metres.
+    """The label of the edge on which one is who drives on for some metres, or to the road's end.
 
-    -1: the same edge; _END: the road ends before, or goes on too far.
+    -1: the same edge.
     """
     roads = ctx.roads
     label = -1
     length = float(roads.edges[edge].length) - s
     steps = 0
-    while length < metres:
+    while length < metres and steps < _MOST:
         edge = _straight_on(ctx, edge)
         new = _add_label(ctx.work.search, edge, label, length) if edge >= 0 else -1
-        if new < 0 or steps == _MOST:
-            return _END
+        if new < 0:
+            break
         label = new
         length += float(roads.edges[edge].length)
         steps += 1
@@ -110,33 +132,23 @@ def _walk(ctx: Context, edge: int, s: float, metres: float) -> int:
 
 
 @kernel
-def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix) -> bool:
-    """Append a child of a hypothesis that drives on along its road, and ignores the fix.
+def carry(
+    belief: Belief, ctx: Context, row: int, label: int, metres: float, fix: SparseFix
+) -> None:
+    """Move a hypothesis some metres along a route, without a fix.
 
     Args:
-        belief: Normalised; one hypothesis longer afterwards.
-        path: The tree of edges entered.
-        ctx: The drive's constants.
-        top: The hypothesis.
-        fix: The fix that is ignored.
-
-    Returns:
-        Whether there is one: the road does not end before.
+        belief: Its row is changed; the row's tangent is that of its road.
+        ctx: The drive's constants; the labels of its search are the route.
+        row: The hypothesis.
+        label: The edge on which it then is; -1: its own.
+        metres: How far.
+        fix: The time that it takes.
     """
-    state = belief.state[0]
-    track(belief, ctx.roads, top)
-    tx, ty = belief.hyp[top].tangent[0], belief.hyp[top].tangent[1]
-    begin = int(belief.hyp[top].edge)
-    old = fix.process.distance_by_speed
-    usual = usual_speed(ctx.roads, 0.0, 0.0, begin)
-    metres = max(usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
-    label = _walk(ctx, begin, belief.hyp[top].along, metres)
-    if label == _END:
-        return False
-    child = int(state.count)
-    move_row(belief, top, child)
-    hyp = belief.hyp[child]
-    edge = ctx.work.search.label[label].edge if label >= 0 else begin
+    hyp = belief.hyp[row]
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    usual = usual_speed(ctx.roads, 0.0, 0.0, int(hyp.edge))
+    edge = ctx.work.search.label[label].edge if label >= 0 else hyp.edge
     length = ctx.work.search.label[label].length if label >= 0 else -hyp.along
     s = min(max(metres - length, 0.0), float(ctx.roads.edges[edge].length))
     variance = variance_along(hyp, tx, ty, fix.process)
@@ -145,15 +157,65 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     foot = Foot(s, x, y, ux, uy)
     hyp.segment = segment
     predict_transition(hyp, ctx, taken, foot, math.atan2(ty, tx), fix.process)
-    place_on_road(hyp, state, ctx, taken, foot, edge)
+    place_on_road(hyp, belief.state[0], ctx, taken, foot, edge)
     hyp.edge = edge
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
     hyp.along = s
-    hyp.ignores = ASTRAY if was_silent(state, fix.dt) else WRONG
+
+
+@kernel
+def _note_origin(belief: Belief, row: int, fix: SparseFix) -> None:
+    """Note where a hypothesis is, and when it was there."""
+    hyp = belief.hyp[row]
+    cov = hyp.cov
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    origin = hyp.origin
+    origin.ignored = belief.state[0].time
+    origin.since = belief.state[0].time - fix.dt
+    origin.along = hyp.along
+    origin.variance = hyp.along_sigma**2
+    origin.rate = hyp.mu[K]
+    origin.rate_variance = cov[K, K]
+    origin.cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+    origin.edge = hyp.edge
+    origin.entries = 0
+    origin.waits = 1
+
+
+@kernel
+def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix) -> None:
+    """Append a child of a hypothesis that drives on along its road, and ignores the fix.
+
+    Args:
+        belief: Normalised; one hypothesis longer afterwards.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        top: The hypothesis.
+        fix: The fix that is ignored.
+    """
+    state = belief.state[0]
+    track(belief, ctx.roads, top)
+    begin = int(belief.hyp[top].edge)
+    old = fix.process.distance_by_speed
+    usual = usual_speed(ctx.roads, 0.0, 0.0, begin)
+    metres = max(usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
+    label = _walk(ctx, begin, belief.hyp[top].along, metres)
+    child = int(state.count)
+    move_row(belief, top, child)
+    hyp = belief.hyp[child]
+    biased = _may_be_biased(state, fix.dt)
+    if not biased:
+        _note_origin(belief, child, fix)
+    carry(belief, ctx, child, label, metres, fix)
+    hyp.ignores = BIASED if biased else WRONG
     if label >= 0:
         hyp.new_edge = 1
         search = ctx.work.search
-        enter_route(hyp, path, search, label, max(metres, 1.0), state.time - fix.dt, fix.dt)
+        drive = Drive(state.time - fix.dt, fix.dt, metres, 1.0)
+        enter_route(hyp, path, search, label, drive)
+        up = label
+        while up >= 0:
+            hyp.origin.entries += 1
+            up = int(search.label[up].parent)
     state.count = child + 1
-    return True

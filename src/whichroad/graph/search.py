@@ -46,6 +46,7 @@ class Query(NamedTuple):
     limit: float  # nor those that cost more, nats
     slack: float  # nor those to goals that cost this much more than the cheapest one, nats
     most: int  # labels that may be used
+    alone: bool  # not to share routes with other searches of the step: their costs differ
 
 
 def edge_costs(edges: Records, vertices: Records) -> None:
@@ -496,7 +497,7 @@ def find_routes(roads: Roads, search: Search, query: Query, edge: int, s: float)
     run = search.run[0]
     first_label = int(run.labels)
     hits = 0
-    shared = bool(run.prefix_step == run.steps)
+    shared = bool(run.prefix_step == run.steps and not query.alone)
     complete = False  # whether all goals within the slack are found
     copied = False
     label = -1
@@ -528,6 +529,6 @@ def find_routes(roads: Roads, search: Search, query: Query, edge: int, s: float)
             if hits == run.goals:
                 break
         end = _end_of(roads, search, query, label)
-    if complete and not shared:
+    if complete and not shared and not query.alone:
         _store_prefix(roads, search, query, edge, s, hits)
     return hits

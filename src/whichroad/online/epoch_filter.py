@@ -33,7 +33,7 @@ from ..filter.state import (
     new_path,
 )
 from ..filter.step import run
-from ..filter.windows import BY_GYRO, BY_WHEELS
+from ..filter.windows import BY_WHEELS
 from ..tables.status import far_off
 
 _NO_HISTORY = new_history(0)
@@ -290,7 +290,7 @@ class EpochFilter:
         if path is not self.path or history is not self.history:
             self.path, self.history, self._call = path, history, None
 
-    def fill(self, time: float, arc: float, turn: float, valid: int, gyro: bool = False) -> None:
+    def fill(self, time: float, arc: float, turn: float, valid: int, by: int = BY_WHEELS) -> None:
         """Write an epoch without a fix.
 
         Args:
@@ -298,12 +298,12 @@ class EpochFilter:
             arc: Odometer metres since the epoch before.
             turn: rad.
             valid: 1: measured; 2: expected until the next reading; 0: extrapolated.
-            gyro: Whether a gyro alone measures the turn.
+            by: What measures the turn, as `filter.windows` counts it.
         """
         epoch = self.epoch
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
         epoch[_ODOMETRY_VALID] = valid
-        epoch[_GYRO] = BY_GYRO if gyro else BY_WHEELS
+        epoch[_GYRO] = by
         epoch[_HAS_FIX] = epoch[_EVIDENCE] = 0
 
     def add_fix(self, fix: Sequence[float]) -> None:

@@ -10,17 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from ..diagnosis.statistics import ConsistencyStatistics
-from ..filter.state import (
-    CLOCK,
-    DISTANCE,
-    WHEELS,
-    Context,
-    new_belief,
-    new_path,
-    new_work,
-)  # fmt: skip
+from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
+from ..filter.windows import GYRO_ALONE
 from ..global_start import start_at
-from ..observations import Distance, GeoFix, Observation, SensorReading, StartPose, YawRate
+from ..observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SensorReading,
+    StartPose,
+    WheelSpeed,
+    WheelTicks,
+    YawRate,
+)  # fmt: skip
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
@@ -42,7 +44,9 @@ from .watched import Watched
 _LATE = 1.0  # s; an observation later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
+_BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
+_UNSEEN_SPEED = 3.0  # m/s, error of a speed that is not measured while a gyro turns
 _LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
 _OF_SPEED = 0.3  # share of the distance since then that is uncertain
 
@@ -96,7 +100,7 @@ class Localizer(LooksBack, Watched):
         self._ahead: EpochFilter | None = None  # of `predict`
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
-        self._gyro = GyroTurns()
+        self._gyro = GyroTurns(self.vehicle.track_width)
         self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
@@ -141,8 +145,7 @@ class Localizer(LooksBack, Watched):
             return False
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
-            true = replace(possible, yaw_rate=rate)
-            return self._gyro.take(true, self._reading, self.skipped)
+            return self._take_yaw_rate(replace(possible, yaw_rate=rate))
         late = self._filter.time - possible.time
         if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
             self.skipped["late"] = self.skipped.get("late", 0) + 1
@@ -156,11 +159,6 @@ class Localizer(LooksBack, Watched):
         if self._filter.mode != CLOCK:
             self._statistics.accumulate(*self._filter.numbers())
         return True
-
-    @property
-    def answered(self) -> bool:
-        """Whether there is an answer yet: a fix came, or a pose was given."""
-        return self._filter.count > 0
 
     def predict(self, time: float) -> Estimate:
         """Dead reckoning to a later time, without changing the filter.
@@ -180,6 +178,22 @@ class Localizer(LooksBack, Watched):
         double.run()
         return self._answers.of(double, self._far_fix)
 
+    def _take_yaw_rate(self, reading: YawRate) -> bool:
+        """Keep it until the odometry is read; in a silence of wheels move by it."""
+        now, wheels = self._filter, self._reading
+        taken = self._gyro.take(reading, wheels, self.skipped)
+        if (
+            taken and now.started and isinstance(wheels, WheelTicks | WheelSpeed)
+            and self._is_silent(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
+        ):  # fmt: skip
+            self._gyro.takeover.mute(reading.time - now.time)
+            away = self._rate[0] * _OF_SPEED + _UNSEEN_SPEED
+            before, after = (time - wheels.time for time in (now.time, reading.time))
+            self._move_to(reading.time, self._rate[0])
+            self._run()
+            now.widen_along(away * math.sqrt(max(after**2 - before**2, 0.0)))
+        return taken
+
     def _take_odometry(self, reading: Reading) -> bool:
         now = self._reading
         if now and is_worse(reading, now) and not self._is_silent(reading.time - now.time):
@@ -189,7 +203,7 @@ class Localizer(LooksBack, Watched):
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, 1, self._gyro.alone)
+        self._filter.fill(reading.time, arc, turn, 1, self._gyro.by)
         self._run()
         return True
 
@@ -201,7 +215,7 @@ class Localizer(LooksBack, Watched):
             return 0.0, 0.0
         dt = reading.time - before.time
         arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
-        turn = self._gyro.steered(before, reading, turn)
+        arc, turn = self._gyro.steered(before, reading, arc, turn)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes since then have moved it
@@ -234,6 +248,7 @@ class Localizer(LooksBack, Watched):
             x += now.speed * late * math.cos(heading)
             y += now.speed * late * math.sin(heading)
         now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
+        self._gyro.takeover.fixed(fix.lat_deg, fix.lon_deg, math.sqrt(major * minor))
         self._run()
         self._far_fix = (time, self._filter.disbelieved(x, y, major))
 
@@ -254,12 +269,15 @@ class Localizer(LooksBack, Watched):
         silent = self._reading is not None and self._is_silent(time - self._reading.time)
         if silent:
             self._rate = (speed, 0.0)
-        arc, turn = self._rate[0] * ahead, self._rate[1] * ahead
+        arc, turn, by = self._rate[0] * ahead, self._rate[1] * ahead, self._gyro.by
+        if silent and now.mode == WHEELS and now.started:
+            measured = self._gyro.in_silence(now.time, time)
+            turn, by = (turn, by) if measured is None else (measured, GYRO_ALONE)
         if self._odometer is not None:
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
         known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
-        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), self._gyro.alone)
+        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), by)
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._filter.started:
@@ -276,10 +294,6 @@ class Localizer(LooksBack, Watched):
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
         return self._answers.of(self._filter, self._far_fix)
-
-    def last_rows(self) -> tuple[bytes, bytes]:
-        """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
-        return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
 
     def to_bytes(self) -> bytes:
         """All that this localizer remembers but its map, for `from_bytes`.

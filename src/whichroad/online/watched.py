@@ -3,9 +3,11 @@
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.sensor_states import SensorState, states_of
+from ..diagnosis.sensors import sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..places import Places
 from ..sensors import Sensor
+from ..sensors.turns import GyroTurns
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .sensing import Sensing
@@ -18,6 +20,7 @@ class Watched:
     _sensing: Sensing
     _statistics: ConsistencyStatistics
     _answers: Answering
+    _gyro: GyroTurns
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -35,6 +38,15 @@ class Watched:
         return self._answers.places
 
     @property
+    def answered(self) -> bool:
+        """Whether there is an answer yet: a fix came, or a pose was given."""
+        return self._filter.count > 0
+
+    def last_rows(self) -> tuple[bytes, bytes]:
+        """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
+        return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
+
+    @property
     def sensor_states(self) -> tuple[SensorState, ...]:
         """Each sensor as the filter holds it: what is doubted, and what was learnt."""
         now = self._filter
@@ -45,4 +57,7 @@ class Watched:
         """Sensors that were withheld, else settings that do not fit the data so far."""
         state, names = self._filter.belief.state[0], self._sensing.sensed.names
         further = further_findings(names, state.sensors)
+        named = takeover_findings(self._gyro.takeover)
+        if named:  # settings are not judged by sensors that are wrong
+            return (*further, *named, *sensor_findings(state.vetting))
         return (*further, *findings(self._statistics, state.vetting))

@@ -307,7 +307,7 @@ def _join_odometry(
             log.distance if isinstance(log, WithGyro) else log for log in logs
         ]
         joined = _join_odometry(plain, vehicle, skipped, notes, name)
-        if not isinstance(joined, Odometer):
+        if not isinstance(joined, Odometer | WheelCounts | WheelSpeeds):
             return joined
         time = np.concatenate([gyro.time for gyro in gyros])
         rows = in_order(time, skipped)

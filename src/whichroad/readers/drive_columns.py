@@ -23,6 +23,7 @@ from .reported_fixes import RADIUS_68, Reported, from_ellipse, make_fixes
 from .vehicle import ROLES
 from .wheel_counters import Reversing, wheel_counts, wheel_speeds
 
+Beside = Odometer | WheelCounts | WheelSpeeds  # what has a gyro beside it
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
 _MOTION = frozenset(
     ("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "yaw_rate"),
@@ -125,21 +126,27 @@ def _odometry(
     if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
         left, right = (time, columns["wheel_rl_ticks"]), (time, columns["wheel_rr_ticks"])
         counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing, notes=notes)
-        return counts if len(counts.time) else None
+        return steered(counts, _gyro(columns, skipped)) if len(counts.time) else None
     if {"wheel_rl", "wheel_rr"} <= has:
         left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
         speeds = wheel_speeds(left, right, skipped, reversing=reversing)
-        return speeds if len(speeds.time) else None
+        return steered(speeds, _gyro(columns, skipped)) if len(speeds.time) else None
     if {"speed", "yaw_rate"} <= has:
         return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
     if "odometer" in has:
         log = odometer(time, columns["odometer"], skipped)
-        gyro = yaw_rates(time, columns["yaw_rate"], skipped) if "yaw_rate" in has else None
-        return steered(log, gyro)
+        return steered(log, _gyro(columns, skipped))
     if "speed" in has and not has_position:
         notes.append("distance integrated from speed")
         return odometer_from_speed(time, columns["speed"], skipped)
     return None
+
+
+def _gyro(columns: Columns, skipped: Skipped) -> YawRates | None:
+    """The readings of a gyro, where there are some."""
+    if "yaw_rate" not in columns or not np.isfinite(columns["yaw_rate"]).any():
+        return None
+    return yaw_rates(columns["time"], columns["yaw_rate"], skipped)
 
 
 def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
@@ -150,11 +157,13 @@ def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
         odometry: What was made of them.
     """
     used = _USED.get(type(odometry), frozenset())
+    if isinstance(odometry, WithGyro):
+        used |= _USED.get(type(odometry.distance), frozenset())
     left = sorted((has & _MOTION) - used)
     if not left:
         return []
     if isinstance(odometry, Odometer) and left == ["yaw_rate"]:
-        why = "it is missing beside a tenth of the odometer's readings or more"
+        why = "it is missing beside half of the odometer's readings or more"
     elif odometry is not None:
         why = "one odometry is used at a time, wheels first"
     elif "yaw_rate" in left:
@@ -177,9 +186,11 @@ def speed_yaw_rate(
     return SpeedYawRate(time[rows], speed[rows], yaw_rate[rows]) if len(rows) else None
 
 
-def steered(log: Odometer | None, gyro: YawRates | None) -> Odometer | WithGyro | None:
-    """An odometer with the gyro beside it, where that covers its readings."""
-    if log is None or gyro is None or not covers(gyro, log.time):
+def steered(log: Beside | None, gyro: YawRates | None) -> Beside | WithGyro | None:
+    """An odometer with the gyro beside it, where that covers its readings, or wheels with one."""
+    if log is None or gyro is None:
+        return log
+    if isinstance(log, Odometer) and not covers(gyro, log.time):
         return log
     return WithGyro(log, gyro)
 

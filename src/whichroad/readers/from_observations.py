@@ -42,7 +42,7 @@ def drive_of_observations(
     """The drive that consists of these observations, in any order.
 
     Args:
-        observations: Fixes, readings of one kind of odometry, and of a gyro beside an odometer.
+        observations: Fixes, readings of one kind of odometry, and of a gyro beside it.
         settings: Gives the sigma of fixes that report none.
 
     Raises:
@@ -60,7 +60,7 @@ def drive_of_observations(
     odometry: OdometryLog | None = None
     for kind in kinds:
         odometry = _LOGS[kind](*_in_order(kind, possible, skipped))
-    if isinstance(odometry, Odometer):
+    if isinstance(odometry, Odometer | WheelCounts | WheelSpeeds):
         time, rate = _in_order(YawRate, possible, skipped)
         odometry = steered(odometry, YawRates(time, rate) if len(time) > 1 else None)
     has = {"yaw_rate"} if any(isinstance(o, YawRate) for o in possible) else set()

@@ -85,9 +85,9 @@ def play_drive(
 
 def play_result(
     path: str | Path, roads: "RoadMap", drive_id: str | None = None, route: Path | None = None,
-    truth: Truth | None = None,
+    truth: Truth | None = None, places: "Places | None" = None,
 ) -> Player:  # fmt: skip
-    """A player of points, and of the route, from files; there is no drive to mask.
+    """A player of points, of the route and of places, from files; there is no drive to mask.
 
     Raises:
         ReadError: A file is no such table.
@@ -95,7 +95,7 @@ def play_result(
     """
     result = read_points(path, drive_id, route)
     check_map(result, roads, path)
-    return Player(RecordedMessages(result, roads), truth=truth)
+    return Player(RecordedMessages(result, roads, places=places), truth=truth)
 
 
 def one_of(drives: "list[Drive]", drive_id: str | None) -> "Drive":

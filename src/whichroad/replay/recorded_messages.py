@@ -26,6 +26,7 @@ from .signals import Signals
 
 if TYPE_CHECKING:
     from ..live.message_types import HeardMessage
+    from ..places import Places
     from ..roadmap import RoadMap
     from ..tables.result import Result
 
@@ -64,11 +65,12 @@ class RecordedMessages:
         roads: The map it was matched to; without it streets have no names.
         signals: The sensors' recordings, if known.
         masked: Windows (s since 1970) in which GNSS was withheld.
+        places: Of a result that was read from a file; one that `match` gave has its own.
     """
 
     def __init__(
         self, result: "Result", roads: "RoadMap | None" = None, signals: Signals | None = None,
-        masked: Sequence[Window] = (),
+        masked: Sequence[Window] = (), places: "Places | None" = None,
     ) -> None:  # fmt: skip
         points = result.to_arrow()
         self.drive_id = str(points["drive_id"][0].as_py()) if points.num_rows else ""
@@ -102,7 +104,9 @@ class RecordedMessages:
         )
         self.reckoning = self.signals.reckoning(self, self.used_fixes())
         self.sensor_track = result.sensor_track or SensorTrack([], [])
-        self.places = PlacesAbout(result.surroundings[0]) if result.surroundings else None
+        self.places = PlacesAbout.of_points(points, places) if places is not None else None
+        if result.surroundings:
+            self.places = PlacesAbout.of_drive(result.surroundings[0])
         self._levels = None if roads is None else LevelShares(roads)
 
     def __len__(self) -> int:

@@ -192,7 +192,7 @@ def _times_of(drive: Drive, sensors: Sequence[Sensor]) -> dict[str, Array]:
         found["gnss"] = drive.fixes.time
     log = drive.odometry
     if isinstance(log, WithGyro):
-        found["odometer"], found["gyro"] = log.distance.time, log.gyro.time
+        found[_LOGS[type(log.distance)]], found["gyro"] = log.distance.time, log.gyro.time
     elif log is not None and len(log.time):
         found[_LOGS[type(log)]] = log.time
     for one in sensors:

@@ -11,9 +11,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..filter.motion import arc_chord
+from ..filter.windows import BY_GYRO, UNTURNED
 from ..observations import (
     Array,
     Distance,
+    Fixes,
     Observation,
     Odometer,
     OdometryLog,
@@ -27,6 +29,8 @@ from ..observations import (
     YawRates,
 )
 from ..settings import Vehicle
+from .beside_wheels import beside_wheels
+from .takeover import Takeover
 from .turns import turns_at
 from .validation import FASTEST, Skipped
 
@@ -43,6 +47,8 @@ class Motion(NamedTuple):
     distance: Array  # m, falling in reverse
     turn: Array | None  # rad, counter-clockwise; None where nothing measures it
     gyro: bool = False  # whether a gyro alone measures it: its drift runs in time
+    by: Array | None = None  # (n,) what measures each step, as `filter.windows` counts it
+    takeover: Takeover | None = None  # of a gyro beside wheels: which of them is wrong
 
 
 def _integral(time: Array, rate: Array) -> Array:
@@ -51,7 +57,7 @@ def _integral(time: Array, rate: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
+def motion_of(log: OdometryLog, vehicle: Vehicle, fixes: Fixes | None = None) -> Motion:
     """Cumulative distance and turn from any odometry (paper, §2.1).
 
         δs = (δright + δleft) / 2,   δθ = (δright − δleft) / track width
@@ -59,6 +65,7 @@ def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
     Args:
         log: Rear-wheel counts or speeds, an odometer, or speed and yaw rate.
         vehicle: Metres per count and track width.
+        fixes: Those that may tell whether wheels or a gyro beside them turn as the vehicle does.
 
     Returns:
         Cumulative motion at the log's own times.
@@ -80,7 +87,11 @@ def motion_of(log: OdometryLog, vehicle: Vehicle) -> Motion:
             return Motion(log.time, distance, turn, gyro=True)
         case WithGyro():
             gyro = replace(log.gyro, rate=true_rate(log.gyro.rate, vehicle))
-            return _with_gyro(motion_of(log.distance, vehicle), gyro)
+            motion = motion_of(log.distance, vehicle)
+            if motion.turn is None or len(motion.time) < 2:
+                return _with_gyro(motion, gyro)
+            one = beside_wheels(*motion[:3], gyro, vehicle.track_width, fixes)  # type: ignore[arg-type]
+            return Motion(one.time, one.distance, one.turn, by=one.by, takeover=one.takeover)
     return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
 
 
@@ -97,12 +108,17 @@ def wheel_scales(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
-    """An odometer's distance, and the turn by the gyro at its readings, where both are known.
+    """An odometer's distance, and the turn by the gyro from reading to reading, where it is known.
 
     Distance is not interpolated to a quicker gyro: the speed would jump at every reading.
     """
     turned, near = turns_at(motion.time, gyro)
-    return Motion(motion.time[near], motion.distance[near], turned[near], gyro=True)
+    steps = np.diff(turned, prepend=turned[:1])
+    heard = near & np.concatenate([near[:1], near[:-1]])
+    turn = np.cumsum(np.where(heard, steps, 0.0))
+    return Motion(
+        motion.time, motion.distance, turn, gyro=True, by=np.where(heard, BY_GYRO, UNTURNED)
+    )
 
 
 def step_between(before: Observation, reading: Observation, car: Vehicle) -> tuple[float, float]:

@@ -1,19 +1,23 @@
-"""Turns by a gyro that stands beside an odometer, each read at its own times.
+"""Turns by a gyro that stands beside an odometer or wheels, each read at its own times.
 
-Beside wheels a gyro is not used: weighing the turns of both, with the gyro's bias learnt from the
-wheels, was tried and made outages worse (docs/experiments-log.md).
+Beside wheels a gyro is used where the wheels are wrong or silent (`sensors.takeover`).  Weighing
+the turns of both, with the gyro's bias learnt from the wheels, was tried and made outages worse
+(docs/experiments-log.md).
 """
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 
+from ..filter.windows import BY_GYRO, BY_WHEELS
 from ..observations import Array, Distance, Observation, SpeedYaw, YawRate, YawRates
+from .takeover import Takeover
 
-_UNUSED = "yaw rate beside wheels or another one (not used)"
+_UNUSED = "yaw rate beside another one (not used)"
 STALE = 0.5  # s, of a yaw rate that still holds
-_COVERED = 0.9  # share of an odometer's readings that have one beside them, at least
+_COVERED = 0.5  # share of an odometer's readings that have one beside them, at least
 
 
 def turns_at(time: Array, gyro: YawRates) -> tuple[Array, np.ndarray]:
@@ -32,12 +36,22 @@ def covers(gyro: YawRates, time: Array) -> bool:
 
 
 class GyroTurns:
-    """The turns that a gyro has measured lately, on line."""
+    """The turns that a gyro has measured lately, on line.
 
-    def __init__(self) -> None:
+    Args:
+        track_width: Of wheels beside it, m.
+    """
+
+    def __init__(self, track_width: float) -> None:
         self._turned: deque[tuple[float, float, float]] = deque(maxlen=32)  # time, rate, turn
         self._until: tuple[float, float] | None = None  # the last odometry: time, turn until then
-        self.alone = False  # whether a gyro alone measures the turn
+        self.by = BY_WHEELS  # what measures the turn
+        self.takeover = Takeover(track_width)
+
+    @property
+    def alone(self) -> bool:
+        """Whether a gyro alone measures the turn."""
+        return self.by == BY_GYRO
 
     def take(self, reading: YawRate, beside: Observation | None, skipped: dict[str, int]) -> bool:
         """Take a reading.
@@ -52,7 +66,7 @@ class GyroTurns:
         """
         last, rate, turned = self._turned[-1] if self._turned else (-math.inf, 0.0, 0.0)
         why = "late" if reading.time <= last else ""
-        if beside is not None and not isinstance(beside, Distance):
+        if isinstance(beside, SpeedYaw):
             why = _UNUSED
         if why:
             skipped[why] = skipped.get(why, 0) + 1
@@ -62,31 +76,45 @@ class GyroTurns:
         self._turned.append((reading.time, reading.yaw_rate, turned))
         return True
 
-    def steered(self, before: Observation, reading: Observation, turn: float) -> float:
-        """Turn between two readings of odometry by what there is, rad.
+    def steered(
+        self, before: Observation, reading: Observation, arc: float, turn: float
+    ) -> tuple[float, float]:
+        """Arc (m) and turn (rad) between two readings of odometry by what there is.
 
         Args:
             before: The earlier reading.
             reading: The later one, of the same kind.
+            arc: By these readings, m.
             turn: By these readings, rad; an odometer's is none.
         """
-        self.alone = isinstance(reading, SpeedYaw)
-        if not isinstance(reading, Distance) or not self._turned:
-            return turn
+        self.by = BY_GYRO if isinstance(reading, SpeedYaw) else BY_WHEELS
+        if isinstance(reading, SpeedYaw) or not self._turned:
+            return arc, turn
         then, now = self._until, self._at(reading.time)
         first = then[1] if then and then[0] == before.time else self._at(before.time)
         self._until = None if now is None else (reading.time, now)
-        self.alone = first is not None and now is not None
-        return turn if first is None or now is None else now - first
+        gyro = None if first is None or now is None else now - first
+        if not isinstance(reading, Distance):
+            arc, turn, self.by = self.takeover.moved(reading.time, arc, turn, gyro)
+            return arc, turn
+        self.by = BY_WHEELS if gyro is None else BY_GYRO
+        return arc, turn if gyro is None else gyro
 
-    def kept(self) -> list[list[float]]:
+    def in_silence(self, since: float, until: float) -> float | None:
+        """Turn between two moments while wheels say nothing, rad; None: it was not heard."""
+        first, now = self._at(since), self._at(until)
+        return None if first is None or now is None else now - first
+
+    def kept(self) -> list[Any]:
         """What it knows, as numbers."""
-        return [[float(self.alone)], list(self._until or ()), *map(list, self._turned)]
+        until = list(self._until or ())
+        return [[float(self.by)], until, self.takeover.kept(), *map(list, self._turned)]
 
-    def restore(self, kept: list[list[float]]) -> None:
+    def restore(self, kept: list[Any]) -> None:
         """Know again what `kept` gave."""
-        (alone,), until, *turned = kept
-        self.alone = bool(alone)
+        (by,), until, takeover, *turned = kept
+        self.by = int(by)
+        self.takeover.restore(takeover)
         self._until = (until[0], until[1]) if until else None
         self._turned.clear()
         self._turned.extend((time, rate, turn) for time, rate, turn in turned)

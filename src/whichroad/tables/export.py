@@ -194,6 +194,7 @@ def path_table(
         "duration_s": pa.array(duration),
         "mean_speed_mps": _nullable(speed, ~passed),
         "p": pa.array(driven.p),
+        "p_route": pa.array(driven.p_route),
         "broken_rule": _broken(driven),
         **on_sources(roads, edges.astype(np.int64), enter, leave),
         "geometry": _lines(edges, enter, leave, roads),

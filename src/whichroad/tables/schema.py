@@ -95,6 +95,7 @@ PATH = pa.schema(
         ("duration_s", pa.float64()),
         ("mean_speed_mps", pa.float64()),  # null where no time passed
         ("p", pa.float64()),
+        ("p_route", pa.float64()),
         ("broken_rule", pa.string()),
         ("source_enter_m", pa.float64()),
         ("source_exit_m", pa.float64()),

@@ -1,0 +1,121 @@
+"""Wheels and a gyro beside each other: one of them is wrong or silent, and the other takes over."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import whichroad
+from laws.public import CAR, geo_fixes, metres, road_map
+from scenes import drive_along
+from whichroad.filter.windows import BY_GYRO, BY_WHEELS, UNTURNED
+from whichroad.sensors.takeover import GYRO, WHEELS, Takeover
+
+WAY = [[0.0, 0.0], [300.0, 0.0], [300.0, 300.0], [600.0, 300.0], [600.0, 600.0], [900.0, 600.0]]
+LINES = [[WAY[k], WAY[k + 1]] for k in range(5)] + [[[300.0, 0.0], [900.0, 0.0]]]
+TRUTH = drive_along(WAY)
+Reading = tuple[float, float, float, float | None]  # time, arc, turn by wheels, by the gyro
+
+
+def observed(
+    wheels: Callable[[np.ndarray], np.ndarray], gyro: Callable[[np.ndarray], np.ndarray]
+) -> list:
+    """Fixes, and the turn rates of the truth as wheels and a gyro have them; NaN: silent."""
+    n = len(TRUTH.time)
+    fix = np.column_stack([TRUTH.x, TRUTH.y, np.full((n, 2), 2.0), np.zeros(n)])
+    rows = np.arange(n)
+    seen = geo_fixes(TRUTH, fix, rows[rows % 10 == 0])
+    start, half = seen[0].time, 0.5 * CAR.track_width
+    speed, rate = (np.gradient(x, TRUTH.time) for x in (TRUTH.s, TRUTH.heading))
+    by_wheels, by_gyro = wheels(rate), gyro(rate)
+    for k in rows:
+        if np.isfinite(by_gyro[k]):
+            seen.append(whichroad.YawRate(start + TRUTH.time[k], by_gyro[k]))
+        if np.isfinite(by_wheels[k]):
+            left, right = (speed[k] + side * half * by_wheels[k] for side in (-1.0, 1.0))
+            seen.append(whichroad.WheelSpeed(start + TRUTH.time[k], left, right))
+    return sorted(seen, key=lambda o: (o.time, isinstance(o, whichroad.GeoFix)))
+
+
+def sound(rate: np.ndarray) -> np.ndarray:
+    return rate
+
+
+def silent(rate: np.ndarray) -> np.ndarray:
+    return np.where((TRUTH.time > 20.0) & (TRUTH.time < 60.0), np.nan, rate)
+
+
+FAULTS = {
+    "wheels: sign of turns": (np.negative, sound),
+    "gyro: sign of turns": (sound, np.negative),
+    "gyro: stands still": (sound, np.zeros_like),
+    "gyro: unit of turns": (sound, lambda rate: np.clip(20.0 * rate, -9.0, 9.0)),
+    "gyro: silent": (sound, silent),
+    "wheels: silent": (silent, sound),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_the_sound_one_carries_the_turn_and_the_fault_is_named(name: str):
+    result = whichroad.match(observed(*FAULTS[name]), road_map(LINES), vehicle=CAR)
+    assert name in [finding.what for finding in result.diagnosis]
+    points = result.to_arrow()
+    x, y = metres(points["lon"].to_numpy(), points["lat"].to_numpy())
+    assert np.hypot(x[-1] - TRUTH.x[-1], y[-1] - TRUTH.y[-1]) < 6.0
+    assert not result.summary["skipped"]
+
+
+def test_where_both_are_sound_answers_are_those_of_the_wheels_and_nothing_is_named():
+    both = whichroad.match(observed(sound, sound), road_map(LINES), vehicle=CAR)
+    alone = observed(sound, lambda rate: np.full_like(rate, np.nan))
+    wheels = whichroad.match(alone, road_map(LINES), vehicle=CAR)
+    assert both.diagnosis == wheels.diagnosis
+    for name in ("lat", "lon"):
+        a, b = (one.to_arrow()[name].to_numpy() for one in (both, wheels))
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["wheels: sign of turns", "wheels: silent"])
+def test_on_line_it_is_the_same_and_goes_on_from_what_was_kept(name: str):
+    roads = road_map(LINES)
+    online = whichroad.Localizer(roads, vehicle=CAR)
+    for k, reading in enumerate(observed(*FAULTS[name])):
+        said = online.update(reading)
+        if k == 700:
+            online = whichroad.Localizer.from_bytes(online.to_bytes(), roads)
+    x, y = metres(np.array([said.pose.lon]), np.array([said.pose.lat]))
+    assert np.hypot(x[0] - TRUTH.x[-1], y[0] - TRUTH.y[-1]) < 6.0
+    assert name in [finding.what for finding in online.diagnosis]
+    assert not online.skipped
+
+
+def taken(readings: list[Reading]) -> tuple[Takeover, list[tuple[float, float, int]]]:
+    """What a takeover makes of readings, without a fix."""
+    takeover = Takeover(1.5)
+    return takeover, [takeover.moved(*one) for one in readings]
+
+
+def test_a_wheel_that_stands_is_noticed_at_once_without_a_fix():
+    # the left wheel stands from 5 s on: half the way, and a turn of 0.67 rad/m
+    steps = [(0.1 * k, *((1.0, 0.0) if k < 50 else (0.5, 1.0 / 1.5)), 0.0) for k in range(1, 100)]
+    takeover, said = taken(steps)
+    np.testing.assert_allclose([one[:2] for one in said], [(1.0, 0.0)] * 99, atol=1e-9)
+    assert said[20][2] == BY_WHEELS
+    assert said[-1][2] == BY_GYRO
+    assert takeover.wrong == [True, False]
+
+
+def test_without_a_fix_neither_outvotes_the_other_and_the_road_turns():
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, 200)
+    steps = [(0.1 * k, 1.0, 0.02 if k > 100 else 0.0, float(noise[k])) for k in range(1, 200)]
+    takeover, said = taken(steps)
+    assert said[90][2] == BY_WHEELS
+    assert said[-1][2] == UNTURNED
+    assert takeover.wrong == [False, False]
+
+
+def test_a_gyro_that_is_stuck_loses_against_wheels_that_turn():
+    steps = [(0.1 * k, 1.0, 0.02 if k > 100 else 0.0, 0.0) for k in range(1, 200)]
+    takeover, said = taken(steps)
+    assert said[-1][2] == BY_WHEELS
+    assert (takeover.wrong[WHEELS], takeover.wrong[GYRO]) == (False, True)
