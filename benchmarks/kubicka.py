@@ -75,7 +75,8 @@ def tracks(archive: Path, numbers: list[int]) -> Iterator[Track]:
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(archive) as tar:
             members = (m for m in tar if Path(m.name).parts[0] in wanted)
-            tar.extractall(folder, members=members, filter="data")
+            tar.extraction_filter = getattr(tarfile, "data_filter", None)  # from 3.11.4 on
+            tar.extractall(folder, members=members)
         for number in numbers:
             yield read(Path(folder), number)
 

@@ -112,7 +112,8 @@ def real_map(options: Options) -> tuple[Path, Path]:
         real = module(options, "real")
         with tempfile.TemporaryDirectory() as unpacked:
             with tarfile.open(archive) as tar:
-                tar.extractall(unpacked, filter="data")
+                tar.extraction_filter = getattr(tarfile, "data_filter", None)  # from 3.11.4 on
+                tar.extractall(unpacked)
             before = sys.argv
             sys.argv = ["real.py", unpacked, str(where), "--tracks", "0-49", "--usable",
                         "--name", "kubicka-dev"]  # fmt: skip
