@@ -14,6 +14,7 @@ from .node_shares import share_out, take_back
 from .protection import Centre, set_levels, set_odds
 from .ranking import rank
 from .ranks import ALTERNATIVES as ALTERNATIVES
+from .separation import cover
 from .state import (
     MX,
     MY,
@@ -124,6 +125,8 @@ def describe(
     if ranking.known == 0:
         set_odds(belief, ctx.par[0].protection_risk)
     off = _moments(belief, out)
+    if not ctx.par[0].paper:
+        cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off

@@ -33,6 +33,7 @@ from .motion import (
 )
 from .reduction import reduce
 from .road import observe_map
+from .separation import watch
 from .silence import SPARSE, observe_after_silence, stands
 from .sparse import transit, truncate_to_edges
 from .state import (
@@ -90,6 +91,8 @@ def step(
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
+    if epoch.has_fix and not ctx.par[0].paper:
+        watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
