@@ -27,6 +27,7 @@ _TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are
 _ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
 _STANDS = 0.1  # m/s by the odometer
+_DISPUTED = 30.0  # s after a misfit, for which fixes that had run away before say nothing
 _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
 
 
@@ -103,7 +104,12 @@ def weigh_distances(
     if by_odometer > 0 and by_speed > 0 and both < 0:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
     stands = rolls and odometer < _STANDS * seen.seconds
-    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds
+    if not stands:
+        vetting.stood_at = math.inf
+    elif vetting.stood_at == math.inf:
+        vetting.stood_at = now - seen.seconds
+    disputed = vetting.undecided_at < vetting.stood_at and now - vetting.forked_at < _DISPUTED
+    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds and not disputed
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
     elif reported and by_speed > 0:

@@ -16,7 +16,17 @@ from .gnss_noise import age_receiver, learn_factor, observe_white, update_root
 from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
 from .map_error import forget_map
 from .reported_motion import LATENCY, observe_reported
-from .sides import blame_receiver, fork_biased, keep_bias, loosen, misfit, take_sides
+from .sides import (
+    MOST_ODDS,
+    blame_receiver,
+    even_out,
+    fork_biased,
+    keep_bias,
+    loosen,
+    misfit,
+    odds_of_sides,
+    take_sides,
+)
 from .state import (
     CLOCK,
     NOTHING,
@@ -370,7 +380,12 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.last_fix = epoch.time
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
+    odds = odds_of_sides(belief)
+    both = state.mode == WHEELS and abs(odds) < MOST_ODDS
+    least = 0.0 if both else _REFUTED * par.prune
+    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)
+    if both:
+        even_out(belief, odds)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:
         _search(belief, path, ctx, epoch, white, far)

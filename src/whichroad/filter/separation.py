@@ -142,6 +142,23 @@ def _begin(state: Record, top: Record) -> None:
 
 
 @kernel
+def _share(hyp: Record, ixx: float, ixy: float, iyy: float) -> None:
+    """Let the receiver's error be what a fix differs from the place by.
+
+    With V the covariance of the place and I the inverse of S that of γ is 1 + I V I.
+    """
+    cov = hyp.cov
+    for i in (X, Y):
+        vx = cov[i, X]
+        vy = cov[i, Y]
+        cov[i, GX] = cov[GX, i] = -(ixx * vx + ixy * vy)
+        cov[i, GY] = cov[GY, i] = -(ixy * vx + iyy * vy)
+    cov[GX, GX] = 1.0 - ixx * cov[X, GX] - ixy * cov[Y, GX]
+    cov[GX, GY] = cov[GY, GX] = -ixx * cov[X, GY] - ixy * cov[Y, GY]
+    cov[GY, GY] = 1.0 - ixy * cov[X, GY] - iyy * cov[Y, GY]
+
+
+@kernel
 def _split(belief: Belief, path: Path, ctx: Context, copy: Record) -> None:
     """Let hypotheses live at the copy, too: there the receiver is wrong."""
     state = belief.state[0]
@@ -175,9 +192,7 @@ def _split(belief: Belief, path: Path, ctx: Context, copy: Record) -> None:
         hyp.blames = RECEIVER
         hyp.mu[GX] = bx - (root[2] * dx - root[1] * dy) / det
         hyp.mu[GY] = by - (root[0] * dy - root[1] * dx) / det
-        for j in range(N):
-            hyp.cov[GX, j] = hyp.cov[j, GX] = hyp.cov[GY, j] = hyp.cov[j, GY] = 0.0
-        hyp.cov[GX, GX] = hyp.cov[GY, GY] = 1.0 + 2.0 * middle / (root[0] * root[0] + root[2] ** 2)
+        _share(hyp, root[2] / det, -root[1] / det, root[0] / det)
     state.changed = 1
     state.vetting.forked_at = state.time
     state.vetting.undecided_at = state.time
@@ -234,20 +249,21 @@ def watch(belief: Belief, path: Path, ctx: Context, gyro: int) -> None:
     _reckon(state, par, gyro)
     top = belief.hyp[heaviest(belief)]
     held = False
-    worst = 0
     for k in range(COPIES):
         copy = separation.reckoned[k]
         if copy.live == 1:
             _compare(state, copy, top)
             held = held or copy.p > _HOLDS
-            worst = k if copy.p > separation.reckoned[worst].p else worst
     if state.mode != WHEELS or not state.started:
         return
     split = _is_split(belief)
-    copy = separation.reckoned[worst]
-    if copy.live == 1 and copy.p > _SPLITS and not split:
-        _split(belief, path, ctx, copy)
-        return
+    for k in range(COPIES):
+        newer = separation.reckoned[k].begun >= separation.reckoned[COPIES - 1 - k].begun
+        copy = separation.reckoned[k]
+        sure = copy.live == 1 and copy.p > _SPLITS
+        if sure and not split and (newer or separation.reckoned[COPIES - 1 - k].p <= _SPLITS):
+            _split(belief, path, ctx, copy)
+            return
     due = state.time - separation.begun >= _EVERY and state.learnt_time >= _LEARNT
     calm = not held and not split and state.vetting.turned == 1
     if due and calm and top.cov[H, H] < _TURNED * _TURNED:

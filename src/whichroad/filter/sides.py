@@ -19,16 +19,19 @@ from .state import (
     N,
     X,
     Y,
+    heaviest,
     move_row,
     rescale,
 )
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
+MOST_ODDS = 7.0  # logarithm of the odds up to which two sides live
 _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
 _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
 _SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOST_TURNED = 1.5  # rad, more than a linear model bears
+_COUNTS = 0.2  # share of a fix's evidence that counts between sides
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
 _BIASED_BY = 30.0  # and m, how far away on each axis
 
@@ -214,6 +217,39 @@ def fork_biased(belief: Belief) -> None:
         rescale(biased, _BIASED)
         rescale(hyp, 1.0 - _BIASED)
         state.count += 1
+
+
+@kernel
+def odds_of_sides(belief: Belief) -> float:
+    """Logarithm of the odds of the side that blames the receiver."""
+    state = belief.state[0]
+    top = belief.hyp[heaviest(belief)].log_weight
+    receiver = 0.0
+    others = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        weight = math.exp(hyp.log_weight - top)
+        if hyp.blames == RECEIVER:
+            receiver += weight
+        else:
+            others += weight
+    return math.log(max(receiver, 1e-300) / max(others, 1e-300))
+
+
+@kernel
+def even_out(belief: Belief, odds: float) -> None:
+    """Let a fix count little between two sides, of which one says that fixes are wrong.
+
+    Two sources cannot outvote each other: what moves with the fixes fits them.
+
+    Args:
+        belief: In place, weighed by the fix.
+        odds: Before it, see `odds_of_sides`.
+    """
+    back = (1.0 - _COUNTS) * (odds - odds_of_sides(belief))
+    for i in range(belief.state[0].count):
+        if belief.hyp[i].blames == RECEIVER:
+            belief.hyp[i].log_weight += back
 
 
 @kernel

@@ -35,6 +35,7 @@ VETTING = np.dtype(
         ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
         ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
         ("returned_at", "f8"),  # s, when odometry was last believed again
+        ("stood_at", "f8"),  # s, when odometry came to stand; infinite: it moves
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands
         ("bend", "f8"),  # rad by which it has turned in the last seconds
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
@@ -105,6 +106,7 @@ def clear(vetting: Record) -> None:
     vetting.speed_sample.jitter = 0.3
     vetting.turn_sample.jitter = 0.1
     vetting.suspect_at = -math.inf
+    vetting.stood_at = math.inf
     vetting.since[:] = math.inf
     vetting.agreed = math.inf
     vetting.returned_at = -math.inf
