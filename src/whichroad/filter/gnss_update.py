@@ -381,7 +381,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     odds = odds_of_sides(belief)
-    both = state.mode == WHEELS and abs(odds) < MOST_ODDS
+    tried = state.mode == WHEELS and state.vetting.turned == 1
+    both = tried and abs(odds) < MOST_ODDS
     least = 0.0 if both else _REFUTED * par.prune
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)
     if both:
