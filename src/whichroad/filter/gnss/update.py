@@ -259,7 +259,8 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     """A misfit with sound motion and a receiver that works: either may be wrong."""
     state = belief.state[0]
     vetting = state.vetting
-    if epoch.time - vetting.forked_at > _FORGOTTEN:
+    odds = abs(odds_of_sides(belief))
+    if epoch.time - vetting.forked_at > _FORGOTTEN and odds > MOST_ODDS:
         for i in range(state.count):
             belief.hyp[i].blames = NOTHING
     jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
@@ -305,6 +306,7 @@ def _settle(
         changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)
+        state.innovation_mean[0] = state.innovation_mean[1] = 0.0  # what was off is explained
 
 
 @kernel(inline=True)
@@ -387,7 +389,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     least = 0.0 if both else _REFUTED * par.prune
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)
     if both:
-        even_out(belief, odds)
+        even_out(belief, odds, min(max(since, 0.0), _RECENT))
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:
         _search(belief, path, ctx, epoch, white, far)
