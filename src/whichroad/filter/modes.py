@@ -116,6 +116,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting.score[TURN] = 0.0
     vetting.refused[TURN] = 0
     vetting.turned = 0
+    vetting.tried = 0
     vetting.reported[TURN] = 0.0
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0

@@ -265,7 +265,7 @@ def watch(belief: Belief, path: Path, ctx: Context, gyro: int) -> None:
             _split(belief, path, ctx, copy)
             return
     due = state.time - separation.begun >= _EVERY and state.learnt_time >= _LEARNT
-    calm = not held and not split and state.vetting.turned == 1
+    calm = not held and not split and state.vetting.tried == 1
     if due and calm and top.cov[H, H] < _TURNED * _TURNED:
         _begin(state, top)
 

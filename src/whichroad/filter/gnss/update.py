@@ -306,7 +306,8 @@ def _settle(
         changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)
-        state.innovation_mean[0] = state.innovation_mean[1] = 0.0  # what was off is explained
+        if epoch.time - state.vetting.windows.jumped_at <= _JUMPED:  # it is explained
+            state.innovation_mean[0] = state.innovation_mean[1] = 0.0
 
 
 @kernel(inline=True)
@@ -384,7 +385,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     odds = odds_of_sides(belief)
-    tried = state.mode == WHEELS and state.vetting.turned == 1
+    tried = state.mode == WHEELS and state.vetting.tried == 1
     both = tried and abs(odds) < MOST_ODDS
     least = 0.0 if both else _REFUTED * par.prune
     chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)

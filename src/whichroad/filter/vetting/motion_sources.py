@@ -31,7 +31,8 @@ VETTING = np.dtype(
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
-        ("turned", "u1"),  # 1: so has the odometry
+        ("turned", "u1"),  # 1: so has the odometry,
+        ("tried", "u1"),  # and did so once, even if not now, or in many small turns
         ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
         ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
         ("returned_at", "f8"),  # s, when odometry was last believed again
