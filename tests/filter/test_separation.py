@@ -139,3 +139,17 @@ def test_a_fix_beside_wheels_that_may_be_wrong_is_smoothed_once():
     epochs.fix[50] = 300.0, 0.0, 9.0, 9.0, 0.0
     assert not observe_standing(belief, context(ROADS), epochs[50])
     assert state.gnss_cov.tolist() == [2.0, 0.0, 2.0]
+
+
+def test_wheels_found_impossible_soon_after_a_misfit_have_caused_it():
+    """They turn the car round and round, and for seconds the receiver seems to be wrong."""
+    fix = gnss(DRIVE, sigma=2.0)
+    epochs = epochs_of(DRIVE, fix, range(0, len(DRIVE.time), 10), course=0.1)
+    epochs.turn[700:730] += 0.1
+    epochs.turn[730:760] += 0.8
+    for k, belief, output in steps(ROADS, epochs):
+        if 690 <= k < 729:
+            belief.state[0].vetting.tried = 0
+        row = output.rows[k]
+        if k > 760:
+            assert np.hypot(row.x - DRIVE.x[k], row.y - DRIVE.y[k]) < 15.0

@@ -39,6 +39,7 @@ VETTING = np.dtype(
         ("stood_at", "f8"),  # s, when odometry came to stand; infinite: it moves
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands
         ("bend", "f8"),  # rad by which it has turned in the last seconds
+        ("exposed", "u1"),  # 1: odometry was found impossible soon after a misfit, until a fix
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
