@@ -41,17 +41,28 @@ def pulled(truth: Truth, begin: int, by: tuple[float, float], seed: int = 0) -> 
     return fix
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("by", [(0.0, -1.2), (0.0, 1.2), (0.0, -4.0), (0.0, 7.0)])
-def test_a_pull_along_the_road_stays_below_the_level(seed: int, by: tuple[float, float]):
-    """No fix tells a slow one, and to the fixes a fast one is wheels of another size."""
+def above(by: tuple[float, float], seed: int) -> float:
+    """Share of the epochs of a pull that are above the level."""
     fix = pulled(DRIVE, AFTER, by, seed)
-    rows = localize(
-        ROADS, epochs_of(DRIVE, fix, range(0, len(DRIVE.time), 10), course=0.1)
-    ).output.rows
+    epochs = epochs_of(DRIVE, fix, range(0, len(DRIVE.time), 10), course=0.1)
+    rows = localize(ROADS, epochs).output.rows
     error = np.hypot(rows.x - DRIVE.x, rows.y - DRIVE.y)
-    assert (error <= rows.protection_level)[AFTER:].mean() > 0.99
     assert np.median(rows.protection_level[:AFTER]) < 12.0
+    return float((error > rows.protection_level)[AFTER:].mean())
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("speed", [-0.5, -0.7])
+def test_a_slow_pull_along_the_road_is_told_by_odometry_alone(seed: int, speed: float):
+    """No fix tells it.  Without copies a quarter to a half of the epochs are above the level."""
+    assert above((0.0, speed), seed) < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("speed", [-1.2, 1.2, -4.0, 7.0])
+def test_a_pull_along_the_road_stays_below_the_level(seed: int, speed: float):
+    """To the fixes it is wheels of another size."""
+    assert above((0.0, speed), seed) < 0.01
 
 
 def covered(p: float) -> tuple[float, float]:
