@@ -105,6 +105,7 @@ def _figures(name: str, drives: list[Scored], seeds: str) -> list[Figure]:
         return Figure(f"{name}: {what}", value, goal if sound else "", unit, n, ci, seeds)
 
     rate, over_worlds = wrong_by_world(drives)
+    named = sum(bool(d.named) for d in drives)
     return [
         figure("wrong among declared, interval over worlds", rate, "", "per mille", rows.declared,
                over_worlds),
@@ -123,4 +124,6 @@ def _figures(name: str, drives: list[Scored], seeds: str) -> list[Figure]:
         figure("position RMSE", pose.rmse, "", "m", pose.drives),
         figure("right road", 100.0 * pose.right, "", "%", pose.drives),
         figure("longest time to alert", alert, "", "s", len(drives)),
+        figure("drives in which something is named", 1e3 * named / len(drives), "<= 2", "per mille",
+               len(drives)),
     ]  # fmt: skip

@@ -55,6 +55,7 @@ class Scored:
     under: dict[str, scoring.PoseSums]  # epochs under each kind of fault
     alert: float  # s
     at: np.ndarray  # (k, 2) error and level, every tenth second, for the Stanford diagram
+    named: tuple[str, ...] = ()  # what `diagnosis` warns of
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +172,7 @@ def run_drive(
         f"{world.seed}/{number}", world.place, suite, events, decisions, kinds[first:],
         scoring.pose_sums(said, counted), under, scoring.time_to_alert(said),
         np.column_stack([np.hypot(*said.error[at].T), said.level[at]]),
+        tuple(f.what for f in result.diagnosis if f.level == "warning"),
     )  # fmt: skip
     return Run(world, truth, fixes, said, position, scored)
 

@@ -179,10 +179,6 @@ def test_one_wrong_fix_does_not_outweigh_four_minutes_of_right_ones(seed: int):
     assert (away(output, AHEAD)[2400:] < 15.0).all()
 
 
-FED = "the error of a lost receiver feeds the scale of fixes"
-
-
-@pytest.mark.xfail(strict=True, reason=FED)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_receiver_that_has_lost_its_way_says_nothing_of_the_scale(seed: int):
     fix = gnss(AHEAD, seed=seed)

@@ -8,7 +8,16 @@ from .gnss.silence import hear, is_pause, may_have_moved
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
-from .vetting.motion_sources import ARC, COURSE, NONE, SPEED, TURN, TURNS, is_borne_out
+from .vetting.motion_sources import (
+    ARC,
+    COURSE,
+    NONE,
+    SPEED,
+    TURN,
+    TURNS,
+    is_borne_out,
+    is_possible,
+)
 from .vetting.vet import mode_of, vet
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 
@@ -17,6 +26,7 @@ _OF_SPEED = 0.1  # and share of it
 _OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
 _UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
 _LEAST_PACE = 3.0  # m/s
+_DISPUTED = 30.0  # s after a misfit, for which odometry that is found impossible has caused it
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
@@ -94,6 +104,15 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
+def _doubt_belief(belief: Belief, par: Record, epoch: Record) -> None:
+    """Start anew at a fix that is far away: what moved the vehicle until now was wrong."""
+    state = belief.state[0]
+    if is_elsewhere(belief, epoch):
+        state.misfits = par.lost_after
+        state.gnss_factor = 0.0
+
+
+@kernel
 def pass_calibration(belief: Belief, gyro: int) -> None:
     """Tell the vetting what was learnt of the odometry's drift."""
     state = belief.state[0]
@@ -116,6 +135,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting.score[TURN] = 0.0
     vetting.refused[TURN] = 0
     vetting.turned = 0
+    vetting.tried = 0
     vetting.reported[TURN] = 0.0
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0
@@ -187,11 +207,15 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if state.count == 0:
         state.mode = mode
     elif mode != state.mode:
+        disputed = epoch.time - vetting.forked_at < _DISPUTED
+        if state.mode == WHEELS and disputed and not is_possible(vetting):
+            vetting.exposed = 1
         switch(belief, history, ctx, mode)
-    if vetting.news != NONE and epoch.has_fix and is_elsewhere(belief, epoch):
-        if vetting.news == TURNS:
-            vetting.elsewhere = 1
-        else:
-            state.misfits = par.lost_after
-            state.gnss_factor = 0.0
+    if vetting.exposed == 1 and epoch.has_fix:
+        vetting.exposed = 0
+        _doubt_belief(belief, par, epoch)
+    if vetting.news == TURNS and epoch.has_fix and is_elsewhere(belief, epoch):
+        vetting.elsewhere = 1
+    elif vetting.news != NONE and epoch.has_fix:
+        _doubt_belief(belief, par, epoch)
     return reading

@@ -6,6 +6,7 @@ import numpy as np
 
 from .._compile import Array, Records
 from ..graph.network import records
+from ._simd import N
 
 EPOCH = np.dtype(  # what the sensors said at one moment, and since the one before
     [
@@ -41,6 +42,32 @@ MAP_ERROR = np.dtype(  # what a drive has shown of the map's error, see `filter.
         ("towards", "f8", (2,)),  # and that times the mean, 1/m
         ("moments", "f8", (3,)),  # over the way: lengths, and lengths times the error, m
         ("offset", "f8", (4,)),  # how far fixes are off from roads: lengths, square, and mean
+    ],
+    align=True,
+)
+
+COPIES = 2  # of the belief, that are moved by odometry alone
+
+RECKONED = np.dtype(  # one of them, see `gnss.separation`
+    [
+        ("mu", "f8", (N,)),  # state by odometry alone since it was copied from the belief
+        ("cov", "f8", (N, N)),
+        ("begun", "f8"),  # s, when it was copied
+        ("live", "u1"),
+        ("p", "f8"),  # P(the belief and this differ by a fault)
+        ("away", "f8", (2,)),  # from the heaviest hypothesis to it, m, axes of the plane
+    ],
+    align=True,
+)
+
+SEPARATION = np.dtype(  # all of them, and how restless the receiver is
+    [
+        ("reckoned", RECKONED, (COPIES,)),
+        ("begun", "f8"),  # s, when the last one was copied
+        ("split", "f8"),  # s, when the belief was last split at one
+        ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
+        ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known
+        ("restless", "f8"),  # by how much sigmas of the position may be too small
     ],
     align=True,
 )

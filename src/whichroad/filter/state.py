@@ -33,7 +33,7 @@ from .lookback.path_tree import Path as Path
 from .lookback.path_tree import enter as enter
 from .lookback.path_tree import new_path as new_path
 from .records import EPOCH as EPOCH
-from .records import MAP_ERROR, RANKING
+from .records import MAP_ERROR, RANKING, SEPARATION
 from .records import Epochs as Epochs
 from .records import new_epochs as new_epochs
 from .sparse.origin import ORIGIN, forget_origin
@@ -95,6 +95,7 @@ FILTER = np.dtype(
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
+        ("separation", SEPARATION),  # places by odometry alone (gnss.separation)
         ("still", STILL),  # whether fixes alone show that the vehicle stands (filter.standstill)
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
@@ -229,6 +230,8 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     state.course_time = -math.inf
     state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
     state[0].still.age = -1.0
+    state[0].separation.begun = state[0].separation.split = -math.inf
+    state[0].separation.reckoned["begun"] = -math.inf
     clear(state[0].vetting)
     reports = state[0].reports
     reports.speed[1] = reports.course[1] = reports.place[2] = -math.inf

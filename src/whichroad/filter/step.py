@@ -14,6 +14,7 @@ from .along import advance_along, forward_only
 from .evidence.observe import observe_evidence
 from .gnss.inflation import bias_time
 from .gnss.noise import observe_across
+from .gnss.separation import watch
 from .gnss.silence import SPARSE, observe_after_silence, stands
 from .gnss.update import observe_fix, observe_standing, start_at_fix
 from .gyro import rest
@@ -90,6 +91,8 @@ def step(
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
+    if epoch.has_fix and not ctx.par[0].paper:
+        watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:

@@ -18,17 +18,22 @@ from ..state import (
     N,
     X,
     Y,
+    heaviest,
     move_row,
     rescale,
 )
 from .position import NU0, NU1, V00, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
+MOST_ODDS = 7.0  # logarithm of the odds up to which two sides live
 _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
 _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
 _SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
 _MOST_TURNED = 1.5  # rad, more than a linear model bears
+_LASTING = 0.1  # by which a scale may be wrong for long (one sigma),
+_LASTS = 10.0  # and s, of which each says so anew
+_COUNTS = 0.2  # share of a fix's evidence that counts between sides
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
 _BIASED_BY = 30.0  # and m, how far away on each axis
 
@@ -214,6 +219,51 @@ def fork_biased(belief: Belief) -> None:
         rescale(biased, _BIASED)
         rescale(hyp, 1.0 - _BIASED)
         state.count += 1
+
+
+@kernel
+def odds_of_sides(belief: Belief) -> float:
+    """Logarithm of the odds of the side that blames the receiver."""
+    state = belief.state[0]
+    top = belief.hyp[heaviest(belief)].log_weight
+    receiver = 0.0
+    others = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        weight = math.exp(hyp.log_weight - top)
+        if hyp.blames == RECEIVER:
+            receiver += weight
+        else:
+            others += weight
+    return math.log(max(receiver, 1e-300) / max(others, 1e-300))
+
+
+@kernel
+def even_out(belief: Belief, odds: float, seconds: float) -> None:
+    """Let a fix count little between two sides, of which one says that fixes are wrong.
+
+    Two sources cannot outvote each other: what moves with the fixes fits them.  But wheels
+    do not measure distances much too long or too short for long.
+
+    Args:
+        belief: In place, weighed by the fix.
+        odds: Before it, see `odds_of_sides`.
+        seconds: Since the last fix.
+    """
+    back = (1.0 - _COUNTS) * (odds - odds_of_sides(belief))
+    usual = math.nan
+    best = -math.inf
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.blames == RECEIVER and hyp.log_weight > best:
+            best = hyp.log_weight
+            usual = hyp.mu[K]
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.blames == RECEIVER:
+            hyp.log_weight += back
+        else:
+            hyp.log_weight -= 0.5 * ((hyp.mu[K] - usual) / _LASTING) ** 2 * seconds / _LASTS
 
 
 @kernel

@@ -39,7 +39,17 @@ from .position import (
     observe_state,
 )
 from .reported_motion import LATENCY, observe_reported
-from .sides import blame_receiver, fork_biased, keep_bias, loosen, misfit, take_sides
+from .sides import (
+    MOST_ODDS,
+    blame_receiver,
+    even_out,
+    fork_biased,
+    keep_bias,
+    loosen,
+    misfit,
+    odds_of_sides,
+    take_sides,
+)
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
@@ -169,19 +179,20 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
 
     Returns:
         Whether it is a fix of a vehicle that stands there.  Else wheels or receiver are wrong,
-        and nothing but the noise was observed.
+        and nothing was observed.
     """
     state = belief.state[0]
     fix = epoch.fix
     par = ctx.par[0]
-    interval = max(epoch.time - state.last_fix, 0.0)
-    update_root(belief, fix, state.gnss_factor, interval)
     white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
-    innovations(belief, ctx, fix, _axes(fix, white, 1.0))
+    axes = _axes(fix, white, 1.0)
+    if state.mode == WHEELS and state.vetting.runs == 1:
+        innovations(belief, ctx, fix, axes)
+        if misfit(belief, axes) > _SIDES * par.gnss_gate:
+            return False
+    update_root(belief, fix, state.gnss_factor, max(epoch.time - state.last_fix, 0.0))
+    innovations(belief, ctx, fix, axes)
     learn_factor(belief, ctx, epoch, white, 0.0)
-    runs = state.mode == WHEELS and state.vetting.runs == 1
-    if runs and misfit(belief, _axes(fix, white, 1.0)) > _SIDES * par.gnss_gate:
-        return False
     state.last_fix = epoch.time
     return True
 
@@ -257,7 +268,8 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     """A misfit with sound motion and a receiver that works: either may be wrong."""
     state = belief.state[0]
     vetting = state.vetting
-    if epoch.time - vetting.forked_at > _FORGOTTEN:
+    odds = abs(odds_of_sides(belief))
+    if epoch.time - vetting.forked_at > _FORGOTTEN and odds > MOST_ODDS:
         for i in range(state.count):
             belief.hyp[i].blames = NOTHING
     jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
@@ -303,6 +315,8 @@ def _settle(
         changed = True
     if changed:
         innovations(belief, ctx, epoch.fix, axes)
+        if epoch.time - state.vetting.windows.jumped_at <= _JUMPED:  # it is explained
+            state.innovation_mean[0] = state.innovation_mean[1] = 0.0
 
 
 @kernel(inline=True)
@@ -379,7 +393,13 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.last_fix = epoch.time
     _settle(belief, ctx, epoch, axes, doubted, since)
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
+    odds = odds_of_sides(belief)
+    tried = state.mode == WHEELS and state.vetting.tried == 1
+    both = tried and abs(odds) < MOST_ODDS
+    least = 0.0 if both else _REFUTED * par.prune
+    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)
+    if both:
+        even_out(belief, odds, min(max(since, 0.0), _RECENT))
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:
         _search(belief, path, ctx, epoch, white, far)

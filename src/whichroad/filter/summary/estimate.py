@@ -8,6 +8,7 @@ import numpy as np
 from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
+from ..gnss.separation import cover
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..state import (
@@ -124,6 +125,8 @@ def describe(
     if ranking.known == 0:
         set_odds(belief, ctx.par[0].protection_risk)
     off = _moments(belief, out)
+    if not ctx.par[0].paper:
+        cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off

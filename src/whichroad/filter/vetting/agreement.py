@@ -19,6 +19,7 @@ from .windows import (
 
 _LONGEST = 15.0  # s
 _TURNED, _OPPOSITE = 2.0, 0.4  # rad², and share of it: turns of the other sign
+_TRIED, _ALIKE_SUMS = 0.3, 0.6  # the same of turns that agree in sum
 _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
@@ -27,6 +28,7 @@ _TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are
 _ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
 _STANDS = 0.1  # m/s by the odometer
+_DISPUTED = 30.0  # s after a misfit, for which fixes that had run away before say nothing
 _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
 
 
@@ -103,7 +105,12 @@ def weigh_distances(
     if by_odometer > 0 and by_speed > 0 and both < 0:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
     stands = rolls and odometer < _STANDS * seen.seconds
-    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds
+    if not stands:
+        vetting.stood_at = math.inf
+    elif vetting.stood_at == math.inf:
+        vetting.stood_at = now - seen.seconds
+    disputed = vetting.undecided_at < vetting.stood_at and now - vetting.forked_at < _DISPUTED
+    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds and not disputed
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
     elif reported and by_speed > 0:
@@ -229,6 +236,8 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * turned.others
     squares = vetting.reported[TURN]
+    if squares > _TRIED and vetting.seen[TURN] > _ALIKE_SUMS * squares:
+        vetting.tried = 1
     if squares > _TURNED and vetting.seen[TURN] < -_OPPOSITE * squares:
         vetting.score[TURN] = _MOST  # all turns together go the other way
         vetting.wavers = 1
@@ -242,6 +251,7 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
         _score(vetting, TURN, -2.0 * since)
         vetting.turned = 1
+        vetting.tried = 1
         vetting.untried = 0
     if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
         vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)

@@ -31,12 +31,15 @@ VETTING = np.dtype(
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
-        ("turned", "u1"),  # 1: so has the odometry
+        ("turned", "u1"),  # 1: so has the odometry,
+        ("tried", "u1"),  # and did so once, even if not now, or in many small turns
         ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
         ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
         ("returned_at", "f8"),  # s, when odometry was last believed again
+        ("stood_at", "f8"),  # s, when odometry came to stand; infinite: it moves
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands
         ("bend", "f8"),  # rad by which it has turned in the last seconds
+        ("exposed", "u1"),  # 1: odometry was found impossible soon after a misfit, until a fix
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
@@ -105,6 +108,7 @@ def clear(vetting: Record) -> None:
     vetting.speed_sample.jitter = 0.3
     vetting.turn_sample.jitter = 0.1
     vetting.suspect_at = -math.inf
+    vetting.stood_at = math.inf
     vetting.since[:] = math.inf
     vetting.agreed = math.inf
     vetting.returned_at = -math.inf
