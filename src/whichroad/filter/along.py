@@ -3,14 +3,30 @@
 import math
 from typing import NamedTuple
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
 from .branching import BRANCH_THRESHOLD, LEAST_SHARE, OFFSET, pass_on, run_on, share_beyond
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
 from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
-from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, Path, X, Y, redraw, rescale
+from .state import (
+    DISTANCE,
+    MX,
+    MY,
+    OFF_ROAD,
+    Belief,
+    Context,
+    D,
+    H,
+    K,
+    N,
+    Path,
+    X,
+    Y,
+    redraw,
+    rescale,
+)
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
@@ -114,6 +130,15 @@ def _pass_beyond(
     rescale(hyp, 1.0 - given)
 
 
+@kernel
+def _may_branch(state: Record, par: Record, odometer: float) -> bool:
+    """Whether what has passed a node is cut off now: by an odometer, where the map is observed.
+
+    So it is cut as often, however often the odometer is read.
+    """
+    return bool(state.mode != DISTANCE or state.since_map + abs(odometer) >= par.map_spacing)
+
+
 @kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
@@ -134,6 +159,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
+    due = _may_branch(belief.state[0], ctx.par[0], odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -156,7 +182,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         now = 1.0
         if after < 0 and s + 6.0 * sigma > length:
             now = normal_cdf((length - s) / sigma)
-        share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD)
+        share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD) if due else 0.0
         to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
         end = 1e9
         owed = hyp.p_not_passed
