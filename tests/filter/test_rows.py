@@ -222,7 +222,7 @@ def test_weights_are_normalised_however_small_they_are():
 def told_off_road(right: float, turned: float = 0.0, blames: int = NOTHING) -> float:
     """By how much a vehicle off the roads is told less than one on a road that fits perfectly."""
     roads = network(straight_road())
-    belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right=right)])
+    belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
     belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
     doubt_map(belief, 1.0)
     see_roads(belief, roads)
@@ -238,7 +238,7 @@ def test_beside_a_mapped_road_an_unmapped_one_fits_as_well():
 
 
 def test_who_leaves_a_road_does_not_pay_for_following_it():
-    following, leaving = told_off_road(right=3.0), told_off_road(right=3.0, turned=0.4)
+    following, leaving = told_off_road(right=3.0), told_off_road(right=3.0, turned=0.8)
     assert following - leaving == pytest.approx(5.0 * SET.off_road_cost, rel=0.1)
 
 

@@ -31,7 +31,7 @@ def test_a_bend_that_goes_on_costs_less_than_its_begin():
 
 
 def test_its_own_road_fits_as_the_best_ones_here_do_and_at_least_as_a_right_one():
-    before, least = np.log([0.5, 0.5]), -2.0 + 0.15 * 5.0
+    before, least = np.log([0.5, 0.5]), -2.0 + 0.175 * 5.0
     chance = np.array([-30.0, -50.0])
     assert gain_of(before, np.array([1.0, -50.0]), -2.0, 5.0, 0.0) == pytest.approx(1.0)
     assert gain_of(before, chance, -2.0, 5.0, 0.0) == pytest.approx(least)

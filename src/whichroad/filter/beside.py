@@ -28,7 +28,7 @@ from .state import (
 
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
-_LIGHT = 1e-4  # weight of a vehicle off the roads below which it is not asked for,
+_LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
 
 
@@ -42,7 +42,7 @@ def gain_beside(
     variance s, and the most of each over the roads of weight:
 
         inside    = P(|o| < 7 m)
-        following = inside exp(-½ ν² / s)
+        following = inside exp(-½ max(ν² / s - 1, 0))
         ℓ         = lateral - ½ (ν² / s + log 2πs)
         gain      = max((1 - following) cost, (1 - inside) (ℓ - usual + cost))
 
@@ -86,7 +86,7 @@ def gain_beside(
         chi2 = nu * nu / s_heading
         near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
         inside = max(inside, near)
-        following = max(following, near * math.exp(-0.5 * chi2))
+        following = max(following, near * math.exp(-0.5 * max(chi2 - 1.0, 0.0)))
         least = min(least, chi2)
     if least == math.inf:
         return 0.0

@@ -19,10 +19,10 @@ RETURN = 1e-7  # 1/m, rate of coming on to the map
 SIGMA = 1e6  # m, of where it is
 
 _PIECE = 5.0  # m of road that may turn
-_STRAIGHT, _OF_STRAIGHT = 0.035, 0.38  # rad, sigma of the turn in a straight piece; their share
-_BENT, _OF_BENT = 0.3, 0.56  # the same about the turn of the piece before
-_CORNER = 0.03  # pieces that turn by anything, times the density of these turns over a peak
-_FITS = 0.15  # nats/m that a right road gains on one that fits as usual, where it is straight
+_STRAIGHT, _OF_STRAIGHT = 0.18, 0.36  # rad, sigma of the turn in a straight piece; their share
+_BENT, _OF_BENT = 0.2, 0.53  # rad, mean change of the turn from piece to piece; share of bends
+_CORNER = 0.015  # pieces that turn by anything, times the density of these turns over a peak
+_FITS = 0.175  # nats/m that a right road gains on one that fits as usual, where it is straight
 _TURNED = 1.0  # rad of recent turns, with which it gains nothing: lines say little of corners
 _GOES_ON = 0.5  # share of those who leave the map where a road of it ends
 
@@ -33,7 +33,7 @@ def turn_cost(turn: float, metres: float, before: float = 0.0) -> float:
     With n = metres / 5 m pieces, τ = turn / n, and τ₀ that of the piece before, the density of τ
     over that of a perfect fit:
 
-        q = a exp(−½ (τ/σ)²) + b exp(−½ ((τ − τ₀)/σ')²) + c,    cost = −n log q
+        q = a exp(−½ (τ/σ)²) + b exp(−|τ − τ₀| / β) + c,    cost = −n log q
 
     The numbers make the probability of being elsewhere the best forecast of it: drives in Andorra
     and Monaco, seeds 24100 to 24149.
@@ -48,7 +48,7 @@ def turn_cost(turn: float, metres: float, before: float = 0.0) -> float:
     pieces = metres / _PIECE
     each = turn / pieces
     straight = _OF_STRAIGHT * math.exp(-0.5 * (each / _STRAIGHT) ** 2)
-    steady = _OF_BENT * math.exp(-0.5 * ((each - before * _PIECE) / _BENT) ** 2)
+    steady = _OF_BENT * math.exp(-abs(each - before * _PIECE) / _BENT)
     return -pieces * math.log(straight + steady + _CORNER)
 
 
