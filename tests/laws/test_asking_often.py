@@ -172,8 +172,8 @@ def test_odometry_read_five_times_as_often_says_the_same_beside_a_parallel_road(
     [
         WHEELS,
         pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at a junction at every reading: sigma differs "
-            "by up to 21 % (P by 0.015 on average); cut once for all, one real drive went wrong")),
+            strict=True, reason="the map is looked at every 5.8 m or every 5.0, and the Gaussian "
+            "cut there: sigma differs by up to 5.2 % (5 asked; P by 0.016 on average)")),
     ],
 )  # fmt: skip
 @given(seed=seeds)
