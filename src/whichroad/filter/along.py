@@ -138,12 +138,15 @@ def _pass_beyond(
 
 
 @kernel
-def _may_branch(state: Record, par: Record, odometer: float) -> bool:
-    """Whether what has passed a node is cut off now: by an odometer, where the map is observed.
+def _share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, odometer: float) -> float:
+    """`share_beyond`; with an odometer only where the map is observed.
 
-    So it is cut as often, however often the odometer is read.
+    So a node cuts the Gaussian as often, however often the odometer is read.
     """
-    return bool(state.mode != DISTANCE or state.since_map + abs(odometer) >= par.map_spacing)
+    state = belief.state[0]
+    if state.mode == DISTANCE and state.since_map + abs(odometer) < ctx.par[0].map_spacing:
+        return 0.0
+    return float(share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD))
 
 
 @kernel(inline=True)
@@ -166,7 +169,6 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
-    due = _may_branch(belief.state[0], ctx.par[0], odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -189,7 +191,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         now = 1.0
         if after < 0 and s + 6.0 * sigma > length:
             now = normal_cdf((length - s) / sigma)
-        share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD) if due else 0.0
+        share = _share_beyond(belief, ctx, hyp, now, odometer)
         to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
         end = 1e9
         owed = hyp.p_not_passed

@@ -8,7 +8,7 @@ apart.
 
 import math
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from .gaussian import LOG_2PI, normal_cdf
 from .state import (
@@ -38,11 +38,9 @@ def gain_beside(
 ) -> float:
     """What a hypothesis off the roads gains by leaving a mapped road, or by running beside it.
 
-    With the offset o ~ N(ō, σ²) from the lane of a mapped road, the misfit ν of its heading, of
-    variance s, and the most of each over the roads of weight:
+    With the offset o from a road's lane, the misfit ν of its heading, and the most of each:
 
-        inside    = P(|o| < 7 m)
-        following = inside exp(-½ max(ν² / s - 1, 0))
+        inside    = P(|o| < 7 m),    following = inside exp(-½ max(ν² / s - 1, 0))
         ℓ         = lateral - ½ (ν² / s + log 2πs)
         gain      = max((1 - following) cost, (1 - inside) (ℓ - usual + cost))
 
@@ -60,29 +58,16 @@ def gain_beside(
     hyp = belief.hyp[i]
     if belief.state[0].mode != WHEELS or hyp.weight < _LIGHT or hyp.blames == MOTION:
         return 0.0
-    mean = hyp.mu
-    cov = hyp.cov
-    scale = belief.state[0].scale
-    qx = mean[X] + scale * mean[MX]
-    qy = mean[Y] + scale * mean[MY]
-    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
-    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
-    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
-    s_heading = cov[H, H] + heading
+    s_heading = hyp.cov[H, H] + heading
     inside = following = 0.0
     least = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
-        edge = road.edge
-        if edge == OFF_ROAD or road.weight < _JUDGES:
+        if road.edge == OFF_ROAD or road.weight < _JUDGES:
             continue
-        segment, s, across, tx, ty = project(ctx.roads, edge, road.segment, qx, qy)
-        variance = ty * ty * vxx - 2.0 * tx * ty * vxy + tx * tx * vyy
-        sigma = math.sqrt(max(variance, 0.0) + lane_sigma(ctx, edge) ** 2)
-        offset = across / scale - lane_mean(ctx, edge)
+        offset, sigma, nu = _beside(hyp, road, ctx, belief.state[0].scale)
         if abs(offset) > _REACH or sigma > _REACH:
             continue
-        nu = wrap(chord_heading(ctx.roads, edge, segment, s, HALF_CHORD) - mean[H])
         chi2 = nu * nu / s_heading
         near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
         inside = max(inside, near)
@@ -92,3 +77,26 @@ def gain_beside(
         return 0.0
     fit = lateral - 0.5 * (least + math.log(s_heading) + LOG_2PI)
     return max((1.0 - following) * cost, (1.0 - inside) * (fit - usual + cost))
+
+
+@kernel
+def _beside(hyp: Record, road: Record, ctx: Context, scale: float) -> tuple[float, float, float]:
+    """Where a hypothesis is beside the road of another one.
+
+    Returns:
+        Offset from its lane, right positive, and the sigma of that, m; the road's heading less
+        that of the hypothesis, rad.
+    """
+    mean = hyp.mu
+    cov = hyp.cov
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    segment, s, across, tx, ty = project(ctx.roads, road.edge, road.segment, qx, qy)
+    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
+    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+    variance = ty * ty * vxx - 2.0 * tx * ty * vxy + tx * tx * vyy
+    lane = lane_sigma(ctx, road.edge)
+    sigma = math.sqrt(max(variance, 0.0) + lane * lane)
+    turned = wrap(chord_heading(ctx.roads, road.edge, segment, s, HALF_CHORD) - mean[H])
+    return float(across / scale - lane_mean(ctx, road.edge)), sigma, turned
