@@ -2,9 +2,9 @@
 
 Simulated drives whose every fix is taken away, in Heidelberg (28,000 directed edges), there
 with a vague pose (500 m, no bearing), in the drawn town, and in Andorra.  `elsewhere` are
-drives in Monaco on the map of Andorra, which holds none of them.  The first declaration of a
-drive is its first P > 0.95 that holds for 10 m; it is right if that edge is driven within
-10 m of travel.  After so many metres: what the last 50 m declared.
+drives in Monaco on the map of Andorra, which holds none of them.  A drive knows its road at its
+first P > 0.95 that holds for 10 m, and declares it at its first P >= 0.999; both are right if that
+edge is driven within 10 m of travel.  After so many metres: what the last 50 m were sure of.
 """
 
 import tempfile
@@ -31,6 +31,7 @@ AFTER_M = (500, 1000, 2000, 5000)
 SHORT_M = 1_100.0  # of drives in Andorra and elsewhere
 KNOWS_OFF_M, KNOWS_OFF = 1_000.0, 0.9  # P(off the map) that is asked after so many metres
 VAGUE_M = 500.0  # sigma of the vague pose, drawn about the truth
+DECLARED = 0.999
 _HOLDS_M = 10.0
 _LAST_M = 50.0
 
@@ -84,10 +85,11 @@ def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Set
         row["knows"] = float(off[np.searchsorted(travelled, KNOWS_OFF_M) - 1] >= KNOWS_OFF)
     sure = p > SURE
     first = _first_held(sure, output.rows.edge[at], travelled)
-    row |= {"declared": float(first is not None), "wrong": float(first is not None)}
+    row |= {"known": float(first is not None), "wrong": float(first is not None)}
     if first is not None:
         row |= {"right": float(right[first]), "wrong": float(not right[first])}
         row["metres"] = float(travelled[first])
+    row |= _declaration(np.flatnonzero(p >= DECLARED), right, travelled)
     for metres in AFTER_M:
         if metres > travelled[-1]:
             continue
@@ -101,6 +103,14 @@ def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Set
         "later wrong": float(np.sum(known & sure & ~right)),
     }
     return row
+
+
+def _declaration(at: np.ndarray, right: np.ndarray, travelled: np.ndarray) -> Row:
+    """Whether a road was ever declared, after how many metres, and whether wrongly."""
+    if not len(at):
+        return {"declared": 0.0, "declared wrong": 0.0}
+    wrong = float(not right[at[0]])
+    return {"declared": 1.0, "declared wrong": wrong, "declared after": float(travelled[at[0]])}
 
 
 def _first_held(sure: np.ndarray, edge: np.ndarray, travelled: np.ndarray) -> int | None:
@@ -137,7 +147,10 @@ def run(options: Options) -> list[Figure]:
 def _figures(name: str, table: Table) -> list[Figure]:
     figures = [
         table.share(f"{name}: declared at all", "declared"),
-        table.share(f"{name}: first declaration wrong", "wrong", None, "<= 0.2"),
+        table.share(f"{name}: first declaration wrong", "declared wrong", None, "<= 0.2"),
+        table.quantile(f"{name}: metres until then, median", "declared after", 0.5),
+        table.share(f"{name}: known at all", "known"),
+        table.share(f"{name}: first known wrongly", "wrong"),
         table.share(
             f"{name}: P(off the map) >= 0.9 after 1 km",
             "knows",
@@ -145,13 +158,13 @@ def _figures(name: str, table: Table) -> list[Figure]:
             ">= 90" if name == "elsewhere" else "",
         ),
         table.quantile(
-            f"{name}: metres until then, median",
+            f"{name}: metres until it knows, median",
             "metres",
             0.5,
             "" if name == "elsewhere" else "<= 300",
         ),
-        table.quantile(f"{name}: metres until then, 90 %", "metres", 0.9),
-        table.share(f"{name}: declared epochs wrong", "later wrong", "later"),
+        table.quantile(f"{name}: metres until it knows, 90 %", "metres", 0.9),
+        table.share(f"{name}: sure epochs wrong", "later wrong", "later"),
         table.share(f"{name}: P(off-road) on average", "off"),
     ]
     for metres in AFTER_M:

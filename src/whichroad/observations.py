@@ -51,7 +51,10 @@ class WheelCounts:
 
 @dataclass(frozen=True, slots=True)
 class WheelSpeeds:
-    """Speeds of the rear wheels, negative in reverse."""
+    """Speeds of the rear wheels, negative in reverse.
+
+    Without a sign, 50 m backwards are 50 m forwards to the filter: the pose is some 60 m off then.
+    """
 
     time: Array
     left: Array  # m/s

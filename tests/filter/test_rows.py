@@ -26,7 +26,9 @@ from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
     GX,
     GY,
+    MOTION,
     MY,
+    NOTHING,
     OFF_ROAD,
     Belief,
     D,
@@ -215,3 +217,30 @@ def test_weights_are_normalised_however_small_they_are():
     assert belief.state[0].log_evidence - before == pytest.approx(
         -2000.0 + math.log(1.0 + math.exp(-1.0) + math.exp(-2.0))
     )
+
+
+def told_off_road(right: float, turned: float = 0.0, blames: int = NOTHING) -> float:
+    """By how much a vehicle off the roads is told less than one on a road that fits perfectly."""
+    roads = network(straight_road())
+    belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
+    belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
+    doubt_map(belief, 1.0)
+    see_roads(belief, roads)
+    return float(belief.hyp.log_weight[0] - belief.hyp.log_weight[1])
+
+
+def test_beside_a_mapped_road_an_unmapped_one_fits_as_well():
+    """15 m beside it; on its lane a vehicle pays for fitting by chance, and for fitting so well."""
+    assert told_off_road(right=1.75) > 1.0
+    assert abs(told_off_road(right=15.0)) < 0.1
+    assert abs(told_off_road(right=-15.0)) < 0.1
+    assert told_off_road(right=100.0) > 1.0  # what is far away tells nothing of it
+
+
+def test_who_leaves_a_road_does_not_pay_for_following_it():
+    following, leaving = told_off_road(right=3.0), told_off_road(right=3.0, turned=0.8)
+    assert following - leaving == pytest.approx(5.0 * SET.off_road_cost, rel=0.1)
+
+
+def test_a_vehicle_that_blames_its_motion_has_not_shown_that_it_left():
+    assert told_off_road(right=15.0, blames=MOTION) == told_off_road(right=100.0)

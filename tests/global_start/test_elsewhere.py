@@ -30,11 +30,13 @@ def test_a_bend_that_goes_on_costs_less_than_its_begin():
     assert turn_cost(0.6, 5.0, before=-0.6 / 5.0) > turn_cost(0.6, 5.0)
 
 
-def test_its_own_road_fits_as_the_best_ones_here_do_and_at_least_as_usual():
-    before = np.log([0.5, 0.5])
-    assert gain_of(before, np.array([1.0, -50.0]), -2.0) == pytest.approx(1.0)
-    assert gain_of(before, np.array([-30.0, -50.0]), -2.0) == -2.0
-    assert gain_of(before[:0], before[:0], -2.0) == -2.0
+def test_its_own_road_fits_as_the_best_ones_here_do_and_at_least_as_a_right_one():
+    before, least = np.log([0.5, 0.5]), -2.0 + 0.175 * 5.0
+    chance = np.array([-30.0, -50.0])
+    assert gain_of(before, np.array([1.0, -50.0]), -2.0, 5.0, 0.0) == pytest.approx(1.0)
+    assert gain_of(before, chance, -2.0, 5.0, 0.0) == pytest.approx(least)
+    assert gain_of(before[:0], before[:0], -2.0, 5.0, 0.0) == pytest.approx(least)
+    assert gain_of(before, chance, -2.0, 5.0, 1.5) == -2.0  # in a corner no road fits well
 
 
 def test_half_of_those_who_turn_round_where_a_road_ends_drive_on():

@@ -312,7 +312,6 @@ def test_a_vehicle_that_leaves_the_map_is_off_it_and_comes_back(metres: float, s
     assert (output.rows.edge[on] == 0).all()
 
 
-@pytest.mark.xfail(strict=True, reason="half of the drives: docs/experiments-log.md, 2026-11-24")
 def test_an_unmapped_road_15_m_beside_the_mapped_one_is_off_the_map():
     """Wheels tell the way across; the mapped road, which runs alike, gains nothing by it."""
     truth = drive_along([[100.0, -1.75], [600.0, -1.75], [675.0, -16.75], [900.0, -16.75]])

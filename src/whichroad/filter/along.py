@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
@@ -17,7 +17,23 @@ from .hypotheses.branching import (
 )
 from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
-from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, Path, X, Y, redraw, rescale
+from .state import (
+    DISTANCE,
+    MX,
+    MY,
+    OFF_ROAD,
+    Belief,
+    Context,
+    D,
+    H,
+    K,
+    N,
+    Path,
+    X,
+    Y,
+    redraw,
+    rescale,
+)
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
@@ -121,6 +137,18 @@ def _pass_beyond(
     rescale(hyp, 1.0 - given)
 
 
+@kernel
+def _share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, odometer: float) -> float:
+    """`share_beyond`; with an odometer only where the map is observed.
+
+    So a node cuts the Gaussian as often, however often the odometer is read.
+    """
+    state = belief.state[0]
+    if state.mode == DISTANCE and state.since_map + abs(odometer) < ctx.par[0].map_spacing:
+        return 0.0
+    return float(share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD))
+
+
 @kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
@@ -163,7 +191,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         now = 1.0
         if after < 0 and s + 6.0 * sigma > length:
             now = normal_cdf((length - s) / sigma)
-        share = share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD)
+        share = _share_beyond(belief, ctx, hyp, now, odometer)
         to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
         end = 1e9
         owed = hyp.p_not_passed

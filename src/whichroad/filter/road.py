@@ -19,6 +19,7 @@ from ..graph.geometry import (
     wrap,
 )
 from ..graph.network import Roads, is_at_node
+from .beside import gain_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -83,20 +84,26 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     metres = belief.state[0].since_map
     noise = _road_noise(belief, ctx, metres, with_heading)
     rows = 2.0 if with_heading else 1.0
-    log_s = 0.0
+    log_s = across = 0.0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        misfit, s = _observe_road(hyp, ctx, noise, with_heading, belief.state[0].scale)
+        misfit, s, fit = _observe_road(hyp, ctx, noise, with_heading, belief.state[0].scale)
         log_variance = math.log(s)
         log_s += hyp.weight * log_variance
+        across += hyp.weight * fit
         hyp.log_weight -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
     if noise.on_road > 0.0:
-        fit = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
+        usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
+        cost = ctx.par[0].off_road_cost * metres
         for i in range(belief.state[0].count):
-            if belief.hyp[i].edge == OFF_ROAD:
-                belief.hyp[i].log_weight += fit - ctx.par[0].off_road_cost * metres
+            hyp = belief.hyp[i]
+            if hyp.edge == OFF_ROAD:
+                hyp.log_weight += usual - cost
+                if with_heading:
+                    fit = across / noise.on_road
+                    hyp.log_weight += gain_beside(belief, ctx, i, fit, noise.heading, usual, cost)
 
 
 @kernel(inline=True)
@@ -155,14 +162,19 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
 @kernel(inline=True)
 def _observe_road(
     hyp: Record, ctx: Context, noise: RoadNoise, with_heading: bool, scale: float
-) -> tuple[float, float]:
-    """Condition one hypothesis on its road's rows; returns chi-square and innovation variance."""
+) -> tuple[float, float, float]:
+    """Condition one hypothesis on its road's rows.
+
+    Returns:
+        Chi-square and innovation variance; the log-likelihood of the row across, at least usual.
+    """
     mean = hyp.mu
     tx = hyp.tangent[0]
     ty = hyp.tangent[1]
     nu = mean[D] - hyp.lateral
     s = update_across(mean, hyp.cov, ty, -tx, nu, noise.lateral, scale)
     misfit = nu * nu / s
+    across = -0.5 * (min(misfit, 1.0) + math.log(s) + LOG_2PI)
     if with_heading:
         nu = wrap(hyp.scratch[_HEADING] - mean[H])
         slope = hyp.scratch[_SLOPE]
@@ -178,7 +190,7 @@ def _observe_road(
             s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
         misfit += nu * nu / s_heading
         s *= s_heading
-    return misfit, s
+    return misfit, s, across
 
 
 @kernel(inline=True)

@@ -1,7 +1,7 @@
 """A vehicle that is on no road of this map: it drives on roads like those, elsewhere.
 
-It rivals the roads of the map by what it would have driven.  Its own road fits as the best ones
-here do, and at least as usual; but that road might have turned otherwise, and this map's road
+It rivals the roads of the map by what it would have driven.  Its own road fits as the right one
+does, and as the best ones here do; but that road might have turned otherwise, and this map's road
 could not.  So it pays for each metre, and for turns: that much the turns driven tell.
 """
 
@@ -19,9 +19,11 @@ RETURN = 1e-7  # 1/m, rate of coming on to the map
 SIGMA = 1e6  # m, of where it is
 
 _PIECE = 5.0  # m of road that may turn
-_RUNS_ON = 0.3  # rad, sigma of the turn in such a piece where a road runs on, straight or as before
-_CORNERS = 0.2  # share of the pieces that turn by anything
-_CORNER = 0.2  # density of these turns over the peak of the others
+_STRAIGHT, _OF_STRAIGHT = 0.18, 0.36  # rad, sigma of the turn in a straight piece; their share
+_BENT, _OF_BENT = 0.2, 0.53  # rad, mean change of the turn from piece to piece; share of bends
+_CORNER = 0.015  # pieces that turn by anything, times the density of these turns over a peak
+_FITS = 0.175  # nats/m that a right road gains on one that fits as usual, where it is straight
+_TURNED = 1.0  # rad of recent turns, with which it gains nothing: lines say little of corners
 _GOES_ON = 0.5  # share of those who leave the map where a road of it ends
 
 
@@ -31,10 +33,10 @@ def turn_cost(turn: float, metres: float, before: float = 0.0) -> float:
     With n = metres / 5 m pieces, τ = turn / n, and τ₀ that of the piece before, the density of τ
     over that of a perfect fit:
 
-        q = (1 − c) (½ exp(−½ (τ/σ)²) + ½ exp(−½ ((τ − τ₀)/σ)²)) + c k,    cost = −n log q
+        q = a exp(−½ (τ/σ)²) + b exp(−|τ − τ₀| / β) + c,    cost = −n log q
 
-    The numbers make it fall as the evidence of all roads of a map does while these are many:
-    drives in Andorra and Monaco, seeds 100 to 111.
+    The numbers make the probability of being elsewhere the best forecast of it: drives in Andorra
+    and Monaco, seeds 24100 to 24149.
 
     Args:
         turn: rad, over so many metres.
@@ -44,28 +46,34 @@ def turn_cost(turn: float, metres: float, before: float = 0.0) -> float:
     if metres <= 0.0:
         return 0.0
     pieces = metres / _PIECE
-    straight = turn / pieces / _RUNS_ON
-    steady = straight - before * _PIECE / _RUNS_ON
-    runs_on = 0.5 * (math.exp(-0.5 * straight**2) + math.exp(-0.5 * steady**2))
-    return -pieces * math.log((1.0 - _CORNERS) * runs_on + _CORNERS * _CORNER)
+    each = turn / pieces
+    straight = _OF_STRAIGHT * math.exp(-0.5 * (each / _STRAIGHT) ** 2)
+    steady = _OF_BENT * math.exp(-abs(each - before * _PIECE) / _BENT)
+    return -pieces * math.log(straight + steady + _CORNER)
 
 
-def gain_of(before: Array, gain: Array, usual: float) -> float:
+def gain_of(before: Array, gain: Array, usual: float, metres: float, swing: float) -> float:
     """The log-likelihood of the map's rows for a road elsewhere, less its turns.
+
+    It fits as right roads do, and they fit better than usual, in bends as well.  What fits by
+    chance among the roads of a map does not.
 
     Args:
         before: (n,) log-weights of the hypotheses on roads.
         gain: (n,) their log-likelihoods.
         usual: That of rows which fit as a road does on average.
+        metres: Driven.
+        swing: Sum of the recent turns, rad.
 
     Returns:
-        The mean of `gain` by weight afterwards, at least `usual`.
+        The mean of `gain` by weight afterwards, at least that of a right road.
     """
+    least = usual + _FITS * metres * max(1.0 - swing / _TURNED, 0.0)
     if not len(before):
-        return usual
+        return least
     log_weight = before + gain
     weight = np.exp(log_weight - log_weight.max())
-    return max(usual, float(weight @ gain / weight.sum()))
+    return max(least, float(weight @ gain / weight.sum()))
 
 
 def behind_ends(roads: Roads) -> NDArray[np.bool_]:

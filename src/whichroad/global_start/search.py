@@ -210,7 +210,7 @@ class _Search:
         gain = log_weight - before
         usual = float(gain[_ELSEWHERE]) + self.settings.off_road_cost * metres  # wide: on any road
         log_weight[_YARD] = before[_YARD] + gain[_ELSEWHERE]
-        own = elsewhere.gain_of(before[_OFF:], gain[_OFF:], usual)
+        own = elsewhere.gain_of(before[_OFF:], gain[_OFF:], usual, metres, self.swing)
         cost = elsewhere.turn_cost(self.turned, metres, self.bend)
         log_weight[_ELSEWHERE] = before[_ELSEWHERE] + own - cost
         self.turned, self.bend = 0.0, self.turned / metres if metres > 0.0 else 0.0

@@ -1,0 +1,102 @@
+"""A vehicle off the roads that does not follow any, or follows one that the map lacks.
+
+It is free to turn, and pays by distance for following a road by chance.  It does not follow the
+road that it leaves.  And roads run beside each other for long: on an unmapped one, far enough from
+the mapped one to be another, it drives as that one's vehicles do.  Only the way there tells them
+apart.
+"""
+
+import math
+
+from .._compile import Record, kernel
+from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
+from .gaussian import LOG_2PI, normal_cdf
+from .state import (
+    MOTION,
+    MX,
+    MY,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    X,
+    Y,
+    lane_mean,
+    lane_sigma,
+)
+
+_WIDTH = 7.0  # m, that two roads' lanes are apart at least
+_REACH = 40.0  # m, from which on a road tells nothing of one beside it
+_LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
+_JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
+
+
+@kernel
+def gain_beside(
+    belief: Belief, ctx: Context, i: int, lateral: float, heading: float, usual: float, cost: float
+) -> float:
+    """What a hypothesis off the roads gains by leaving a mapped road, or by running beside it.
+
+    With the offset o from a road's lane, the misfit ν of its heading, and the most of each:
+
+        inside    = P(|o| < 7 m),    following = inside exp(-½ max(ν² / s - 1, 0))
+        ℓ         = lateral - ½ (ν² / s + log 2πs)
+        gain      = max((1 - following) cost, (1 - inside) (ℓ - usual + cost))
+
+    Whoever blames the motion for a misfit has not shown that it left the road.
+
+    Args:
+        belief: Tracked; unchanged.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        lateral: Log-likelihood of the row across, of those on roads.
+        heading: Variance of the row of the heading, rad².
+        usual: Log-likelihood of rows that fit as a road does on average.
+        cost: What it pays for following a road by chance, nats.
+    """
+    hyp = belief.hyp[i]
+    if belief.state[0].mode != WHEELS or hyp.weight < _LIGHT or hyp.blames == MOTION:
+        return 0.0
+    s_heading = hyp.cov[H, H] + heading
+    inside = following = 0.0
+    least = math.inf
+    for j in range(belief.state[0].count):
+        road = belief.hyp[j]
+        if road.edge == OFF_ROAD or road.weight < _JUDGES:
+            continue
+        offset, sigma, nu = _beside(hyp, road, ctx, belief.state[0].scale)
+        if abs(offset) > _REACH or sigma > _REACH:
+            continue
+        chi2 = nu * nu / s_heading
+        near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
+        inside = max(inside, near)
+        following = max(following, near * math.exp(-0.5 * max(chi2 - 1.0, 0.0)))
+        least = min(least, chi2)
+    if least == math.inf:
+        return 0.0
+    fit = lateral - 0.5 * (least + math.log(s_heading) + LOG_2PI)
+    return max((1.0 - following) * cost, (1.0 - inside) * (fit - usual + cost))
+
+
+@kernel
+def _beside(hyp: Record, road: Record, ctx: Context, scale: float) -> tuple[float, float, float]:
+    """Where a hypothesis is beside the road of another one.
+
+    Returns:
+        Offset from its lane, right positive, and the sigma of that, m; the road's heading less
+        that of the hypothesis, rad.
+    """
+    mean = hyp.mu
+    cov = hyp.cov
+    qx = mean[X] + scale * mean[MX]
+    qy = mean[Y] + scale * mean[MY]
+    segment, s, across, tx, ty = project(ctx.roads, road.edge, road.segment, qx, qy)
+    vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
+    vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
+    vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
+    variance = ty * ty * vxx - 2.0 * tx * ty * vxy + tx * tx * vyy
+    lane = lane_sigma(ctx, road.edge)
+    sigma = math.sqrt(max(variance, 0.0) + lane * lane)
+    turned = wrap(chord_heading(ctx.roads, road.edge, segment, s, HALF_CHORD) - mean[H])
+    return float(across / scale - lane_mean(ctx, road.edge)), sigma, turned
