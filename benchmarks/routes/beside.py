@@ -159,7 +159,7 @@ def score(roads: Any, gap: float, every: int, rng: Any) -> np.ndarray:
         warnings.simplefilter("ignore")
         points = whichroad.match(fixes, roads).to_arrow()
     names = [roads.attributes(e).get("name") for e in range(len(roads))]
-    side = np.array([name == "side" for name in names])
+    side = np.array([name in ("side", "in") for name in names])
     ours = np.array([
         sum(a["p"] for a in row if side[a["edge_id"]]) / max(sum(a["p"] for a in row), 1e-9)
         for row in points["alternatives"].to_pylist()
