@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from whichroad.epochs import Timeline, build_timeline
+from whichroad.evidence.sensed import Sensed
 from whichroad.recorded import Recorded, localize_recorded
-from whichroad.sensed import Sensed
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, simulate_drive
 

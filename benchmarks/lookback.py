@@ -12,10 +12,10 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
+from whichroad.lookback.smoothing import Lag
 from whichroad.observations import Drive
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
-from whichroad.smoothing import Lag
 
 from . import Figure, Options, interval, seeds_text, share
 from .town import CHI2_95, WARM_UP_S, right_edges

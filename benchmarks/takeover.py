@@ -16,8 +16,8 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
-from whichroad.filter.epoch import EPOCH
-from whichroad.filter.estimate import ESTIMATE
+from whichroad.filter.records import EPOCH
+from whichroad.filter.summary.estimate import ESTIMATE
 from whichroad.live.playback import RecordedObservations
 from whichroad.observations import WheelCounts, WithGyro, YawRates
 from whichroad.recorded import localize_recorded

@@ -9,10 +9,10 @@ from scenes import drive_along
 from scenes.drives import brake
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import WHEELS
-from whichroad.filter.windows import BY_GYRO, UNTURNED
+from whichroad.filter.vetting.windows import BY_GYRO, UNTURNED
 from whichroad.geodesy.plane import Plane
 from whichroad.observations import Drive, Odometer, WithGyro, YawRates
-from whichroad.sensors.turns import turns_at
+from whichroad.sensors.gyro_turns import turns_at
 
 WAY = [[0.0, 0.0], [400.0, 0.0], [400.0, 300.0], [800.0, 300.0], [800.0, 700.0]]
 TRUTH, _ = brake(drive_along(WAY), 200, 300, goes_on=True)

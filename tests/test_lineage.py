@@ -15,10 +15,10 @@ from scenes import Truth, drive_along, gnss
 from whichroad.epochs import build_timeline
 from whichroad.errors import SettingError
 from whichroad.lineage import epoch_by_epoch
+from whichroad.lookback.smoothing import Lag, Past
 from whichroad.readers import drive_of_observations
 from whichroad.recorded import localize_recorded
 from whichroad.settings import Settings
-from whichroad.smoothing import Lag, Past
 
 FORK = road_map([[(0, 0), (300, 0)], [(300, 0), (900, 0)], [(300, 0), (893, -94)]])
 STREET = road_map([[(0, 0), (600, 0)]])

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from scenes import Town, Truth, columns, drive_along, gnss, network
-from whichroad import path, recorded, smoothing, workspace
+from whichroad import recorded, workspace
 from whichroad.epochs import build_timeline
 from whichroad.errors import DriveError, MapError, ReadError, SettingError
-from whichroad.filter.history import new_history
+from whichroad.filter.lookback.history import new_history
 from whichroad.filter.state import Path, new_path
 from whichroad.geodesy.plane import Plane
+from whichroad.lookback import path, smoothing
 from whichroad.observations import (
     Distance,
     Drive,

@@ -21,8 +21,8 @@ from scenes import (
 )  # fmt: skip
 from whichroad.epochs import Timeline
 from whichroad.errors import DriveError
-from whichroad.filter.estimate import LOST, OUTAGE
 from whichroad.filter.state import CLOCK, DISTANCE, NO_EDGE, WHEELS
+from whichroad.filter.summary.estimate import LOST, OUTAGE
 from whichroad.geodesy.plane import Plane
 from whichroad.observations import StartPose
 from whichroad.recorded import localize_by_paper

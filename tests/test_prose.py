@@ -161,6 +161,6 @@ def test_the_tree_of_the_architecture_page_lists_the_modules():
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     tree = _FENCE.search(page)
     assert tree is not None
-    folders = (PACKAGE, PACKAGE / "filter", PACKAGE / "graph")
-    modules = {m.name for folder in folders for m in folder.glob("*.py")}
+    core = [m for f in ("filter", "graph") for m in (PACKAGE / f).rglob("*.py")]
+    modules = {m.name for m in [*PACKAGE.glob("*.py"), *core]}
     assert set(LISTED.findall(tree[0])) == modules - {"__init__.py", "__main__.py"}

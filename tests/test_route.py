@@ -9,8 +9,8 @@ from scenes import drive_along, epochs_of, gnss, grid_town, localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
 from whichroad.graph.network import Roads
+from whichroad.lookback.traversals import Traversal, traversal_rows, traversals
 from whichroad.recorded import Recorded
-from whichroad.traversals import Traversal, traversal_rows, traversals
 
 ROADS = network(grid_town())
 NODES = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (4, 3), (4, 4)]

@@ -17,12 +17,12 @@ from whichroad.errors import SettingError
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
+from whichroad.lookback.path import Alternative, Route, alternatives, best_routes, joins, shortest
+from whichroad.lookback.smoothing import Lag
 from whichroad.observations import GeoFix
 from whichroad.online import Localizer
-from whichroad.path import Alternative, Route, alternatives, best_routes, joins, shortest
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate.town import draw_town
-from whichroad.smoothing import Lag
 
 PLANE = Plane(49.4, 8.7)
 TOWN = Town(network(grid_town(5, 4, 120.0), curvature=PLANE.curvature), PLANE)

@@ -68,7 +68,7 @@ def test_hours_are_those_of_the_zone_and_vehicles_are_told_by_their_names():
 
 
 def test_parts_say_what_the_whole_says(tmp_path, monkeypatch):
-    from whichroad import edge_speeds
+    from whichroad.fleet import edge_speeds
 
     rng = np.random.default_rng(1)
     n = 5000

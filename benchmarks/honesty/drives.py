@@ -52,7 +52,7 @@ def version() -> str:
     """Digest of all code that results depend on: what another version did is not remembered."""
     home = Path(whichroad.__file__).parent
     files = [
-        *home.glob("filter/*.py"),
+        *home.glob("filter/**/*.py"),
         *home.glob("graph/*.py"),
         *home.glob("simulate/**/*.py"),
         *home.glob("roadmap/*.py"),

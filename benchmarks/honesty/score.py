@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whichroad._compile import Ints32, Matrix, Records, Vector, by_numba, kernel
-from whichroad.filter.estimate import ALTERNATIVES
+from whichroad.filter.summary.estimate import ALTERNATIVES
 from whichroad.simulate.vectorised import Line, Truth
 
 WARM_UP = 20.0  # s after the start that no figure of the pose counts

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from whichroad._compile import Records
 from whichroad.epochs import build_timeline
+from whichroad.lookback.smoothing import Lag
 from whichroad.observations import StartPose
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive
-from whichroad.smoothing import Lag
 
 from .. import Figure, Options, interval, seeds_text
 

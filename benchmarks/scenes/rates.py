@@ -11,10 +11,10 @@ from itertools import product
 
 import numpy as np
 
+from whichroad.lookback.smoothing import Lag
 from whichroad.observations import Drive, Fixes, Odometer, WheelCounts
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, SimulatedDrive, simulate_drive
-from whichroad.smoothing import Lag
 
 from .. import Figure, Options
 from ..town import right_edges

@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whichroad.epochs import build_timeline
+from whichroad.evidence.sensed import Sensed
 from whichroad.observations import SensorReading
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
-from whichroad.sensed import Sensed
 from whichroad.sensors import Height, Sensor, Sky
 from whichroad.settings import Settings
 from whichroad.simulate import GOOD, MapBuilder, SimulatedDrive, simulate_drive

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .batch import match_many
     from .diagnosis.findings import diagnose
-    from .edge_speeds import speeds
     from .errors import (
         DriveError,
         MapError,
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
         WhichroadError,
         WriteError,
     )
+    from .fleet.edge_speeds import speeds
     from .matching import match
     from .observations import (
         Distance,
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "batch": ("match_many",),
     "diagnosis.findings": ("diagnose",),
-    "edge_speeds": ("speeds",),
+    "fleet.edge_speeds": ("speeds",),
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ._compile import Records
 from .errors import DriveError, SettingError
-from .filter.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
+from .evidence.sensed import Row, Sensed
+from .filter.evidence.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
-from .filter.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE
+from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes, SensorReading, WithGyro
-from .sensed import Row, Sensed
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover

@@ -14,10 +14,13 @@ import pyarrow as pa
 from .diagnosis.finding import Finding
 from .epochs import Timeline, build_timeline, check_mask
 from .errors import DriveError, MapError, SettingError
-from .filter.estimate import Output
+from .evidence.sensed import Sensed
 from .filter.state import NO_EDGE, OFF_ROAD
+from .filter.summary.estimate import Output
 from .global_start import MAP
 from .lineage import lineage_of
+from .lookback.smoothing import Lag
+from .lookback.traversals import Traversals, traversals
 from .observations import Drive, Observation, StartPose
 from .places import Places, places_on
 from .readers import (
@@ -32,15 +35,12 @@ from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
 from .roadmap.extent import are_near as are_near
 from .roadmap.extent import check_start, fixes_outside, start_note
-from .sensed import Sensed
 from .sensors import Sensor
 from .settings import Settings, Vehicle
-from .smoothing import Lag
 from .tables.export import path_table, points_table, summary_of
 from .tables.provenance import with_map
 from .tables.relative_places import Surroundings
 from .tables.result import Result
-from .traversals import Traversals, traversals
 
 Start = StartPose | tuple[float, float, float] | str | None
 Window = tuple[Any, Any]

@@ -14,8 +14,7 @@ from .diagnosis.sensor_states import SensorTrack, states_of
 from .diagnosis.sensors import sensor_findings, takeover_findings
 from .epochs import Timeline
 from .errors import DriveError
-from .filter.estimate import Output, new_output
-from .filter.history import is_full, new_history
+from .filter.lookback.history import is_full, new_history
 from .filter.state import (
     CLOCK,
     NO_EDGE,
@@ -31,13 +30,14 @@ from .filter.state import (
     new_work,
 )
 from .filter.step import run
+from .filter.summary.estimate import Output, new_output
 from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at
+from .lookback.path import Chain, best_chain, heaviest_chain, tidied
+from .lookback.smoothing import Lag, Past, entries_in_use, smooth
 from .observations import StartPose
-from .path import Chain, best_chain, heaviest_chain, tidied
 from .roadmap import RoadMap
 from .settings import Settings, Vehicle, parameters
-from .smoothing import Lag, Past, entries_in_use, smooth
 from .workspace import Workspace, entries_of, without_states
 
 _CHUNK = 20_000  # epochs between two checks of the path tree and progress reports

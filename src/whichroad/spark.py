@@ -57,12 +57,12 @@ def match(
             f"spark: the package {str(error.name).partition('.')[0]} is not installed; it was "
             'expected for this call; pip install "whichroad[spark]"'
         ) from None
+    from .evidence.sensed import columns_of
     from .fleet import MAPS_SCHEMAS, SCHEMAS
     from .fleet.inputs import used_columns
     from .readers.dates import zone_of
     from .readers.many_trips import own_names
     from .readers.names import find
-    from .sensed import columns_of
 
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")

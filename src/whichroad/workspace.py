@@ -5,9 +5,9 @@ Allocating them takes as long as filtering some thirty fixes.
 
 import threading
 
-from .filter.evidence_kinds import NO_EVIDENCE, Evidence
-from .filter.history import History, enlarged, new_history
-from .filter.smoother import SmootherBuffers, new_buffers
+from .filter.evidence.evidence_kinds import NO_EVIDENCE, Evidence
+from .filter.lookback.history import History, enlarged, new_history
+from .filter.lookback.smoother import SmootherBuffers, new_buffers
 from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
 from .graph.network import Roads
 from .settings import Settings, Vehicle, parameters

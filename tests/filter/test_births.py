@@ -22,14 +22,14 @@ from scenes import (
 )
 from strategies import UNITS
 from whichroad.filter.along import advance_along
-from whichroad.filter.births import (
+from whichroad.filter.hypotheses.births import (
     Start,
     cold_start,
     exchange_off_road,
     turn_round,
     turn_with_heading,
 )
-from whichroad.filter.branching import branch
+from whichroad.filter.hypotheses.branching import branch
 from whichroad.filter.motion import Noise
 from whichroad.filter.state import (
     CAPACITY,

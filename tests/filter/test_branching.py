@@ -21,9 +21,9 @@ from scenes import (
 )  # fmt: skip
 from strategies import seeds
 from whichroad.filter.along import advance_along
-from whichroad.filter.branching import _list_successors, branch
+from whichroad.filter.hypotheses.branching import _list_successors, branch
+from whichroad.filter.hypotheses.reduction import _merge_cost, reduce
 from whichroad.filter.motion import Noise
-from whichroad.filter.reduction import _merge_cost, reduce
 from whichroad.filter.state import OFF_ROAD, Belief, D, H, X, Y, new_path
 from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings

@@ -11,8 +11,8 @@ from oracles import textbook
 from scenes import context, living, network, straight_road
 from strategies import random_gaussian, seeds
 from whichroad._compile import Record
-from whichroad.filter.estimate import new_output, summarise
 from whichroad.filter.state import MX, MY, OFF_ROAD, Belief, H, N, X, Y, new_belief
+from whichroad.filter.summary.estimate import new_output, summarise
 from whichroad.graph.geometry import wrap
 
 ROAD = network(straight_road())

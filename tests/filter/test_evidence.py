@@ -8,8 +8,8 @@ import pytest
 from oracles import textbook
 from scenes import On, belief_on, context, network, parallel_roads, weights
 from strategies import UNITS, random_gaussian
-from whichroad.filter import evidence
-from whichroad.filter import evidence_kinds as kinds
+from whichroad.filter.evidence import evidence_kinds as kinds
+from whichroad.filter.evidence import observe as evidence
 from whichroad.filter.state import CLOCK, WHEELS, D, H, K, N, new_belief, new_work, normalise
 
 ROADS = network(parallel_roads(30.0))

@@ -19,8 +19,8 @@ from scenes import (
     straight_road,
 )
 from whichroad._compile import Records
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
 
 PARALLEL = network(parallel_roads(12.0, 5000.0))

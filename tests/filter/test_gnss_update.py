@@ -12,8 +12,8 @@ from scenes import On, belief_on, context, living, network, straight_road
 from strategies import UNITS, random_gaussian, seeds
 from whichroad._compile import Matrix, Vector, jit, kernel
 from whichroad.filter.gaussian import condition
-from whichroad.filter.gnss import Axes, innovations, observe_position, observe_rate
-from whichroad.filter.gnss_noise import _average_energy, age_receiver, update_root
+from whichroad.filter.gnss.noise import _average_energy, age_receiver, update_root
+from whichroad.filter.gnss.position import Axes, innovations, observe_position, observe_rate
 from whichroad.filter.motion import age_bias
 from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, Context, K, N, X, Y, normalise
 from whichroad.settings import Settings

@@ -7,8 +7,8 @@ import pytest
 
 from scenes import column, drive_along, epochs_of, gnss, localize, network, parallel_roads
 from whichroad._compile import Records
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
 
 ROADS = network(parallel_roads(60.0, 5000.0))

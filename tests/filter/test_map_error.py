@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenes import column, drive_along, epochs_of, gnss, localize, network
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, WHEELS
+from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
 
 STREETS = [[[0.0, 0.0], [1500.0, 0.0]], [[1500.0, 0.0], [1500.0, 1500.0]],

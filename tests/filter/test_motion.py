@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from oracles.textbook import jacobian
 from strategies import UNITS, Gaussian, gaussians, random_gaussian, seeds
-from whichroad.filter.lanes import change_lane, redraw_lane
+from whichroad.filter.hypotheses.lane_offset import change_lane, redraw_lane
 from whichroad.filter.motion import (
     Increment,
     Noise,

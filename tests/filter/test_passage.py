@@ -6,11 +6,11 @@ import numpy as np
 
 from scenes import network
 from whichroad._compile import Records
-from whichroad.filter.estimate import new_output
-from whichroad.filter.passage import TRAVERSAL, first_epochs, time_edges
+from whichroad.filter.lookback.passage import TRAVERSAL, first_epochs, time_edges
 from whichroad.filter.state import EPOCH, NO_EDGE, OFF_ROAD
+from whichroad.filter.summary.estimate import new_output
 from whichroad.graph.network import records
-from whichroad.traversals import trimmed
+from whichroad.lookback.traversals import trimmed
 
 # a street of three edges of 100 m and a side street; edge 2 i + 1 is edge 2 i driven back
 ROADS = network(

@@ -12,8 +12,8 @@ from scenes import On, belief_on, context, drive_along, epochs_of, grid_town, ne
 from scenes import gnss as fixes_of
 from strategies import UNITS, gaussians
 from whichroad._compile import Records
-from whichroad.filter.gnss import observe_state
-from whichroad.filter.reported_motion import latency_of
+from whichroad.filter.gnss.position import observe_state
+from whichroad.filter.gnss.reported_motion import latency_of
 from whichroad.filter.state import CLOCK, H, K, N
 
 TOWN = network(grid_town())

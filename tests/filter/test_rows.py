@@ -20,7 +20,7 @@ from scenes import (
     weights,
 )  # fmt: skip
 from strategies import UNITS, random_gaussian, seeds
-from whichroad.filter.gnss import Axes, observe_position
+from whichroad.filter.gnss.position import Axes, observe_position
 from whichroad.filter.motion import age_map
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (

@@ -17,10 +17,10 @@ from scenes import (
     network,
     straight_road,
 )
-from whichroad.filter.estimate import Output
-from whichroad.filter.gnss import Axes, innovations, observe_given
-from whichroad.filter.sides import take_sides
+from whichroad.filter.gnss.position import Axes, innovations, observe_given
+from whichroad.filter.gnss.sides import take_sides
 from whichroad.filter.state import CLOCK, GX, MOTION, RECEIVER, B, Belief, H, X, Y, normalise
+from whichroad.filter.summary.estimate import Output
 
 ROAD = network(straight_road())
 CTX = context(ROAD)

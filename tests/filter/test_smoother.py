@@ -9,8 +9,9 @@ from oracles.chains import all_chains, random_history, shares_of
 from scenes import context, network
 from strategies import seeds
 from whichroad._compile import Record, Records
-from whichroad.filter.best_path import best_path, edge_probability
-from whichroad.filter.history import (
+from whichroad.filter.hypotheses.reduction import reduce
+from whichroad.filter.lookback.best_path import best_path, edge_probability
+from whichroad.filter.lookback.history import (
     PACKED,
     History,
     accumulate_motion,
@@ -21,11 +22,10 @@ from whichroad.filter.history import (
     new_history,
     store,
 )  # fmt: skip
-from whichroad.filter.link_motion import predict_link
-from whichroad.filter.link_road import Link
+from whichroad.filter.lookback.link_motion import predict_link
+from whichroad.filter.lookback.link_road import Link
+from whichroad.filter.lookback.smoother import begin, new_buffers, solve_gain, step_back
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
-from whichroad.filter.reduction import reduce
-from whichroad.filter.smoother import begin, new_buffers, solve_gain, step_back
 from whichroad.filter.state import (
     KEPT,
     WHEELS,
@@ -41,7 +41,7 @@ from whichroad.filter.state import (
     new_epochs,
     new_path,
 )  # fmt: skip
-from whichroad.filter.windows import BY_GYRO, BY_WHEELS
+from whichroad.filter.vetting.windows import BY_GYRO, BY_WHEELS
 from whichroad.graph.geometry import wrap
 
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)

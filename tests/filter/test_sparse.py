@@ -20,7 +20,7 @@ from scenes import (
 )
 from strategies import seeds
 from whichroad._compile import Records
-from whichroad.filter.sparse import moments_on_edge, truncate_to_edges
+from whichroad.filter.sparse.routing import moments_on_edge, truncate_to_edges
 from whichroad.filter.state import CLOCK, OFF_ROAD, new_epochs
 from whichroad.graph.network import Roads
 from whichroad.settings import Settings

@@ -7,8 +7,8 @@ from scenes import localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, new_epochs
 from whichroad.graph.network import Roads
-from whichroad.path import alternatives
-from whichroad.traversals import traversals
+from whichroad.lookback.path import alternatives
+from whichroad.lookback.traversals import traversals
 
 FIXES = (60.0, 460.0, 940.0, 1340.0)  # m along the road, the ways being between the middle two
 UPPER, LOWER = (10, 12), (14, 16)  # edges, as below

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from whichroad.filter.epoch import new_epochs
-from whichroad.filter.standstill import is_still
+from whichroad.filter.gnss.standstill import is_still
+from whichroad.filter.records import new_epochs
 from whichroad.filter.state import new_belief
 
 SIGMA = 3.0  # m, reported

@@ -25,8 +25,8 @@ from scenes import (
 )
 from strategies import UNITS
 from whichroad._compile import Records
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS, K, X
+from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
 
 TOWN = grid_town()

@@ -6,9 +6,9 @@ import pytest
 from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
-from whichroad.filter.sources import COURSE, SOURCES, SPEED, is_borne_out
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
-from whichroad.filter.vetting import mode_of, vet
+from whichroad.filter.vetting.motion_sources import COURSE, SOURCES, SPEED, is_borne_out
+from whichroad.filter.vetting.vet import mode_of, vet
 
 RATE = 4  # epochs a second; a fix with every fourth
 BEGIN = 1_780_300_800.0

@@ -9,8 +9,8 @@ from hypothesis import given
 from scenes import On, belief_on, context, grid_town, network
 from strategies import seeds
 from whichroad._compile import Record
-from whichroad.filter.estimate import AMBIGUOUS, STOPPED, new_output, summarise
 from whichroad.filter.state import OFF_ROAD
+from whichroad.filter.summary.estimate import AMBIGUOUS, STOPPED, new_output, summarise
 from whichroad.graph.network import Roads
 
 CROSSING = network(

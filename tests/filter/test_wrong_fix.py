@@ -6,7 +6,7 @@ import pytest
 from scenes import localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, new_epochs
-from whichroad.traversals import traversals
+from whichroad.lookback.traversals import traversals
 
 # a road of 2 km in edges of 100 m, and streets that lead off it; edge 2 i + 1 is edge 2 i back
 ROAD = [[[100.0 * k, 0.0], [100.0 * k + 100.0, 0.0]] for k in range(20)]

@@ -210,7 +210,7 @@ def test_what_comes_out_has_one_schema_and_names_its_map(tmp_path, town, table):
 
 def command(source: Path, town: Path, out: Path, *more: str) -> list[str]:
     code = (
-        "import sys, whichroad.fleet.units as u, whichroad.fleet.run as r\n"
+        "import sys, whichroad.fleet.work_units as u, whichroad.fleet.run as r\n"
         "r.run_fleet.__kwdefaults__['unit_rows'] = 79\n"
         "from whichroad.cli import main\nif __name__ == '__main__': main()"
     )

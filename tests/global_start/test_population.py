@@ -17,8 +17,8 @@ from scenes import (
     straight_road,
     weights,
 )  # fmt: skip
+from whichroad.filter.hypotheses.population import branch_all, match_moments, merge_neighbours
 from whichroad.filter.motion import arc_chord
-from whichroad.filter.population import branch_all, match_moments, merge_neighbours
 from whichroad.filter.state import Belief, H, X, Y, new_belief, new_epochs, new_path, normalise
 from whichroad.global_start import prior_components
 from whichroad.global_start.steps import steps

@@ -13,9 +13,9 @@ from scenes import Town, columns, drive_along, grid_town, network
 from whichroad.cli.arguments import read_start
 from whichroad.epochs import Timeline, build_timeline
 from whichroad.errors import DriveError, SettingError
-from whichroad.filter.estimate import AMBIGUOUS
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import DISTANCE, OFF_ROAD, WHEELS, new_epochs
+from whichroad.filter.summary.estimate import AMBIGUOUS
 from whichroad.global_start import is_vague, prior_components
 from whichroad.observations import Drive, Fixes, StartPose
 from whichroad.recorded import Recorded, localize_recorded

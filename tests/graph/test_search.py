@@ -12,11 +12,11 @@ from oracles.cheapest import cheapest
 from scenes import grid_town, network
 from strategies import seeds
 from whichroad._compile import Records, jit
-from whichroad.graph import search
+from whichroad.graph import route_search as search
 from whichroad.graph.index import CANDIDATE
 from whichroad.graph.labels import LABELS, new_search
 from whichroad.graph.network import EDGE, TURN, VERTEX, Roads, records
-from whichroad.graph.search import (
+from whichroad.graph.route_search import (
     MAX_FACTOR,
     MIN_FACTOR,
     Query,

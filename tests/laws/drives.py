@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenes import Truth, columns, drive_along, epochs_of, gnss, steps
 from whichroad._compile import Records
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS
+from whichroad.filter.summary.estimate import Output
 from whichroad.graph.network import Roads
 from whichroad.settings import Settings
 

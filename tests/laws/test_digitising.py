@@ -20,7 +20,7 @@ from scenes import (
     parallel_roads,
 )
 from strategies import bent_lines, seeds
-from whichroad.filter.births import exchange_off_road
+from whichroad.filter.hypotheses.births import exchange_off_road
 from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
 from whichroad.graph.network import U_TURN, Roads
 from whichroad.settings import Settings

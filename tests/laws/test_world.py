@@ -20,12 +20,12 @@ from scenes import (
     network,
 )
 from strategies import seeds
-from whichroad.filter.estimate import Output
 from whichroad.filter.state import (
     CLOCK,
     DISTANCE,
     WHEELS,
 )
+from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
 
 TOWN = grid_town()

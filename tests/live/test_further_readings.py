@@ -13,6 +13,7 @@ from readers.test_can import DBC, line, ticks, vehicle
 from readers.test_ubx import ITOW, NOON, pvt
 from whichroad import GeoFix, Localizer, read_drive
 from whichroad.cli import app
+from whichroad.evidence.sensed import columns_of
 from whichroad.geodesy.angles import bearing_of
 from whichroad.live.dead_reckoning import DeadReckoning
 from whichroad.live.decode import CanStream, NmeaStream
@@ -23,7 +24,6 @@ from whichroad.live.reading_lines import ReadingLines
 from whichroad.live.recording import Recorder
 from whichroad.readers.can_frames import read_frames
 from whichroad.readers.receiver_told import ReceiverTold
-from whichroad.sensed import columns_of
 from whichroad.sensors import Compass, DualAntenna, SensorReading, Sky
 from whichroad.writers.nmea_text import sealed
 

@@ -65,7 +65,7 @@ def test_late_observations_are_looked_back_over_as_in_order(
         return trees[-1]
 
     monkeypatch.setattr("whichroad.online.localizer.new_path", tree)
-    monkeypatch.setattr("whichroad.path.new_path", tree)
+    monkeypatch.setattr("whichroad.lookback.path.new_path", tree)
     rng = random.Random(3)
     chosen = [shifted(one, 0.03) if isinstance(one, GeoFix) else one for one in observations[:1200]]
     chosen.sort(key=lambda one: one.time)

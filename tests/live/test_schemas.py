@@ -13,7 +13,7 @@ from whichroad import GeoFix, Localizer
 from whichroad.live.app import Service, application
 from whichroad.live.broadcaster import Broadcaster
 from whichroad.live.filter_loop import FilterLoop
-from whichroad.live.history import History
+from whichroad.live.recent import History
 from whichroad.live.schemas import schemas
 from whichroad.page.compressed import takes_gzip
 from whichroad.tables.schema import POINTS

@@ -51,7 +51,8 @@ def optimise_entries_only() -> None:
 
 
 def _is_called_from_python(library: Any) -> bool:
-    return any(
+    """Of entries alone numba keeps machine code: what it has read from there is one."""
+    return getattr(library, "_disable_inspection", False) or any(
         one.name.startswith("_ZN7cpython") and not one.is_declaration
         for one in library._final_module.functions
     )

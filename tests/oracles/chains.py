@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whichroad.filter.history import History, new_history
+from whichroad.filter.lookback.history import History, new_history
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from scenes.filter import steps
 from whichroad._compile import Record, Records, jit, kernel
-from whichroad.filter import branching, gnss, gnss_noise
 from whichroad.filter._simd import copy_record
-from whichroad.filter.births import exchange_off_road, turn_with_heading
-from whichroad.filter.gnss import Axes
+from whichroad.filter.gnss import noise as gnss_noise
+from whichroad.filter.gnss import position as gnss
+from whichroad.filter.gnss.position import Axes
+from whichroad.filter.hypotheses import branching
+from whichroad.filter.hypotheses.births import exchange_off_road, turn_with_heading
 from whichroad.filter.motion import increment_of, predict_plane, wheel_noise
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (

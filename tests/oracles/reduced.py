@@ -16,7 +16,7 @@ from scenes import living, network, straight_road
 from whichroad._compile import Record
 from whichroad.exact import Sensor, SwitchingModel, infer_window
 from whichroad.filter.gaussian import condition
-from whichroad.filter.reduction import reduce
+from whichroad.filter.hypotheses.reduction import reduce
 from whichroad.filter.state import (
     GX,
     GY,

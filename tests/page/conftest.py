@@ -10,12 +10,12 @@ import pytest
 from starlette.applications import Starlette
 
 from whichroad import Places, read_drive, read_vehicle
+from whichroad.evidence.sensed import columns_of
 from whichroad.live.web_server import web_server
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.replay.replay_server import listen
 from whichroad.roadmap import RoadMap
-from whichroad.sensed import columns_of
 from whichroad.sensors import Compass, Height, Sky
 from whichroad.simulate import write_demo
 

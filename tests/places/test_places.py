@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import whichroad
 from whichroad.cli import app
 from whichroad.errors import ReadError, SettingError
-from whichroad.filter.nearby import within_circle
-from whichroad.filter.point_objects import STANCE
+from whichroad.filter.places.nearby import within_circle
+from whichroad.filter.places.point_objects import STANCE
 from whichroad.graph.network import records
 from whichroad.places import Places
 from whichroad.places.place_table import read_places

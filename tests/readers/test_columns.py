@@ -56,7 +56,7 @@ def test_numbers_of_numpy_are_written_as_numbers(put):
     file = put("a.csv", "time,lat,lon\n" + ROWS)
     for raised, seen in (
         (lambda: whichroad.Settings(gnss_time=np.float64(-1.5)), "gnss_time is -1.5 s"),
-        (lambda: whichroad.smoothing.Lag.of(np.float64(-9.0)), "lag is -9.0;"),
+        (lambda: whichroad.lookback.smoothing.Lag.of(np.float64(-9.0)), "lag is -9.0;"),
         (lambda: read_drive(file, columns={"time": np.int64(9)}), "no column 9 for time"),
     ):
         with pytest.raises(whichroad.WhichroadError) as error:

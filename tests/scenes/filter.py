@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from whichroad._compile import Records
 from whichroad.epochs import Timeline
-from whichroad.filter.estimate import Output, new_output
-from whichroad.filter.history import new_history
+from whichroad.filter.lookback.history import new_history
 from whichroad.filter.state import WHEELS, Belief, Context, new_path, new_work
 from whichroad.filter.step import run
+from whichroad.filter.summary.estimate import Output, new_output
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import Roads
+from whichroad.lookback.smoothing import Lag
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.settings import Settings, Vehicle, parameters
-from whichroad.smoothing import Lag
 
 from .beliefs import roomy_belief
 

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whichroad._compile import Records
-from whichroad.filter.estimate import new_output
-from whichroad.filter.history import History, new_history
-from whichroad.filter.link_motion import LINK_MODEL, predict_link
-from whichroad.filter.link_road import Link as Between
+from whichroad.filter.lookback.history import History, new_history
+from whichroad.filter.lookback.link_motion import LINK_MODEL, predict_link
+from whichroad.filter.lookback.link_road import Link as Between
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import (
     OFF_ROAD,
@@ -27,6 +26,7 @@ from whichroad.filter.state import (
     new_work,
 )
 from whichroad.filter.step import run
+from whichroad.filter.summary.estimate import new_output
 from whichroad.graph.network import Roads, records
 from whichroad.settings import Settings, Vehicle, parameters
 

@@ -25,7 +25,7 @@ from scenes import (
 from whichroad import match
 from whichroad.epochs import build_timeline
 from whichroad.evaluate import Comparison, anees_band, compare, pool
-from whichroad.filter.estimate import Output
+from whichroad.filter.summary.estimate import Output
 from whichroad.geodesy.plane import Plane
 from whichroad.recorded import localize_recorded
 from whichroad.simulate import (

@@ -12,8 +12,8 @@ import whichroad
 from whichroad import GeoFix, Localizer, WheelTicks, sensors, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.errors import ReadError, SettingError
+from whichroad.evidence.sensed import Sensed
 from whichroad.geodesy.angles import bearing_of
-from whichroad.sensed import Sensed
 from whichroad.sensors import Attribute, Compass, Heading, Range, SensorReading
 from whichroad.sensors.lasting import Lasting
 

@@ -8,7 +8,7 @@ import pytest
 import whichroad
 from laws.public import CAR, geo_fixes, metres, road_map
 from scenes import drive_along
-from whichroad.filter.windows import BY_GYRO, BY_WHEELS, UNTURNED
+from whichroad.filter.vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 from whichroad.sensors.takeover import GYRO, WHEELS, Takeover
 
 WAY = [[0.0, 0.0], [300.0, 0.0], [300.0, 300.0], [600.0, 300.0], [600.0, 600.0], [900.0, 600.0]]

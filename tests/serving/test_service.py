@@ -20,10 +20,10 @@ from whichroad import RoadMap, Settings, Vehicle, simulate_drive
 from whichroad.answers import osrm_match, trace_route
 from whichroad.answers.polylines import encoded
 from whichroad.live.traces import Traces
-from whichroad.serving import lanes
+from whichroad.serving import workers as lanes
 from whichroad.serving.answering_process import plan_of
 from whichroad.serving.endpoints import Endpoints
-from whichroad.serving.lanes import Lane
+from whichroad.serving.workers import Lane
 from whichroad.simulate import draw_town
 
 _CODE = (

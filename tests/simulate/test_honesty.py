@@ -18,7 +18,7 @@ from benchmarks.honesty.score import Row, new_scratch, score_drive
 from scipy.stats import chi2
 
 from whichroad import Settings
-from whichroad.filter.estimate import new_output
+from whichroad.filter.summary.estimate import new_output
 
 
 def test_bounds_of_rates_are_clopper_and_pearsons():

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from .._compile import Records
 from ..errors import DriveError
+from ..lookback.path import Alternative
+from ..lookback.smoothing import FULL, Lag
+from ..lookback.traversals import Traversals, traversals
 from ..matching import timeline_of
 from ..observations import Array, Drive
-from ..path import Alternative
 from ..readers.reported_fixes import Reported, make_fixes
 from ..readers.without_times import invented_times
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
-from ..smoothing import FULL, Lag
-from ..traversals import Traversals, traversals
 
 _SAME = 1e-4  # s, distance below which times are one epoch
 _BESIDE = (0, -1, 1, -2, 2)  # traversals that are looked at for the edge of a point

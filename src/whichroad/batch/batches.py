@@ -10,6 +10,7 @@ from typing import Any, Literal
 import pyarrow as pa
 
 from ..errors import SettingError
+from ..lookback.smoothing import Lag
 from ..readers import read_vehicle
 from ..readers.dates import zone_of
 from ..readers.many_trips import TripBatch, own_names, trip_batches
@@ -18,7 +19,6 @@ from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
-from ..smoothing import Lag
 from ..tables.schema import DRIVES, MAP, PATH, POINTS, SLIM
 from .by_map import MapsJob
 from .trips import ALL, Job, Tables, joined

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._compile import Records
-from ..filter.estimate import Output, new_output
-from ..filter.history import new_history
+from ..filter.lookback.history import new_history
+from ..filter.lookback.passage import TRAVERSAL
 from ..filter.many import Drives, localize_each, time_each
-from ..filter.passage import TRAVERSAL
 from ..filter.state import CLOCK
+from ..filter.summary.estimate import Output, new_output
 from ..graph.network import records
+from ..lookback.traversals import Traversals, trimmed
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
-from ..traversals import Traversals, trimmed
 from ..workspace import Workspace
 
 _EDGES = 16  # driven from one epoch to the next, that the table holds

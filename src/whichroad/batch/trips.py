@@ -19,7 +19,10 @@ from .._compile import Records
 from ..diagnosis.further_sensors import notes_of
 from ..epochs import Timeline, epochs_of_fixes
 from ..errors import SettingError, WhichroadError
+from ..evidence.sensed import Sensed, checked, columns_of
 from ..filter.state import CLOCK, new_epochs
+from ..lookback.smoothing import Lag
+from ..lookback.traversals import traversals
 from ..matching import are_near, timeline_of, tuned_by
 from ..places import Places, places_on
 from ..readers import drive_from_table
@@ -29,15 +32,12 @@ from ..readers.regular_trips import batched_fixes
 from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
-from ..sensed import Sensed, checked, columns_of
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
-from ..smoothing import Lag
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.provenance import with_map
 from ..tables.relative_places import Surroundings, relative_schema
 from ..tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
-from ..traversals import traversals
 from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 

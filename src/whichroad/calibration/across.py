@@ -7,7 +7,7 @@ import numpy as np
 
 from .._compile import Records
 from ..diagnosis.statistics import ConsistencyStatistics
-from ..filter.estimate import Output
+from ..filter.summary.estimate import Output
 from ..observations import Array
 from ..roadmap import RoadMap
 from ..settings import Vehicle

@@ -16,8 +16,8 @@ from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import are_near
 from ..settings import Settings, Vehicle, to_toml
 from ..wording import counted
+from .by_statistics import Values, noise_of, settle
 from .drives_run import Bench
-from .moments import Values, noise_of, settle
 from .quantities import (
     ACROSS,
     GNSS_SIGMA,

@@ -248,7 +248,7 @@ def _recorded(
     from ..readers import read_drive
 
     dbc = _path(fittings.one("dbc", fittings.names[0]))
-    from ..sensed import columns_of
+    from ..evidence.sensed import columns_of
 
     drives = read_drive(
         files, vehicle=car, can=can_files[0] if can_files else None, dbc=dbc,

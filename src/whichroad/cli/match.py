@@ -26,7 +26,7 @@ from .arguments import (
     read_window,
 )
 from .console import print_table, progress_line
-from .many import match_trips
+from .match_table import match_trips
 
 if TYPE_CHECKING:
     from ..tables.result import Result
@@ -166,11 +166,11 @@ def match(
 
         check_report(report, force=force)
     from .. import matching
+    from ..evidence.sensed import columns_of
     from ..places import Places
     from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..readers.many_trips import are_many
     from ..roadmap import open_map
-    from ..sensed import columns_of
     from ..tables.schema import thinned
 
     defaults = not (can or dbc or start or mask or report or lineage or places)

@@ -87,13 +87,13 @@ def replay(
     own, more = read_columns(columns), read_sensors(sensor)
     with comes_with("live", "replay"):
         check_token(host, token)
+    from ..evidence.sensed import columns_of
     from ..places import Places
     from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..replay.dropped import DroppedFile
     from ..replay.open_replay import Remaking, is_points, one_of, play_drive, play_result
     from ..replay.truth import read_truth
     from ..roadmap import open_map
-    from ..sensed import columns_of
 
     with comes_with("live", "replay"):
         import uvicorn  # noqa: F401  # now, not when the drive has been answered

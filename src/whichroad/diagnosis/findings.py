@@ -8,8 +8,8 @@ import math
 from typing import Any
 
 from .._compile import Record, Records
-from ..filter.estimate import Output
 from ..filter.state import CLOCK
+from ..filter.summary.estimate import Output
 from ..settings import Settings, Vehicle
 from .finding import Finding as Finding
 from .sensors import sensor_findings
@@ -202,7 +202,7 @@ def findings_of(
         mode: WHEELS, DISTANCE or CLOCK.
         settings: The model's numbers.
         vehicle: The car.
-        vetting: What the filter withheld, `filter.vetting.VETTING`.
+        vetting: What the filter withheld, `filter.vetting.vet.VETTING`.
     """
     if mode == CLOCK:
         return sensor_findings(vetting)

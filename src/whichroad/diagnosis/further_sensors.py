@@ -17,7 +17,7 @@ def readings_of(names: Sequence[str], sensors: Records) -> dict[str, dict[str, i
 
     Args:
         names: Of the sensors.
-        sensors: `filter.evidence_kinds.SENSOR` of each.
+        sensors: `filter.evidence.evidence_kinds.SENSOR` of each.
     """
     return {
         name: {what: int(one[what]) for what in ("heard", "misfits", "withheld")}
@@ -51,7 +51,7 @@ def further_findings(names: Sequence[str], sensors: Records) -> tuple[Finding, .
 
     Args:
         names: Of the sensors.
-        sensors: `filter.evidence_kinds.SENSOR` of each, at the end of a drive, or now.
+        sensors: `filter.evidence.evidence_kinds.SENSOR` of each, at the end of a drive, or now.
     """
     found = []
     for name, one in zip(names, sensors, strict=False):

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..filter.motion import GYRO_PACE
-from ..filter.sources import ARC, COURSE, SPEED, TURN, is_possible
 from ..filter.state import CLOCK, WHEELS, B, Belief, K
-from ..filter.windows import BY_WHEELS
+from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN, is_possible
+from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
 
 GNSS, DISTANCE, TURNS = "gnss", "distance", "turn"
@@ -55,7 +55,7 @@ def states_of(
     Args:
         belief: The filter's.
         names: Of the further sensors.
-        gyro: What measures the turn (`filter.windows`), as the last epoch had it.
+        gyro: What measures the turn (`filter.vetting.windows`), as the last epoch had it.
 
     Returns:
         States of `gnss`, `distance` and `turn`, then one of each further sensor.

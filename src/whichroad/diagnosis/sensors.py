@@ -4,7 +4,7 @@ import math
 from datetime import UTC, datetime
 
 from .._compile import Record
-from ..filter.sources import ARC, COURSE, SPEED, TURN
+from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
 from ..geodesy.angles import degrees
 from ..sensors.takeover import GYRO, WHEELS, Takeover
 from .finding import Finding
@@ -27,7 +27,7 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
     """Sensors that were withheld, named.
 
     Args:
-        vetting: `filter.vetting.VETTING` at the end of a drive, or now.
+        vetting: `filter.vetting.vet.VETTING` at the end of a drive, or now.
     """
     found = []
     if vetting.seconds[ARC] >= _LEAST:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.estimate import Output
+from ..filter.summary.estimate import Output
 from ..observations import Array
 from ..settings import Settings, Vehicle
 

@@ -6,8 +6,15 @@ from typing import NamedTuple
 from .._compile import kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
-from .branching import BRANCH_THRESHOLD, LEAST_SHARE, OFFSET, pass_on, run_on, share_beyond
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
+from .hypotheses.branching import (
+    BRANCH_THRESHOLD,
+    LEAST_SHARE,
+    OFFSET,
+    pass_on,
+    run_on,
+    share_beyond,
+)
 from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, Path, X, Y, redraw, rescale

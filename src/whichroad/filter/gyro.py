@@ -4,7 +4,7 @@ from .._compile import Record, kernel
 from .gaussian import update_state
 from .motion import GYRO_PACE
 from .state import B, Belief
-from .windows import AT_REST
+from .vetting.windows import AT_REST
 
 _RESTS = 0.05  # m/s by the odometer, below which the vehicle stands
 _TURNS = 0.03  # rad/s beyond which a gyro turns, whatever the odometer says

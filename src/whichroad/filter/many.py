@@ -5,11 +5,11 @@ from typing import NamedTuple
 from .._compile import Ints, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
-from .estimate import Estimates, Output
-from .history import History
-from .passage import Traversals, broken_rules, first_epochs, time_edges
+from .lookback.history import History
+from .lookback.passage import Traversals, broken_rules, first_epochs, time_edges
 from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
 from .step import run
+from .summary.estimate import Estimates, Output
 
 
 class Drives(NamedTuple):

@@ -8,7 +8,7 @@ learnt beside wheels only.
 import math
 
 from .._compile import Record, kernel
-from .inflation import NEVER
+from .gnss.inflation import NEVER
 from .state import GX, GY, MX, MY, OFF_ROAD, START, WHEELS, Belief, Context, most_probable
 
 _PRIOR_GROWING = 0.2  # weight of map_sigma against what makes it larger, in lengths of the error,

@@ -4,13 +4,13 @@ import math
 
 from .._compile import Record, kernel
 from ._simd import copy_record
-from .history import History
+from .gnss.silence import hear, is_pause, may_have_moved
+from .lookback.history import History
 from .motion import GYRO_PACE
-from .silence import hear, is_pause, may_have_moved
-from .sources import ARC, COURSE, NONE, SPEED, TURN, TURNS, is_borne_out
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
-from .vetting import mode_of, vet
-from .windows import BY_GYRO, BY_WHEELS, UNTURNED
+from .vetting.motion_sources import ARC, COURSE, NONE, SPEED, TURN, TURNS, is_borne_out
+from .vetting.vet import mode_of, vet
+from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it

@@ -11,7 +11,7 @@ from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
-from .windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, UNTURNED
+from .vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, UNTURNED
 
 GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself

@@ -28,9 +28,8 @@ from ..graph.geometry import project, wrap
 from ..graph.index import near, vertex_at
 from ._simd import copy_record
 from .along import forward_only
-from .estimate import LOST, OUTAGE, Output
 from .gaussian import condition, merge_moments
-from .gnss import Axes, has_course, observe_position, observe_state
+from .gnss.position import Axes, has_course, observe_position, observe_state
 from .motion import Increment, Noise, blind_noise, extrapolated, predict_plane, wheel_noise
 from .state import (
     CLOCK,
@@ -48,6 +47,7 @@ from .state import (
     heaviest,
     normalise,
 )
+from .summary.estimate import LOST, OUTAGE, Output
 
 _ANYWHERE = 1000.0  # m, sigma of the position before the first fix
 _CANDIDATES = 48  # the closest segments, where more are within the radius

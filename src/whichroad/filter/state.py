@@ -28,20 +28,19 @@ from ..graph.labels import Search, new_search
 from ..graph.network import Roads, lane_sigma_of, records
 from ._simd import N as N
 from ._simd import copy_record
-from .epoch import EPOCH as EPOCH
-from .epoch import Epochs as Epochs
-from .epoch import new_epochs as new_epochs
-from .evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
-from .map_record import MAP_ERROR
-from .origin import ORIGIN, forget_origin
-from .path_tree import Path as Path
-from .path_tree import enter as enter
-from .path_tree import new_path as new_path
-from .ranks import RANKING
-from .sources import REPORTS, STILL, VETTING, clear
-from .windows import CLOCK as CLOCK
-from .windows import DISTANCE as DISTANCE
-from .windows import WHEELS as WHEELS
+from .evidence.evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
+from .lookback.path_tree import Path as Path
+from .lookback.path_tree import enter as enter
+from .lookback.path_tree import new_path as new_path
+from .records import EPOCH as EPOCH
+from .records import MAP_ERROR, RANKING
+from .records import Epochs as Epochs
+from .records import new_epochs as new_epochs
+from .sparse.origin import ORIGIN, forget_origin
+from .vetting.motion_sources import REPORTS, STILL, VETTING, clear
+from .vetting.windows import CLOCK as CLOCK
+from .vetting.windows import DISTANCE as DISTANCE
+from .vetting.windows import WHEELS as WHEELS
 
 X, Y, H, K, B, D, MX, MY, GX, GY, U, V = range(N)
 
@@ -221,7 +220,7 @@ class Context(NamedTuple):
 
 
 def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
-    """An empty belief; `lineage` where its history is stored (`filter.history`)."""
+    """An empty belief; `lineage` where its history is stored (`filter.lookback.history`)."""
     hyp = records(capacity, HYPOTHESIS)
     hyp.edge = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0

@@ -11,15 +11,16 @@ from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
 from .along import advance_along, forward_only
-from .births import exchange_off_road, turn_round, turn_with_heading
-from .branching import BRANCH_THRESHOLD, branch
-from .estimate import Output, describe
-from .evidence import observe_evidence
-from .gnss_noise import observe_across
-from .gnss_update import observe_fix, observe_standing, start_at_fix
+from .evidence.observe import observe_evidence
+from .gnss.inflation import bias_time
+from .gnss.noise import observe_across
+from .gnss.silence import SPARSE, observe_after_silence, stands
+from .gnss.update import observe_fix, observe_standing, start_at_fix
 from .gyro import rest
-from .history import History, accumulate_motion, accumulate_noise, is_full, store
-from .inflation import bias_time
+from .hypotheses.births import exchange_off_road, turn_round, turn_with_heading
+from .hypotheses.branching import BRANCH_THRESHOLD, branch
+from .hypotheses.reduction import reduce
+from .lookback.history import History, accumulate_motion, accumulate_noise, is_full, store
 from .map_error import learn_map
 from .modes import believed
 from .motion import (
@@ -31,10 +32,8 @@ from .motion import (
     predict_plane,
     wheel_noise,
 )
-from .reduction import reduce
 from .road import observe_map
-from .silence import SPARSE, observe_after_silence, stands
-from .sparse import transit, truncate_to_edges
+from .sparse.routing import transit, truncate_to_edges
 from .state import (
     CLOCK,
     OFF_ROAD,
@@ -54,7 +53,8 @@ from .state import (
     Y,
     normalise,
 )
-from .windows import BY_GYRO, GYRO_ALONE
+from .summary.estimate import Output, describe
+from .vetting.windows import BY_GYRO, GYRO_ALONE
 
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode

@@ -10,8 +10,8 @@ from .. import __version__
 from ..errors import ReadError, WriteError
 from ..settings import Settings, Vehicle
 from .inputs import Inputs
-from .units import Piece, Unit
 from .work import SCHEMA_VERSION, Task
+from .work_units import Piece, Unit
 
 NAME = "manifest.json"
 

@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 
 from ..batch.batches import cores, is_folder
 from ..errors import DriveError, ReadError, SettingError, WriteError
+from ..evidence.sensed import checked
+from ..lookback.smoothing import Lag
 from ..places.place_table import read_places
 from ..readers import read_vehicle
 from ..readers.dates import zone_of
@@ -24,16 +26,14 @@ from ..readers.many_trips import own_names, zone_note_of
 from ..readers.splitting import seconds_of
 from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
-from ..sensed import checked
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
-from ..smoothing import Lag
 from . import manifest
 from .bad_trips import write_bad
 from .inputs import Inputs, inputs_of
 from .staging import stage
-from .units import UNIT_ROWS, Unit, batches_of, plan, rows_of
 from .work import NOTHING, Done, Task, done_before, run_unit
+from .work_units import UNIT_ROWS, Unit, batches_of, plan, rows_of
 
 _WORK = ".work"  # folder of what is needed until the end
 _AHEAD = 4  # units that wait for each worker

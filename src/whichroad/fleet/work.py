@@ -13,15 +13,15 @@ import pyarrow.parquet as pq
 
 from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tables, slim
 from ..errors import WriteError
+from ..evidence.sensed import columns_of
 from ..places import Places
 from ..roadmap import shared_map
-from ..sensed import columns_of
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from ..tables.provenance import with_map
 from ..tables.relative_places import relative_schema
 from ..writers.parquet import repeating, schema_of, spatial
-from .units import Unit, batches_of
+from .work_units import Unit, batches_of
 
 SCHEMA_KEY, SCHEMA_VERSION = b"whichroad_schema", b"1"
 _GROUP = 1 << 16  # rows of a row group of points

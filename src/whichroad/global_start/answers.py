@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..filter.estimate import Output
 from ..filter.state import MX, MY, H, X, Y
+from ..filter.summary.estimate import Output
 
 
 def recentre(row: np.void, best: np.void, scale: float) -> None:

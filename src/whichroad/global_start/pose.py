@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..filter.births import Start, cold_start
-from ..filter.reduction import reduce
+from ..filter.hypotheses.births import Start, cold_start
+from ..filter.hypotheses.reduction import reduce
 from ..filter.state import CLOCK, GX, GY, WHEELS, Belief, Context, Path, normalise
 from ..geodesy.angles import heading_of, radians
 from ..graph.network import plane_scale

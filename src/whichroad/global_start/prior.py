@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DriveError
-from ..filter.population import locate_all, turn_sums
+from ..filter.hypotheses.population import locate_all, turn_sums
 from ..geodesy.angles import heading_of, radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array, StartPose

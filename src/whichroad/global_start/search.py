@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from .._compile import Records
 from ..epochs import Timeline
 from ..errors import DriveError
-from ..filter.estimate import Output, summarise
-from ..filter.evidence import observe_evidence
-from ..filter.motion import Increment
-from ..filter.population import (
+from ..filter.evidence.observe import observe_evidence
+from ..filter.hypotheses.population import (
     branch_all,
     initialise,
     match_moments,
     merge_neighbours,
     predict_all,
 )
+from ..filter.motion import Increment
 from ..filter.road import observe_map
 from ..filter.state import (
     KEPT,
@@ -36,6 +35,7 @@ from ..filter.state import (
     new_work,
     normalise,
 )
+from ..filter.summary.estimate import Output, summarise
 from ..graph.network import plane_scale
 from ..observations import Array, StartPose
 from ..roadmap import RoadMap

@@ -105,13 +105,13 @@ class Search(NamedTuple):
     label: Annotated[Records, Array(LABEL, 1)]  # (LABELS,)
     rival: Annotated[Records, Array(RIVAL, 1)]  # (LABELS,)
     goal: Annotated[Records, Array(GOAL, 1)]  # (GOALS,), hash table by edge
-    pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse`
+    pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse.routing`
     slot: Ints  # (SLOTS,) search that wrote it, times LABELS, plus the edge's label
     prefix: Ints  # (PREFIX,) step that wrote it, times LABELS, plus the label
     suffix: Ints32  # (_MOST,) labels of the goals behind the prefix
     queue: Ints  # (LABELS,) binary heap: key and label as one number
     hit: Ints32  # (_MOST,) labels of goals, cheapest first
-    goal_mass: Vector  # (_MOST,) prior mass of each goal, for `filter.sparse`
+    goal_mass: Vector  # (_MOST,) prior mass of each goal, for `filter.sparse.routing`
 
 
 class Reach(NamedTuple):

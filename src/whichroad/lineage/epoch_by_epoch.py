@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from .._compile import Records
 from ..epochs import Timeline
-from ..filter.estimate import new_output
-from ..filter.history import new_history
+from ..filter.lookback.history import new_history
 from ..filter.state import KEPT, START, Belief, Context, Path, new_belief, new_path, new_work
 from ..filter.step import run
+from ..filter.summary.estimate import new_output
 from ..observations import Array, StartPose
 from ..recorded import begin, begin_paper
 from ..roadmap import RoadMap

@@ -18,9 +18,9 @@ from ..page.compressed import compressed
 from .access import AccessControl
 from .broadcaster import Broadcaster, websocket_frame
 from .filter_loop import FilterLoop
-from .history import KEPT, History, body_of
 from .metrics import metrics_of
 from .playback import Player
+from .recent import KEPT, History, body_of
 from .refusals import HANDLERS, asked_of
 from .schemas import schemas
 from .traces import LARGEST_TRACE, Traces

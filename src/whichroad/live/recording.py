@@ -18,8 +18,8 @@ import pyarrow as pa
 
 from .._compile import Records
 from ..errors import WriteError
-from ..filter.estimate import ESTIMATE, Output
 from ..filter.state import EPOCH
+from ..filter.summary.estimate import ESTIMATE, Output
 from ..observations import (
     Distance,
     GeoFix,

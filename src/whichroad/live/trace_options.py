@@ -7,8 +7,8 @@ from starlette.datastructures import QueryParams
 from starlette.exceptions import HTTPException
 
 from ..errors import SettingError
+from ..lookback.smoothing import Lag
 from ..moments import parse_window
-from ..smoothing import Lag
 
 GIVE = ("all", "points", "path")
 _MOST_WINDOWS = 100

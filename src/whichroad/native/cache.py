@@ -14,7 +14,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent
 KERNELS = (
-    "filter/*.py",
+    "filter/**/*.py",
     "graph/*.py",
     "geodesy/kernels.py",
     "roadmap/topology.py",

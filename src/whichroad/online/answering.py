@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..filter.estimate import Output
 from ..filter.state import Belief
+from ..filter.summary.estimate import Output
 from ..places import StanceReader, places_on
 from ..roadmap import RoadMap
 from .epoch_filter import EpochFilter, bytes_of, living_words, words_of

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..filter.estimate import ESTIMATE, new_output
-from ..filter.evidence_kinds import MOST_AT_ONCE, Evidence, new_evidence
-from ..filter.history import History, new_history
+from ..filter.evidence.evidence_kinds import MOST_AT_ONCE, Evidence, new_evidence
+from ..filter.lookback.history import History, new_history
 from ..filter.motion import arc_chord
 from ..filter.state import (
     EPOCH,
@@ -33,7 +32,8 @@ from ..filter.state import (
     new_path,
 )
 from ..filter.step import run
-from ..filter.windows import BY_WHEELS
+from ..filter.summary.estimate import ESTIMATE, new_output
+from ..filter.vetting.windows import BY_WHEELS
 from ..tables.status import far_off
 
 _NO_HISTORY = new_history(0)
@@ -84,7 +84,7 @@ def bytes_of(table: NDArray[Any]) -> memoryview:
 
 
 class Row(NamedTuple):
-    """A record of `filter.estimate.ESTIMATE` as plain numbers, without the other edges."""
+    """A record of `filter.summary.estimate.ESTIMATE` as plain numbers, without the other edges."""
 
     x: float  # m, plane
     y: float
@@ -140,7 +140,7 @@ _WORDS = HYPOTHESIS.itemsize // _WORD  # of a hypothesis
 
 
 def row_of(estimate: bytes | memoryview) -> Row:
-    """A record of `filter.estimate.ESTIMATE` as plain numbers."""
+    """A record of `filter.summary.estimate.ESTIMATE` as plain numbers."""
     return Row._make(_ROW.unpack_from(estimate))
 
 
@@ -258,7 +258,7 @@ class EpochFilter:
 
     @property
     def turns_by(self) -> int:
-        """What measures the turn of the epoch, as `filter.windows` counts it."""
+        """What measures the turn of the epoch, as `filter.vetting.windows` counts it."""
         return self.epoch[_GYRO]
 
     def set_mode(self, mode: int) -> None:
@@ -298,7 +298,7 @@ class EpochFilter:
             arc: Odometer metres since the epoch before.
             turn: rad.
             valid: 1: measured; 2: expected until the next reading; 0: extrapolated.
-            by: What measures the turn, as `filter.windows` counts it.
+            by: What measures the turn, as `filter.vetting.windows` counts it.
         """
         epoch = self.epoch
         _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))

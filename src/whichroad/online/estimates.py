@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingError
-from ..filter.estimate import LOST_UNKNOWN
 from ..filter.state import OFF_ROAD
+from ..filter.summary.estimate import LOST_UNKNOWN
 from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
 from ..places import Places, RelativePlace
@@ -38,7 +38,7 @@ class Estimate:
 
     Args:
         time: s since 1970.
-        row: A record of `filter.estimate.ESTIMATE`.
+        row: A record of `filter.summary.estimate.ESTIMATE`.
         hypotheses: As `living_words` copies them.
         roads: The map.
         far_fix: Time of the last fix (s), and how far away it lies if it is not believed (m).

@@ -11,8 +11,9 @@ from typing import Any
 
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
-from ..filter.windows import GYRO_ALONE
+from ..filter.vetting.windows import GYRO_ALONE
 from ..global_start import start_at
+from ..lookback.smoothing import Window
 from ..observations import (
     Distance,
     GeoFix,
@@ -27,11 +28,10 @@ from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
 from ..sensors.gnss import fix_row
+from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
-from ..sensors.turns import GyroTurns
 from ..sensors.validation import validated
 from ..settings import Settings, Vehicle, parameters
-from ..smoothing import Window
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple
 
 from ..errors import MapError, ReadError, SettingError
-from ..filter.estimate import ESTIMATE
-from ..filter.history import MOTION, REFERENCE
+from ..filter.lookback.history import MOTION, REFERENCE
 from ..filter.state import EPOCH, FILTER, HYPOTHESIS, Path
+from ..filter.summary.estimate import ESTIMATE
 from ..observations import Distance, SpeedYaw, StartPose, WheelSpeed, WheelTicks
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
@@ -59,7 +59,7 @@ class Odometry(NamedTuple):
     reading: Reading | None  # the last one
     far_fix: tuple[float, float]  # time of the last fix, m it is away if not believed
     mode: int  # WHEELS, DISTANCE or CLOCK
-    gyro: list[list[float]]  # what `sensors.turns.GyroTurns` keeps
+    gyro: list[list[float]]  # what `sensors.gyro_turns.GyroTurns` keeps
     sensed: list[Any]  # and `Sensing`
 
 

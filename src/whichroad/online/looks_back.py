@@ -1,9 +1,9 @@
 """What an on-line filter says of moments before the last one, by all that was observed since."""
 
 from ..errors import SettingError
-from ..filter.estimate import Output
 from ..filter.state import Belief
-from ..smoothing import Window
+from ..filter.summary.estimate import Output
+from ..lookback.smoothing import Window
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate

@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from typing import Any
 
-from ..filter.silence import SPARSE
+from ..evidence.sensed import BESIDE, BETWEEN, Row, Sensed
+from ..filter.gnss.silence import SPARSE
 from ..filter.state import CLOCK
 from ..observations import SensorReading
 from ..roadmap import RoadMap
-from ..sensed import BESIDE, BETWEEN, Row, Sensed
 from ..sensors import Sensor
 from .epoch_filter import EpochFilter, row_of
 

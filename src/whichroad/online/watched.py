@@ -7,7 +7,7 @@ from ..diagnosis.sensors import sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..places import Places
 from ..sensors import Sensor
-from ..sensors.turns import GyroTurns
+from ..sensors.gyro_turns import GyroTurns
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .sensing import Sensing

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ..errors import SettingError
-from ..filter.ahead import find_ahead
-from ..filter.nearby import find_nearby
-from ..filter.point_objects import FINDING, STANCE, Findings, new_findings, take_stances
+from ..filter.places.ahead import find_ahead
+from ..filter.places.nearby import find_nearby
+from ..filter.places.point_objects import FINDING, STANCE, Findings, new_findings, take_stances
 from ..filter.state import CAPACITY, Belief
 from ..graph.network import records
 from ..roadmap import RoadMap
@@ -105,7 +105,7 @@ class Places:
         """The places that the vehicle will come past, nearest first.
 
         Args:
-            stances: Records of `filter.point_objects.STANCE`.
+            stances: Records of `filter.places.point_objects.STANCE`.
             within: Distance along the road, m.
             known: P(one of these is right).
 
@@ -122,7 +122,7 @@ class Places:
         """The places within a radius of the vehicle, nearest first.
 
         Args:
-            stances: Records of `filter.point_objects.STANCE`.
+            stances: Records of `filter.places.point_objects.STANCE`.
             radius: m.
             known: P(one of these is right).
 
@@ -203,7 +203,7 @@ class StanceReader:
         self._begin()
 
     def of(self, belief: Belief) -> bytes:
-        """Records of `filter.point_objects.STANCE` of the living hypotheses."""
+        """Records of `filter.places.point_objects.STANCE` of the living hypotheses."""
         known = self._calls.get(id(belief))
         if known is None:
             known = belief, take_stances.bind(belief, self._stances)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..filter.point_objects import CELL, PASSAGE, PLACE, Places, slot_of
+from ..filter.places.point_objects import CELL, PASSAGE, PLACE, Places, slot_of
 from ..geodesy.angles import radians, wrap
 from ..graph.index import cell_key
 from ..graph.network import records

@@ -15,7 +15,7 @@ from ..observations import (
     WithGyro,
     YawRates,
 )
-from ..sensors.turns import covers
+from ..sensors.gyro_turns import covers
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order, keep

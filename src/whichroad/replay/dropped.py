@@ -58,8 +58,8 @@ class DroppedFile:
     def _opened(self, path: Path) -> Opened:
         if is_points(path):
             return play_result(path, self.roads).recorded, None
+        from ..evidence.sensed import columns_of
         from ..readers import read_drive
-        from ..sensed import columns_of
 
         columns = columns_of(self.sensors)
         drives = read_drive([path], vehicle=self.vehicle, dbc=self.dbc, columns=columns or None)

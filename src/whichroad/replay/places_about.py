@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from .._compile import Records
-from ..filter.point_objects import STANCE
+from ..filter.places.point_objects import STANCE
 from ..filter.state import OFF_ROAD
 from ..geodesy.angles import radians
 from ..graph.network import records

@@ -319,13 +319,13 @@ class RoadMap(EdgeGeometry):
 
     def info(self) -> dict[str, Any]:
         """What the map holds, where it came from, and what was skipped and why."""
-        from .export import info
+        from .edge_tables import info
 
         return {**self._about, **info(self)}
 
     def edges_table(self) -> "geopandas.GeoDataFrame":
         """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
-        from .export import edges_table
+        from .edge_tables import edges_table
 
         return edges_table(self)
 
@@ -392,6 +392,6 @@ class RoadMap(EdgeGeometry):
         Raises:
             MapError: It is no path, or of another map.
         """
-        from .export import by_source
+        from .edge_tables import by_source
 
         return by_source(self, path)

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..filter.windows import BY_WHEELS, GYRO_ALONE
+from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE
 from ..observations import Array, Fixes, YawRates
+from .gyro_turns import turns_at
 from .takeover import Takeover
-from .turns import turns_at
 
 _GAP = 2.0  # s without wheels, after which a gyro alone tells the turn
 _STEP = 1.0  # s between the rows that are added then
@@ -20,7 +20,7 @@ class Steered(NamedTuple):
     time: Array  # (n,) s
     distance: Array  # (n,) m, cumulative
     turn: Array  # (n,) rad, cumulative
-    by: Array  # (n,) what measured the step to each row, as `filter.windows` counts it
+    by: Array  # (n,) what measured the step to each row, as `filter.vetting.windows` counts it
     takeover: Takeover
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..filter.motion import arc_chord
-from ..filter.windows import BY_GYRO, UNTURNED
+from ..filter.vetting.windows import BY_GYRO, UNTURNED
 from ..observations import (
     Array,
     Distance,
@@ -30,8 +30,8 @@ from ..observations import (
 )
 from ..settings import Vehicle
 from .beside_wheels import beside_wheels
+from .gyro_turns import turns_at
 from .takeover import Takeover
-from .turns import turns_at
 from .validation import FASTEST, Skipped
 
 Rate = TypeVar("Rate", float, Array)
@@ -47,7 +47,7 @@ class Motion(NamedTuple):
     distance: Array  # m, falling in reverse
     turn: Array | None  # rad, counter-clockwise; None where nothing measures it
     gyro: bool = False  # whether a gyro alone measures it: its drift runs in time
-    by: Array | None = None  # (n,) what measures each step, as `filter.windows` counts it
+    by: Array | None = None  # (n,) what measures each step, as `filter.vetting.windows` counts it
     takeover: Takeover | None = None  # of a gyro beside wheels: which of them is wrong
 
 

@@ -10,7 +10,7 @@ import math
 from collections import deque
 from typing import Any, NamedTuple
 
-from ..filter.windows import BY_GYRO, BY_WHEELS, UNTURNED
+from ..filter.vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
 
@@ -31,7 +31,7 @@ _TURNS = 0.4  # rad, through which two agree
 _FORGET = 30.0  # s over which sums are kept while both are believed
 _STANDS = 0.02  # share of the other wheel's way that a wheel which stands makes at most
 
-Taken = tuple[float, float, int]  # arc, m; turn, rad; what measures it (`filter.windows`)
+Taken = tuple[float, float, int]  # arc, m; turn, rad; what measures it (`filter.vetting.windows`)
 
 
 class Anchor(NamedTuple):

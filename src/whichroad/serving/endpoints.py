@@ -15,7 +15,7 @@ from ..live.access import AccessControl
 from ..live.refusals import HANDLERS, body_of
 from ..live.traces import LARGEST_TRACE, Traces
 from .answering_process import ATTRIBUTES, OSRM, ROUTE, TOO_MANY_POINTS
-from .lanes import Lane, TooSlow
+from .workers import Lane, TooSlow
 
 LARGEST_BODY = 4 * 1024 * 1024  # bytes of a request of Valhalla
 _LARGE = 65_536  # bytes of a request from which on it goes to the lane of large traces

@@ -16,7 +16,7 @@ from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from .answering_process import plan_of
 from .endpoints import MANY, Endpoints
-from .lanes import Lane
+from .workers import Lane
 
 _LONGEST_REQUEST = 131_072  # bytes of a request's head: OSRM's addresses hold the trace
 _WAITING, _WAITING_LARGE = 256, 8  # requests that wait, at most

@@ -10,8 +10,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.estimate import AMBIGUOUS, Output
 from ..filter.state import NO_EDGE, OFF_ROAD
+from ..filter.summary.estimate import AMBIGUOUS, Output
 from ..observations import Array
 from ..roadmap import RoadMap
 from .status import COUNTS, RECENT, STATUS, far_off, reason, title
@@ -26,7 +26,7 @@ def _shares() -> pa.Array:
 
 
 class Estimates(NamedTuple):
-    """Columns of `filter.estimate.ESTIMATE` without gaps: all that follows takes them whole."""
+    """Columns of `filter.summary.estimate.ESTIMATE` without gaps: what follows takes them whole."""
 
     x: Array  # (n,)
     y: Array

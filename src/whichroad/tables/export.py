@@ -9,15 +9,15 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.estimate import Output
 from ..filter.state import OFF_ROAD
+from ..filter.summary.estimate import Output
 from ..geodesy.angles import axis_bearing_of, bearing_of, degrees
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
+from ..lookback.traversals import Traversals
 from ..observations import Array
 from ..roadmap import RoadMap
-from ..roadmap.export import on_sources
+from ..roadmap.edge_tables import on_sources
 from ..sensors.gnss import ellipse
-from ..traversals import Traversals
 from .estimates import HH, XX, XY, YY, Estimates, columns_of, distinct, reasons
 from .schema import ATTRIBUTES, PATH, POINTS, line_wkb, times
 from .status import STATUS

@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow as pa
 
 from .._compile import Records
-from ..filter.estimate import Output
-from ..filter.point_objects import STANCE
+from ..filter.places.point_objects import STANCE
+from ..filter.summary.estimate import Output
 from ..graph.network import records
 from ..places import Places, RelativePlace
 from .schema import TIME, times

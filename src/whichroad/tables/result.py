@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..diagnosis.finding import Finding
 from ..diagnosis.sensor_states import SensorTrack
 from ..errors import SettingError
-from ..path import Alternative, Route, best_routes
+from ..lookback.path import Alternative, Route, best_routes
 from ..wording import counted
 from ..writers import write_table
 from .schema import geo_frame

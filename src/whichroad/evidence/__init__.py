@@ -1,0 +1,1 @@
+"""What further sensors say, as the filter takes it."""

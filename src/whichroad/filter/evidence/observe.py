@@ -1,0 +1,271 @@
+"""What further sensors say: scalar rows on the state, and log-likelihoods by attribute of the road.
+
+All hypotheses of an epoch, off-road included, see the same rows with the same noise.  No row
+here moves the vehicle: the process model is not concerned.  How much of a reading is new, where
+errors last, is counted before it comes here (`sensors.lasting`).
+"""
+
+import math
+
+from ..._compile import Record, Vector, entry, kernel
+from ...graph.geometry import wrap
+from ..gaussian import LOG_2PI, condition, innovation_variance, normal_cdf
+from ..gnss.position import lever_arm
+from ..road import track
+from ..state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, X, Y
+from .elevation import weigh_elevation
+from .evidence_kinds import (
+    ATTRIBUTE,
+    CLASSES,
+    ELEVATION,
+    HEADING,
+    LATERAL,
+    POSITION,
+    RANGE,
+    SPEED,
+)
+
+_SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
+_NEAREST = 0.5  # m, to a place
+_DOUBTFUL = 0.45  # of the gate: beyond it a reading is doubted, though it is no misfit yet
+_JUDGES = 0.01  # weight from which on a hypothesis judges a reading
+_MISTAKEN = 0.02  # P(a heading is not the vehicle's), once for as long as its error lasts
+_WRONG = 2.0  # score of a misfit; a reading that fits takes one off
+_REFUSED, _MOST = 8.0, 16.0  # score from which on a sensor is not believed; the largest
+_S = 0  # scratch: innovation variance
+
+
+@entry
+def observe_evidence(belief: Belief, ctx: Context, first: int, count: int) -> None:
+    """Condition every hypothesis on rows of `Work.evidence`.
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        first: First row.
+        count: How many.
+    """
+    state = belief.state[0]
+    last = min(first + count, len(ctx.work.evidence.rows))
+    for k in range(first, last):
+        reading = ctx.work.evidence.rows[k]
+        if reading.kind == ATTRIBUTE or reading.kind == ELEVATION:
+            state.sensors[reading.sensor].heard += 1.0
+            if reading.kind == ATTRIBUTE:
+                _weigh_attribute(belief, ctx, reading)
+            else:
+                weigh_elevation(belief, ctx, reading)
+            continue
+        if reading.kind == SPEED and state.mode != CLOCK and abs(state.odometer_speed) < _SLOW:
+            continue
+        if reading.kind == HEADING:
+            state.course_time = state.time
+        _observe_axis(belief, ctx, reading, 0)
+        if reading.kind == POSITION:
+            _observe_axis(belief, ctx, reading, 1)
+    state.changed = 1
+    state.observed = 1
+
+
+@kernel
+def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> None:
+    """Condition every hypothesis on one scalar row.
+
+    What a reading may err by decides whether it fits: its own variance r.  What it is worth is
+    the share ρ of it that is new, by the variance r/ρ.  A row that no hypothesis of weight explains
+    within two sigmas, o times beyond that, is given o (o − 1) times its innovation variance more,
+    alike for all: the farther it is off, the less it moves anything.  A sensor that lately gave
+    rows beyond the gate is doubted: its variance is multiplied by one and its score.
+
+    A heading may be that of another axis, and at a start no other sensor may tell the direction.
+    So it says no more against a hypothesis than that it is mistaken itself.
+    """
+    state = belief.state[0]
+    gate = ctx.par[0].gnss_gate
+    best, extra = _judge(belief, ctx, reading, axis)
+    sensor = state.sensors[reading.sensor]
+    if best < math.inf and not _is_believed(sensor, best > gate):
+        return
+    variance = (reading.variance[axis] + extra) * (1.0 + sensor.score) / reading.share
+    least = _least(belief, reading, variance) if reading.kind == HEADING else -math.inf
+    row = ctx.work.row
+    bound = 0.0
+    fit = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if reading.kind == LATERAL and hyp.edge == OFF_ROAD:
+            continue
+        nu, curved = _fill_row(hyp, row, state, reading, axis)
+        if reading.kind == HEADING and _log_likelihood(hyp, nu, reading, variance) < least:
+            hyp.log_weight += least  # of this one the heading is mistaken, and tells nothing
+            continue
+        ell = condition(hyp.mu, hyp.cov, row, nu, variance + curved, state.scale)
+        hyp.log_weight += ell
+        s = hyp.scratch[_S] - reading.variance[axis] + variance
+        bound += hyp.weight
+        fit -= 0.5 * hyp.weight * (1.0 + LOG_2PI + math.log(s))
+    if reading.kind == LATERAL and bound > 0.0:
+        for i in range(state.count):
+            if belief.hyp[i].edge == OFF_ROAD:  # it fits as a road does on average
+                belief.hyp[i].log_weight += fit / bound
+
+
+@kernel
+def _log_likelihood(hyp: Record, nu: float, reading: Record, variance: float) -> float:
+    """Of a heading, by the innovation variance that `_judge` left in the scratch."""
+    s = hyp.scratch[_S] - reading.variance[0] + variance
+    return float(-0.5 * (LOG_2PI + math.log(s) + nu * nu / s))
+
+
+@kernel
+def _least(belief: Belief, reading: Record, variance: float) -> float:
+    """The least that a heading says of any hypothesis: of the best one, and P(mistaken) below."""
+    state = belief.state[0]
+    best = -math.inf
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight >= _JUDGES:
+            nu = wrap(reading.value - hyp.mu[H])
+            best = max(best, _log_likelihood(hyp, nu, reading, variance))
+    return float(best + reading.share * math.log(_MISTAKEN))
+
+
+@kernel
+def _judge(belief: Belief, ctx: Context, reading: Record, axis: int) -> tuple[float, float]:
+    """The smallest chi-square of a row, and the variance that it gets beyond the gate."""
+    state = belief.state[0]
+    row = ctx.work.row
+    best = math.inf
+    extra = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        nu, curved = _fill_row(hyp, row, state, reading, axis)
+        s = innovation_variance(hyp.cov, row, reading.variance[axis] + curved)
+        hyp.scratch[_S] = s
+        if hyp.weight < _JUDGES or (reading.kind == LATERAL and hyp.edge == OFF_ROAD):
+            continue
+        chi2 = nu * nu / s
+        if chi2 < best:
+            best = chi2
+            over = chi2 / (_DOUBTFUL * ctx.par[0].gnss_gate)
+            extra = s * over * max(over - 1.0, 0.0)
+    return best, extra
+
+
+@kernel
+def _is_believed(sensor: Record, misfits: bool) -> bool:
+    """Count a row of a sensor; whether it is believed: not after misfits in a row."""
+    sensor.heard += 1.0
+    if misfits:
+        sensor.misfits += 1.0
+        sensor.score = min(sensor.score + _WRONG, _MOST)
+    else:
+        sensor.score = max(sensor.score - 1.0, 0.0)
+    if sensor.score >= _REFUSED:
+        sensor.refused = 1
+    elif sensor.score <= 0.0:
+        sensor.refused = 0
+    if sensor.refused == 1:
+        sensor.withheld += 1.0
+        return False
+    return True
+
+
+@kernel
+def _fill_row(
+    hyp: Record, row: Vector, state: Record, reading: Record, axis: int
+) -> tuple[float, float]:
+    """Fill the observation row of a hypothesis; returns innovation, and variance of curvature."""
+    for j in range(N):
+        row[j] = 0.0
+    mean = hyp.mu
+    kind = reading.kind
+    if kind == HEADING:
+        row[H] = 1.0
+        return wrap(reading.value - mean[H]), 0.0
+    if kind == LATERAL:
+        row[D] = 1.0
+        return float(reading.value - mean[D]), 0.0
+    if kind == SPEED:
+        row[K] = 1.0 if state.mode == CLOCK else state.odometer_speed
+        return float(reading.value - row[K] * mean[K]), 0.0
+    return _fill_place_row(hyp, row, state, reading, axis)
+
+
+@kernel
+def _fill_place_row(
+    hyp: Record, row: Vector, state: Record, reading: Record, axis: int
+) -> tuple[float, float]:
+    """The same of a position, or of a range or bearing to a place q.
+
+    With the sensor at a = p + R(θ) arm (+ m where the place shares the map's error), d = q − a,
+    r = |d|, u = d / r and its left normal v:
+
+        position   e · d                 e: axis of its ellipse
+        range      r        ∂/∂a = −u        second order: mean ½ P_vv / r, variance ½ (P_vv / r)²
+        bearing    angle of d (− θ)   ∂/∂a = −v / r    second order: variance P_uu P_vv / r⁴
+    """
+    mean = hyp.mu
+    shift = 1.0 if reading.on_map == 1 else 0.0
+    ax, ay = lever_arm(mean[H], reading.arm)
+    dx = (reading.x - mean[X]) / state.scale - ax - shift * mean[MX]
+    dy = (reading.y - mean[Y]) / state.scale - ay - shift * mean[MY]
+    curved = 0.0
+    if reading.kind == POSITION:
+        ex = math.cos(reading.axis) if axis == 0 else -math.sin(reading.axis)
+        ey = math.sin(reading.axis) if axis == 0 else math.cos(reading.axis)
+        nu = ex * dx + ey * dy
+    else:
+        r = max(math.hypot(dx, dy), _NEAREST)
+        ux, uy = dx / r, dy / r
+        along = _variance_along(hyp, shift, ux, uy)
+        across = _variance_along(hyp, shift, -uy, ux)
+        if reading.kind == RANGE:
+            ex, ey = -ux, -uy
+            nu = reading.value - r - 0.5 * across / r
+            curved = 0.5 * (across / r) ** 2
+        else:
+            ex, ey = uy / r, -ux / r
+            turn = mean[H] if reading.relative == 1 else 0.0
+            nu = wrap(reading.value - math.atan2(dy, dx) + turn)
+            curved = along * across / (r * r * r * r)
+    row[X], row[Y] = ex, ey
+    row[MX], row[MY] = shift * ex, shift * ey
+    row[H] = -ex * ay + ey * ax - (1.0 if reading.relative == 1 else 0.0)
+    return float(nu), float(curved)
+
+
+@kernel
+def _variance_along(hyp: Record, shift: float, ex: float, ey: float) -> float:
+    """Variance of the position along a direction, with the map's error where the place has it."""
+    cov = hyp.cov
+    xx = cov[X, X] + shift * (2.0 * cov[X, MX] + cov[MX, MX])
+    yy = cov[Y, Y] + shift * (2.0 * cov[Y, MY] + cov[MY, MY])
+    xy = cov[X, Y] + shift * (cov[X, MY] + cov[Y, MX] + cov[MX, MY])
+    return float(max(ex * ex * xx + 2.0 * ex * ey * xy + ey * ey * yy, 0.0))
+
+
+@kernel
+def _weigh_attribute(belief: Belief, ctx: Context, reading: Record) -> None:
+    """Weigh each hypothesis by the class of its road, averaged over where it is along it.
+
+    Off the roads the last class holds: whatever is not named.
+    """
+    evidence = ctx.work.evidence
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge < 0:
+            hyp.log_weight += reading.log_likelihood[CLASSES - 1]
+            continue
+        track(belief, ctx.roads, i)
+        total = 0.0
+        below = 0.0
+        last = evidence.first[hyp.edge + 1]
+        for piece in range(evidence.first[hyp.edge], last):
+            upto = 1.0
+            if piece + 1 < last:
+                upto = normal_cdf((evidence.start[piece + 1] - hyp.along) / hyp.along_sigma)
+            named = evidence.classes[reading.column, piece]
+            total += (upto - below) * math.exp(reading.log_likelihood[named])
+            below = upto
+        hyp.log_weight += math.log(max(total, 1e-12))

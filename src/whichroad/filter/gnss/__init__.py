@@ -1,0 +1,1 @@
+"""Fixes: their rows, noise and faults."""

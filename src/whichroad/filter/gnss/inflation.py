@@ -1,0 +1,127 @@
+"""Inflation of reported covariances where nothing but roads vouches for a receiver.
+
+Without wheels and without Doppler speed a slow error moves the vehicle as driving does, and no
+fix shows it.  So the errors of a receiver alone are taken to be larger than reported at first.
+Only roads make the factor smaller.  Nothing makes it larger than at first: else a wrong road
+would explain itself by a bad receiver.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
+
+NEVER = 1e9  # s, adaptation times beyond this mean: never
+FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
+_SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
+_ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
+_PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
+_REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
+_WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
+_PAUSE = 5.0  # s between two starts at its fixes
+_REACQUIRED = 3.0  # s, and
+_UNUSUAL = 3.0  # times the usual interval, of a silence
+_LIGHT = 0.01  # weight below which a hypothesis says nothing
+
+
+@kernel
+def is_vouched(state: Record, epoch: Record) -> bool:
+    """Whether motion in the plane is measured without positions: wheels, or Doppler.
+
+    A speed every some seconds says little of what was driven in between.
+    """
+    doppler = epoch.speed_sigma < 1.0 and state.heard[1] < _SPEED_INTERVAL
+    return bool(state.mode == WHEELS or doppler)
+
+
+@kernel
+def was_silent(state: Record, since: float) -> bool:
+    """Whether a receiver alone was silent for so long that it may have lost its satellites.
+
+    Args:
+        state: With the mean interval of readings, this one in it.
+        since: s since the fix before.
+    """
+    usual = 2.0 * state.heard[1] - since  # before this interval, which is half of the mean
+    unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
+    return bool(state.mode == CLOCK and unusual)
+
+
+@kernel
+def _may_inflate(state: Record, par: Record) -> bool:
+    """Whether the settings ask for it, and there is no odometry."""
+    asked = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
+    return bool(asked and state.mode == CLOCK)
+
+
+@kernel
+def is_inflated(state: Record, par: Record, epoch: Record) -> bool:
+    """Whether the receiver may err more than it reports, and nothing but roads can show it."""
+    return bool(_may_inflate(state, par) and not is_vouched(state, epoch))
+
+
+@kernel
+def is_alone(state: Record, par: Record, epoch: Record) -> bool:
+    """The same, or its speeds may come out of a filter, so that nothing measured is beside it."""
+    filtered = epoch.speed_sigma >= FILTERED
+    return bool(_may_inflate(state, par) and (filtered or not is_vouched(state, epoch)))
+
+
+@kernel(inline=True)
+def is_unlikely(belief: Belief, time: float) -> bool:
+    """Whether the error of a receiver is larger than it is in 97 % of the time; once in 5 s.
+
+    Its error follows a wrong road wherever that leads.
+    """
+    state = belief.state[0]
+    if time < state.restarted_at + _PAUSE:
+        return False
+    energy = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+    if energy < _WILD:
+        return False
+    state.restarted_at = time
+    return True
+
+
+@kernel
+def bias_time(state: Record, par: Record, epoch: Record) -> float:
+    """How long the receiver's error lasts, s; less where nothing vouches for it."""
+    if is_inflated(state, par, epoch):
+        return float(min(par.gnss_time, _ALONE_TIME))
+    return float(par.gnss_time)
+
+
+@kernel(inline=True)
+def learn_by_roads(belief: Belief, par: Record, moving: float) -> float:
+    """The factor on reported variances, by the bias that roads show.
+
+        num += λ² t/T ½ Σ E|γ|²        den += t/T ½ Σ (2 − tr P_γ)
+        λ²   = (a w² + num) / (a + den), at most w² and at least 1
+
+    with γ the bias, P_γ its covariance, T the time for which it lasts, and w² what is believed
+    before any road has shown it.
+
+    Args:
+        belief: Before it is conditioned on the fix.
+        par: The parameters.
+        moving: t, seconds of motion since the last fix.
+    """
+    state = belief.state[0]
+    energy = 0.0
+    known = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight < _LIGHT or hyp.edge == OFF_ROAD:
+            continue
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+        known += hyp.weight * max(2.0 - hyp.cov[GX, GX] - hyp.cov[GY, GY], 0.0)
+    kept = math.exp(-moving / _REMEMBERED)
+    share = 0.5 * moving / min(par.gnss_time, _ALONE_TIME)
+    state.road_energy[0] = kept * state.road_energy[0] + share * state.gnss_factor * energy
+    state.road_energy[1] = kept * state.road_energy[1] + share * known
+    widest = state.road_prior if state.road_prior > 0.0 else par.gnss_inflation**2
+    factor = (_PRIOR * widest + state.road_energy[0]) / (_PRIOR + state.road_energy[1])
+    return float(max(min(factor, widest), 1.0))

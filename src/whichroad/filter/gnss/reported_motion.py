@@ -1,0 +1,99 @@
+"""Speed and course of a receiver alone: both may come out of a filter, late, and be wrong at times.
+
+A receiver that reports a small sigma measured them by Doppler.  Of any other the latency is learnt,
+by its courses in turns: late by L they are wrong by L times the turn rate.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ...graph.geometry import wrap
+from ..state import Belief, Context, H, K
+from .inflation import FILTERED
+from .position import has_course, observe_state
+
+LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
+_LATE = 0.5  # s, by which speeds and courses of a filter lag, as far as is known,
+_TURNS = 0.03  # rad²/s², weight of that,
+_LATEST = 3.0  # s; and by no more than this
+_SAFETY = 2.0  # times the latency that courses show: speeds may be later
+_SECOND, _APART = 0.95, 2.5  # s, between fixes whose direction is compared with the course,
+_FAR = 5.0  # and m
+_MOST = 1.2  # rad, largest difference that says something of the latency
+_WRONG_COURSE = 0.1 / (2.0 * math.pi)  # 1/rad, density of courses that say nothing
+_WRONG_STOP = 0.05 / 30.0  # s/m, density of zeros that do
+_STOP = 0.5  # m/s
+_LOWEST, _LONGEST = 1.0, 2.0  # s, between reports whose difference is a rate
+
+
+@kernel
+def latency_of(state: Record) -> float:
+    """Latency of reported courses, s, as learnt."""
+    return float((_TURNS * _LATE + state.reports.latency[0]) / (_TURNS + state.reports.latency[1]))
+
+
+@kernel(inline=True)
+def _follow(report: Record, value: float, time: float, turns: bool) -> None:
+    """How fast a report changes: `report` is its last value, when, and its change a second."""
+    if report[1] > -math.inf:
+        change = wrap(value - report[0]) if turns else value - report[0]
+        report[2] = change / min(max(time - report[1], _LOWEST), _LONGEST)
+    report[0] = value
+    report[1] = time
+
+
+@kernel(inline=True)
+def _learn_latency(state: Record, epoch: Record) -> None:
+    """Moments of the latency L, from courses and the directions between fixes a second apart.
+
+    A direction is the heading half of the interval ago, a course is that of L ago.  In a turn of
+    the rate ω they differ by (Δt/2 − L) ω.
+    """
+    then = state.reports.place
+    lasted = epoch.time - then[2]
+    if lasted < _SECOND:
+        return
+    x = epoch.fix[0] - then[0]
+    y = epoch.fix[1] - then[1]
+    if lasted < _APART and math.hypot(x, y) > _FAR * state.scale:
+        rate = wrap(epoch.course - then[3]) / lasted
+        off = wrap(epoch.course - math.atan2(y, x))
+        if abs(off) < _MOST:
+            state.reports.latency[0] += rate * (0.5 * lasted * rate - off)
+            state.reports.latency[1] += rate * rate
+    then[0] = epoch.fix[0]
+    then[1] = epoch.fix[1]
+    then[2] = epoch.time
+    then[3] = epoch.course
+
+
+@kernel(inline=True)
+def observe_reported(
+    belief: Belief, ctx: Context, epoch: Record, course_variance: float, thin: float
+) -> None:
+    """Condition on course and speed where nothing else measures the motion.
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        epoch: With a fix.
+        course_variance: Of the course, rad², before its latency.
+        thin: Factor on variances of reports that come sooner than every second.
+    """
+    state = belief.state[0]
+    filtered = epoch.speed_sigma >= FILTERED
+    late = LATENCY
+    if filtered:
+        late = min(max(_SAFETY * latency_of(state), LATENCY), _LATEST)
+    if has_course(epoch, 1.0):
+        _follow(state.reports.course, epoch.course, epoch.time, True)
+        _learn_latency(state, epoch)
+    if has_course(epoch, 1.0) and state.speed > -0.5:
+        variance = (course_variance + (late * state.reports.course[2]) ** 2) * thin
+        observe_state(belief, ctx, H, epoch.course, variance, _WRONG_COURSE if filtered else 0.0)
+        state.course_time = epoch.time
+    if epoch.speed_sigma < 20.0:
+        _follow(state.reports.speed, epoch.speed, epoch.time, False)
+        variance = (epoch.speed_sigma**2 + 0.04 + (late * state.reports.speed[2]) ** 2) * thin
+        wrong = _WRONG_STOP if filtered and epoch.speed < _STOP else 0.0
+        observe_state(belief, ctx, K, epoch.speed, variance, wrong)

@@ -1,0 +1,238 @@
+"""Fixes that fit nothing: the receiver is wrong, or the motion; both live until it is decided."""
+
+import math
+
+from ..._compile import kernel
+from ..state import (
+    BIASED,
+    CAPACITY,
+    GX,
+    GY,
+    MOTION,
+    RECEIVER,
+    WHEELS,
+    B,
+    Belief,
+    H,
+    K,
+    N,
+    X,
+    Y,
+    move_row,
+    rescale,
+)
+from .position import NU0, NU1, V00, V11, Axes
+
+_OF_SIDE = 1e-3  # of one for which a side is alive
+_OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
+_OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
+_SCALED = 0.05  # by which its scale may be wrong
+_TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
+_MOST_TURNED = 1.5  # rad, more than a linear model bears
+_BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
+_BIASED_BY = 30.0  # and m, how far away on each axis
+
+
+@kernel
+def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
+    """Chi-square under the hypothesis of weight that fits best, and the distance from it, m².
+
+    Args:
+        belief: With the innovations.
+        axes: Of the fix.
+        side: Only hypotheses that blame this; negative: all.
+    """
+    best = math.inf
+    square = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.weight < (_OF_WEIGHT if side < 0 else _OF_SIDE) or 0 <= side != hyp.blames:
+            continue
+        first = hyp.scratch[NU0] ** 2
+        second = hyp.scratch[NU1] ** 2
+        chi2 = first / (hyp.scratch[V00] + axes.r0) + second / (hyp.scratch[V11] + axes.r1)
+        if chi2 < best:
+            best = chi2
+            square = first + second
+    return best, square
+
+
+@kernel
+def misfit(belief: Belief, axes: Axes) -> float:
+    """Chi-square of a fix under the hypothesis of weight that fits best, by its innovations."""
+    best, _ = _misfit(belief, axes, -1)
+    return best
+
+
+@kernel
+def _explain(belief: Belief, square: float, side: int) -> None:
+    """Let a misfit be what hypotheses blame: more variance of bias, or of position.
+
+    Args:
+        belief: In place.
+        square: The misfit, m².
+        side: RECEIVER or MOTION; hypotheses that blame it.
+    """
+    state = belief.state[0]
+    root = state.bias_root
+    more = square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.blames != side:
+            continue
+        if side == RECEIVER:
+            hyp.cov[GX, GX] += more
+            hyp.cov[GY, GY] += more
+        else:
+            hyp.cov[X, X] += square
+            hyp.cov[Y, Y] += square
+
+
+@kernel(inline=True)
+def loosen(belief: Belief, axes: Axes, gate: float) -> bool:
+    """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
+
+    Args:
+        belief: With its innovations (`gnss.innovations`); the position's covariance grows by the
+            misfit, alike for all.
+        axes: Of the fix, and its white noise.
+        gate: Chi-square (two degrees) of a fix that fits.
+
+    Returns:
+        Whether it did not fit.
+    """
+    best, square = _misfit(belief, axes, -1)
+    if best <= gate:
+        return False
+    for i in range(belief.state[0].count):
+        belief.hyp[i].blames = MOTION
+    _explain(belief, square, MOTION)
+    return True
+
+
+@kernel(inline=True)
+def take_sides(
+    belief: Belief, axes: Axes, gate: float, share: float, turned: float
+) -> tuple[bool, bool]:
+    """Where a fix fits no hypothesis: either the receiver has jumped, or the motion was wrong.
+
+    Each hypothesis of weight becomes three.  One believes that the receiver's error has changed,
+    one that the distance was another one, and one that the turns were as well.  While both sides
+    live, each explains what does not fit it in its own way, and roads and fixes decide.
+
+    Args:
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
+        gate: Chi-square (two degrees) of a fix that fits.
+        share: P(the motion was wrong), where sides are taken anew.
+        turned: By how much turns may be wrong then beyond the usual, rad.
+
+    Returns:
+        Whether the belief has changed, so that innovations have to be found again; and whether
+        the fix fitted neither side.
+    """
+    receiver, of_receiver = _misfit(belief, axes, RECEIVER)
+    motion, of_motion = _misfit(belief, axes, MOTION)
+    if receiver < math.inf and motion < math.inf:  # both live
+        if receiver > gate:
+            _explain(belief, of_receiver, RECEIVER)
+        if motion > gate:
+            _explain(belief, of_motion, MOTION)
+        return bool(receiver > gate or motion > gate), bool(receiver > gate and motion > gate)
+    best, square = _misfit(belief, axes, -1)
+    if best <= gate:
+        return False, False
+    _fork(belief, share, turned)
+    _explain(belief, square, RECEIVER)
+    _explain(belief, square, MOTION)
+    return True, True
+
+
+@kernel(inline=True)
+def _fork(belief: Belief, share: float, turned_by: float) -> None:
+    """Make each hypothesis of weight three, see `take_sides`."""
+    heading = min(max(_TURNED, turned_by), _MOST_TURNED)
+    state = belief.state[0]
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        hyp.blames = RECEIVER
+        if hyp.weight < _OF_WEIGHT or state.count + 2 > CAPACITY:
+            continue
+        move_row(belief, i, state.count)
+        moved = belief.hyp[state.count]
+        moved.blames = MOTION
+        moved.cov[K, K] += _SCALED * _SCALED
+        rescale(moved, share)
+        move_row(belief, state.count, state.count + 1)
+        turned = belief.hyp[state.count + 1]
+        turned.cov[H, H] += heading * heading
+        if state.mode == WHEELS:
+            turned.cov[B, B] += _DRIFTED * _DRIFTED
+        rescale(moved, _OF_TURNS)
+        rescale(turned, 1.0 - _OF_TURNS)
+        rescale(hyp, 1.0 - share)
+        state.count += 2
+
+
+@kernel(inline=True)
+def blame_receiver(belief: Belief, axes: Axes) -> None:
+    """Let a misfit be the receiver's, under all hypotheses.
+
+    Args:
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
+    """
+    _, square = _misfit(belief, axes, -1)
+    for i in range(belief.state[0].count):
+        belief.hyp[i].blames = RECEIVER
+    _explain(belief, square, RECEIVER)
+
+
+@kernel(inline=True)
+def fork_biased(belief: Belief) -> None:
+    """A receiver that was silent may have found its satellites in a wrong place.
+
+    Each hypothesis of weight becomes two, of which one has a larger error of the receiver.  One
+    that has driven on regardless of the fix is of the latter kind.
+    """
+    state = belief.state[0]
+    root = state.bias_root
+    more = 2.0 * _BIASED_BY**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.ignores == BIASED:
+            hyp.cov[GX, GX] += more
+            hyp.cov[GY, GY] += more
+            rescale(hyp, _BIASED)
+            continue
+        if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
+            continue
+        move_row(belief, i, state.count)
+        biased = belief.hyp[state.count]
+        biased.cov[GX, GX] += more
+        biased.cov[GY, GY] += more
+        rescale(biased, _BIASED)
+        rescale(hyp, 1.0 - _BIASED)
+        state.count += 1
+
+
+@kernel
+def keep_bias(belief: Belief, ratio: float) -> None:
+    """Let biases be the same metres by a scale that is so many times smaller.
+
+    Args:
+        belief: In place; the reported covariance, as smoothed and as used, includes the factor.
+        ratio: The scale until now over that from now on.
+    """
+    state = belief.state[0]
+    for k in range(3):
+        state.gnss_cov[k] /= ratio * ratio
+        state.bias_cov[k] /= ratio * ratio
+        state.bias_root[k] /= ratio
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        for state_of_bias in (GX, GY):
+            hyp.mu[state_of_bias] *= ratio
+            for j in range(N):
+                hyp.cov[state_of_bias, j] *= ratio
+                hyp.cov[j, state_of_bias] *= ratio

@@ -1,0 +1,79 @@
+"""Whether a vehicle stands, by fixes alone: they keep their place.
+
+Without odometry and without a reported speed a standing vehicle looks as one that is very slow.
+It would creep on along the road, and turn round.  The fixes tell its speed by two low-pass
+filters in a row, of which the second lags more:
+
+    v = |near − far| / T          of a vehicle at constant speed
+
+Their white noise leaves an error of σ √Δt / (2 T^1.5) in it.  Errors that drift look like motion.
+Then the vehicle is not said to stand, and all is as it was.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+
+_TIME = 4.0  # s, T
+_AGE = 12.0  # s of fixes, before which nothing is said
+_SLOW = 0.5  # m/s; what may be faster by two sigmas does not stand
+_LEAVES = 3.5  # sigmas of white noise, and m, from which on one fix shows that it has left
+_ASIDE = 1.0
+_WANDERED = 2.0  # reported sigmas from where it came to stand, beyond which it has crept on
+_WHITE = 0.25  # white variance over the reported one, at least
+
+
+@kernel
+def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
+    """Whether the fixes say that the vehicle stands.
+
+    Args:
+        state: In place; called once for each epoch without odometry.
+        epoch: With a fix, or without.
+        dt: Its duration, s.
+        longest: Longest interval of fixes that say something, s.
+    """
+    still = state.still
+    if not epoch.has_fix:
+        return bool(still.stands == 1)
+    fix = epoch.fix
+    since = epoch.time - still.time
+    still.time = epoch.time
+    if still.age < 0.0 or since > longest:
+        _begin(still, fix[0], fix[1])
+        return False
+    white = math.sqrt(max(state.white_factor, _WHITE) * fix[2] * fix[3])
+    left = math.hypot(fix[0] - still.near[0], fix[1] - still.near[1]) / state.scale
+    gain = 1.0 - math.exp(-since / _TIME)
+    lag = math.hypot(still.near[0] - still.far[0], still.near[1] - still.far[1]) / state.scale
+    for a in range(2):
+        still.near[a] += gain * (fix[a] - still.near[a])
+        still.far[a] += gain * (still.near[a] - still.far[a])
+    still.age += since
+    speed = lag / _TIME
+    error = white * math.sqrt(max(since, 0.0)) / (2.0 * _TIME**1.5)
+    if still.stands == 0:
+        if still.age > _AGE and speed + 2.0 * error < _SLOW and left < _LEAVES * white + _ASIDE:
+            still.stands = 1
+            still.at[0] = still.near[0]
+            still.at[1] = still.near[1]
+        else:
+            return False
+    crept = math.hypot(still.near[0] - still.at[0], still.near[1] - still.at[1]) / state.scale
+    if left > _LEAVES * white + _ASIDE or crept > _WANDERED * fix[2]:
+        still.stands = 0
+        state.standing = 0.0
+        if crept > _WANDERED * fix[2]:
+            _begin(still, fix[0], fix[1])
+        return False
+    state.moving += dt  # the receiver's error goes on
+    return True
+
+
+@kernel
+def _begin(still: Record, x: float, y: float) -> None:
+    """Begin anew at a fix."""
+    still.near[0] = still.far[0] = x
+    still.near[1] = still.far[1] = y
+    still.age = 0.0
+    still.stands = 0

@@ -1,0 +1,383 @@
+"""An epoch's fix: initialise the belief, update it, add re-initialisation hypotheses."""
+
+import math
+
+from ..._compile import Record, Vector, kernel
+from ..hypotheses.births import Start, cold_start
+from ..map_error import forget_map
+from ..state import (
+    CLOCK,
+    NOTHING,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    K,
+    Path,
+    X,
+    Y,
+    most_probable,
+    normalise,
+)
+from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
+from .noise import age_receiver, learn_factor, observe_white, update_root
+from .position import (
+    Axes,
+    has_course,
+    innovations,
+    observe_given,
+    observe_rate,
+    observe_state,
+)
+from .reported_motion import LATENCY, observe_reported
+from .sides import blame_receiver, fork_biased, keep_bias, loosen, misfit, take_sides
+
+_RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
+_TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
+_TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
+_SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
+_RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
+_YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
+_REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
+_FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
+_JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
+_FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
+_SIDES = 1.6  # times the gate: one sound fix in a thousand
+_BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
+_MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
+_DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
+_BENT = 0.12  # rad by which odometry that was never seen to turn may have turned the wrong way
+_TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
+_UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
+_SEARCHED = 20.0  # s for which it is
+_TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
+_LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
+
+
+@kernel
+def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, float, float, float]:
+    """κ and b at a start, each with its sigma: as last known, the speed without odometry."""
+    rate = 1.0
+    rate_sigma = par.scale_sigma
+    drift = 0.0
+    drift_sigma = par.drift_sigma if state.mode == WHEELS else 0.0
+    if state.mode == CLOCK:
+        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
+        rate_sigma = min(epoch.speed_sigma, 8.0)
+    elif state.known_rate[1] > 0.0:
+        rate = state.known_rate[0]
+        rate_sigma = math.sqrt(state.known_rate[1])
+    if state.mode == WHEELS and state.known_drift[1] > 0.0:
+        drift = state.known_drift[0]
+        drift_sigma = math.sqrt(state.known_drift[1])
+    return rate, rate_sigma, drift, drift_sigma
+
+
+@kernel
+def start_of(belief: Belief, ctx: Context, epoch: Record) -> Start:
+    """What is known at a start at the epoch's fix."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    heading_sigma = math.inf
+    if has_course(epoch, 0.5):
+        heading_sigma = epoch.course_sigma + 0.03
+    rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
+    sigmas = math.sqrt(state.gnss_factor)
+    return Start(
+        sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
+        drift, drift_sigma, True,
+    )  # fmt: skip
+
+
+@kernel
+def _begin_factor(state: Record, par: Record, epoch: Record) -> None:
+    """Nothing is known of how much larger the receiver's errors are than reported."""
+    least = 1.0 / (1.0 + par.gnss_white_ratio**2)
+    state.gnss_factor = least * par.gnss_start**2
+    state.innovation_factor = least * par.gnss_start**2
+    state.windowed_factor = least
+    state.bias_factor = least
+    state.road_prior = par.gnss_inflation**2
+    state.road_energy[0] = state.road_energy[1] = 0.0
+    if is_inflated(state, par, epoch):
+        state.gnss_factor = state.road_prior
+
+
+@kernel
+def _forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
+    """Begin the factor anew; biases stay the same metres."""
+    state = belief.state[0]
+    before = state.gnss_factor
+    _begin_factor(state, par, epoch)
+    keep_bias(belief, math.sqrt(before / state.gnss_factor))
+
+
+@kernel(inline=True)
+def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
+    """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    if state.gnss_factor == 0.0:
+        _begin_factor(state, par, epoch)
+    forget_map(state)
+    start = start_of(belief, ctx, epoch)
+    cold_start(belief, path, ctx, epoch.fix, start, 1.0)
+    state.started = 1
+    state.misfits = 0.0
+    state.since_map = 0.0
+    state.moving = 0.0
+    state.since_fix = 0.0
+    state.unmeasured = 0.0
+    state.last_fix = epoch.time
+    state.factor_time = epoch.time
+    state.unlearnt = 0.0
+    state.on_road_at = epoch.time
+    state.restarted_at = epoch.time
+    state.learnt_time = 0.0
+    state.fix_1[2] = -math.inf
+    state.fix_2[2] = -math.inf
+    state.across_time = -math.inf
+    known = start.heading_sigma < 10.0
+    state.course_time = epoch.time if known else -math.inf
+    state.forward_time = -math.inf
+    update_root(belief, epoch.fix, start.bias**2, -1.0)
+    return bool(known)
+
+
+@kernel(inline=True)
+def _axes(fix: Vector, white: float, thin: float) -> Axes:
+    """The axes of a fix; white noise of so many reported sigmas, `thin` times its variance."""
+    return Axes(
+        math.cos(fix[4]), math.sin(fix[4]), (white * fix[2]) ** 2 * thin,
+        (white * fix[3]) ** 2 * thin,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
+    """A standing vehicle's fix observes the receiver's noise, and not the position.
+
+    Returns:
+        Whether it is a fix of a vehicle that stands there.  Else wheels or receiver are wrong,
+        and nothing but the noise was observed.
+    """
+    state = belief.state[0]
+    fix = epoch.fix
+    par = ctx.par[0]
+    interval = max(epoch.time - state.last_fix, 0.0)
+    update_root(belief, fix, state.gnss_factor, interval)
+    white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
+    innovations(belief, ctx, fix, _axes(fix, white, 1.0))
+    learn_factor(belief, ctx, epoch, white, 0.0)
+    runs = state.mode == WHEELS and state.vetting.runs == 1
+    if runs and misfit(belief, _axes(fix, white, 1.0)) > _SIDES * par.gnss_gate:
+        return False
+    state.last_fix = epoch.time
+    return True
+
+
+@kernel(inline=True)
+def _is_lost(belief: Belief) -> bool:
+    """Whether the belief has been off the roads for a while; then it counts anew.
+
+    A fix seldom misfits for long: the receiver's factor and bias adapt to it.  Roads do not;
+    a belief that left them with a wrong position would stay wrong.
+    """
+    state = belief.state[0]
+    off = 0.0
+    for i in range(state.count):
+        if belief.hyp[i].edge == OFF_ROAD:
+            off += belief.hyp[i].weight
+    lost = state.time > state.on_road_at + _LOST_TIME
+    if off < 0.5 or lost:
+        state.on_road_at = state.time
+    return bool(off >= 0.5 and lost)
+
+
+@kernel(inline=True)
+def _add_restarts(
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, lost: bool, share: float
+) -> None:  # fmt: skip
+    """A far fix may be right, and the belief wrong.
+
+    Re-initialisation hypotheses at the fix are added with a small weight; roads and fixes
+    from here on decide between them and a receiver that has lost lock.  A lost belief does
+    not know its heading either: the car may have been carried.
+    """
+    normalise(belief)
+    top = belief.hyp[most_probable(belief)]
+    mean = top.mu
+    fix = epoch.fix
+    away = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / belief.state[0].scale
+    if away > _FAR:
+        par = ctx.par[0]
+        start = Start(
+            math.sqrt(belief.state[0].gnss_factor), white, mean[H],
+            math.inf if lost else math.sqrt(top.cov[H, H]) + 0.03, mean[K],
+            math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
+        )  # fmt: skip
+        cold_start(belief, path, ctx, fix, start, share)
+
+
+@kernel(inline=True)
+def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> None:
+    """Course and Doppler speed of the epoch."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    if state.mode == CLOCK:
+        observe_reported(belief, ctx, epoch, epoch.course_sigma**2 + 0.0025, thin)
+        return
+    if has_course(epoch, 1.0) and state.speed > -0.5:
+        speed = max(abs(state.speed), 1.0)
+        swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
+        unknown = _TURN_SIGMA * par.lever[0] / speed
+        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
+        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
+        state.course_time = epoch.time
+    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
+        odometer_speed = abs(state.odometer_speed)
+        if min(epoch.speed, odometer_speed) > _SLOW:
+            late = LATENCY * state.odometer_acceleration
+            variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
+            observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
+
+
+@kernel(inline=True)
+def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool:
+    """A misfit with sound motion and a receiver that works: either may be wrong."""
+    state = belief.state[0]
+    vetting = state.vetting
+    if epoch.time - vetting.forked_at > _FORGOTTEN:
+        for i in range(state.count):
+            belief.hyp[i].blames = NOTHING
+    jumped = epoch.time - vetting.windows.jumped_at <= _JUMPED
+    share = _MOVED_SHARE
+    young = state.learnt_time < _YOUNG
+    untried = vetting.turned == 0 and abs(vetting.bend) > _BENT
+    returned = epoch.time - vetting.returned_at < _YOUNG
+    if jumped and young:
+        return False
+    if young:
+        share = _BEGAN_SHARE
+    elif jumped:
+        share = ctx.par[0].gnss_lost
+    elif untried or returned:
+        share = _BEGAN_SHARE
+    gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
+    wrong_way = 2.0 * abs(vetting.bend) if untried else 0.0
+    changed, undecided = take_sides(belief, axes, gate, share, wrong_way)
+    if undecided:
+        if epoch.time - vetting.forked_at > _FORGOTTEN:
+            vetting.undecided_at = epoch.time
+            vetting.untried = untried or returned
+            state.restarted_at = epoch.time
+        vetting.forked_at = epoch.time
+    return changed
+
+
+@kernel(inline=True)
+def _settle(
+    belief: Belief, ctx: Context, epoch: Record, axes: Axes, doubted: bool, since: float
+) -> None:
+    """Where the fix fits nothing, let motion or receiver be wrong first."""
+    state = belief.state[0]
+    changed = doubted and loosen(belief, axes, ctx.par[0].gnss_gate)
+    state.vetting.moved = changed
+    if state.vetting.elsewhere == 1:
+        blame_receiver(belief, axes)
+        changed = True
+    elif state.mode == WHEELS and since < _RECENT and not doubted:
+        changed = _take_sides(belief, ctx, epoch, axes)
+    elif was_silent(state, since):
+        fork_biased(belief)
+        changed = True
+    if changed:
+        innovations(belief, ctx, epoch.fix, axes)
+
+
+@kernel(inline=True)
+def _search(
+    belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, far: bool
+) -> None:
+    """Look for the vehicle at a fix that is far away, where the belief may be wrong."""
+    state = belief.state[0]
+    par = ctx.par[0]
+    vetting = state.vetting
+    lost = state.mode == WHEELS and _is_lost(belief)
+    if state.mode == WHEELS and (lost or far):
+        _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
+    share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
+    undecided = epoch.time - vetting.undecided_at < _SEARCHED
+    undecided = undecided and epoch.time > state.restarted_at + _TRIED
+    if state.mode == WHEELS and vetting.untried == 1 and undecided:
+        share = _UNTRIED_SHARE
+    if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
+        share = _RESTARTED
+    if share > 0.0:
+        state.restarted_at = epoch.time
+        _add_restarts(belief, path, ctx, epoch, white, True, share)
+
+
+@kernel(inline=True)
+def _learn(belief: Belief, ctx: Context, epoch: Record, white: float) -> bool:
+    """Learn the receiver's factor, unless something else may be wrong; whether odometry is."""
+    state = belief.state[0]
+    vetting = state.vetting
+    doubted = epoch.time - vetting.suspect_at < _DOUBTED
+    doubted = doubted and epoch.time - vetting.windows.jumped_at > _JUMPED
+    undecided = epoch.time - vetting.undecided_at < _DOUBTED
+    if vetting.apart == 0 and not doubted and not undecided:
+        learn_factor(belief, ctx, epoch, white, state.moving)
+    else:
+        state.factor_time = epoch.time
+        state.unlearnt = 0.0
+    return bool(doubted)
+
+
+@kernel(inline=True)
+def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
+    """Y₁: position, course and speed of the epoch's fix.
+
+    The white part is scaled with the interval, so that fixes ten times as often add
+    nearly no information.
+
+    Returns:
+        Chi-square of the position under the hypothesis that fits it best.
+    """
+    par = ctx.par[0]
+    state = belief.state[0]
+    fix = epoch.fix
+    interval = epoch.time - state.last_fix
+    if state.mode == CLOCK:
+        interval *= min(1.0, max(state.speed, 0.25))
+    age_receiver(belief, ctx, bias_time(state, par, epoch))
+    if state.vetting.elsewhere == 1:
+        _forget_factor(belief, par, epoch)
+    factor = state.gnss_factor
+    white = math.sqrt(factor) * par.gnss_white_ratio
+    if state.mode == CLOCK:
+        factor, white = observe_white(belief, ctx, epoch, factor, white)
+    update_root(belief, fix, factor, max(interval, 0.0))
+    since = epoch.time - state.last_fix
+    thin = max(1.0, 1.0 / max(interval, 0.01))
+    axes = _axes(fix, white, thin)
+    innovations(belief, ctx, fix, axes)
+    doubted = _learn(belief, ctx, epoch, white)
+    state.moving = 0.0
+    state.since_fix = 0.0
+    state.unmeasured = 0.0
+    state.last_fix = epoch.time
+    _settle(belief, ctx, epoch, axes, doubted, since)
+    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, _REFUTED * par.prune)
+    far = chi2 > 4.0 * par.gnss_gate
+    if par.gnss_lost > 0.0:
+        _search(belief, path, ctx, epoch, white, far)
+    _observe_motion(belief, ctx, epoch, thin)
+    state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
+    if far:
+        state.misfits += 1.0
+    else:
+        state.misfits = 0.0
+    return chi2

@@ -1,0 +1,1 @@
+"""How hypotheses begin, branch, merge and end."""

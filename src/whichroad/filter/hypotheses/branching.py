@@ -1,0 +1,347 @@
+"""Hypotheses branch along the road graph: the paper's switch S_k.
+
+The paper redraws its candidates from scratch within 30 m of every estimate and does
+not define the transition B(i, j).  Here a hypothesis moves along the road graph: it stays
+on its edge with the probability that it has not passed the end, and gives the rest to
+the edges that follow, by turn prior times the mass that lies on them.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ...graph.geometry import project
+from ...graph.network import Roads, onwards
+from ..gaussian import normal_cdf
+from ..road import track
+from ..state import (
+    CAPACITY,
+    GRACE,
+    MX,
+    MY,
+    OFF_ROAD,
+    RARE,
+    RARE_FLOOR,
+    SUCCESSORS,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    Path,
+    X,
+    Y,
+    enter,
+    floor_of,
+    lane_mean,
+    lane_sigma,
+    rescale,
+    spawn,
+)
+from .lane_offset import change_lane, redraw_lane
+
+BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
+REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
+_MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
+LEAST_SHARE = 0.3  # of the pruning floor: weight of what branches
+OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
+_LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
+
+
+@kernel
+def _list_successors(
+    roads: Roads, ctx: Context, edge: int, s: float, sigma: float, least: float
+) -> int:
+    """List the edges on which a vehicle that left `edge` may be.
+
+    Breadth first over the successors; an edge's mass is its turn priors' product times
+    the Gaussian mass of the abscissa on it.
+
+    Args:
+        roads: The network.
+        ctx: Its buffer of successors is filled.
+        edge: The origin.
+        s: Mean abscissa, from the origin's start, m.
+        sigma: Its standard deviation, m.
+        least: Priors below this are not followed.
+
+    Returns:
+        How many.
+    """
+    found = ctx.work.successor
+    count = 0
+    end = roads.edges[edge].length
+    k = -1
+    current = edge
+    prior = 1.0
+    turn = 0.0
+    while True:
+        low = normal_cdf((end - s) / sigma)
+        for t in range(roads.edges[current].first_turn, roads.edges[current].end_turn):
+            p = prior * roads.turns[t].prior
+            if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
+                continue
+            new = found[count]
+            new.edge = roads.turns[t].edge
+            high = normal_cdf((end + roads.edges[new.edge].length - s) / sigma)
+            new.parent = k
+            new.offset = end
+            new.prior = p
+            new.mass = p * (high - low)
+            new.turn = turn + roads.turns[t].angle
+            count += 1
+        k += 1
+        while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
+            k += 1
+        if k >= count:
+            return count
+        current = found[k].edge
+        end = found[k].offset + roads.edges[current].length
+        prior = found[k].prior
+        turn = found[k].turn
+
+
+@kernel
+def _successors(ctx: Context, edge: int, s: float, sigma: float, share: float) -> tuple[int, float]:
+    """Edges that a share of weight may have passed on to, and the mass on them altogether."""
+    prune = ctx.par[0].prune
+    least = min(0.1 * prune / max(share, prune), 0.05)
+    count = _list_successors(ctx.roads, ctx, edge, s, sigma, least)
+    found = ctx.work.successor
+    total = 0.0
+    for d in range(count):
+        total += found[d].mass
+    if total <= 1e-12 and count > 0:  # all mass before the end: the nearest edges take it
+        total = 0.0
+        for d in range(count):
+            found[d].mass = found[d].prior if found[d].parent < 0 else 0.0
+            total += found[d].mass
+    return count, total
+
+
+@kernel
+def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: float) -> int:
+    """Spawn a child of i on successor d, with its share of the weight; returns its row."""
+    parent = belief.hyp[i]
+    found = ctx.work.successor
+    edge = found[d].edge
+    row = spawn(belief, i, share, edge, ctx.roads.edges[edge].first_vertex)
+    child = belief.hyp[row]
+    up = found[d].parent
+    if up >= 0 and parent.path_entry >= 0:  # edges that it crossed within this step
+        chain = 0
+        while up >= 0:
+            chain += 1
+            up = found[up].parent
+        for back in range(chain, 0, -1):
+            up = found[d].parent
+            for _ in range(back - 1):
+                up = found[up].parent
+            child.path_entry = enter(
+                path, found[up].edge, child.path_entry, belief.state[0].time, 0.0
+            )
+    _take_lane(belief, ctx, row, parent.edge, found[d].turn)
+    return row
+
+
+@kernel(inline=True)
+def _take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) -> None:
+    """Redraw the lane of hypothesis i, which has just left an edge with a turn."""
+    hyp = belief.hyp[i]
+    old, new, sigma = lane_mean(ctx, before), lane_mean(ctx, hyp.edge), lane_sigma(ctx, hyp.edge)
+    if belief.state[0].mode == WHEELS:
+        redraw_lane(hyp.mu, hyp.cov, turn, old, new, sigma)
+        return
+    x = hyp.mu[X] + belief.state[0].scale * hyp.mu[MX]
+    y = hyp.mu[Y] + belief.state[0].scale * hyp.mu[MY]
+    _, _, _, tx, ty = project(ctx.roads, before, ctx.roads.edges[before].last_vertex - 1, x, y)
+    change_lane(hyp.mu, hyp.cov, turn, (old, new, sigma), (tx, ty), belief.state[0].scale)
+
+
+@kernel
+def share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshold: float) -> float:
+    """Share of a hypothesis that has passed its edge's end since it was last evaluated.
+
+        1 − Φ((L − s₁)/σ₁) / Φ((L − s₀)/σ₀), at least 0
+
+    with s₀ when last evaluated: a standing car passes nothing on.  0 where
+    that is below the pruning floor, or the table is full.
+    """
+    share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
+    p = hyp.weight
+    enough = share * p >= floor_of(hyp, LEAST_SHARE * ctx.par[0].prune)
+    enough = enough and share >= min(threshold / p, _MOSTLY)
+    return share if enough and belief.state[0].count < CAPACITY else 0.0
+
+
+@kernel(inline=True)
+def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[int, float]:
+    """Move hypothesis i on, as a whole, where its road just runs on beyond a node.
+
+    Nothing is decided there, so that its Gaussian is not cut.
+
+    Args:
+        belief: Its edge and lane are set.
+        path: Edges that it passes are entered.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        s: Its abscissa, m.
+
+    Returns:
+        The edge on which the road runs on from there, -1: none; and the abscissa.
+    """
+    hyp = belief.hyp[i]
+    after = -1
+    if s + REACH * hyp.along_sigma > ctx.roads.edges[hyp.edge].length:
+        after = onwards(ctx.roads, hyp.edge)
+    while after >= 0 and s > ctx.roads.edges[hyp.edge].length:
+        if hyp.new_edge == 1:
+            hyp.path_entry = enter(path, hyp.edge, hyp.path_entry, belief.state[0].time, 0.0)
+        s -= ctx.roads.edges[hyp.edge].length
+        before = hyp.edge
+        hyp.edge = after
+        _take_lane(belief, ctx, i, before, 0.0)
+        hyp.segment = ctx.roads.edges[after].first_vertex
+        hyp.new_edge = 1
+        hyp.p_not_passed = 1.0
+        after = onwards(ctx.roads, after)
+    return after, s
+
+
+@kernel(inline=True)
+def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) -> float:
+    """Give a share of hypothesis i, as it stands, to what follows; returns what was given."""
+    s = belief.hyp[i].along
+    sigma = belief.hyp[i].along_sigma
+    first = int(belief.state[0].count)
+    given = pass_on(belief, path, ctx, i, s, sigma, share, _LEAST_CHILD * ctx.par[0].prune)
+    for row in range(first, belief.state[0].count):
+        child = belief.hyp[row]
+        if child.edge != OFF_ROAD:
+            track(belief, ctx.roads, row)
+            if not belief.state[0].knows_heading:  # it is the road's
+                child.mu[H] = math.atan2(child.tangent[1], child.tangent[0])
+            left = ctx.roads.edges[child.edge].length - (s - child.scratch[OFFSET])
+            child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+    return float(given)
+
+
+@kernel(inline=True)
+def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: float) -> bool:
+    """Give the part of every hypothesis that has passed its edge's end to what follows.
+
+    In reverse the part that passed the start goes to the edges before.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        arc: Distance moved in this step, m; its sign tells the direction.
+        threshold: Weight past an end, or most of the hypothesis, from which on it branches.
+
+    Returns:
+        Whether anything branched.
+    """
+    changed = False
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            continue
+        track(belief, ctx.roads, i)
+        if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
+            changed = _back_up(belief, ctx, i, -arc) or changed
+        length = ctx.roads.edges[hyp.edge].length
+        if hyp.along + REACH * hyp.along_sigma < length:
+            hyp.p_not_passed = 1.0
+            continue
+        now = normal_cdf((length - hyp.along) / hyp.along_sigma)
+        if arc < 0.0:
+            hyp.p_not_passed = now
+            continue
+        if belief.state[0].mode != WHEELS:
+            edge = hyp.edge
+            after, _ = run_on(belief, path, ctx, i, hyp.along)
+            if hyp.edge != edge:
+                changed = True
+                track(belief, ctx.roads, i)
+            length = ctx.roads.edges[hyp.edge].length
+            if after >= 0 or hyp.along + REACH * hyp.along_sigma < length:
+                continue
+            now = normal_cdf((length - hyp.along) / hyp.along_sigma)
+        share = share_beyond(belief, ctx, hyp, now, threshold)
+        if share == 0.0:
+            hyp.p_not_passed = max(hyp.p_not_passed, now)
+            continue
+        changed = True
+        given = _pass_end(belief, path, ctx, i, share)
+        hyp.p_not_passed = now
+        rescale(hyp, 1.0 - given)
+    return changed
+
+
+@kernel(inline=True)
+def pass_on(
+    belief: Belief, path: Path, ctx: Context, i: int, s: float, sigma: float, share: float,
+    least: float,
+) -> float:  # fmt: skip
+    """Spawn children of hypothesis i on the edges that follow.
+
+    Each child's scratch holds the abscissa of its edge's start, from the start of i's edge.
+
+    Args:
+        belief: In place; children are appended.
+        path: The tree of edges entered.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        s: Its abscissa now, beyond its edge's end, m.
+        sigma: m.
+        share: Share of its weight that has left.
+        least: Weight below which there is no child.
+
+    Returns:
+        The share that the children got; what is below the limit, or finds the table full, stays.
+    """
+    hyp = belief.hyp[i]
+    p = hyp.weight
+    count, total = _successors(ctx, hyp.edge, s, sigma, share * p)
+    if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
+        spawn(belief, i, share, OFF_ROAD, hyp.segment)
+        return share
+    given = 0.0
+    for d in range(count):
+        part = share * ctx.work.successor[d].mass / total
+        rare = ctx.work.successor[d].prior < RARE
+        lowest = RARE_FLOOR * least if rare else floor_of(hyp, least)
+        if part * p < lowest or belief.state[0].count >= CAPACITY:
+            continue
+        given += part
+        child = belief.hyp[_spawn_on(belief, path, ctx, i, d, part)]
+        if rare:
+            child.grace = GRACE
+        child.scratch[OFFSET] = ctx.work.successor[d].offset
+    return given
+
+
+@kernel
+def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
+    """Reversing: the hazard of passing the edge's start goes to its predecessors."""
+    hyp = belief.hyp[i]
+    road = ctx.roads.edges[hyp.edge]
+    count = 0
+    for t in range(road.first_predecessor, road.end_predecessor):
+        if ctx.roads.predecessors[t] != road.opposite:
+            count += 1
+    z = hyp.along / hyp.along_sigma
+    density = math.exp(-0.5 * z**2) * 0.3989422804014327 / hyp.along_sigma
+    share = min(arc * density / max(normal_cdf(z), 0.02), 0.9)
+    if count == 0 or share * hyp.weight < LEAST_SHARE * ctx.par[0].prune:
+        return False
+    given = 0.0
+    for t in range(road.first_predecessor, road.end_predecessor):
+        before = ctx.roads.predecessors[t]
+        if before == road.opposite or belief.state[0].count >= CAPACITY:
+            continue
+        given += share / count
+        last = ctx.roads.edges[before].last_vertex - 1
+        child = spawn(belief, i, share / count, before, last)
+        belief.hyp[child].p_not_passed = 1.0
+    rescale(hyp, 1.0 - given)
+    return True

@@ -1,0 +1,67 @@
+"""The lane offset where a road is left for another one."""
+
+import math
+
+from ..._compile import Matrix, Vector, kernel
+from ..motion import decay
+from ..state import D, N, X, Y
+
+
+@kernel
+def change_lane(
+    mean: Vector, cov: Matrix, turn: float, lanes: tuple[float, float, float],
+    tangent: tuple[float, float], scale: float,
+) -> None:  # fmt: skip
+    """`redraw_lane`, by which the vehicle itself moves across its road.
+
+    For vehicles that follow their road: their place across it is where the lane is, and not
+    observed.  Else a change of lanes would count against the road that has it.
+
+        p⁺ = p + n (d⁺ − d),    n to the right
+
+    Args:
+        mean: State, (N,), in place.
+        cov: Covariance, (N, N), in place.
+        turn: rad.
+        lanes: Usual lane offset before and after, m, and its sigma after.
+        tangent: Of the road before.
+        scale: Local scale of the plane.
+    """
+    old, new, sigma = lanes
+    nx = tangent[1]
+    ny = -tangent[0]
+    kept = max(math.cos(turn), 0.0)
+    before = mean[D]
+    if kept < 1.0:
+        share = kept - 1.0
+        for j in range(N):
+            cov[X, j] += share * nx * cov[D, j]
+            cov[Y, j] += share * ny * cov[D, j]
+        for j in range(N):
+            cov[j, X] += share * nx * cov[j, D]
+            cov[j, Y] += share * ny * cov[j, D]
+    redraw_lane(mean, cov, turn, old, new, sigma)
+    added = (1.0 - kept * kept) * sigma * sigma
+    cov[X, X] += added * nx * nx
+    cov[Y, Y] += added * ny * ny
+    cov[X, Y] += added * nx * ny
+    cov[Y, X] = cov[X, Y]
+    cov[X, D] += added * nx
+    cov[Y, D] += added * ny
+    cov[D, X] = cov[X, D]
+    cov[D, Y] = cov[Y, D]
+    mean[X] += scale * nx * (mean[D] - before)
+    mean[Y] += scale * ny * (mean[D] - before)
+
+
+@kernel
+def redraw_lane(
+    mean: Vector, cov: Matrix, turn: float, old: float, new: float, sigma: float
+) -> None:
+    """Redraw part of the lane offset when turning into another road.
+
+    d⁺ = d̄' + c (d − d̄), variance + σ² (1 − c²), with c = max(cos turn, 0).
+    """
+    c = max(math.cos(turn), 0.0)
+    mean[D] += new - old
+    decay(mean, cov, D, new, c, sigma * sigma)

@@ -1,0 +1,1 @@
+"""What later observations tell of before: history, smoothing, the path driven."""

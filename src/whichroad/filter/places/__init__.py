@@ -1,0 +1,1 @@
+"""Point objects, as hypotheses see them."""

@@ -1,0 +1,72 @@
+"""Records: an epoch, what a drive shows of the error of the map, an epoch's ranked edges."""
+
+from typing import Annotated
+
+import numpy as np
+
+from .._compile import Array, Records
+from ..graph.network import records
+
+EPOCH = np.dtype(  # what the sensors said at one moment, and since the one before
+    [
+        ("time", "f8"),  # s
+        # odometry, pre-integrated since the epoch before, in M's frame at that epoch
+        ("arc", "f8"),  # odometer metres
+        ("turn", "f8"),  # rad
+        ("forward", "f8"),  # m
+        ("left", "f8"),  # m
+        # GNSS
+        ("fix", "f8", (5,)),  # x, y (plane), sigma_major, sigma_minor (m), heading of major (rad)
+        ("speed", "f8"),  # m/s
+        ("speed_sigma", "f8"),  # inf: not reported
+        ("course", "f8"),  # heading over ground, rad
+        ("course_sigma", "f8"),  # inf: not reported
+        ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
+        ("has_fix", "u1"),
+        ("gyro", "u1"),  # what measures the turn: BY_WHEELS ... UNTURNED of `vetting.windows`
+        ("evidence", "u1"),  # rows of `Work.evidence`, of further sensors
+        ("first_evidence", "i4"),  # the first of them
+    ],
+    align=True,
+)
+
+MAP_ERROR = np.dtype(  # what a drive has shown of the map's error, see `filter.map_error`
+    [
+        ("factor", "f8"),  # variance of the map's error about its mean, over map_sigma²
+        ("local", "f8"),  # of it, what is not the uncertainty of that mean
+        ("prior", "f8"),  # of the hypotheses' own, before any road was seen
+        ("whole", "f8", (2,)),  # mean of the map's error: how far the map is off as a whole, m
+        ("energy", "f8", (2,)),  # what roads have told of its size: seen, and known
+        ("information", "f8", (3,)),  # what they have told of its mean: xx, xy, yy, 1/m²,
+        ("towards", "f8", (2,)),  # and that times the mean, 1/m
+        ("moments", "f8", (3,)),  # over the way: lengths, and lengths times the error, m
+        ("offset", "f8", (4,)),  # how far fixes are off from roads: lengths, square, and mean
+    ],
+    align=True,
+)
+
+ALTERNATIVES = 6  # ranked edges
+
+RANKING = np.dtype(  # ranked edges; they hold for as long as no weight changes
+    [
+        ("known", "u1"),  # 1: it is that of the weights as they are
+        ("unknown", "f8"),  # P of what no hypothesis knows, by which it was made
+        ("edge", "i4", (ALTERNATIVES,)),  # the most probable edges, in order
+        ("p", "f4", (ALTERNATIVES,)),
+        ("row", "i4", (ALTERNATIVES,)),  # the hypothesis of the largest weight on each
+        ("chosen", "i4"),  # the edge that is told: the most probable one
+        ("best", "i4"),  # the heaviest hypothesis on it, -1: none
+        ("p_chosen", "f8"),  # of all hypotheses on it, where all of P is known
+        ("facing", "f8"),  # P of its opposite direction
+        ("chain", "i8"),  # ranked edges of its way, as bits; 0: it is alone
+        ("p_chain", "f8"),  # of these
+    ],
+    align=True,
+)
+
+Epochs = Annotated[Records, Array(EPOCH, 1)]  # of a drive
+
+
+def new_epochs(n: int) -> Epochs:
+    """Empty epochs, (n,) EPOCH."""
+    return records(n, EPOCH)

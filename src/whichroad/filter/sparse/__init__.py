@@ -1,0 +1,1 @@
+"""Fixes far apart: routes between them."""

@@ -1,0 +1,197 @@
+"""Route candidates between sparse fixes: the speed's model, and what is searched for."""
+
+import math
+from typing import NamedTuple
+
+from ..._compile import Record, kernel
+from ...graph.index import closest
+from ...graph.network import Roads
+from ...graph.route_search import Query
+from ..gnss.inflation import bias_time
+from ..map_error import map_variance
+from ..road import track
+from ..state import GX, GY, MX, MY, Belief, Context, K, X, Y, heaviest
+
+SPEED_SIGMA = 5.0  # m/s, of a vehicle's speed about the usual one of the roads
+
+_SPEED_TIME = 22.0  # s, correlation time of the speed
+USUAL_SHARE = 0.7  # average over the usual speed, stops included
+_TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
+_SLOW_TAIL = 2.0  # and where it is shorter than expected
+
+EXCESS_SPEED = 1.3  # possible speed over the usual one
+_EXCESS = 10.0  # m, likely excess of a route over the shortest one,
+_EXCESS_RATE = 1.8  # m/s, its growth with time,
+_MAX_EXCESS = 120.0  # m, and the limit of that growth
+_U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one-way
+SPAN = 4.0  # sigmas within which roads and distances are considered
+_REACH = 100.0  # m, added to the longest route
+_LABELS = 3000  # of one search
+
+_AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
+_SLACK = 4.0  # nats that a route may cost more than the cheapest one of its hypothesis
+
+
+class SpeedProcess(NamedTuple):
+    """An Ornstein-Uhlenbeck speed about the usual one, over some seconds."""
+
+    keep: float  # share of the old speed's deviation that is kept
+    distance_by_speed: float  # derivative of the distance by the old speed, s
+    variance: float  # of the distance, m²
+    cross: float  # its covariance with the new speed, m²/s
+
+
+class SparseFix(NamedTuple):
+    """A sparse fix, and the roads near it."""
+
+    x: float  # m, plane
+    y: float
+    map_x: float  # the same in the map's frame by the heaviest hypothesis, m, plane
+    map_y: float
+    sigma: float  # of the fix and the map together, m
+    radius: float  # in which roads are candidates, m
+    jitter: float  # sigma of the change of the fix's error since the last fix, m
+    bias_keep: float  # share of the GNSS bias that is kept since the last fix
+    dt: float  # s since the last epoch
+    process: SpeedProcess
+    found: int  # candidates, in `work.near`
+
+
+class Departure(NamedTuple):
+    """Where a hypothesis starts, and how it moves."""
+
+    s: float  # abscissa, m
+    rate: float  # speed, m/s
+    variance: float  # of the abscissa after the transition, m²
+    straight: float  # straight distance to the fix, m
+
+
+@kernel
+def speed_process(dt: float) -> SpeedProcess:
+    """Moments of the speed and the distance after dt seconds."""
+    keep = math.exp(-dt / _SPEED_TIME)
+    by_speed = _SPEED_TIME * (1.0 - keep)
+    v = SPEED_SIGMA * SPEED_SIGMA
+    variance = v * _SPEED_TIME**2 * (2.0 * dt / _SPEED_TIME - 3.0 + 4.0 * keep - keep * keep)
+    cross = v * _SPEED_TIME * (1.0 - keep) ** 2
+    return SpeedProcess(keep, by_speed, max(variance, 0.0), cross)
+
+
+@kernel
+def heavy_tail(variance: float, off: float, sigma: float) -> float:
+    """Variance of a distance that is `off` longer than expected: vehicles stop, or drive faster.
+
+    What the fix's own sigma explains is not counted.
+    """
+    beyond = max(abs(off) - 2.0 * sigma, 0.0)
+    return max(variance, (_TAIL if off > 0.0 else _SLOW_TAIL) * beyond * beyond)
+
+
+@kernel
+def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
+    """Average speed on a route of so many metres and seconds, m/s; of an edge without a route."""
+    if time > 0.5 and length > 1.0:
+        return USUAL_SHARE * length / time
+    return USUAL_SHARE * float(roads.edges[edge].speed)
+
+
+@kernel
+def variance_along(hyp: Record, tx: float, ty: float, process: SpeedProcess) -> float:
+    """Variance of the abscissa after the transition, m²."""
+    cov = hyp.cov
+    old = process.distance_by_speed
+    cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+    return float(
+        max(hyp.along_sigma**2 + old * (2.0 * cross + old * cov[K, K]) + process.variance, 1.0)
+    )
+
+
+@kernel(inline=True)
+def on_map(hyp: Record, state: Record, x: float, y: float, bias_keep: float) -> tuple[float, float]:
+    """A fix (m, plane) in the map's frame, less the GNSS bias of a hypothesis."""
+    mean = hyp.mu
+    root = state.bias_root
+    return (
+        x + state.scale * (mean[MX] - bias_keep * (root[0] * mean[GX] + root[1] * mean[GY])),
+        y + state.scale * (mean[MY] - bias_keep * (root[1] * mean[GX] + root[2] * mean[GY])),
+    )
+
+
+@kernel(inline=True)
+def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> SparseFix:
+    """Find the roads near a fix, into `work.near`."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    fix = epoch.fix
+    keep = math.exp(-dt / bias_time(state, par, epoch))
+    x, y = on_map(belief.hyp[heaviest(belief)], state, fix[0], fix[1], keep)
+    ratio = par.gnss_white_ratio**2
+    factor = state.gnss_factor * (1.0 + ratio)
+    sigma = math.sqrt(factor * fix[2] ** 2 + map_variance(state, par))
+    white = max(state.white_factor, state.gnss_factor * ratio)
+    jitter = math.sqrt(white + state.gnss_factor * (1.0 - keep * keep)) * fix[2]
+    radius = SPAN * sigma + 3.0
+    found = closest(ctx.roads, x, y, radius, ctx.work.near)
+    return SparseFix(
+        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, speed_process(dt), found
+    )
+
+
+@kernel(inline=True)
+def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
+    """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer."""
+    dt = fix.dt
+    process = fix.process
+    if hyp.origin.waits == 2:
+        dt += hyp.origin.ignored - hyp.origin.since
+        process = speed_process(dt)
+    return SparseFix(
+        fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
+        process, fix.found,
+    )  # fmt: skip
+
+
+@kernel
+def u_turn_cost(roads: Roads, edge: int) -> float:
+    """Cost of turning round on an edge, nats."""
+    other = roads.edges[edge].opposite
+    if other < 0:
+        return math.inf
+    return 2.0 * _U_TURN if roads.edges[other].rule else _U_TURN
+
+
+@kernel(inline=True)
+def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Departure:
+    """Where hypothesis i starts; its segment and abscissa are brought up to date."""
+    track(belief, roads, i)
+    hyp = belief.hyp[i]
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    s = min(max(hyp.along, 0.0), roads.edges[hyp.edge].length)
+    variance = variance_along(hyp, tx, ty, fix.process)
+    straight = math.hypot(hyp.mu[X] - fix.map_x, hyp.mu[Y] - fix.map_y) / belief.state[0].scale
+    return Departure(s, hyp.mu[K], variance, straight)
+
+
+@kernel(inline=True)
+def per_metre_of(dt: float) -> float:
+    """What a metre of a detour costs that was driven in dt seconds, nats."""
+    return 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _MAX_EXCESS))
+
+
+@kernel(inline=True)
+def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
+    """Costs and limits of the search from one hypothesis."""
+    sigma = fix.sigma
+    old = fix.process.distance_by_speed
+    per_metre = per_metre_of(fix.dt)
+    beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
+    speed = float(ctx.roads.edges[hyp.edge].speed)
+    reach = old * start.rate + EXCESS_SPEED * speed * (fix.dt - old)
+    longest = max(reach + SPAN * math.sqrt(start.variance), 1.5 * start.straight) + _REACH
+    floor = hyp.log_weight - 0.5 * math.log(start.variance + sigma * sigma) - beside
+    best = ctx.work.search.run[0].best_score
+    return Query(
+        fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
+        longest, floor + per_metre * start.straight - best + _AHEAD, _SLACK, _LABELS,
+        bool(hyp.origin.waits == 2),
+    )  # fmt: skip

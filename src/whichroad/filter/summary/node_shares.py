@@ -1,0 +1,67 @@
+"""P(edge) about nodes where a road just runs on, for estimates.
+
+There hypotheses move on as a whole (`branching.run_on`), and lie on both sides of the node.
+"""
+
+import math
+
+from ..._compile import kernel
+from ...graph.network import backwards, onwards
+from .._simd import copy_record
+from ..gaussian import normal_cdf
+from ..hypotheses.branching import REACH
+from ..road import track
+from ..state import CAPACITY, OFF_ROAD, Belief, Context
+
+_ORIGIN = 4  # scratch of a part beyond a node: the row of its hypothesis
+_LIGHTEST = 1e-4  # weight of a hypothesis that is shared out beyond a node
+
+
+@kernel(inline=True)
+def share_out(belief: Belief, ctx: Context) -> None:
+    """Append, of hypotheses about a node where their road just runs on, the part beyond it.
+
+    They are moved on as a whole (`branching.run_on`); P(edge) is that of each side.
+    """
+    state = belief.state[0]
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD or hyp.weight < _LIGHTEST:
+            continue
+        after = onwards(ctx.roads, hyp.edge)
+        before = backwards(ctx.roads, hyp.edge)
+        if after < 0 and before < 0:
+            continue
+        track(belief, ctx.roads, i)
+        s, sigma = hyp.along, hyp.along_sigma
+        left = ctx.roads.edges[hyp.edge].length - s
+        weight = hyp.weight
+        if left < REACH * sigma:
+            _append_part(belief, ctx, i, after, weight * normal_cdf(-left / sigma))
+        if s < REACH * sigma:
+            _append_part(belief, ctx, i, before, weight * normal_cdf(-s / sigma))
+
+
+@kernel
+def _append_part(belief: Belief, ctx: Context, i: int, edge: int, part: float) -> None:
+    """Append a part of hypothesis i on an edge (-1: none) beyond a node, and take it from i."""
+    state = belief.state[0]
+    if edge < 0 or state.count >= CAPACITY:
+        return
+    hyp = belief.hyp[state.count]
+    copy_record(hyp, belief.hyp[i])
+    hyp.edge = edge
+    hyp.segment = ctx.roads.edges[edge].first_vertex
+    hyp.weight = part
+    hyp.log_weight = math.log(max(part, 1e-300))
+    hyp.scratch[_ORIGIN] = i
+    belief.hyp[i].weight -= part
+    state.count += 1
+
+
+@kernel
+def take_back(belief: Belief, count: int) -> None:
+    """Undo `share_out`, before which there were `count` hypotheses."""
+    for i in range(count, belief.state[0].count):
+        belief.hyp[int(belief.hyp[i].scratch[_ORIGIN])].weight += belief.hyp[i].weight
+    belief.state[0].count = count

@@ -1,0 +1,248 @@
+"""Distances and turns by each source of motion beside each other: who disagrees with the others."""
+
+import math
+from typing import NamedTuple
+
+from ..._compile import Record, kernel
+from ...graph.geometry import wrap
+from .motion_sources import ARC, COURSE, SPEED, TURN
+from .windows import (
+    CLOCK,
+    WHEELS,
+    Courses,
+    Seen,
+    between,
+    far_enough,
+    needed,
+    turn_of_places,
+)
+
+_LONGEST = 15.0  # s
+_TURNED, _OPPOSITE = 2.0, 0.4  # rad², and share of it: turns of the other sign
+_LONGER = 2.0  # times as long as legs must be, of the longer pair of them
+_DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
+_MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
+_MOST, _LEAST = 6.0, -3.0  # of a score
+_TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are used
+_ALIKE = 0.3  # rad, within which two turns are alike
+_STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
+_STANDS = 0.1  # m/s by the odometer
+_RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
+
+
+@kernel
+def _differ(a: float, b: float, sigma: float) -> int:
+    """Whether two distances agree (−1), or do not (1), or nothing can be said (0)."""
+    larger = max(a, b)
+    apart = abs(a - b)
+    if apart > 4.0 * sigma + 0.2 * larger:
+        return 1
+    if apart < 2.0 * sigma + 0.12 * larger:
+        return -1
+    return 0
+
+
+@kernel
+def _score(vetting: Record, source: int, seconds: float) -> None:
+    """Count seconds of disagreement, or, negative, of agreement."""
+    vetting.score[source] = min(max(vetting.score[source] + seconds, _LEAST), _MOST)
+
+
+@kernel
+def _blame_one(vetting: Record, by_odometer: int, by_speed: int, both: int, since: float) -> None:
+    """Of fixes, odometer and receiver's speed the one that differs from both others loses.
+
+    Args:
+        vetting: In place.
+        by_odometer: Whether fixes and odometer differ, see `_differ`.
+        by_speed: Whether fixes and the receiver's speed do.
+        both: Whether the odometer and the receiver's speed do.
+        since: s since they were compared last.
+    """
+    if both <= 0:
+        return
+    if by_odometer > 0 and by_speed <= 0:
+        _score(vetting, ARC, since)
+    elif by_speed > 0 and by_odometer <= 0:
+        _score(vetting, SPEED, since)
+    elif by_odometer > 0:
+        _score(vetting, ARC, 0.5 * since)
+        _score(vetting, SPEED, 0.5 * since)
+
+
+@kernel
+def weigh_distances(
+    vetting: Record, sensors: int, seen: Seen, turn: float, since: float
+) -> None:  # fmt: skip
+    """Distance by fixes, odometer and receiver's speed: who disagrees with the others."""
+    now = vetting.windows.now.time
+    bent = min(abs(turn), 2.0)
+    longer = 1.0 + bent * bent / 24.0 + bent**4 / 1000.0  # way over chord, on an arc
+    fixes = seen.fixes * longer
+    odometer = seen.odometer * longer if sensors == WHEELS else seen.odometer
+    reported = seen.speeds
+    rolls = sensors != CLOCK and seen.odometry
+    precise = 0.3 * math.sqrt(seen.seconds) + 0.5
+    vetting.pace = -1.0
+    if reported and vetting.refused[SPEED] == 0:
+        vetting.pace = seen.receiver / seen.seconds
+    elif seen.fixes > 3.0 * seen.sigma:
+        vetting.pace = fixes / seen.seconds
+    if max(fixes, max(odometer if rolls else 0.0, seen.receiver if reported else 0.0)) < (
+        5.0 * seen.sigma + 2.0
+    ):
+        # it stands by all of them; and did so from a sudden stop on
+        if rolls and now - vetting.impossible_at < _STOPPED:
+            vetting.rolled = math.inf
+        return
+    by_odometer = _differ(fixes, odometer, seen.sigma) if rolls else 0
+    by_speed = _differ(fixes, seen.receiver, seen.sigma) if reported else 0
+    both = _differ(odometer, seen.receiver, precise) if rolls and reported else 0
+    if sensors == WHEELS and by_odometer > 0 and _differ(fixes, abs(seen.arc), seen.sigma) <= 0:
+        by_odometer = 0  # its turns are wrong, and not its distance
+    if by_odometer > 0 and by_speed > 0 and both < 0:
+        vetting.windows.jumped_at = now  # the positions differ from both others, which agree
+    stands = rolls and odometer < _STANDS * seen.seconds
+    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds
+    if rolls and reported:
+        _blame_one(vetting, by_odometer, by_speed, both, since)
+    elif reported and by_speed > 0:
+        _score(vetting, SPEED, since)
+    elif vetting.runs == 1:
+        _score(vetting, ARC, since)
+    if by_odometer < 0 or both < 0:
+        _score(vetting, ARC, -since)
+    if by_speed < 0 or both < 0:
+        _score(vetting, SPEED, -since)
+
+
+@kernel
+def _bear_out(vetting: Record, course: float) -> None:
+    """A course that agrees has turned since the first one that did."""
+    if vetting.agreed == math.inf:
+        vetting.agreed = course
+    elif abs(wrap(course - vetting.agreed)) > _TURNS_ALONG:
+        vetting.borne_out = 1
+
+
+@kernel
+def weigh_courses(
+    vetting: Record, courses: Courses, seen: Seen, steered: bool, since: float
+) -> float:
+    """Courses against the direction of the fixes; returns the turn by those believed, rad.
+
+    Where a course that has agreed for long suddenly does not, but turns as the odometry does,
+    it is the positions that have jumped.
+
+    Args:
+        vetting: In place.
+        courses: Between two anchors.
+        seen: Motion between the two.
+        steered: Whether the odometry's turns are measured, and believed.
+        since: s since they were compared last.
+    """
+    if not courses.reported:
+        return 0.0
+    course, turn = courses.mean, courses.turn
+    wide = 3.0 * seen.sigma / max(seen.fixes, 1e-3)
+    if seen.fixes >= needed(seen.sigma) and abs(turn) < 1.5:
+        off = abs(wrap(seen.heading - course))
+        alike = steered and abs(wrap(turn - seen.turn)) < _ALIKE
+        if off > 0.6 + wide and alike and vetting.score[COURSE] <= _LEAST:
+            vetting.windows.jumped_at = vetting.windows.now.time
+        elif off > 0.6 + wide:
+            vetting.offs[0] += math.cos(seen.heading - course)
+            vetting.offs[1] += math.sin(seen.heading - course)
+            vetting.reported[COURSE] += 1.0
+            vetting.seen[COURSE] += abs(wrap(turn))
+            _score(vetting, COURSE, since if off < 1.2 else 2.0 * since)
+        elif off < 0.3 + 0.5 * wide:
+            _score(vetting, COURSE, -since)
+            _bear_out(vetting, course)
+    return turn if vetting.refused[COURSE] == 0 else 0.0
+
+
+class Turned(NamedTuple):
+    """A turn by odometry beside that of others."""
+
+    reckoned: float  # rad, by odometry
+    others: float  # rad
+    arc: float  # m over which it was driven
+    unsure: float  # rad; negative: nothing can be said
+
+
+@kernel
+def _turn_by_fixes(windows: Record, last: int, scale: float, times: float) -> Turned:
+    """The turn between two legs that end at an anchor, so many times as long as they must be."""
+    middle = far_enough(windows, last, scale, _LONGEST, times)
+    earlier = far_enough(windows, middle, scale, _LONGEST, times) if middle >= 0 else -1
+    if earlier < 0:
+        return Turned(0.0, 0.0, 0.0, -1.0)
+    before = between(windows, earlier, middle, scale)
+    seen = between(windows, middle, last, scale)
+    narrow = min(before.fixes, seen.fixes)
+    least = max(before.sigma, seen.sigma)
+    same = _differ(before.fixes, before.odometer, least) <= 0
+    same = same and _differ(seen.fixes, seen.odometer, least) <= 0
+    odometry = before.odometry and seen.odometry
+    if narrow < times * needed(least) or not odometry or not same:
+        return Turned(0.0, 0.0, 0.0, -1.0)
+    others, reckoned = turn_of_places(windows, earlier, middle, last)
+    return Turned(reckoned, others, 0.5 * (before.arc + seen.arc), 2.0 * least / narrow)
+
+
+@kernel
+def weigh_turns(
+    vetting: Record, courses: Courses, seen: Seen, last: int, scale: float, since: float
+) -> None:
+    """Turns by odometry against those of fixes, or of courses where they are reported."""
+    windows = vetting.windows
+    if courses.reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
+        _weigh_turn(vetting, Turned(seen.turn, wrap(courses.turn), seen.arc, 0.1), since)
+        return
+    short = _turn_by_fixes(windows, last, scale, 1.0)
+    long = _turn_by_fixes(windows, last, scale, _LONGER)
+    if long.unsure > 0.0 and (
+        short.unsure < 0.0 or _significance(vetting, long) > _significance(vetting, short)
+    ):
+        _weigh_turn(vetting, long, since)
+    elif short.unsure > 0.0:
+        _weigh_turn(vetting, short, since)
+
+
+@kernel
+def _off(vetting: Record, turned: Turned) -> float:
+    """Turn by others less that by odometry, less the drift that is known, rad."""
+    return float(wrap(turned.others - turned.reckoned - vetting.drift * turned.arc))
+
+
+@kernel
+def _significance(vetting: Record, turned: Turned) -> float:
+    """By how many times the least that counts two turns differ."""
+    return abs(_off(vetting, turned)) / (_DIFFERS + 2.0 * turned.unsure)
+
+
+@kernel
+def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
+    """Count one comparison for or against the odometry's turns."""
+    turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
+    vetting.reported[TURN] += turn * turn
+    vetting.seen[TURN] += turn * turned.others
+    squares = vetting.reported[TURN]
+    if squares > _TURNED and vetting.seen[TURN] < -_OPPOSITE * squares:
+        vetting.score[TURN] = _MOST  # all turns together go the other way
+        vetting.wavers = 1
+    off = abs(_off(vetting, turned))
+    if off > _DIFFERS + 2.0 * unsure and abs(arc) > 1.0:
+        vetting.wavers = 1
+    if off > 1.0 + 3.0 * unsure:
+        _score(vetting, TURN, 3.0 * since)
+    elif off > 0.5 + 2.0 * unsure:
+        _score(vetting, TURN, since)
+    elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
+        _score(vetting, TURN, -2.0 * since)
+        vetting.turned = 1
+        vetting.untried = 0
+    if vetting.refused[TURN] == 1 and abs(arc) > 1.0:  # it may be that one wheel is larger
+        vetting.drift += min(0.1 * since, 0.5) * (_off(vetting, turned) / arc)
+        vetting.drift = min(max(vetting.drift, -_MOST_DRIFT), _MOST_DRIFT)

@@ -1,0 +1,142 @@
+"""What is kept of each source of motion while it is vetted, see `filter.vetting.vet`."""
+
+import math
+
+import numpy as np
+
+from ..._compile import Record, kernel
+from .windows import WINDOWS
+
+ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
+SOURCES = 4
+NONE, TURNS, ANYTHING = range(3)  # what an epoch has refused anew
+
+SAMPLE = np.dtype(
+    [
+        ("time", "f8"),  # since the last sample, s,
+        ("amount", "f8"),  # and what was measured since
+        ("rate", "f8"),  # of the last sample, 1/s
+        ("change", "f8"),  # from the one before, 1/s
+        ("jitter", "f8"),  # by how much such changes usually differ, 1/s
+        ("lasted", "f8"),  # s, of the last sample
+        ("count", "i8"),  # of samples without a pause, 2 at most
+    ],
+    align=True,
+)
+
+VETTING = np.dtype(
+    [
+        ("windows", WINDOWS),
+        ("begun", "u1"),  # 1: an epoch was seen
+        ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
+        ("refused", "u1", (SOURCES,)),  # 1: not believed
+        ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
+        ("turned", "u1"),  # 1: so has the odometry
+        ("steered", "u1"),  # what has measured the turns lately: BY_WHEELS or BY_GYRO
+        ("untried", "u1"),  # 1: a fix fitted nothing in a first turn, or soon after a return
+        ("returned_at", "f8"),  # s, when odometry was last believed again
+        ("runs", "u1"),  # 1: fixes run on beside odometry that stands
+        ("bend", "f8"),  # rad by which it has turned in the last seconds
+        ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
+        ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
+        ("speed_sample", SAMPLE),  # at the odometer's distance, m
+        ("turn_sample", SAMPLE),  # at its turns, rad
+        ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
+        ("forked_at", "f8"),  # when a fix last fitted nothing, s,
+        ("undecided_at", "f8"),  # and when the first one of such fixes did
+        ("moved", "u1"),  # 1: the position was loosened at this epoch's fix
+        ("impossible_at", "f8"),  # when the odometry last was what no car can do, s
+        ("rolled", "f8"),  # m it has measured since
+        ("relapses", "i8"),  # times that it was impossible again, soon after it was believed
+        ("silent", "f8"),  # s for which odometry was not measured,
+        ("missed", "u1"),  # 1: for so long that a fix moved the vehicle on to time alone
+        ("sound", "f8"),  # m/s by the odometer when last believed
+        ("pace", "f8"),  # m/s of the vehicle by the other sources; negative: unknown
+        ("seconds", "f8", (SOURCES + 1,)),  # s for which each was withheld, and what is impossible
+        ("since", "f8", (SOURCES + 1,)),  # s, when that began first; infinite: never
+        ("reported", "f8", (SOURCES,)),  # while it was: what it said, m or rad² (turns squared),
+        ("seen", "f8", (SOURCES,)),  # and what the others did, m or rad² (both multiplied)
+        ("offs", "f8", (2,)),  # courses less directions of fixes: sums of cosine and sine
+        ("news", "u1"),  # with this epoch was refused: NONE, TURNS that had agreed, ANYTHING
+        ("drift", "f8"),  # rad/m that the odometry's turns are short of, as learnt
+        ("wavers", "u1"),  # 1: with this epoch turns may be wrong
+        ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
+        ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
+    ],
+    align=True,
+)
+
+REPORTS = np.dtype(
+    [
+        ("speed", "f8", (3,)),  # reported by the receiver, m/s, when, s, and its change, m/s²
+        ("course", "f8", (3,)),  # rad, s, rad/s
+        ("place", "f8", (4,)),  # of a fix about a second ago: x, y (plane), when, s, course, rad
+        ("latency", "f8", (2,)),  # of courses, moments: s times rad²/s², and rad²/s²
+    ],
+    align=True,
+)
+
+STILL = np.dtype(
+    [
+        ("near", "f8", (2,)),  # fixes, low-pass filtered, plane
+        ("far", "f8", (2,)),  # the same of these
+        ("at", "f8", (2,)),  # where the vehicle came to stand
+        ("time", "f8"),  # of the last fix, s
+        ("age", "f8"),  # s of fixes that are in it; negative: none
+        ("stands", "u1"),  # 1: the fixes stay where they are
+    ],
+    align=True,
+)
+
+_REST = 2.0  # s without anything impossible,
+_ROLLED = 10.0  # and m, after which odometry is believed again; twice as many after a relapse
+_MOST_RELAPSES = 8
+_SOUND_WAY = 2000.0  # m, after which relapses are forgotten
+
+
+@kernel
+def clear(vetting: Record) -> None:
+    """Begin: nothing was seen, and everything is believed."""
+    vetting.rolled = _ROLLED
+    vetting.impossible_at = -math.inf
+    vetting.pace = -1.0
+    vetting.forked_at = -math.inf
+    vetting.undecided_at = -math.inf
+    vetting.speed_sample.jitter = 0.3
+    vetting.turn_sample.jitter = 0.1
+    vetting.suspect_at = -math.inf
+    vetting.since[:] = math.inf
+    vetting.agreed = math.inf
+    vetting.returned_at = -math.inf
+    vetting.windows.jitter = 2.0
+    vetting.windows.jumped_at = -math.inf
+    vetting.windows.speed_time = -math.inf
+    vetting.windows.now.odometry = 1
+
+
+@kernel
+def is_possible(vetting: Record) -> bool:
+    """Whether the odometry has been what cars can do for long enough."""
+    rested = vetting.windows.now.time - vetting.impossible_at >= _REST
+    return bool(rested and vetting.rolled >= _ROLLED * (1 << vetting.relapses))
+
+
+@kernel
+def is_borne_out(vetting: Record) -> bool:
+    """Whether courses were seen to turn with the motion, or fixes are too sparse to show it.
+
+    A course that is always 0 fits where the vehicle drives north, too.
+    """
+    windows = vetting.windows
+    alone = windows.count <= 1 and windows.jumped_at < windows.now.time
+    return bool(vetting.borne_out == 1 or alone)
+
+
+@kernel
+def blame(vetting: Record, time: float) -> None:
+    """Odometry did what no car can do."""
+    if is_possible(vetting):
+        again = vetting.rolled < _SOUND_WAY and vetting.impossible_at > -math.inf
+        vetting.relapses = min(vetting.relapses + 1, _MOST_RELAPSES) if again else 0
+    vetting.impossible_at = time
+    vetting.rolled = 0.0

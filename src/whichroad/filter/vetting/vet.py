@@ -1,0 +1,152 @@
+"""Which sensors are believed: each is held against all others, and against what cars can do.
+
+A reading that no car can make is not believed at once.  A source of motion that disagrees with
+the others for some seconds is not believed until it agrees again; where two stand against each
+other, the one that physics, persistence and a third source speak for is kept.  What is not
+believed is withheld from the filter, which then moves the vehicle by what is left: by distance
+alone, or by time.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from .agreement import weigh_courses, weigh_distances, weigh_turns
+from .motion_sources import (
+    ANYTHING,
+    ARC,
+    COURSE,
+    NONE,
+    SOURCES,
+    SPEED,
+    TURN,
+    TURNS,
+    is_possible,
+)
+from .plausibility import check_odometry, is_odd
+from .windows import (
+    ANCHORS,
+    CLOCK,
+    DISTANCE,
+    UNTURNED,
+    WHEELS,
+    Seen,
+    add_fix,
+    advance,
+    between,
+    course_between,
+    far_enough,
+)
+
+_WINDOW = 4.0  # s, of what does not move
+_SILENT = 1.5  # s of silence, from which on a fix tells the motion better than that before it
+_REFUSED, _BELIEVED = 3.0, -3.0  # scores from which on a source is not believed, and again is
+
+
+@kernel
+def mode_of(vetting: Record, sensors: int) -> int:
+    """What moves the vehicle: of the sensors there are (WHEELS, DISTANCE, CLOCK) those believed."""
+    if (
+        sensors == CLOCK
+        or vetting.missed == 1
+        or vetting.refused[ARC] == 1
+        or not is_possible(vetting)
+    ):
+        return CLOCK
+    if sensors == WHEELS and vetting.refused[TURN] == 1:
+        return DISTANCE
+    return sensors
+
+
+@kernel
+def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -> None:
+    """Take an epoch, and decide which sources of motion are believed.
+
+    Args:
+        vetting: In place.
+        epoch: What the sensors measured.
+        dt: Since the epoch before, s.
+        sensors: What there is: WHEELS, DISTANCE or CLOCK.
+        scale: Plane metres per true metre.
+    """
+    windows = vetting.windows
+    vetting.news = NONE
+    vetting.elsewhere = 0
+    vetting.wavers = 0
+    vetting.runs = 0
+    measured = sensors != CLOCK and epoch.odometry_valid != 0
+    if sensors != CLOCK:
+        vetting.silent = 0.0 if measured else vetting.silent + dt
+        if measured:
+            vetting.missed = 0
+        elif epoch.has_fix and vetting.silent > _SILENT:
+            vetting.missed = 1
+        advance(windows, epoch, dt, measured and epoch.gyro != UNTURNED)
+        if measured and dt > 0.0:
+            check_odometry(vetting, epoch, dt, sensors)
+        elif not measured:
+            _pause(vetting.speed_sample)
+            _pause(vetting.turn_sample)
+    if not epoch.has_fix:
+        return
+    odd = is_odd(vetting, epoch)
+    if not add_fix(windows, epoch, scale, not odd):
+        return
+    last = windows.count - 1
+    since = windows.anchors[last % ANCHORS].time - windows.anchors[(last - 1) % ANCHORS].time
+    first = far_enough(windows, last, scale, _WINDOW)
+    if first < 0:
+        return
+    seen = between(windows, first, last, scale)
+    steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
+    vetting.bend = seen.turn
+    courses = course_between(windows, first, last)
+    turn = weigh_courses(vetting, courses, seen, steered, since)
+    if sensors == WHEELS and seen.odometry:
+        weigh_turns(vetting, courses, seen, last, scale, since)
+        turn = seen.turn if vetting.refused[TURN] == 0 else turn
+    weigh_distances(vetting, sensors, seen, turn, since)
+    _decide(vetting)
+    _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _pause(sample: Record) -> None:
+    """Begin a sample anew."""
+    sample.count = 0
+    sample.time = 0.0
+    sample.amount = 0.0
+
+
+@kernel
+def _decide(vetting: Record) -> None:
+    """Stop believing, or believe again."""
+    for source in range(SOURCES):
+        if vetting.score[source] >= _REFUSED:
+            if vetting.refused[source] == 0:
+                agreed = source == TURN and vetting.turned == 1 and vetting.news == NONE
+                vetting.news = TURNS if agreed else ANYTHING
+            vetting.refused[source] = 1
+        elif vetting.score[source] <= _BELIEVED:
+            vetting.refused[source] = 0
+    if vetting.refused[TURN] == 1:
+        vetting.turned = 0
+    if vetting.refused[COURSE] == 1:
+        vetting.borne_out = 0
+        vetting.agreed = math.inf
+
+
+@kernel
+def _record(vetting: Record, seen: Seen, now: float, since: float) -> None:
+    """Sum up what was withheld and how it differed, by which it is named."""
+    for source in range(SOURCES + 1):
+        wrong = vetting.refused[source] == 1 if source < SOURCES else not is_possible(vetting)
+        if wrong:
+            vetting.seconds[source] += since
+            if vetting.since[source] == math.inf:
+                vetting.since[source] = now
+    if vetting.refused[ARC] == 1:
+        vetting.reported[ARC] += seen.odometer
+        vetting.seen[ARC] += seen.fixes
+    if vetting.refused[SPEED] == 1:
+        vetting.reported[SPEED] += seen.receiver
+        vetting.seen[SPEED] += seen.fixes

@@ -1,0 +1,1 @@
+"""A drive in hindsight: its path, its rivals, smoothing with a lag."""

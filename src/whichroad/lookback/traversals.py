@@ -1,0 +1,109 @@
+"""From a chain of edges to traversals: edges with times of entry and exit."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compile import Records
+from ..filter.lookback.passage import TRAVERSAL, broken_rules, first_epochs, time_edges
+from ..filter.state import OFF_ROAD
+from ..filter.summary.estimate import Output
+from ..graph.network import Roads, records
+from .path import Chain
+
+_SHORT = 30.0  # m
+
+Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
+
+
+class Traversal(NamedTuple):
+    """One edge of the path."""
+
+    edge: int
+    enter_time: float  # s
+    exit_time: float
+    enter_m: float  # along-track position
+    exit_m: float
+    p: float  # mean probability of the edge while it was driven
+    gap: bool  # does not follow from the edge before
+    rules: int = 0  # that driving into it and along it broke, see `graph.network`
+
+
+def traversal_rows(driven: Traversals) -> list[Traversal]:
+    """Traversals one by one."""
+    columns = (driven[name].tolist() for name in Traversal._fields)
+    return [Traversal(*row) for row in zip(*columns, strict=True)]
+
+
+def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Places of a chain's edges, repeats joined.
+
+    An edge left for off-road and entered again further on is one edge.
+    """
+    on = np.flatnonzero(chain != OFF_ROAD)
+    edge = chain[on]
+    return np.asarray(on[np.append(True, edge[1:] != edge[:-1])[: len(on)]])
+
+
+def _improbable(driven: Traversals) -> NDArray[np.bool_]:
+    """Edges that no path begins with: less likely than not, and driven for some metres only.
+
+    Where a drive begins beside a junction, the heaviest chain may have begun on any of its roads.
+    """
+    return np.asarray((driven.p < 0.5) & (driven.exit_m - driven.enter_m < _SHORT))
+
+
+def _begin(driven: Traversals) -> int:
+    """The first edge of a path that it may begin with."""
+    begins = np.flatnonzero(~_improbable(driven))
+    return int(begins[0]) if len(begins) else 0
+
+
+def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, NDArray[np.int64]]:
+    """Several paths, one behind the other, each from the edge that it may begin with.
+
+    Args:
+        driven: Their rows.
+        first: (d + 1,) where each begins, and the number of rows.
+
+    Returns:
+        The rows that are left, and where each path begins in them.
+    """
+    left = np.ones(len(driven), bool)
+    starts = first[:-1][np.diff(first) > 0]
+    for a in starts[_improbable(driven[starts])].tolist():
+        end = int(first[np.searchsorted(first, a, side="right")])
+        left[a : a + _begin(driven[a:end])] = False
+    if left.all():
+        return driven, first
+    return driven[left], np.append(0, np.cumsum(left))[first]
+
+
+def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
+    """The edges of a path, timed by the positions on them.
+
+    Args:
+        epochs: (n,) EPOCH of the drive.
+        output: (n,) the estimates.
+        chain: The edges.
+        roads: The network.
+
+    Returns:
+        One row per edge, in driving order.
+    """
+    at = _joined(chain.edge)
+    driven = records(len(at), TRAVERSAL)
+    if not len(at):
+        return driven
+    driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
+    driven.share = chain.share[at] if chain.share is not None else 1.0
+    driven.route = chain.route[at] if chain.route is not None else 1.0
+    first = np.zeros(len(at) + 1, np.int64)
+    first_epochs(driven, epochs, first)
+    broken_rules(roads, driven)
+    estimates = output.rows
+    known = np.flatnonzero(estimates.live > 0)
+    last = int(known[-1]) if len(known) else len(epochs) - 1
+    time_edges(roads, driven, first, epochs, estimates, last)
+    return driven[_begin(driven) :]
