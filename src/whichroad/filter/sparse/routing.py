@@ -46,15 +46,22 @@ from .candidates import (
     fix_of,
 )
 from .choice import choose_routes
-from .parked import goes_on_standing, is_parked, park, stay_parked
+from .parked import (
+    REST_VARIANCE,
+    comes_to_stand,
+    goes_on_standing,
+    is_parked,
+    leave_parking,
+    park,
+)
 from .past_wrong_fix import begin_anew, note_between
 from .wrong_fix import drive_on, may_be_wrong
 
 _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
-_MOST_ARRIVALS = 24  # routes that become hypotheses
+_MOST_ARRIVALS = 24  # routes that become hypotheses,
+_PARKS = 3  # and of these that may end beside the road
 
 _STANDING = 1e-3  # least weight of a hypothesis of standing
-_REST_VARIANCE = 0.02  # (m/s)², of the speed of a standing vehicle
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
 
 _BY_CHANCE = 2.0  # nats at most for being beside a road without being on one
@@ -89,11 +96,9 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
         Whether there is one.
     """
     hyp = belief.hyp[i]
-    rate = hyp.mu[K]
-    variance = hyp.cov[K, K]
     share = goes_on_standing(hyp.stood, dt)
     if hyp.stood == 0.0:
-        share *= math.exp(-0.5 * rate**2 / (variance + 0.5)) / math.sqrt(1.0 + 2.0 * variance)
+        share *= comes_to_stand(hyp.mu[K], hyp.cov[K, K])
     if hyp.weight * share < _STANDING or belief.state[0].count >= CAPACITY:
         return False
     child = int(belief.state[0].count)
@@ -103,7 +108,7 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
     on_edge -= normal_cdf(-hyp.along / hyp.along_sigma)
     new = belief.hyp[child]
     rescale(new, share / max(on_edge, _LEAST_ON_EDGE))  # it was not beyond the edge's ends
-    decay(new.mu, new.cov, K, 0.0, 0.0, _REST_VARIANCE)
+    decay(new.mu, new.cov, K, 0.0, 0.0, REST_VARIANCE)
     new.travel_variance = 0.0
     new.stood = hyp.stood + dt
     belief.state[0].count = child + 1
@@ -220,12 +225,8 @@ def _exchange_off_road(
     for i in range(n):
         hyp = belief.hyp[i]
         if is_parked(hyp):
-            child = stay_parked(belief, i, fix.dt, _LEAST)
-            if child >= 0:
-                _predict_off_road(belief.hyp[child], fix)
-                if fix.found > 0:
-                    _return_to_roads(belief, ctx, child, n, fix)
-        elif hyp.edge == OFF_ROAD:
+            continue
+        if hyp.edge == OFF_ROAD:
             if i != top and hyp.weight < _LEAST and hyp.log_weight < leaves:
                 hyp.edge = NO_EDGE  # a hypothesis that leaves the roads now is as good
                 continue
@@ -256,6 +257,7 @@ def transit(
         The straight distance that the heaviest hypothesis is from the fix, m.
     """
     state = belief.state[0]
+    leave_parking(belief, path, ctx, epoch, dt)
     n = int(state.count)
     begin_anew(belief, path, ctx, dt)
     top = heaviest(belief)
@@ -280,7 +282,8 @@ def transit(
     first = int(state.count)
     arrived = _take_best_routes(belief, path, history, ctx, sparse)
     if arrived > 0:
-        park(belief, ctx, first, metres, dt)
+        for row in range(first, first + min(arrived, _PARKS)):
+            park(belief, path, ctx, row)
     elif not off_road:
         if doubtful:
             rescale(belief.hyp[top], _MISSING)
