@@ -300,6 +300,8 @@ def _summary(
     }
     if outside:
         figures["fixes_outside_map"] = outside
+    if recorded.map_error is not None:
+        figures["map_error"] = {k: round(v, 2) for k, v in recorded.map_error._asdict().items()}
     if recorded.sensors:
         figures["sensors"] = {name: dict(counts) for name, counts in recorded.sensors.items()}
     past = recorded.past

@@ -10,6 +10,7 @@ import numpy as np
 from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
+from .diagnosis.map_offset import MapError, map_error_of
 from .diagnosis.sensor_states import SensorTrack, states_of
 from .diagnosis.sensors import sensor_findings, takeover_findings
 from .epochs import Timeline
@@ -56,6 +57,7 @@ class Recorded(NamedTuple):
     evidence: float = math.nan  # nats, log-likelihood of all observations
     sensors: Mapping[str, Mapping[str, int]] = {}
     track: SensorTrack | None = None  # of the sensors, where poses were asked for
+    map_error: MapError | None = None  # as learnt
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -128,7 +130,8 @@ def localize_recorded(
     vetting = belief.state.vetting[0].copy()
     further = further_findings(timeline.sensors, belief.state.sensors[0])
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
-    fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting)
+    off = map_error_of(belief, settings.map_sigma, roads.plane)
+    fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off)
 
     named = takeover_findings(timeline.takeover)
 
@@ -139,7 +142,7 @@ def localize_recorded(
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose, None, evidence, counts, track)
+        return Recorded(output, heaviest, diagnose, None, evidence, counts, track, off)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
@@ -147,7 +150,7 @@ def localize_recorded(
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track)
+    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track, off)
 
 
 def localize_by_paper(

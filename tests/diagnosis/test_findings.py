@@ -11,8 +11,9 @@ import whichroad
 from whichroad.diagnosis.finding import Finding
 from whichroad.diagnosis.findings import findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
-from whichroad.observations import Array
+from whichroad.observations import Array, Drive
 from whichroad.settings import Settings, Vehicle
+from whichroad.simulate import draw_town, simulate_drive
 
 FITS = Settings()
 CAR = Vehicle()
@@ -153,6 +154,41 @@ def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
 
 def test_a_map_farther_off_than_set_is_named():
     assert set(found(drive(1, map_error=8.0))) == {"map_sigma"}
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> tuple[whichroad.RoadMap, Drive]:
+    """A map, and a sound drive of 9 km on it."""
+    file = tmp_path_factory.mktemp("town") / "map.osm"
+    file.write_text(draw_town(), encoding="utf-8")
+    roads = whichroad.RoadMap.from_osm(file)
+    return roads, simulate_drive(roads, seed=3, length_m=9000.0).drive
+
+
+def moved(drive: Drive, east_m: float, north_m: float) -> Drive:
+    """All fixes of a drive moved."""
+    fixes = drive.fixes
+    assert fixes is not None
+    metres = 111_320.0 * np.cos(np.radians(fixes.lat_deg))
+    lat, lon = fixes.lat_deg + north_m / 111_320.0, fixes.lon_deg + east_m / metres
+    return replace(drive, fixes=replace(fixes, lat_deg=lat, lon_deg=lon))
+
+
+def test_a_map_that_is_off_as_a_whole_is_named_with_its_direction(town):
+    """Fixes 20 m east of the roads: the map is west of the world."""
+    roads, drive = town
+    result = whichroad.match(moved(drive, 20.0, 0.0), roads)
+    (named,) = result.diagnosis
+    assert named.what == "map offset"
+    assert named.statistic == pytest.approx(20.0, abs=8.0)
+    assert re.search(r"the map lies \d+ m west of the fixes", named.advice)
+    told = result.summary["map_error"]
+    assert told["east_m"] == pytest.approx(-20.0, abs=3.0 * told["sigma_m"])
+
+
+def test_of_a_map_nothing_is_told_without_wheels(town):
+    roads, drive = town
+    assert "map_error" not in whichroad.match(replace(drive, odometry=None), roads).summary
 
 
 @pytest.mark.parametrize("lost", [4000, 4001])

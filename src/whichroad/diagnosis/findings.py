@@ -12,6 +12,7 @@ from ..filter.state import CLOCK
 from ..filter.summary.estimate import Output
 from ..settings import Settings, Vehicle
 from .finding import Finding as Finding
+from .map_offset import MapError, map_finding
 from .sensors import sensor_findings
 from .statistics import ConsistencyStatistics, rows_of
 
@@ -44,8 +45,9 @@ def diagnose(answer: Any) -> list[Finding]:
 
 
 def findings(
-    statistics: ConsistencyStatistics, vetting: Record | None = None
-) -> tuple[Finding, ...]:
+    statistics: ConsistencyStatistics, vetting: Record | None = None,
+    map_error: MapError | None = None,
+) -> tuple[Finding, ...]:  # fmt: skip
     """What does not fit, so far: sensors that the filter withheld, else settings.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
@@ -54,7 +56,8 @@ def findings(
     withheld = () if vetting is None else sensor_findings(vetting)
     if withheld or statistics.moving < _LEAST:
         return withheld
-    return tuple(_wheels(statistics) or _shift(statistics) or _map(statistics) or _gnss(statistics))
+    found = _wheels(statistics) or _shift(statistics)
+    return tuple(found or map_finding(map_error) or _map(statistics) or _gnss(statistics))
 
 
 def _wider(statistics: ConsistencyStatistics, band: float) -> float:
@@ -146,7 +149,8 @@ def _map(statistics: ConsistencyStatistics) -> list[Finding]:
         Finding(
             "map_sigma", "warning", math.sqrt(square), 0.0, math.sqrt(high),
             f"the map error is {statistics.settings.map_sigma * math.sqrt(square):.1f} m, as far "
-            f"as it shows; set map_sigma to about {larger:.0f} m",
+            f"as it shows; each drive learns it; map_sigma = "
+            f"{larger:.0f} says it from the start",
         )
     ]  # fmt: skip
 
@@ -192,7 +196,7 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
 
 def findings_of(
     epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle,
-    vetting: Record,
+    vetting: Record, map_error: MapError | None = None,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """What does not fit in a recorded drive; in clock mode the receiver's own columns alone.
 
@@ -202,10 +206,11 @@ def findings_of(
         mode: WHEELS, DISTANCE or CLOCK.
         settings: The model's numbers.
         vehicle: The car.
-        vetting: What the filter withheld, `filter.vetting.vet.VETTING`.
+        vetting: What the filter withheld, `filter.vetting.motion_sources.VETTING`.
+        map_error: What it has learnt of the map.
     """
     if mode == CLOCK:
         return sensor_findings(vetting)
     statistics = ConsistencyStatistics(settings, vehicle)
     statistics.take(rows_of(epochs, output))
-    return findings(statistics, vetting)
+    return findings(statistics, vetting, map_error)

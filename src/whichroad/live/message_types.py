@@ -193,6 +193,7 @@ class EstimateMessage(TypedDict):
     protection_risk: float
     radius95_m: float | None  # radius of the circle round the pose that holds 95 %
     gnss_scale: float  # GNSS errors over what is reported, as learnt
+    map_scale: float  # the map's error over `map_sigma`, as learnt
     p_road: float  # of `road.edge_id`
     p_way: float  # of the chain of edges that it is of
     p_off_road: float

@@ -113,6 +113,7 @@ class Messages:
             protection_risk=around.protection_risk,
             radius95_m=_radius95(hypotheses, pose.x, pose.y) if pose else None,
             gnss_scale=round(estimate.gnss_scale, 3),
+            map_scale=round(estimate.map_scale, 3),
             p_road=round(estimate.p_road, 6),
             p_way=round(estimate.p_way, 6),
             p_off_road=round(estimate.p_off_road, 6),

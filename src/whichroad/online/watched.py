@@ -2,10 +2,12 @@
 
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
+from ..diagnosis.map_offset import map_error_of
 from ..diagnosis.sensor_states import SensorState, states_of
 from ..diagnosis.sensors import sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..places import Places
+from ..roadmap import RoadMap
 from ..sensors import Sensor
 from ..sensors.gyro_turns import GyroTurns
 from .answering import Answering
@@ -16,6 +18,7 @@ from .sensing import Sensing
 class Watched:
     """The part of a `Localizer` that tells of sensors and places."""
 
+    roads: RoadMap
     _filter: EpochFilter
     _sensing: Sensing
     _statistics: ConsistencyStatistics
@@ -55,9 +58,11 @@ class Watched:
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Sensors that were withheld, else settings that do not fit the data so far."""
-        state, names = self._filter.belief.state[0], self._sensing.sensed.names
+        belief, names = self._filter.belief, self._sensing.sensed.names
+        state = belief.state[0]
         further = further_findings(names, state.sensors)
         named = takeover_findings(self._gyro.takeover)
         if named:  # settings are not judged by sensors that are wrong
             return (*further, *named, *sensor_findings(state.vetting))
-        return (*further, *findings(self._statistics, state.vetting))
+        off = map_error_of(belief, self._statistics.settings.map_sigma, self.roads.plane)
+        return (*further, *findings(self._statistics, state.vetting, off))

@@ -39,7 +39,7 @@ _NUMBERS = (
     "lat", "lon", "bearing_deg", "speed_mps", "sigma_bearing_deg", "ellipse_major_m",
     "ellipse_minor_m", "ellipse_bearing_deg", "abscissa_m", "lateral_m", "matched_lat",
     "matched_lon", "map_lat", "map_lon", "p_road", "p_way", "p_off_road", "protection_level_m",
-    "gnss_scale",
+    "gnss_scale", "map_scale",
 )  # fmt: skip
 
 
@@ -196,6 +196,7 @@ class RecordedMessages:
             "level_along_m": self._get("level_along_m", k),
             "level_across_m": self._get("level_across_m", k), "protection_risk": 1e-3,
             "radius95_m": None, "gnss_scale": self._get("gnss_scale", k) or 0.0,
+            "map_scale": self._get("map_scale", k) or 1.0,
             "p_road": self._get("p_road", k) or 0.0,
             "p_way": self._get("p_way", k) or 0.0,
             "p_off_road": self._get("p_off_road", k) or 0.0,

@@ -1,0 +1,70 @@
+"""How far the map is off, as a drive with wheels has shown."""
+
+import math
+from typing import NamedTuple
+
+from ..filter.state import WHEELS, Belief, X, Y, most_probable
+from ..geodesy.plane import Plane
+from .finding import Finding
+
+_FAR = 8.0  # m off as a whole, from which on a map is named
+_SURE = 2.5  # and that in sigmas
+_QUARTERS = (
+    "north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west",
+)  # fmt: skip
+
+
+class MapError(NamedTuple):
+    """What was learnt of the map's error, m."""
+
+    east_m: float  # of the map as a whole, against the fixes
+    north_m: float
+    sigma_m: float  # of these
+    local_m: float  # about these, 1 sigma of each axis
+
+    @property
+    def distance(self) -> float:
+        """How far the map is off as a whole, m."""
+        return math.hypot(self.east_m, self.north_m)
+
+
+def map_error_of(belief: Belief, map_sigma: float, plane: Plane) -> MapError | None:
+    """What a filter has learnt of the map's error; None: without wheels nothing is.
+
+    Args:
+        belief: The filter's.
+        map_sigma: Of the settings, m.
+        plane: The map's.
+    """
+    state = belief.state[0]
+    learnt = state.map
+    if state.mode != WHEELS or learnt.moments[0] <= 0.0:
+        return None
+    x, y = float(learnt.whole[0]), float(learnt.whole[1])
+    at = belief.hyp[most_probable(belief)].mu
+    turn = plane.convergence(float(at[X]), float(at[Y]))
+    c, s = math.cos(turn), math.sin(turn)
+    mean = max(float(learnt.factor - learnt.local), 0.0)
+    return MapError(
+        c * x + s * y, c * y - s * x, map_sigma * math.sqrt(mean),
+        map_sigma * math.sqrt(float(learnt.local)),
+    )  # fmt: skip
+
+
+def map_finding(error: MapError | None) -> tuple[Finding, ...]:
+    """A map that is surely far off as a whole is named."""
+    if error is None:
+        return ()
+    band = max(_FAR, _SURE * error.sigma_m)
+    if error.distance <= band:
+        return ()
+    bearing = math.atan2(error.east_m, error.north_m)
+    where = _QUARTERS[round(bearing / (math.pi / 4.0)) % 8]
+    return (
+        Finding(
+            "map offset", "warning", error.distance, 0.0, band,
+            f"the map lies {error.distance:.0f} m {where} of the fixes; this is learnt, and no "
+            "setting is needed; if other drives say the same, correct the map, else the "
+            "receiver's datum or its base station",
+        ),
+    )  # fmt: skip
