@@ -170,9 +170,7 @@ def legs(
             yield leg
         for to, log_p, cap in net.onwards(edge):
             time = leg.time + net.time(edge, leg.cap, cap)
-            stack.append(
-                Leg((*leg.edges, to), time, cap, leg.log_p + log_p, leg.turned, leg.begin)
-            )
+            stack.append(Leg((*leg.edges, to), time, cap, leg.log_p + log_p, leg.turned, leg.begin))
         if leg.turned < 0:
             stack += list(_turns(net, leg))
 

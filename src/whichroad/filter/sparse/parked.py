@@ -40,13 +40,16 @@ from .arrival import ACROSS_SIGMA, HEADING_NOISE, observe_line
 REST_VARIANCE = 0.02  # (m/s)², of the speed of a vehicle that stands
 _SLOW_VARIANCE = 0.5  # (m/s)², of one that is about to
 
-_BESIDE = 0.1  # P(beside the road) of a vehicle that comes to stand
+_BESIDE = 0.03  # P(beside the road) of a vehicle that comes to stand
 _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
-_STANDS = 30.0  # s; P(stands longer than τ) = (1 + τ / this)^-½
+_STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand on a road in traffic, and else
+_ELSE = 0.1  # share of the latter
+_MOST = 0.97  # P at most that one goes on to stand: it must not be missed when it leaves
 
 _AWAY = 15.0  # m and three sigmas of the fix, from which on it may have left
+_LEAVES = 0.3  # P that it has; and
 _BACK = 0.7  # P that it then drives from one of the roads beside, and not off the roads
 _ROADS, _FARTHER = 4, 15.0  # so many, and no m farther than the nearest one,
 _RADIUS = 80.0  # m; the nearest one is no farther than this
@@ -55,8 +58,13 @@ _STARTS, _START_SIGMA = 4.0, 4.0  # m/s, its mean speed after that
 
 @kernel
 def goes_on_standing(stood: float, dt: float) -> float:
-    """P that who has stood for some seconds goes on to stand for dt seconds more."""
-    return math.sqrt((_STANDS + stood) / (_STANDS + stood + dt))
+    """P that who has stood on a road for some seconds goes on to stand for dt seconds more.
+
+    P(stands longer than τ) = 0.9 exp(−τ / 30 s) + 0.1 exp(−τ / 1800 s)
+    """
+    short, long = (1.0 - _ELSE) * math.exp(-stood / _STOPS), _ELSE * math.exp(-stood / _STAYS)
+    goes_on = short * math.exp(-dt / _STOPS) + long * math.exp(-dt / _STAYS)
+    return min(goes_on / (short + long), _MOST)
 
 
 @kernel
@@ -133,13 +141,12 @@ def leave_parking(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: f
         hyp = belief.hyp[i]
         if not is_parked(hyp):
             continue
-        leaves = 1.0 - goes_on_standing(hyp.stood, dt)
         hyp.stood += dt
         dx = (epoch.fix[0] - hyp.mu[X]) / state.scale
         dy = (epoch.fix[1] - hyp.mu[Y]) / state.scale
         if math.hypot(dx, dy) < _AWAY + 3.0 * epoch.fix[2] or state.count >= CAPACITY:
             continue
-        belief.hyp[spawn(belief, i, (1.0 - _BACK) * leaves, OFF_ROAD, hyp.segment)].stood = 0.0
+        belief.hyp[spawn(belief, i, (1.0 - _BACK) * _LEAVES, OFF_ROAD, hyp.segment)].stood = 0.0
         x = hyp.mu[X] + state.scale * hyp.mu[MX]
         y = hyp.mu[Y] + state.scale * hyp.mu[MY]
         near = ctx.work.near
@@ -148,8 +155,8 @@ def leave_parking(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: f
             found -= 1
         for c in range(found):
             if state.count < CAPACITY:
-                _start_from(belief, path, ctx, i, c, (_BACK * leaves / found, dt))
-        rescale(hyp, 1.0 - leaves)
+                _start_from(belief, path, ctx, i, c, (_BACK * _LEAVES / found, dt))
+        rescale(hyp, 1.0 - _LEAVES)
 
 
 @kernel
