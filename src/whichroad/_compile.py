@@ -17,13 +17,16 @@ import inspect
 import os
 import threading
 from collections.abc import Callable
-from typing import Annotated, Any, Generic, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .native.layout import Array as Array
 from .native.layout import Layout
+
+if TYPE_CHECKING:
+    from .native import library
 
 Vector = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 1)]
 Matrix = Annotated[NDArray[np.float64], Array(np.dtype("f8"), 2)]
@@ -94,10 +97,8 @@ class Entry(Generic[P, R]):
             A function of those numbers, in the order of the arguments.  It holds the arrays,
             and is for one thread at a time.
         """
-        from .native import library
-
         if kernel_mode() == "native" and self._ahead:
-            return library.call_of(self.layout).bind(args)
+            return self._native.bind(args)
         free = [k for k, arg in enumerate(args) if arg is ...]
         values = list(args)
 
@@ -114,6 +115,13 @@ class Entry(Generic[P, R]):
         return Layout.of(self.function)
 
     @functools.cached_property
+    def _native(self) -> "library.Call":
+        """It in the library, once its layout was compared: that takes as long as a short drive."""
+        from .native import library
+
+        return library.call_of(self.layout)
+
+    @functools.cached_property
     def _signature(self) -> inspect.Signature:
         return inspect.signature(self.function)
 
@@ -123,9 +131,7 @@ class Entry(Generic[P, R]):
             mode = kernel_mode() if self._ahead or kernel_mode() == "python" else "jit"
             run: Callable[..., R] = np.errstate(all="ignore")(self.function)  # as compiled code
             if mode == "native":
-                from .native import library
-
-                run = library.call_of(self.layout)
+                run = self._native
             elif mode == "jit":
                 run = jit(self.function)
             self._run = run

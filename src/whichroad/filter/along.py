@@ -174,6 +174,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
+        hyp.stood = 0.0
         lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov

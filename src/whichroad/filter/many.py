@@ -41,11 +41,16 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
     drives.first_edge[d + 1] = row
     after = NO_EDGE
     at = newest
+    left = 0.0
     while at >= 0:
         entry = path.entry[at]
-        if entry.edge != OFF_ROAD:
+        if entry.edge == OFF_ROAD:
+            left = entry.along
+        else:
             if entry.edge != after:
                 row -= 1
+                drives.driven[row].left = left
+            left = 0.0
             drives.driven[row].edge = entry.edge
             drives.driven[row].entered = entry.time
             drives.driven[row].along = entry.along

@@ -199,9 +199,8 @@ def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
 def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
     """Edges driven between those of two linked nodes."""
     then, edge = int(c.edge[i]), int(c.edge[j])
-    if OFF_ROAD in (then, edge):
-        return []
-    if c.roads.edges[edge].opposite == then or joins(c.roads, then, edge):
+    off_road = OFF_ROAD in (then, edge)  # a parked vehicle came and leaves by roads
+    if not off_road and (c.roads.edges[edge].opposite == then or joins(c.roads, then, edge)):
         return []
     found: list[_Entered] = []
     entry, stop = int(c.path_entry[j]), int(c.path_entry[i])
@@ -213,6 +212,8 @@ def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
         found.append(_Entered(at, float(c.entry_time[entry]), *shares))
     if entry >= 0 and (entry == stop or c.entry_edge[entry] == then):
         return found[::-1]
+    if off_road:
+        return []
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
     return [_Entered(e, time, 1.0, 1.0) for e in shortest(c.roads, then, edge) or []]

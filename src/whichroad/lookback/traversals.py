@@ -97,6 +97,8 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     if not len(at):
         return driven
     driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
+    before = np.append(at[1:], len(chain.edge)) - 1
+    driven.left = np.where(chain.edge[before] == OFF_ROAD, chain.along[before], 0.0)
     driven.share = chain.share[at] if chain.share is not None else 1.0
     driven.route = chain.route[at] if chain.route is not None else 1.0
     first = np.zeros(len(at) + 1, np.int64)

@@ -146,10 +146,15 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
 
 
 @kernel(inline=True)
-def _merges_on(belief: Belief, i: int, edge: int) -> bool:
-    """Whether hypothesis i may merge on an edge; one that waits for the next fix stays apart."""
+def _merges(belief: Belief, i: int, first: int) -> bool:
+    """Whether hypothesis i may merge with another one: on its edge, and it stands as that does.
+
+    One that waits for the next fix stays apart.
+    """
     hyp = belief.hyp[i]
-    return bool(hyp.edge == edge and not is_waiting(hyp, belief.state[0].time))
+    other = belief.hyp[first]
+    alike = hyp.edge == other.edge and (hyp.stood > 0.0) == (other.stood > 0.0)
+    return bool(alike and not is_waiting(hyp, belief.state[0].time))
 
 
 @kernel(inline=True)
@@ -163,7 +168,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
         most = _OFF_MOST
     count = 0
     for i in range(first, n):
-        if _merges_on(belief, i, edge):
+        if _merges(belief, i, first):
             count += 1
     if count == 1:
         return False
@@ -171,10 +176,10 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
     best_i = -1
     best_j = -1
     for i in range(first, n):
-        if not _merges_on(belief, i, edge):
+        if not _merges(belief, i, first):
             continue
         for j in range(i + 1, n):
-            if not _merges_on(belief, j, edge):
+            if not _merges(belief, j, first):
                 continue
             if edge == OFF_ROAD:
                 cost = _merge_cost_off_road(belief.hyp[i], belief.hyp[j], best, scale, count == 2)
@@ -194,7 +199,7 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
 def _has_earlier(belief: Belief, i: int) -> bool:
     """Whether a hypothesis before i is on the same edge: its pairs have been compared."""
     j = 0
-    while j < i and not _merges_on(belief, j, belief.hyp[i].edge):
+    while j < i and not _merges(belief, j, i):
         j += 1
     return j < i
 

@@ -19,6 +19,7 @@ TRAVERSAL = np.dtype(
         ("edge", "i8"),
         ("entered", "f8"),  # when the hypothesis entered the edge, s
         ("along", "f8"),  # where, true m
+        ("left", "f8"),  # where it left the edge for a place off the roads, m; 0: it did not
         ("share", "f8"),  # of the likely routes between two fixes that pass it; else 1
         ("route", "f8"),  # of these that is the one driven; else 1
         ("enter_time", "f8"),  # s
@@ -104,8 +105,8 @@ def time_edges(
 
     Args:
         roads: The network.
-        driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along`, `share` and
-            `route`; the rest but for the rules is written.
+        driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along`, `left`,
+            `share` and `route`; the rest but for the rules is written.
         first: (r + 1,) the first epoch of each edge, and the number of epochs.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
@@ -180,8 +181,9 @@ def _place_ends(roads: Roads, driven: Traversals, i: int, estimates: Estimates) 
     """Ends and P of edge i of a path, the ends of the edge before being known."""
     own = driven[i]
     edge, length = own.edge, roads.edges[own.edge].length
+    unseen = min(own.left, length) if own.left > 0.0 else length
     last = i + 1 == len(driven)
-    count, top, total, last_s = 0, 0.0, 0.0, length
+    count, top, total, last_s = 0, 0.0, 0.0, unseen
     for k in range(own.first_seen, own.last_seen + 1):
         estimate = estimates[k]
         if estimate.edge == edge:
@@ -198,6 +200,8 @@ def _place_ends(roads: Roads, driven: Traversals, i: int, estimates: Estimates) 
         own.exit_m = max(last_s, own.enter_m)
     elif driven[i + 1].gap and count:  # the farthest place: it may stand there, and the fixes creep
         own.exit_m = max(top, own.enter_m)
+    elif driven[i + 1].gap:
+        own.exit_m = max(unseen, own.enter_m)
     if i > 0 and roads.edges[edge].opposite == driven[i - 1].edge:  # turned round on the way
         own.enter_m = length - driven[i - 1].exit_m
         own.exit_m = max(own.exit_m, own.enter_m)

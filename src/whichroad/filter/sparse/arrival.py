@@ -208,6 +208,7 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(transition.variance - hyp.along_sigma**2, 1.0)
     hyp.along = foot.s
+    hyp.stood = 0.0
     if pair.label >= 0:
         hyp.new_edge = 1
         metres = max(foot.s + transition.length, 0.0)

@@ -46,15 +46,22 @@ from .candidates import (
     fix_of,
 )
 from .choice import choose_routes
+from .parked import (
+    REST_VARIANCE,
+    comes_to_stand,
+    goes_on_standing,
+    is_parked,
+    leave_parking,
+    park,
+)
 from .past_wrong_fix import begin_anew, note_between
 from .wrong_fix import drive_on, may_be_wrong
 
 _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
-_MOST_ARRIVALS = 24  # routes that become hypotheses
+_MOST_ARRIVALS = 24  # routes that become hypotheses,
+_PARKS = 3  # and of these that may end beside the road
 
-_STAND_TIME = 30.0  # s, about which a standing vehicle goes on standing
 _STANDING = 1e-3  # least weight of a hypothesis of standing
-_REST_VARIANCE = 0.02  # (m/s)², of the speed of a standing vehicle
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
 
 _BY_CHANCE = 2.0  # nats at most for being beside a road without being on one
@@ -89,10 +96,9 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
         Whether there is one.
     """
     hyp = belief.hyp[i]
-    rate = hyp.mu[K]
-    variance = hyp.cov[K, K]
-    share = math.exp(-dt / _STAND_TIME - 0.5 * rate**2 / (variance + 0.5))
-    share /= math.sqrt(1.0 + 2.0 * variance)
+    share = goes_on_standing(hyp.stood, dt)
+    if hyp.stood == 0.0:
+        share *= comes_to_stand(hyp.mu[K], hyp.cov[K, K])
     if hyp.weight * share < _STANDING or belief.state[0].count >= CAPACITY:
         return False
     child = int(belief.state[0].count)
@@ -102,8 +108,9 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
     on_edge -= normal_cdf(-hyp.along / hyp.along_sigma)
     new = belief.hyp[child]
     rescale(new, share / max(on_edge, _LEAST_ON_EDGE))  # it was not beyond the edge's ends
-    decay(new.mu, new.cov, K, 0.0, 0.0, _REST_VARIANCE)
+    decay(new.mu, new.cov, K, 0.0, 0.0, REST_VARIANCE)
     new.travel_variance = 0.0
+    new.stood = hyp.stood + dt
     belief.state[0].count = child + 1
     return True
 
@@ -120,6 +127,7 @@ def _predict_off_road(hyp: Record, fix: SparseFix) -> None:
     cov[X, X] += variance
     cov[Y, Y] += variance
     decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPEED_SIGMA * SPEED_SIGMA)
+    hyp.stood = 0.0
 
 
 @kernel(inline=True)
@@ -216,6 +224,8 @@ def _exchange_off_road(
     leaves = belief.hyp[top].log_weight + math.log(max(share, 1e-300)) - _FAR_ABOVE
     for i in range(n):
         hyp = belief.hyp[i]
+        if is_parked(hyp):
+            continue
         if hyp.edge == OFF_ROAD:
             if i != top and hyp.weight < _LEAST and hyp.log_weight < leaves:
                 hyp.edge = NO_EDGE  # a hypothesis that leaves the roads now is as good
@@ -247,6 +257,7 @@ def transit(
         The straight distance that the heaviest hypothesis is from the fix, m.
     """
     state = belief.state[0]
+    leave_parking(belief, path, ctx, epoch, dt)
     n = int(state.count)
     begin_anew(belief, path, ctx, dt)
     top = heaviest(belief)
@@ -268,7 +279,12 @@ def transit(
         if _stand(belief, ctx.roads, i, own.dt) and belief.hyp[i].origin.waits == 2:
             note_between(belief, path, history, ctx, i, -1, own)
             belief.hyp[state.count - 1].origin.waits = 0
-    if _take_best_routes(belief, path, history, ctx, sparse) == 0 and not off_road:
+    first = int(state.count)
+    arrived = _take_best_routes(belief, path, history, ctx, sparse)
+    if arrived > 0:
+        for row in range(first, first + min(arrived, _PARKS)):
+            park(belief, path, ctx, row)
+    elif not off_road:
         if doubtful:
             rescale(belief.hyp[top], _MISSING)
         belief.hyp[top].edge = OFF_ROAD  # no route: the road driven is not on the map
