@@ -16,7 +16,8 @@ from .gnss.inflation import bias_time
 from .gnss.noise import observe_across
 from .gnss.separation import watch
 from .gnss.silence import SPARSE, observe_after_silence, stands
-from .gnss.update import observe_fix, observe_standing, start_at_fix
+from .gnss.start import start_at_fix
+from .gnss.update import observe_fix, observe_standing
 from .gyro import rest
 from .hypotheses.births import exchange_off_road, turn_round, turn_with_heading
 from .hypotheses.branching import BRANCH_THRESHOLD, branch
@@ -59,14 +60,11 @@ from .vetting.windows import BY_GYRO, GYRO_ALONE
 
 _PIECE = 6.0  # m, longest piece of an arc in one prediction
 _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
-_SMOOTHING = 0.1  # s, time constant of the odometer's speed
-_TURN_TIME = 0.25  # s, time constant of the turn rate that swings the antenna
+_SMOOTHING, _TURN_TIME = 0.1, 0.25  # s, time constants of the odometer's speed, of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
-_SPEED_KEPT = 1.5  # s, for which a reported speed tells how the vehicle accelerates
-_COURSE_KEPT = 3.0  # s, for which a course over ground keeps the heading the vehicle's own
+_SPEED_KEPT, _COURSE_KEPT = 1.5, 3.0  # s, for which reports tell acceleration, and heading
 _LONGEST, _FARTHEST = 1800.0, 5e4  # s without odometry, m in one epoch: beyond it starts anew
-_MOST_PIECES = 10_000  # of an epoch's arc
-_NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
+_MOST_PIECES, _NEW_ENTRIES = 10_000, 2048  # of an arc; entries of the path tree for an epoch
 
 
 @kernel(inline=True)

@@ -13,7 +13,8 @@ from ..state import START, Belief, Context, K, Path, X, Y, most_probable, normal
 from .noise import update_root
 from .position import NU0, NU1, V00, V01, V11, Axes, innovations
 from .standstill import is_still
-from .update import observe_fix, start_at_fix, start_of
+from .start import start_at_fix, start_of
+from .update import observe_fix
 
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _NO_SPEED = 20.0  # m/s, sigma of a speed that says nothing

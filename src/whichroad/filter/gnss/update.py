@@ -1,10 +1,9 @@
-"""An epoch's fix: initialise the belief, update it, add re-initialisation hypotheses."""
+"""An epoch's fix: update the belief, add re-initialisation hypotheses."""
 
 import math
 
 from ..._compile import Record, Vector, kernel
 from ..hypotheses.births import Start, cold_start
-from ..map_error import forget_map
 from ..state import (
     CLOCK,
     NOTHING,
@@ -23,10 +22,8 @@ from ..state import (
 from .inflation import (
     bias_time,
     is_alone,
-    is_inflated,
     is_unlikely,
     is_vouched,
-    tail_of,
     was_silent,
 )
 from .noise import age_receiver, learn_factor, observe_white, update_root
@@ -44,12 +41,12 @@ from .sides import (
     blame_receiver,
     even_out,
     fork_biased,
-    keep_bias,
     loosen,
     misfit,
     odds_of_sides,
     take_sides,
 )
+from .start import forget_factor
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
@@ -71,97 +68,6 @@ _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
 _TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
-
-
-@kernel
-def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, float, float, float]:
-    """κ and b at a start, each with its sigma: as last known, the speed without odometry."""
-    rate = 1.0
-    rate_sigma = par.scale_sigma
-    drift = 0.0
-    drift_sigma = par.drift_sigma if state.mode == WHEELS else 0.0
-    if state.mode == CLOCK:
-        rate = epoch.speed if epoch.speed_sigma < 10.0 else 6.0
-        rate_sigma = min(epoch.speed_sigma, 8.0)
-    elif state.known_rate[1] > 0.0:
-        rate = state.known_rate[0]
-        rate_sigma = math.sqrt(state.known_rate[1])
-    if state.mode == WHEELS and state.known_drift[1] > 0.0:
-        drift = state.known_drift[0]
-        drift_sigma = math.sqrt(state.known_drift[1])
-    return rate, rate_sigma, drift, drift_sigma
-
-
-@kernel
-def start_of(belief: Belief, ctx: Context, epoch: Record) -> Start:
-    """What is known at a start at the epoch's fix."""
-    par = ctx.par[0]
-    state = belief.state[0]
-    heading_sigma = math.inf
-    if has_course(epoch, 0.5):
-        heading_sigma = epoch.course_sigma + 0.03
-    rate, rate_sigma, drift, drift_sigma = _calibration(state, par, epoch)
-    sigmas = math.sqrt(state.gnss_factor)
-    return Start(
-        sigmas, sigmas * par.gnss_white_ratio, epoch.course, heading_sigma, rate, rate_sigma,
-        drift, drift_sigma, True,
-    )  # fmt: skip
-
-
-@kernel
-def _begin_factor(state: Record, par: Record, epoch: Record) -> None:
-    """Nothing is known of how much larger the receiver's errors are than reported."""
-    least = 1.0 / (1.0 + par.gnss_white_ratio**2)
-    state.gnss_factor = least * par.gnss_start**2
-    state.innovation_factor = least * par.gnss_start**2
-    state.windowed_factor = least
-    state.bias_factor = least
-    state.road_prior = par.gnss_inflation**2
-    state.road_energy[0] = state.road_energy[1] = 0.0
-    if is_inflated(state, par, epoch):
-        state.gnss_factor = state.road_prior
-        state.level_tail = tail_of(state, par)
-
-
-@kernel
-def _forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
-    """Begin the factor anew; biases stay the same metres."""
-    state = belief.state[0]
-    before = state.gnss_factor
-    _begin_factor(state, par, epoch)
-    keep_bias(belief, math.sqrt(before / state.gnss_factor))
-
-
-@kernel(inline=True)
-def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
-    """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
-    par = ctx.par[0]
-    state = belief.state[0]
-    if state.gnss_factor == 0.0:
-        _begin_factor(state, par, epoch)
-    forget_map(state)
-    start = start_of(belief, ctx, epoch)
-    cold_start(belief, path, ctx, epoch.fix, start, 1.0)
-    state.started = 1
-    state.misfits = 0.0
-    state.since_map = 0.0
-    state.moving = 0.0
-    state.since_fix = 0.0
-    state.unmeasured = 0.0
-    state.last_fix = epoch.time
-    state.factor_time = epoch.time
-    state.unlearnt = 0.0
-    state.on_road_at = epoch.time
-    state.restarted_at = epoch.time
-    state.learnt_time = 0.0
-    state.fix_1[2] = -math.inf
-    state.fix_2[2] = -math.inf
-    state.across_time = -math.inf
-    known = start.heading_sigma < 10.0
-    state.course_time = epoch.time if known else -math.inf
-    state.forward_time = -math.inf
-    update_root(belief, epoch.fix, start.bias**2, -1.0)
-    return bool(known)
 
 
 @kernel(inline=True)
@@ -376,7 +282,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         interval *= min(1.0, max(state.speed, 0.25))
     age_receiver(belief, ctx, bias_time(state, par, epoch))
     if state.vetting.elsewhere == 1:
-        _forget_factor(belief, par, epoch)
+        forget_factor(belief, par, epoch)
     factor = state.gnss_factor
     white = math.sqrt(factor) * par.gnss_white_ratio
     if state.mode == CLOCK:
