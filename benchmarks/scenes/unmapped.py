@@ -1,7 +1,8 @@
 """A road that the map lacks, beside one that it has: is the vehicle said to be off the roads?
 
 A common road splits in two, whose centre lines run parallel, and the map holds one of them.  Path,
-wheels and the receiver's errors are made here, with no code of the simulator.
+wheels and the receiver's errors are made here, with no code of the simulator.  Beside the filter
+stands the exact test, which knows where the roads may part and all variances.
 """
 
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from whichroad.settings import Settings
 from whichroad.simulate import MapBuilder
 
 from .. import Figure, Options
+from .beside_exact import p_unmapped
 from .drives import Row, Table, each, world
 from .plain import CAR, STEP, Array, along, markov, sense
 
@@ -62,6 +64,10 @@ def one(seed: int, *, settings: Settings) -> Row:
                 seen = drive if receiver == "wheels" else Drive(drive.drive_id, drive.fixes)
                 for key, value in _score(roads, seen, s, gap, settings):
                     row[f"{gap} {road} {receiver} {key}"] = value
+            exact, gone = p_unmapped(drive, _APPROACH, _SPEED), s - _APPROACH - 5.0 * gap
+            soon = (gone > 0.0) & (gone < _WITHIN)
+            row[f"{gap} {road} exact found"] = float((exact[soon] >= 0.5).any())
+            row[f"{gap} {road} exact off"] = float(exact[gone > 0.0].mean())
     return row
 
 
@@ -100,4 +106,13 @@ def run(options: Options) -> list[Figure]:
                 "<= 0.005", "", 1.0,
             ),
         ]  # fmt: skip
+    for gap in GAPS:
+        figures += [
+            table.share(
+                f"exact test, {gap} m: P(off) >= 0.5 within 300 m", f"{gap} unmapped exact found"
+            ),
+            table.share(
+                f"exact test, {gap} m: P(off) there", f"{gap} unmapped exact off", None, "", "", 1.0
+            ),
+        ]
     return figures

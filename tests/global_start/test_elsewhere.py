@@ -1,5 +1,6 @@
 """A drive that is on no road of the map, and one that leaves it."""
 
+import importlib
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ import whichroad
 from scenes import Town, drive_along, network, straight_road
 from whichroad.global_start.elsewhere import behind_ends, gain_of, leaving, turn_cost
 from whichroad.recorded import localize_recorded
+from whichroad.settings import Settings, Vehicle
 
 from .wheels import PLANE, wheels_of
 
@@ -45,6 +47,22 @@ def test_half_of_those_who_turn_round_where_a_road_ends_drive_on():
     edge, new = np.array([0, 0, 1, -1], np.int32), np.array([True, False, True, True])
     share = leaving(edge, new, behind_ends(roads))
     assert share.tolist() == [0.5, 0.0, 0.0, 0.0]
+
+
+def test_who_is_elsewhere_does_not_leave_the_roads_of_this_map_for_its_yards():
+    """Else each corner, which a yard does not pay for, would begin the search anew."""
+    search = importlib.import_module("whichroad.global_start.search")
+    town = Town(network(straight_road(), curvature=PLANE.curvature), PLANE)
+    timeline = wheels_of(drive_along([[500.0, -1.75], [600.0, -1.75]]))
+    shares = []
+    for row in (1, 2):  # elsewhere; on a road
+        begun = search._Search(town, Vehicle(), Settings(), None, timeline)
+        begun.column("log_weight")[:] = -60.0
+        begun.column("log_weight")[row] = 0.0
+        begun._exchange_off_road(5.0)
+        shares.append(np.exp(begun.column("log_weight")[:2]))
+    assert shares[0][0] < 1e-12
+    assert shares[1] == pytest.approx([0.5 * 1e-4, 0.5 * 1e-4], rel=1e-3)
 
 
 def test_a_drive_on_a_map_without_it_is_known_to_be_elsewhere(town: whichroad.RoadMap):

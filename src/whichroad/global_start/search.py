@@ -232,13 +232,16 @@ class _Search:
         return min(DROP / max(self.size, 1), 0.1 * self.settings.prune)
 
     def _exchange_off_road(self, metres: float) -> None:
-        """Rates per metre, as in the filter; who is off the roads may come back to any of them."""
+        """Rates per metre, as in the filter; who is off the roads may come back to any of them.
+
+        Only the roads of this map are left for its yards: who is elsewhere has others.
+        """
         normalise(self.mixture)
         log_weight = self.column("log_weight")
         p_leave = min(self.settings.off_road_leave * metres, 0.5)
         p_off = np.exp(log_weight[:_OFF])
-        log_weight += math.log1p(-p_leave)
-        p_off = p_off * (1.0 - p_leave) + 0.5 * p_leave
+        log_weight[_OFF:] += math.log1p(-p_leave)
+        p_off += 0.5 * p_leave * max(1.0 - float(p_off.sum()), 0.0)
         self.since_beginning += metres
         rates = np.array([self.settings.off_road_return, elsewhere.RETURN])
         back = p_off * np.minimum(rates * self.since_beginning, 0.5)
