@@ -46,7 +46,8 @@ _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
 _STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand on a road in traffic, and else
 _ELSE = 0.1  # share of the latter
-_LONGEST = 120.0  # s; P(goes on) is at most that of this time: who leaves must not be missed
+_MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be missed,
+_PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
 
 _AWAY = 15.0  # m and three sigmas of the fix, from which on it may have left
 _LEAVES = 0.3  # P that it has; and
@@ -67,7 +68,8 @@ def goes_on_standing(stood: float, dt: float) -> float:
         return math.exp(-dt / _STOPS)
     short, long = (1.0 - _ELSE) * math.exp(-stood / _STOPS), _ELSE * math.exp(-stood / _STAYS)
     goes_on = short * math.exp(-dt / _STOPS) + long * math.exp(-dt / _STAYS)
-    return min(goes_on / (short + long), math.exp(-dt / _LONGEST))
+    most = _MOST * math.exp(-max(dt - _PAUSE, 0.0) / _FORGOTTEN)
+    return min(goes_on / (short + long), most)
 
 
 @kernel
