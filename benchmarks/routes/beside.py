@@ -257,13 +257,21 @@ def parked(options: Options) -> list[Figure]:
         columns |= {"lat": lat, "lon": lon, "sigma_m": np.full(len(k), turning.SIGMA)}
         tables.append(pa.table(columns))
         off.append(beside)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        points = whichroad.match_many(pa.concat_tables(tables), roads).points
+    table, beside = pa.concat_tables(tables), np.array(off)
     last = np.cumsum([t.num_rows for t in tables]) - 1
-    p = points["p_off_road"].to_numpy()[last]
-    p_road = points["p_road"].to_numpy()[last]
-    rows = np.column_stack([p, np.array(off, float), p_road])
+    figures = []
+    for kind, settings in (("", Settings()), (", believing", BELIEVES)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            points = whichroad.match_many(table, roads, settings=settings).points
+        figures += calibrated(options, f"parked{kind}", points.take(last), beside)
+    return figures
+
+
+def calibrated(options: Options, label: str, ends: Any, off: np.ndarray) -> list[Figure]:
+    """P(off_road) of the ends of stops beside whether they were off the road."""
+    p, p_road = ends["p_off_road"].to_numpy(), ends["p_road"].to_numpy()
+    rows = np.column_stack([p, off.astype(float), p_road])
     bins = np.minimum((10.0 * p).astype(int), 9)
     gaps = [(bins == b).mean() * abs((rows[bins == b, 0] - rows[bins == b, 1]).mean())
             for b in range(10) if (bins == b).any()]  # fmt: skip
@@ -276,8 +284,8 @@ def parked(options: Options) -> list[Figure]:
     n, off_road = len(rows), int(beside.sum())
     on_it, wrong = float(p[~beside].mean()), 1e3 * float(sure.sum() / beside.sum())
     return [
-        Figure("parked: error of P(off_road)", float(sum(gaps)), "<= 0.02", "", n),
-        Figure("parked: P(off_road) beside", float(p[beside].mean()), "", "", off_road),
-        Figure("parked: P(off_road) on the road", on_it, "", "", n - off_road),
-        Figure("parked: a road at P >= .999 beside", wrong, "", "/1000", off_road),
+        Figure(f"{label}: error of P(off_road)", float(sum(gaps)), "<= 0.02", "", n),
+        Figure(f"{label}: P(off_road) beside", float(p[beside].mean()), "", "", off_road),
+        Figure(f"{label}: P(off_road) on the road", on_it, "", "", n - off_road),
+        Figure(f"{label}: a road at P >= .999 beside", wrong, "", "/1000", off_road),
     ]

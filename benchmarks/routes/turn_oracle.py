@@ -20,14 +20,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from . import turning
+from whichroad.evaluate import route_mismatch
+from whichroad.simulate.route_choice import drivable
+
+from .. import Figure, Options, interval, share
+from ..sparse import harness
+from . import matched, turning
 
 GRID = 5.0  # m, between two places of an edge
+RATES = (10, 30, 60)  # s
 REACH = 22.0  # m, from a fix, of the places that count
 WAIT = 15.0  # s, mean time of standing
 LEAST_WAIT = 3.0  # s
 RATE = 0.5 / turning.EVERY_M  # 1/m, of turning round within an edge: half of the kinds do so
-PLACES = (0.38, 0.55, 0.72)  # of an edge, at which one turns round
+TURN_GRID, STAND_GRID = 25.0, 8.0  # m, between places at which one turns round, and stands
 TIMING = (1.0, 0.02)  # s, and share of the time: error of the travel times
 ASIDE = (0.0, 8.0, 13.0)  # m, at which one stands
 SHARE = 0.81  # of the noise's variance that is slow
@@ -59,6 +65,7 @@ class Network:
 
     def __init__(self, roads: Any, allowed: np.ndarray, ends: np.ndarray) -> None:
         self.roads, self.allowed, self.ends = roads, allowed | ends, ends
+        self.allowed[roads.arrays.edges.opposite[ends]] = True
         self.length = np.asarray(roads.arrays.edges.length, float)
         self.limit = 0.85 * np.asarray(roads.arrays.edges.speed, float)
         self.opposite = np.asarray(roads.arrays.edges.opposite)
@@ -175,6 +182,15 @@ def legs(
             stack += list(_turns(net, leg))
 
 
+def turns_at(net: Network, edge: int, apart: float) -> list[float]:
+    """Places of an edge at which one turns round: its end where it is a dead one."""
+    length = net.length[edge]
+    if net.ends[edge]:
+        return [length]
+    count = max(2, int(0.5 * length / apart) + 1)
+    return [float(a) for a in np.linspace(0.3 * length, 0.8 * length, count)]
+
+
 def _turns(net: Network, leg: Leg) -> Iterator[Leg]:
     """A leg that turns round on its last edge; its time is without the standing."""
     edge = leg.edges[-1]
@@ -186,9 +202,9 @@ def _turns(net: Network, leg: Leg) -> Iterator[Leg]:
     if not dead and length < 60.0:
         return
     slow = net.slow(edge)
-    for share in (1.0,) if dead else PLACES:
-        at = share * length
-        log_p = 0.0 if dead else math.log(RATE * 0.5 * length / len(PLACES))
+    places = turns_at(net, edge, TURN_GRID)
+    for at in places:
+        log_p = 0.0 if dead else math.log(RATE * 0.5 * length / len(places))
         time = leg.time + float(net.part(edge, leg.cap, 99.0, at)) + slow
         time -= float(net.part(other, 99.0, 99.0, length - at))
         yield Leg((*leg.edges, other), time, 99.0, leg.log_p + log_p, len(leg.edges), at)
@@ -208,9 +224,8 @@ def states_near(net: Network, tree: Any, x: float, y: float) -> list[State]:
         other = int(net.opposite[edge])
         if other < 0 or net.rule[other] or (length < 60.0 and not net.ends[edge]):
             continue
-        places = [length] if net.ends[edge] else [a * length for a in PLACES]
         found += [
-            State(edge, s, a) for s in places for a in ASIDE
+            State(edge, s, a) for s in turns_at(net, edge, STAND_GRID) for a in ASIDE
             if math.dist(net.place(edge, s, a), (x, y)) < REACH
         ]  # fmt: skip
     return found
@@ -276,7 +291,8 @@ def _advance(net: Network, old: Step, states: list[State], residual: Any, dt: fl
                     late = dt - took - 0.5 * net.slow(last)
                     p = np.where(late >= 0.0, -late / WAIT, -math.inf) - math.log(len(ASIDE))
                     if not net.ends[last]:
-                        p = p + math.log(RATE * 0.5 * net.length[last] / len(PLACES))
+                        places = len(turns_at(net, last, STAND_GRID))
+                        p = p + math.log(RATE * 0.5 * net.length[last] / places)
                 else:
                     p = _log_time(leg, dt - took, dt, stood)
                 ok = np.ones(len(at), bool)
@@ -284,7 +300,7 @@ def _advance(net: Network, old: Step, states: list[State], residual: Any, dt: fl
                     ok = s[k] >= begin
                 if leg.turned == 1 and leg.edges[0] == edge and leg.turned < len(leg.edges):
                     ok = leg.begin >= begin
-                if leg.turned == len(leg.edges) - 1 and s[k] < net.length[last] - leg.begin:
+                if 0 <= leg.turned == len(leg.edges) - 1 and s[k] < net.length[last] - leg.begin:
                     continue
                 value = np.where(ok, old.score[at] + leg.log_p + p + noise[at, k], -math.inf)
                 top = int(value.argmax())
@@ -301,20 +317,25 @@ def _offer(new: Step, k: int, value: float, before: int, leg: Leg | None) -> Non
 def most_probable(net: Network, tree: Any, time: Any, x: Any, y: Any) -> list[turning.Piece]:
     """Parts of edges that were most probably driven, of positions at some times."""
     steps: list[Step] = []
+    last = 0
     for k in range(len(time)):
         states = states_near(net, tree, float(x[k]), float(y[k]))
         if not states:
-            return []
+            continue
         places = np.array([net.place(*q) for q in states])
         residual = np.array([x[k], y[k]]) - places
+        anew = -0.5 * (residual**2).sum(-1) / turning.SIGMA**2
+        anew[[q.aside >= 0.0 for q in states]] -= 10.0
         if not steps:
-            score = -0.5 * (residual**2).sum(-1) / turning.SIGMA**2
-            score[[q.aside >= 0.0 for q in states]] -= 10.0
-            steps.append(Step(states, residual, score, np.zeros(len(states), int), []))
+            steps.append(Step(states, residual, anew, np.zeros(len(states), int), []))
+            last = k
             continue
-        steps.append(_advance(net, steps[-1], states, residual, float(time[k] - time[k - 1])))
-        if not np.isfinite(steps[-1].score.max()):
-            return []
+        step = _advance(net, steps[-1], states, residual, float(time[k] - time[last]))
+        if not np.isfinite(step.score.max()):  # it begins anew
+            worst = int(steps[-1].score.argmax())
+            step = step._replace(score=anew, before=np.full(len(states), worst))
+        steps.append(step)
+        last = k
     return _traced(net, steps)
 
 
@@ -345,3 +366,51 @@ def _traced(net: Network, steps: list[Step]) -> list[turning.Piece]:
             pieces.append(turning.Piece(one, float(first), float(last)))
         found = pieces + found
     return [p for p in found if p.end > p.start]
+
+
+def wrong(net: Network, tree: Any, drive: turning.Drive, error: Any, every: int) -> float:
+    """Metres that the oracle misses; all of them where it finds no way."""
+    k = np.unique(np.append(np.arange(0, len(drive.time), every), len(drive.time) - 1))
+    x, y = drive.x[k] + error[k, 0], drive.y[k] + error[k, 1]
+    pieces = most_probable(net, tree, drive.time[k], x, y)
+    true = turning.lines(
+        net.roads, *zip(*((q.edge, q.start, q.end) for q in drive.pieces), strict=True)
+    )
+    if not pieces:
+        return math.nan
+    said = turning.lines(net.roads, *zip(*((q.edge, q.start, q.end) for q in pieces), strict=True))
+    return float(route_mismatch(true, true, said)[0])
+
+
+def measure(options: Options) -> list[Figure]:
+    """How much less of the way is right than the oracle has, at each rate but the first."""
+    roads = harness.our_adapter(options, options.need("maps", "heidelberg.osm.pbf")).maps[0][2]
+    lines = [roads.arrays.vertices[e.first_vertex : e.last_vertex + 1] for e in roads.arrays.edges]
+    tree = shapely.STRtree([shapely.LineString(np.column_stack([v.x, v.y])) for v in lines])
+    rates = [r for r in RATES if r in matched.intervals(options)]
+    rows: dict[int, list[tuple[float, ...]]] = {every: [] for every in rates}
+    for seed in options.seeds or matched.SEEDS:
+        rng = np.random.default_rng([21, seed])  # as `turning.drives` draws them
+        net = Network(roads, drivable(roads.arrays, rng), turning.dead_ends(roads.arrays))
+        one = Options(data=options.data, seeds=[seed], more=options.more)
+        for drive, error in turning.drives(one, roads):
+            for every in rates:
+                missed, _, length, _, _ = turning.score(roads, drive, error, every)
+                rows[every].append((missed, wrong(net, tree, drive, error, every), length))
+                options.say(f"  seed {seed}, {drive.kind}, {every} s: {rows[every][-1]}")
+    figures = []
+    for every, found in rows.items():
+        table = np.array(found)
+        lost = int(np.isnan(table[:, 1]).sum())
+        table = table[np.isfinite(table[:, 1])]
+        more = np.column_stack([table[:, 0] - table[:, 1], table[:, 2]])
+        label, n = f"turning, {every} s", len(table)
+        goal = "<= 0.5" if every <= 10 else "<= 1"
+        figures += [
+            Figure(f"{label}: way right", 100.0 - share(table[:, [0, 2]]), "", "%", n),
+            Figure(f"{label}: way right, oracle", 100.0 - share(table[:, [1, 2]]), "", "%", n),
+            Figure(f"{label}: below the oracle", share(more), goal, "points", n,
+                   interval(share, more)),
+            Figure(f"{label}: no way by the oracle", float(lost), "", "", len(found)),
+        ]  # fmt: skip
+    return figures

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from whichroad._compile import kernel_mode
+from whichroad.filter.state import new_belief, normalise
 from whichroad.native import library
 
 from . import toys
@@ -118,3 +120,10 @@ def test_public_functions_of_numba_alone_compile_the_same(toy_library, tmp_path)
     cube = np.random.default_rng(3).normal(size=(2, 3, 4))
     one, other = call(toy_library, toys.toy_tuples), call(plain, toys.toy_tuples)
     assert one(outer(), cube, 3) == other(outer(), cube, 3)
+
+
+@pytest.mark.skipif(kernel_mode() != "native", reason="without a library")
+def test_an_entry_is_compared_with_the_library_once(monkeypatch):
+    normalise.bind(new_belief())
+    monkeypatch.setattr(library, "call_of", lambda _: pytest.fail("compared again"))
+    normalise.bind(new_belief())

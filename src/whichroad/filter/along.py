@@ -111,6 +111,7 @@ def _move_to(
     mean[X] = cx + scale * (to.lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
     hyp.segment = segment
+    hyp.stood = 0.0
     hyp.along = at
     hyp.along_sigma = math.sqrt(variance)
     z = (length - at) / hyp.along_sigma
@@ -174,7 +175,6 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
-        hyp.stood = 0.0
         lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov

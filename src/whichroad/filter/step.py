@@ -58,8 +58,7 @@ from .state import (
 from .summary.estimate import Output, describe
 from .vetting.windows import BY_GYRO, GYRO_ALONE
 
-_PIECE = 6.0  # m, longest piece of an arc in one prediction
-_EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
+_PIECE, _EXCHANGE = 6.0, 25.0  # m: longest piece of an arc, between exchanges with off the roads
 _SMOOTHING, _TURN_TIME = 0.1, 0.25  # s, time constants of the odometer's speed, of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _SPEED_KEPT, _COURSE_KEPT = 1.5, 3.0  # s, for which reports tell acceleration, and heading

@@ -46,7 +46,8 @@ _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
 _STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand on a road in traffic, and else
 _ELSE = 0.1  # share of the latter
-_MOST = 0.97  # P at most that one goes on to stand: it must not be missed when it leaves
+_MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be missed,
+_PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
 
 _AWAY = 15.0  # m and three sigmas of the fix, from which on it may have left
 _LEAVES = 0.3  # P that it has; and
@@ -60,11 +61,15 @@ _STARTS, _START_SIGMA = 4.0, 4.0  # m/s, its mean speed after that
 def goes_on_standing(stood: float, dt: float) -> float:
     """P that who has stood on a road for some seconds goes on to stand for dt seconds more.
 
-    P(stands longer than τ) = 0.9 exp(−τ / 30 s) + 0.1 exp(−τ / 1800 s)
+    P(stands longer than τ) = 0.9 exp(−τ / 30 s) + 0.1 exp(−τ / 1800 s), the second for who was seen
+    to stand already.
     """
+    if stood == 0.0:
+        return math.exp(-dt / _STOPS)
     short, long = (1.0 - _ELSE) * math.exp(-stood / _STOPS), _ELSE * math.exp(-stood / _STAYS)
     goes_on = short * math.exp(-dt / _STOPS) + long * math.exp(-dt / _STAYS)
-    return min(goes_on / (short + long), _MOST)
+    most = _MOST * math.exp(-max(dt - _PAUSE, 0.0) / _FORGOTTEN)
+    return min(goes_on / (short + long), most)
 
 
 @kernel
