@@ -7,9 +7,11 @@ import pytest
 
 from scenes import column, drive_along, epochs_of, gnss, localize, network, parallel_roads
 from whichroad._compile import Records
-from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.gnss.inflation import tail_of
+from whichroad.filter.records import new_epochs
+from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief
 from whichroad.filter.summary.estimate import Output
-from whichroad.settings import Settings
+from whichroad.settings import Settings, Vehicle, parameters
 
 ROADS = network(parallel_roads(60.0, 5000.0))
 DRIVE = drive_along([[200.0, -1.75], [4200.0, -1.75]])
@@ -97,3 +99,38 @@ def test_what_roads_showed_is_forgotten_where_the_receiver_gets_worse():
     assert before < 1.5
     assert scale[-1] > 1.3 * before
     assert math.isfinite(scale[-1])
+
+
+def test_levels_of_a_receiver_alone_are_those_of_student():
+    """The level is exceeded with the risk, by errors of the degrees of freedom learnt."""
+    risk = Settings().protection_risk
+    state, par = new_belief().state[0], parameters(Settings(), Vehicle(), CLOCK)[0]
+    for seen, freedom in ((0.0, 16.0), (5.0, 26.0), (100.0, 216.0)):
+        state.road_energy[1] = seen
+        r = tail_of(state, par) * math.sqrt(-2.0 * math.log(risk))  # in sigmas
+        assert (1.0 + r * r / freedom) ** (-0.5 * freedom) == pytest.approx(risk)
+
+
+def test_a_level_is_wider_the_less_is_known_of_the_receiver():
+    drive = fixes(1.0, 0)
+    output = localize(ROADS, drive, settings=WIDE, mode=CLOCK).output
+    xx, xy, yy = (column(output, name) for name in ("xx", "xy", "yy"))
+    longest = 0.5 * (xx + yy + np.hypot(xx - yy, 2.0 * xy))
+    ratio = output.rows.protection_level / np.sqrt(longest)
+    gaussian = math.sqrt(-2.0 * math.log(WIDE.protection_risk))
+    assert ratio[:20].mean() > 1.05 * ratio[-20:].mean() > 1.05 * gaussian
+
+
+def test_braking_that_no_speed_tells_is_soon_followed():
+    """From 20 to 4 m/s in five seconds, which fixes of 12 m tell late."""
+    time = np.arange(100.0)
+    speed = np.interp(time, [0.0, 60.0, 65.0, 100.0], [20.0, 20.0, 4.0, 4.0])
+    x = 200.0 + np.cumsum(speed)
+    epochs = new_epochs(100)
+    epochs.time, epochs.has_fix = time, 1
+    epochs.fix = np.column_stack([x, np.full(100, -1.75), np.full((100, 2), 12.0), np.zeros(100)])
+    epochs.speed_sigma = epochs.course_sigma = np.inf
+    told = localize(ROADS, epochs, mode=CLOCK).output.rows.x
+    slow = Settings(acceleration_noise=1.5 / math.sqrt(2.8))
+    late = localize(ROADS, epochs, settings=slow, mode=CLOCK).output.rows.x
+    assert (told - x)[62:68].max() < 0.8 * (late - x)[62:68].max()

@@ -15,6 +15,7 @@ from .vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, UNTURNED
 
 GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
+_LASTING = 2.8  # times the speed's variance a second, where braking lasts for seconds unseen
 _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
 _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
 _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
@@ -121,15 +122,24 @@ def extrapolated(noise: Noise, before: float, metres: float, turned: bool = Fals
 
 
 @kernel
-def blind_noise(par: Record, odometer: float, mode: int) -> Noise:
+def blind_noise(par: Record, odometer: float, mode: int, unseen: bool) -> Noise:
     """Process noise without a heading sensor, over metres (DISTANCE) or seconds (CLOCK).
 
     Without an odometer the speed walks at random: with q its variance a second,
 
         Q = q [t, t²/2; t²/2, t³/3]         of κ and the abscissa
+
+    An acceleration lasts for some seconds.  Where the speed was not reported for as long, its
+    changes add up, and q is larger.
+
+    Args:
+        par: The parameters.
+        odometer: Metres or seconds.
+        mode: DISTANCE or CLOCK.
+        unseen: Whether no speed was reported in the last seconds.
     """
     if mode == CLOCK:
-        rate = par.acceleration_noise**2 * odometer
+        rate = (_LASTING if unseen else 1.0) * par.acceleration_noise**2 * odometer
         along = rate * odometer * odometer / 3.0 + _SPEED_JITTER * odometer
         return Noise(along, 0.25 * along, _BLIND_TURN * odometer, rate, 0.0, rate * odometer / 2.0)
     metres = abs(odometer)

@@ -134,6 +134,7 @@ FILTER = np.dtype(
         ("bias_factor", "f8"),  # and by the bias states
         ("road_energy", "f8", (2,)),  # what roads have told of the bias (filter.inflation)
         ("road_prior", "f8"),  # the factor believed before
+        ("level_tail", "f8"),  # sigmas of levels over those of Gaussians; 0: not used yet
         ("reports", REPORTS),  # speeds and courses of the receiver, and their latency
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
         ("unlearnt", "f8"),  # s of motion since the factors were last learnt

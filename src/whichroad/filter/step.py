@@ -62,9 +62,9 @@ _EXCHANGE = 25.0  # m between exchanges with a negligible off-road mode
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _TURN_TIME = 0.25  # s, time constant of the turn rate that swings the antenna
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
+_SPEED_KEPT = 1.5  # s, for which a reported speed tells how the vehicle accelerates
 _COURSE_KEPT = 3.0  # s, for which a course over ground keeps the heading the vehicle's own
-_LONGEST = 1800.0  # s; a longer pause without odometry starts anew
-_FARTHEST = 5e4  # m; an odometer that jumps farther in one epoch starts anew, too
+_LONGEST, _FARTHEST = 1800.0, 5e4  # s without odometry, m in one epoch: beyond it starts anew
 _MOST_PIECES = 10_000  # of an epoch's arc
 _NEW_ENTRIES = 2048  # entries of the path tree that one epoch may need
 
@@ -203,7 +203,8 @@ def _predict(
     else:
         metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
         odometer = dt if mode == CLOCK else epoch.arc
-        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode), metres, mode)
+        unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
+        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode, unseen), metres, mode)
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)

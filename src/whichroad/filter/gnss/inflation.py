@@ -16,12 +16,26 @@ FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filt
 _SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
 _ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
 _PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
+_FREEDOM = 16.0  # degrees of freedom of what is believed of the factor before
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
 _PAUSE = 5.0  # s between two starts at its fixes
 _REACQUIRED = 3.0  # s, and
 _UNUSUAL = 3.0  # times the usual interval, of a silence
 _LIGHT = 0.01  # weight below which a hypothesis says nothing
+
+
+@kernel
+def tail_of(state: Record, par: Record) -> float:
+    """How many times wider a level is, as the factor was learnt from few independent errors.
+
+    The errors of a receiver whose variance was learnt with ν degrees of freedom are Student's:
+
+        P(error > r) = (1 + r² / ν σ²)^(-ν/2)        ν = 16 + twice their number
+    """
+    freedom = _FREEDOM + 2.0 * state.road_energy[1]
+    usual = -2.0 * math.log(par.protection_risk)
+    return float(math.sqrt(freedom * (math.exp(usual / freedom) - 1.0) / usual))
 
 
 @kernel

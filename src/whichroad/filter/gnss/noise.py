@@ -20,7 +20,7 @@ from ..state import (
     Context,
     most_probable,
 )
-from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads
+from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, tail_of
 from .position import NU0, NU1, V00, V11
 
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed
@@ -170,9 +170,11 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
+    state.level_tail = 1.0
     if not is_vouched(state, epoch):
         if is_inflated(state, par, epoch):
             state.gnss_factor = learn_by_roads(belief, par, min(moving, _RECENT))
+            state.level_tail = tail_of(state, par)
             return
         state.innovation_factor += gain * (1.0 - state.innovation_factor)
         state.gnss_factor = max(state.innovation_factor, 1.0)

@@ -20,7 +20,15 @@ from ..state import (
     most_probable,
     normalise,
 )
-from .inflation import bias_time, is_alone, is_inflated, is_unlikely, is_vouched, was_silent
+from .inflation import (
+    bias_time,
+    is_alone,
+    is_inflated,
+    is_unlikely,
+    is_vouched,
+    tail_of,
+    was_silent,
+)
 from .noise import age_receiver, learn_factor, observe_white, update_root
 from .position import (
     Axes,
@@ -112,6 +120,7 @@ def _begin_factor(state: Record, par: Record, epoch: Record) -> None:
     state.road_energy[0] = state.road_energy[1] = 0.0
     if is_inflated(state, par, epoch):
         state.gnss_factor = state.road_prior
+        state.level_tail = tail_of(state, par)
 
 
 @kernel

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from ..._compile import Record, kernel
-from ..state import Belief, X, Y
+from ..state import CLOCK, Belief, X, Y
 
 # scratch of a hypothesis: distances from the mean and sigmas, of the position, along, across
 _AWAY, _SIGMA = 0, 3
@@ -48,13 +48,14 @@ def set_levels(belief: Belief, out: Record, mid: Centre) -> None:
 
         P(error > r) <= sum w_i exp(-max(r - d_i, 0)^2 / 2 a_i^2) = risk
 
-    It does not depend on the number of hypotheses into which a Gaussian is cut.  Their odds
-    are set (`set_odds`).
+    Of a receiver alone the sigmas are wider (`gnss.inflation.tail_of`).  It does not depend on
+    the number of hypotheses into which a Gaussian is cut.  Their odds are set (`set_odds`).
     """
     state = belief.state[0]
     c = math.cos(out.heading)
     s = math.sin(out.heading)
     per_scale = 1.0 / state.scale
+    tail = max(state.level_tail, 1.0) if state.mode == CLOCK else 1.0
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
@@ -65,11 +66,12 @@ def set_levels(belief: Belief, out: Record, mid: Centre) -> None:
         apart = xx - yy
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
         to[_AWAY] = math.sqrt(dx * dx + dy * dy)
-        to[_SIGMA] = math.sqrt(0.5 * (xx + yy + math.sqrt(apart * apart + 4.0 * xy * xy)))
+        longest = 0.5 * (xx + yy + math.sqrt(apart * apart + 4.0 * xy * xy))
+        to[_SIGMA] = tail * math.sqrt(longest)
         to[_AWAY + 1] = abs(c * dx + s * dy)
-        to[_SIGMA + 1] = math.sqrt(along)
+        to[_SIGMA + 1] = tail * math.sqrt(along)
         to[_AWAY + 2] = abs(c * dy - s * dx)
-        to[_SIGMA + 2] = math.sqrt(xx + yy - along)
+        to[_SIGMA + 2] = tail * math.sqrt(xx + yy - along)
     out.protection_level = _level(belief, 0)
     out.level_along = _level(belief, 1)
     out.level_across = _level(belief, 2)
