@@ -104,7 +104,7 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
-def _restart_if_elsewhere(belief: Belief, par: Record, epoch: Record) -> None:
+def _start_elsewhere(belief: Belief, par: Record, epoch: Record) -> None:
     """Start anew at a fix that is far away: what moved the vehicle until now was wrong."""
     state = belief.state[0]
     if is_elsewhere(belief, epoch):
@@ -213,9 +213,9 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         switch(belief, history, ctx, mode)
     if vetting.exposed == 1 and epoch.has_fix:
         vetting.exposed = 0
-        _restart_if_elsewhere(belief, par, epoch)
+        _start_elsewhere(belief, par, epoch)
     if vetting.news == TURNS and epoch.has_fix and is_elsewhere(belief, epoch):
         vetting.elsewhere = 1
     elif vetting.news != NONE and epoch.has_fix:
-        _restart_if_elsewhere(belief, par, epoch)
+        _start_elsewhere(belief, par, epoch)
     return reading

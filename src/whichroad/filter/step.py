@@ -1,8 +1,7 @@
 """One epoch of the filter: Figure 7 of Smaili et al. 2007.
 
-Every kernel below takes the belief (what is estimated), the path tree and the history (what is
-kept of the past), the epoch (what the sensors measured) and the context (what is constant over
-the drive).  What is pending between them is a field of the belief's state.
+Kernels take the belief (what is estimated), the path tree and the history (what is kept of the
+past), the epoch (what was measured) and the context (what is constant).
 """
 
 import math
@@ -88,8 +87,7 @@ def step(
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
     if _map_is_due(state, ctx):
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
-    if epoch.has_fix and not ctx.par[0].paper:
-        watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
+    watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
@@ -368,8 +366,7 @@ def _exchange(belief: Belief, ctx: Context) -> None:
     state = belief.state[0]
     matters = False
     for i in range(state.count):
-        hyp = belief.hyp[i]
-        matters = matters or (hyp.edge == OFF_ROAD and hyp.weight > 1e-3)
+        matters = matters or (belief.hyp[i].edge == OFF_ROAD and belief.hyp[i].weight > 1e-3)
     if state.since_exit >= _EXCHANGE or matters:
         exchange_off_road(belief, ctx)
     if state.mode == WHEELS:

@@ -8,9 +8,9 @@ import math
 
 from ..._compile import Record, kernel
 from ...graph.geometry import wrap
-from ..state import Belief, Context, H, K
+from ..state import CLOCK, WHEELS, Belief, Context, H, K
 from .inflation import FILTERED
-from .position import has_course, observe_state
+from .position import has_course, observe_rate, observe_state
 
 LATENCY = 0.15  # s, of the receiver's Doppler speed behind the odometer
 _LATE = 0.5  # s, by which speeds and courses of a filter lag, as far as is known,
@@ -23,6 +23,9 @@ _MOST = 1.2  # rad, largest difference that says something of the latency
 _WRONG_COURSE = 0.1 / (2.0 * math.pi)  # 1/rad, density of courses that say nothing
 _WRONG_STOP = 0.05 / 30.0  # s/m, density of zeros that do
 _STOP = 0.5  # m/s
+_TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
+_TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
+_SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _LOWEST, _LONGEST = 1.0, 2.0  # s, between reports whose difference is a rate
 
 
@@ -97,3 +100,33 @@ def observe_reported(
         variance = (epoch.speed_sigma**2 + 0.04 + (late * state.reports.speed[2]) ** 2) * thin
         wrong = _WRONG_STOP if filtered and epoch.speed < _STOP else 0.0
         observe_state(belief, ctx, K, epoch.speed, variance, wrong)
+
+
+@kernel(inline=True)
+def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> None:
+    """Course and Doppler speed of an epoch.
+
+    Args:
+        belief: In place; weights are to be normalised afterwards.
+        ctx: The drive's constants.
+        epoch: With a fix.
+        thin: Times the variance, for fixes less than a second apart.
+    """
+    par = ctx.par[0]
+    state = belief.state[0]
+    if state.mode == CLOCK:
+        observe_reported(belief, ctx, epoch, epoch.course_sigma**2 + 0.0025, thin)
+        return
+    if has_course(epoch, 1.0) and state.speed > -0.5:
+        speed = max(abs(state.speed), 1.0)
+        swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
+        unknown = _TURN_SIGMA * par.lever[0] / speed
+        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
+        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
+        state.course_time = epoch.time
+    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
+        odometer_speed = abs(state.odometer_speed)
+        if min(epoch.speed, odometer_speed) > _SLOW:
+            late = LATENCY * state.odometer_acceleration
+            variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
+            observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)

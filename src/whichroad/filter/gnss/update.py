@@ -32,10 +32,8 @@ from .position import (
     has_course,
     innovations,
     observe_given,
-    observe_rate,
-    observe_state,
 )
-from .reported_motion import LATENCY, observe_reported
+from .reported_motion import observe_motion
 from .sides import (
     MOST_ODDS,
     blame_receiver,
@@ -49,9 +47,6 @@ from .sides import (
 from .start import forget_factor
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
-_TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
-_TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
-_SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
@@ -144,29 +139,6 @@ def _add_restarts(
             math.sqrt(top.cov[K, K]), 0.0, par.drift_sigma, True,
         )  # fmt: skip
         cold_start(belief, path, ctx, fix, start, share)
-
-
-@kernel(inline=True)
-def _observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> None:
-    """Course and Doppler speed of the epoch."""
-    par = ctx.par[0]
-    state = belief.state[0]
-    if state.mode == CLOCK:
-        observe_reported(belief, ctx, epoch, epoch.course_sigma**2 + 0.0025, thin)
-        return
-    if has_course(epoch, 1.0) and state.speed > -0.5:
-        speed = max(abs(state.speed), 1.0)
-        swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
-        unknown = _TURN_SIGMA * par.lever[0] / speed
-        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
-        observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
-        state.course_time = epoch.time
-    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
-        odometer_speed = abs(state.odometer_speed)
-        if min(epoch.speed, odometer_speed) > _SLOW:
-            late = LATENCY * state.odometer_acceleration
-            variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
-            observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
 
 
 @kernel(inline=True)
@@ -265,6 +237,22 @@ def _learn(belief: Belief, ctx: Context, epoch: Record, white: float) -> bool:
 
 
 @kernel(inline=True)
+def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: float) -> float:
+    """Condition on the position; between two sides it counts little.  Returns its chi-square."""
+    par = ctx.par[0]
+    state = belief.state[0]
+    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    odds = odds_of_sides(belief)
+    tried = state.mode == WHEELS and state.vetting.tried == 1
+    both = tried and abs(odds) < MOST_ODDS
+    least = 0.0 if both else _REFUTED * par.prune
+    chi2 = observe_given(belief, ctx, epoch.fix, axes, par.gnss_gate, jumps, least)
+    if both:
+        even_out(belief, odds, min(max(since, 0.0), _RECENT))
+    return chi2
+
+
+@kernel(inline=True)
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
 
@@ -298,18 +286,11 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.unmeasured = 0.0
     state.last_fix = epoch.time
     _settle(belief, ctx, epoch, axes, doubted, since)
-    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    odds = odds_of_sides(belief)
-    tried = state.mode == WHEELS and state.vetting.tried == 1
-    both = tried and abs(odds) < MOST_ODDS
-    least = 0.0 if both else _REFUTED * par.prune
-    chi2 = observe_given(belief, ctx, fix, axes, par.gnss_gate, jumps, least)
-    if both:
-        even_out(belief, odds, min(max(since, 0.0), _RECENT))
+    chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:
         _search(belief, path, ctx, epoch, white, far)
-    _observe_motion(belief, ctx, epoch, thin)
+    observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     if far:
         state.misfits += 1.0

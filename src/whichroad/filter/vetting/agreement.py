@@ -73,6 +73,16 @@ def _blame_one(vetting: Record, by_odometer: int, by_speed: int, both: int, sinc
 
 
 @kernel
+def _is_disputed(vetting: Record, stands: bool, now: float, seconds: float) -> bool:
+    """Whether fixes fitted nothing before the odometry came to stand, and still do not."""
+    if not stands:
+        vetting.stood_at = math.inf
+    elif vetting.stood_at == math.inf:
+        vetting.stood_at = now - seconds
+    return bool(vetting.undecided_at < vetting.stood_at and now - vetting.forked_at < _DISPUTED)
+
+
+@kernel
 def weigh_distances(
     vetting: Record, sensors: int, seen: Seen, turn: float, since: float
 ) -> None:  # fmt: skip
@@ -105,11 +115,7 @@ def weigh_distances(
     if by_odometer > 0 and by_speed > 0 and both < 0:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
     stands = rolls and odometer < _STANDS * seen.seconds
-    if not stands:
-        vetting.stood_at = math.inf
-    elif vetting.stood_at == math.inf:
-        vetting.stood_at = now - seen.seconds
-    disputed = vetting.undecided_at < vetting.stood_at and now - vetting.forked_at < _DISPUTED
+    disputed = _is_disputed(vetting, stands, now, seen.seconds)
     vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds and not disputed
     if rolls and reported:
         _blame_one(vetting, by_odometer, by_speed, both, since)
