@@ -34,7 +34,11 @@ class Settings:
     lateral_noise: float = _number(0.02, 0, 1, "m/√m", "cross-road random walk of wheel odometry")
     yaw_bias_noise: float = _number(2e-6, 0, 0.1, "rad/m/√m", "random walk of the heading drift")
     acceleration_noise: float = _number(
-        1.5, 0.01, 20, "m/s/√s", "speed random walk where there is no odometry, and a speed every second"
+        1.5,
+        0.01,
+        20,
+        "m/s/√s",
+        "speed random walk where there is no odometry, and a speed every second",
     )
     scale_sigma: float = _number(
         0.012, 1e-5, 0.5, "", "sigma of the odometer scale, before it is learnt"
