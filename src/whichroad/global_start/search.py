@@ -232,10 +232,7 @@ class _Search:
         return min(DROP / max(self.size, 1), 0.1 * self.settings.prune)
 
     def _exchange_off_road(self, metres: float) -> None:
-        """Rates per metre, as in the filter; who is off the roads may come back to any of them.
-
-        Only the roads of this map are left for its yards: who is elsewhere has others.
-        """
+        """Rates per metre, as in the filter; only this map's roads are left for its yards."""
         normalise(self.mixture)
         log_weight = self.column("log_weight")
         p_leave = min(self.settings.off_road_leave * metres, 0.5)

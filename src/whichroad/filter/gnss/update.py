@@ -29,7 +29,6 @@ from .inflation import (
 from .noise import age_receiver, learn_factor, observe_white, update_root
 from .position import (
     Axes,
-    has_course,
     innovations,
     observe_given,
 )
