@@ -516,17 +516,34 @@ def without_the_unknown(m: Mixture, status: str) -> tuple[Any, Any]:
     return known, m.p[known] / (1.0 - unknown)
 
 
+def restless(mode: str) -> np.ndarray:
+    """√(λ / λ₀) by which levels with wheels grow, (n,): λ₀ follows a larger λ in 90 s."""
+    scale, time = numbers(mode, "gnss_scale"), seen(mode).truth.time
+    more, calm, last = np.ones(len(time)), 0.0, -math.inf
+    for k, fix in enumerate(seen(mode).fixes):
+        if mode != WHEELS or fix is None or time[k] - last < 0.95 or np.isnan(scale[k]):
+            continue
+        since = time[k] - last if time[k] - last <= 6.0 else 1.0  # after a pause it begins anew
+        now, last = max(scale[k], 0.9), time[k]
+        calm = now if now < calm or calm == 0.0 else calm
+        calm += (now - calm) * (1.0 - math.exp(-since / 90.0))
+        more[k:] = max(math.sqrt(now / calm), 1.0)
+    return more
+
+
 def assert_beyond_at_the_risk(
     mode: str, name: str, about: Callable[[Mixture, Any], tuple[Any, Any]]
 ) -> None:
     """Sum w exp(-max(level - d, 0)^2 / 2 sigma^2) = risk, to 1e-3 of every level.
+
+    With wheels the level is the one that is told over √(λ / λ₀).
 
     Args:
         mode: The odometry.
         name: Column of the level.
         about: Distances d of hypotheses from the mean, and their sigmas.
     """
-    levels, risk = numbers(mode, name), SETTINGS.protection_risk
+    levels, risk = numbers(mode, name) / restless(mode), SETTINGS.protection_risk
     for k, m in enumerate(mixtures(mode)):
         if m is None:
             assert np.isnan(levels[k])
