@@ -40,11 +40,11 @@ from .arrival import ACROSS_SIGMA, HEADING_NOISE, observe_line
 REST_VARIANCE = 0.02  # (m/s)², of the speed of a vehicle that stands
 _SLOW_VARIANCE = 0.5  # (m/s)², of one that is about to
 
-_BESIDE = 0.03  # P(beside the road) of a vehicle that comes to stand
+_BESIDE = 0.3  # P(beside the road) of a vehicle that comes to stand
 _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
-_STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand on a road in traffic, and else
+_STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand in traffic, and else
 _ELSE = 0.1  # share of the latter
 _MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be missed,
 _PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
@@ -59,7 +59,7 @@ _STARTS, _START_SIGMA = 4.0, 4.0  # m/s, its mean speed after that
 
 @kernel
 def goes_on_standing(stood: float, dt: float) -> float:
-    """P that who has stood on a road for some seconds goes on to stand for dt seconds more.
+    """P that who has stood for some seconds goes on to stand for dt seconds more.
 
     P(stands longer than τ) = 0.9 exp(−τ / 30 s) + 0.1 exp(−τ / 1800 s), the second for who was seen
     to stand already.
@@ -146,10 +146,12 @@ def leave_parking(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: f
         hyp = belief.hyp[i]
         if not is_parked(hyp):
             continue
+        goes_on = goes_on_standing(hyp.stood, dt)
         hyp.stood += dt
         dx = (epoch.fix[0] - hyp.mu[X]) / state.scale
         dy = (epoch.fix[1] - hyp.mu[Y]) / state.scale
         if math.hypot(dx, dy) < _AWAY + 3.0 * epoch.fix[2] or state.count >= CAPACITY:
+            rescale(hyp, goes_on)  # as one on the road; who leaves comes back to where it was
             continue
         belief.hyp[spawn(belief, i, (1.0 - _BACK) * _LEAVES, OFF_ROAD, hyp.segment)].stood = 0.0
         x = hyp.mu[X] + state.scale * hyp.mu[MX]
