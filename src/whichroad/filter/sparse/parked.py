@@ -40,7 +40,7 @@ from .arrival import ACROSS_SIGMA, HEADING_NOISE, observe_line
 REST_VARIANCE = 0.02  # (m/s)², of the speed of a vehicle that stands
 _SLOW_VARIANCE = 0.5  # (m/s)², of one that is about to
 
-_BESIDE = 0.3  # P(beside the road) of a vehicle that comes to stand
+_BESIDE = 0.08  # P(beside the road) of a vehicle that comes to stand
 _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
