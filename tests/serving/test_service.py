@@ -20,14 +20,14 @@ from whichroad import RoadMap, Settings, Vehicle, simulate_drive
 from whichroad.answers import osrm_match, trace_route
 from whichroad.answers.polylines import encoded
 from whichroad.live.traces import Traces
-from whichroad.serving import workers as lanes
+from whichroad.serving import workers
 from whichroad.serving.answering_process import plan_of
 from whichroad.serving.endpoints import Endpoints
 from whichroad.serving.workers import Lane
 from whichroad.simulate import draw_town
 
 _CODE = (
-    f"from whichroad.serving import lanes as l; l._CODE = {KEEPS_PACE!r} + l._CODE; "
+    f"from whichroad.serving import workers as l; l._CODE = {KEEPS_PACE!r} + l._CODE; "
     f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; "
     "from whichroad.cli import main; main()"
 )
@@ -166,7 +166,7 @@ def test_words_that_are_no_text_are_answered_and_end_no_process(base, drive):
 
 
 def test_what_is_too_slow_for_the_usual_lane_is_answered_by_the_large_one(town, drive, monkeypatch):
-    monkeypatch.setattr(lanes, "_CODE", KEEPS_PACE + lanes._CODE)
+    monkeypatch.setattr(workers, "_CODE", KEEPS_PACE + workers._CODE)
 
     async def asked():
         plan = [plan_of(town, Vehicle(), Settings(), 1000, last) for last in (False, True)]

@@ -28,6 +28,7 @@ from .state import (
 
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
+_CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
 _LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
 
@@ -44,7 +45,8 @@ def gain_beside(
         ℓ         = lateral - ½ (ν² / s + log 2πs)
         gain      = max((1 - following) cost, (1 - inside) (ℓ - usual + cost))
 
-    Whoever blames the motion for a misfit has not shown that it left the road.
+    Whoever blames the motion for a misfit has not shown that it left the road.  Nor has anybody
+    within a minute of one: wheels that are wrong leave roads as well.
 
     Args:
         belief: Tracked; unchanged.
@@ -56,7 +58,7 @@ def gain_beside(
         cost: What it pays for following a road by chance, nats.
     """
     hyp = belief.hyp[i]
-    if belief.state[0].mode != WHEELS or hyp.weight < _LIGHT or hyp.blames == MOTION:
+    if not _is_believed(belief.state[0]) or hyp.weight < _LIGHT or hyp.blames == MOTION:
         return 0.0
     s_heading = hyp.cov[H, H] + heading
     inside = following = 0.0
@@ -77,6 +79,13 @@ def gain_beside(
         return 0.0
     fit = lateral - 0.5 * (least + math.log(s_heading) + LOG_2PI)
     return max((1.0 - following) * cost, (1.0 - inside) * (fit - usual + cost))
+
+
+@kernel
+def _is_believed(state: Record) -> bool:
+    """Whether wheels show who leaves a road: no misfit has made them doubtful of late."""
+    calm = state.misfits == 0.0 and state.time - state.vetting.undecided_at > _CALM
+    return bool(state.mode == WHEELS and calm)
 
 
 @kernel
