@@ -1,5 +1,7 @@
 """Killed at any moment: the recording can be read, the restart resumes, a second is lost."""
 
+import asyncio
+import contextlib
 import random
 import time
 
@@ -8,6 +10,7 @@ import pytest
 from live.service import Served, drive_files
 from whichroad import match, read_drive, read_vehicle
 from whichroad.evaluate.input_tables import read_table
+from whichroad.live import server
 
 pytestmark = pytest.mark.slow
 
@@ -55,3 +58,20 @@ def test_an_interrupted_service_ends_well(files):
         code, said = served.stop()
     assert code in (0, 130)
     assert "Traceback" not in said
+
+
+def test_a_task_that_misses_its_end_once_is_ended_again():
+    """As `asyncio.wait_for` of Python 3.11 may, where its result comes in the same moment."""
+
+    async def deaf():
+        with contextlib.suppress(asyncio.CancelledError):
+            await asyncio.sleep(60.0)
+        await asyncio.sleep(60.0)
+
+    async def run():
+        task = asyncio.create_task(deaf())
+        await asyncio.sleep(0.01)
+        await asyncio.wait_for(server._ended([task]), 10.0)
+        return task.cancelled()
+
+    assert asyncio.run(run())

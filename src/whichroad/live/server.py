@@ -5,7 +5,7 @@ import contextlib
 import gc
 import sys
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,6 +29,7 @@ from .vehicle_run import Fitted, VehicleRun
 from .web_server import listen, web_server
 
 _TICK = 0.05  # s
+_AGAIN = 0.5  # s, after which a task that has not ended is cancelled again
 _FAST = 0.05  # s between messages while a recording is played as fast as possible
 
 
@@ -173,9 +174,7 @@ class Run:
         try:
             await server.serve(sockets=[sock])
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await _ended(tasks)
             self._close()
         if self.broken is not None:
             raise self.broken
@@ -237,6 +236,15 @@ class Run:
         self.writer.shutdown(wait=True)
         for vehicle in self.vehicles:
             vehicle.keep()
+
+
+async def _ended(tasks: Iterable["asyncio.Task[None]"]) -> None:
+    """Cancel tasks until all have ended: one that is about to go on may miss it once."""
+    left = set(tasks)
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=_AGAIN)
 
 
 def warm_up(localizer: Localizer) -> None:
