@@ -219,11 +219,14 @@ def test_weights_are_normalised_however_small_they_are():
     )
 
 
-def told_off_road(right: float, turned: float = 0.0, blames: int = NOTHING) -> float:
+def told_off_road(
+    right: float, turned: float = 0.0, blames: int = NOTHING, misfit_ago: float = math.inf
+) -> float:
     """By how much a vehicle off the roads is told less than one on a road that fits perfectly."""
     roads = network(straight_road())
     belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
     belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
+    belief.state[0].vetting.undecided_at = belief.state[0].time - misfit_ago
     doubt_map(belief, 1.0)
     see_roads(belief, roads)
     return float(belief.hyp.log_weight[0] - belief.hyp.log_weight[1])
@@ -244,3 +247,9 @@ def test_who_leaves_a_road_does_not_pay_for_following_it():
 
 def test_a_vehicle_that_blames_its_motion_has_not_shown_that_it_left():
     assert told_off_road(right=15.0, blames=MOTION) == told_off_road(right=100.0)
+
+
+def test_wheels_that_fixes_have_just_contradicted_do_not_show_who_left():
+    far = told_off_road(right=100.0)
+    assert told_off_road(right=15.0, misfit_ago=59.0) == far
+    assert told_off_road(right=15.0, misfit_ago=61.0) < 0.1 < far

@@ -64,7 +64,6 @@ SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
         ("begun", "f8"),  # s, when the last one was copied
-        ("split", "f8"),  # s, when the belief was last split at one
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known
         ("restless", "f8"),  # by how much sigmas of the position may be too small

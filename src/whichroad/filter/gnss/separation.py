@@ -61,12 +61,6 @@ def _is_due(state: Record) -> bool:
 
 
 @kernel
-def _move(copy: Record, par: Record, move: Increment, scale: float) -> None:
-    """Move a copy by odometry."""
-    predict_plane(copy.mu, copy.cov, move, scale, wheel_noise(par, abs(move.arc), move.turn))
-
-
-@kernel
 def _reckon(state: Record, par: Record, gyro: int) -> None:
     """Move the copies by the odometry since the last anchor, or drop them without it."""
     separation = state.separation
@@ -82,6 +76,7 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
     if gyro == BY_GYRO:
         clock = GYRO_PACE if abs(arc) > 0.0 else 0.0
     move = Increment(arc, anchor.turn - sums[2], c * dx + s * dy, c * dy - s * dx, clock)
+    noise = wheel_noise(par, abs(arc), move.turn)
     sums[0] = anchor.ox
     sums[1] = anchor.oy
     sums[2] = anchor.turn
@@ -93,7 +88,7 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
         if copy.live == 0:
             continue
         if sound and state.time - copy.begun <= _LONGEST:
-            _move(copy, par, move, state.scale)
+            predict_plane(copy.mu, copy.cov, move, state.scale, noise)
         else:
             copy.live = 0
             copy.p = 0.0
@@ -103,7 +98,7 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
 def _compare(state: Record, copy: Record, top: Record) -> None:
     """P(the copy and a hypothesis differ by a fault), and how far it is away.
 
-        W = P_copy − P,    chi² = sᵀ W⁻¹ s,    P(fault) = 1 / (1 + exp(10 − chi² / 2 · 1.5))
+        W = P_copy − P,    chi² = sᵀ W⁻¹ s,    P(fault) = 1 / (1 + exp(10 − chi² / 3))
 
     with s the difference of the places.
     """
@@ -196,7 +191,6 @@ def _split(belief: Belief, path: Path, ctx: Context, copy: Record) -> None:
     state.changed = 1
     state.vetting.forked_at = state.time
     state.vetting.undecided_at = state.time
-    state.separation.split = state.time
     for k in range(COPIES):
         state.separation.reckoned[k].live = 0
         state.separation.reckoned[k].p = 0.0
@@ -290,12 +284,12 @@ def cover(state: Record, top: Record, out: Record, risk: float) -> None:
         out.protection_level *= more
         out.level_along *= more
         out.level_across *= more
-    c = math.cos(out.heading)
-    s = math.sin(out.heading)
     for k in range(COPIES):
         copy = separation.reckoned[k]
         if copy.live == 0 or copy.p <= risk:
             continue
+        c = math.cos(out.heading)
+        s = math.sin(out.heading)
         dx = copy.away[0] + (top.mu[X] - out.x) / state.scale
         dy = copy.away[1] + (top.mu[Y] - out.y) / state.scale
         away = math.sqrt(dx * dx + dy * dy)
