@@ -186,6 +186,14 @@ def test_a_map_that_is_off_as_a_whole_is_named_with_its_direction(town):
     assert told["east_m"] == pytest.approx(-20.0, abs=3.0 * told["sigma_m"])
 
 
+def test_after_a_short_way_it_is_hardly_known_how_far_the_map_is_off(town):
+    roads, drive = town
+    begun = simulate_drive(roads, seed=3, length_m=1000.0).drive
+    short = whichroad.match(begun, roads).summary["map_error"]
+    assert short["sigma_m"] > 0.5 * short["local_m"] > 1.0
+    assert whichroad.match(drive, roads).summary["map_error"]["sigma_m"] < short["sigma_m"]
+
+
 def test_of_a_map_nothing_is_told_without_wheels(town):
     roads, drive = town
     assert "map_error" not in whichroad.match(replace(drive, odometry=None), roads).summary

@@ -9,6 +9,7 @@ from .finding import Finding
 
 _FAR = 8.0  # m off as a whole, from which on a map is named
 _SURE = 2.5  # and that in sigmas
+_SHORT = 0.01  # lengths of the local error, a way on which nothing of it averages out
 _QUARTERS = (
     "north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west",
 )  # fmt: skip
@@ -31,6 +32,8 @@ class MapError(NamedTuple):
 def map_error_of(belief: Belief, map_sigma: float, plane: Plane) -> MapError | None:
     """What a filter has learnt of the map's error; None: without wheels nothing is.
 
+    What is local does not average out over a short way, so the sigma of the whole has a part of it.
+
     Args:
         belief: The filter's.
         map_sigma: Of the settings, m.
@@ -44,10 +47,12 @@ def map_error_of(belief: Belief, map_sigma: float, plane: Plane) -> MapError | N
     at = belief.hyp[most_probable(belief)].mu
     turn = plane.convergence(float(at[X]), float(at[Y]))
     c, s = math.cos(turn), math.sin(turn)
-    mean = max(float(learnt.factor - learnt.local), 0.0)
+    mean, local = max(float(learnt.factor - learnt.local), 0.0), float(learnt.local)
+    way = float(learnt.moments[0])  # lengths for which a local error lasts
+    left = 2.0 * (way - 1.0 + math.exp(-way)) / way**2 if way > _SHORT else 1.0
     return MapError(
-        c * x + s * y, c * y - s * x, map_sigma * math.sqrt(mean),
-        map_sigma * math.sqrt(float(learnt.local)),
+        c * x + s * y, c * y - s * x, map_sigma * math.sqrt(mean + left * local),
+        map_sigma * math.sqrt(local),
     )  # fmt: skip
 
 
