@@ -29,6 +29,7 @@ _MOST_HELD = 48 * 1024 * 1024  # bytes of bodies that are being received, over a
 _DRAINED = 256 * 1024  # bytes of a refused body that are read, at most
 _AT_ONCE = 2 * READ_AT_ONCE  # bytes of it that may come in one message
 _DRAIN_TIME = 1.0  # s for which they are read, at most
+_NOTICED = 0.25  # s for which a longer body waits unread: closed at once, the answer may be lost
 _READ = "whichroad.body_read"  # key of a scope: the whole body was taken
 _SAFE = [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
 _PLACE = r"(\[[0-9a-f:.]+\]|[a-z0-9._~%-]*)(:[0-9]{0,5})?"
@@ -272,5 +273,6 @@ async def _drain(scope: Scope, receive: Receive) -> None:
                 left -= len(message.get("body", b""))
                 if message["type"] != "http.request" or not message.get("more_body", False):
                     return
+            await asyncio.sleep(_NOTICED)  # a sender that must wait looks for an answer
     except (TimeoutError, TooLarge, TooMany):
         return
