@@ -36,6 +36,7 @@ from .records import EPOCH as EPOCH
 from .records import MAP_ERROR, RANKING, SEPARATION
 from .records import Epochs as Epochs
 from .records import new_epochs as new_epochs
+from .sparse.driver import DRIVER, LEG, forget_leg
 from .sparse.origin import ORIGIN, forget_origin
 from .vetting.motion_sources import REPORTS, STILL, VETTING, clear
 from .vetting.windows import CLOCK as CLOCK
@@ -76,6 +77,7 @@ HYPOTHESIS = np.dtype(
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
+        ("road_energy", "f8", (2,)),  # what its road has told of the bias (filter.inflation)
         ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
@@ -83,6 +85,7 @@ HYPOTHESIS = np.dtype(
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
         ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
+        ("leg", LEG),  # what it drove to the last fix, where that was sparse
         ("origin", ORIGIN),  # where it was before a fix that it takes to be wrong
     ],
     align=True,
@@ -101,6 +104,7 @@ FILTER = np.dtype(
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
         ("map", MAP_ERROR),  # as learnt (filter.map_error)
+        ("driver", DRIVER),  # as learnt (filter.sparse.driver)
         ("started", "u1"),
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
@@ -332,12 +336,13 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
-        hyp.tangent[k] = hyp.odds[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = hyp.road_energy[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.blames = NOTHING
     hyp.ignores = 0
     forget_origin(hyp.origin)
+    forget_leg(hyp.leg)
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment

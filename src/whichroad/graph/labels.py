@@ -18,6 +18,7 @@ LAST = 2**63 - 1  # greater than every number in the queue
 SLOTS = 1 << 15  # of the hash table from edges to labels
 GOALS = 1 << 9  # of the hash table of goals
 PREFIX = 1 << 10  # of the hash table of the common prefix
+_WAYS = 512  # ways to one goal that are compared
 _MOST = 256  # goals hit in one search; pairs of a hypothesis and a goal
 
 LABEL = np.dtype(
@@ -31,6 +32,7 @@ LABEL = np.dtype(
         ("parent", "i4"),  # label that it was reached from, -1: the origin
         ("rival", "i4"),  # newest of the other ways to the edge, -1: none
         ("twin", "i4"),  # label of the first search that it was copied from, -1: none
+        ("same", "i4"),  # label of this search that it is a copy of, on another route; -1: none
         ("mark", "i8"),  # place on the route that is looked at, by its stamp
         ("against", "f8"),  # weight of the ways round the edge, over that of the route
         ("done", "u1"),
@@ -43,8 +45,22 @@ RIVAL = np.dtype(
         ("cost", "f8"),  # to the start of the edge, nats
         ("length", "f8"),  # m
         ("time", "f8"),  # s
+        ("turn", "f8"),  # sum of turns, rad
         ("parent", "i4"),  # label that the edge was reached from, -1: the origin
         ("next", "i4"),  # the rival before, -1: none
+    ],
+    align=True,
+)
+
+WAY = np.dtype(
+    [
+        ("cost", "f8"),  # over the cheapest route, nats
+        ("length", "f8"),  # the same, m
+        ("time", "f8"),  # s
+        ("turn", "f8"),  # rad
+        ("before", "i4"),  # way with one rival less, -1: none
+        ("join", "i4"),  # label at which it comes from its last rival
+        ("label", "i4"),  # that it came from; from there on it is the cheapest way
     ],
     align=True,
 )
@@ -104,6 +120,7 @@ class Search(NamedTuple):
     run: Annotated[Records, Array(RUN, 1)]  # (1,)
     label: Annotated[Records, Array(LABEL, 1)]  # (LABELS,)
     rival: Annotated[Records, Array(RIVAL, 1)]  # (LABELS,)
+    way: Annotated[Records, Array(WAY, 1)]  # (_WAYS,) ways to one goal
     goal: Annotated[Records, Array(GOAL, 1)]  # (GOALS,), hash table by edge
     pair: Annotated[Records, Array(PAIR, 1)]  # (_MOST,), for `filter.sparse.routing`
     slot: Ints  # (SLOTS,) search that wrote it, times LABELS, plus the edge's label
@@ -126,7 +143,8 @@ class Reach(NamedTuple):
 def new_search() -> Search:
     """Buffers for one thread."""
     return Search(
-        records(1, RUN), records(LABELS, LABEL), records(LABELS, RIVAL), records(GOALS, GOAL),
+        records(1, RUN), records(LABELS, LABEL), records(LABELS, RIVAL),
+        records(_WAYS, WAY), records(GOALS, GOAL),
         records(_MOST, PAIR),
         np.zeros(SLOTS, np.int64), np.zeros(PREFIX, np.int64), np.zeros(_MOST, np.int32),
         np.full(LABELS, LAST), np.zeros(_MOST, np.int32), np.zeros(_MOST),
@@ -144,6 +162,7 @@ def note_rival(search: Search, label: int, parent: int, reach: Reach) -> None:
     rival.cost = reach.cost
     rival.length = reach.length
     rival.time = reach.time
+    rival.turn = reach.turn
     rival.parent = parent
     rival.next = search.label[label].rival
     search.label[label].rival = new
@@ -183,6 +202,8 @@ def mark_route(search: Search, label: int, root: int) -> int:
         _mark(search, at, place)
         if entry.twin >= 0:
             _mark(search, entry.twin, place)
+        if entry.same >= 0:
+            _mark(search, entry.same, place)
         place -= 1
         at = int(entry.parent)
     if root >= 0:
@@ -207,3 +228,65 @@ def leaves_at(search: Search, parent: int, origin: int) -> int:
             return place
         parent = int(search.label[parent].parent)
     return origin
+
+
+@kernel
+def add_way(search: Search, n: int, before: int, join: int, rival: int) -> None:
+    """Write the way n: the way `before`, but by a rival to the label `join`."""
+    way, old = search.way[n], search.way[before]
+    other, label = search.rival[rival], search.label[join]
+    way.cost = old.cost + other.cost - label.cost
+    way.length = old.length + other.length - label.length
+    way.time = old.time + other.time - label.time
+    way.turn = old.turn + other.turn - label.turn
+    way.before = before
+    way.join = join
+    way.label = other.parent
+
+
+@kernel
+def write_way(search: Search, goal: int, best: int) -> int:
+    """Write the labels of a way to the label of a goal; returns the last one, -1: table full."""
+    now, at, below, first = 0, goal, -1, -1
+    while now != best:
+        then = best
+        while search.way[then].before != now:
+            then = int(search.way[then].before)
+        while True:
+            new = int(search.run[0].labels)
+            if new >= len(search.label):
+                return -1
+            search.run[0].labels = new + 1
+            _copy(search, new, at, best, now)
+            if below >= 0:
+                search.label[below].parent = new
+            else:
+                first = new
+            below = new
+            if at == search.way[then].join:
+                break
+            at = int(search.label[at].parent)
+        old = search.label[at]
+        note_rival(search, new, int(old.parent), Reach(old.cost, old.length, old.time, old.turn))
+        at = int(search.way[then].label)
+        search.label[new].parent = at
+        now = then
+    return first
+
+
+@kernel
+def _copy(search: Search, new: int, at: int, best: int, now: int) -> None:
+    """Copy a label onto the way `best`, of which the part behind it is the way `now`."""
+    entry, old = search.label[new], search.label[at]
+    way, less = search.way[best], search.way[now]
+    entry.cost = old.cost + way.cost - less.cost
+    entry.length = old.length + way.length - less.length
+    entry.time = old.time + way.time - less.time
+    entry.turn = old.turn + way.turn - less.turn
+    entry.key = old.key
+    entry.edge = old.edge
+    entry.parent = old.parent
+    entry.rival = old.rival
+    entry.twin = -1
+    entry.same = at
+    entry.done = old.done

@@ -185,6 +185,7 @@ def _new_label(search: Search, place: int) -> int:
     search.slot[place] = run.searches * LABELS + label
     search.label[label].rival = -1
     search.label[label].twin = -1
+    search.label[label].same = -1
     return label
 
 
@@ -336,6 +337,7 @@ def _store_prefix(
         search.label[label].parent = -1
         search.label[label].rival = -1
         search.label[label].twin = -1
+        search.label[label].same = -1
         run.first = label
         _add_to_prefix(search, label)
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..filter.sparse.candidates import per_metre_of
 from ..filter.sparse.competitors import SHARPNESS
+from ..filter.sparse.driver import likely_excess
 from ..graph.network import Roads
 from ..graph.route_search import MIN_FACTOR
 
@@ -117,7 +117,7 @@ def rivals(
     Returns:
         Parts of what is not the route taken, which sum to 1, and the edges between.
     """
-    per_metre = per_metre_of(dt)
+    per_metre = 1.0 / likely_excess(dt)
     own = price_of(roads, way, per_metre)
     found: dict[tuple[int, ...], float] = {}
     asked: set[float] = set()

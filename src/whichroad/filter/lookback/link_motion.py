@@ -20,7 +20,7 @@ from .._simd import N, add_times, set_times
 from ..along import ACROSS, CORNER_SIGMA
 from ..motion import Increment, Noise, keep_lane
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
-from ..sparse.candidates import SPEED_SIGMA, heavy_tail, speed_process, usual_speed
+from ..sparse.candidates import heavy_tail, speed_process, usual_speed
 from ..state import (
     GX,
     GY,
@@ -277,8 +277,9 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
         _keep_standing(model, history.states[link.j], par)
         return True
     later = history.states[link.j].mu
-    keep, old, far, cross = speed_process(dt)
-    usual = usual_speed(ctx.roads, skipped, time, edge)
+    step = history.steps[link.step]
+    keep, old, far, cross, spread = speed_process(dt, step.spread)
+    usual = step.pace * usual_speed(ctx.roads, skipped, time, edge)
     distance = usual * (dt - old) + mean[K] * old
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
     move_on_road(model, ctx.roads, advance, False)
@@ -288,7 +289,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
     heavy = heavy_tail(variance, off, 0.0) - variance
     harder = 1.0 + heavy / max(far, 1.0)
-    rate = (1.0 - keep * keep) * SPEED_SIGMA * SPEED_SIGMA * harder
+    rate = (1.0 - keep * keep) * spread * spread * harder
     heading = par.edge_heading_sigma**2 + HEADING_NOISE
     across = ACROSS_SIGMA * ACROSS_SIGMA
     add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))

@@ -30,7 +30,6 @@ from ..state import (
     redraw,
 )
 from .candidates import (
-    SPEED_SIGMA,
     SparseFix,
     SpeedProcess,
     heavy_tail,
@@ -51,7 +50,8 @@ class Transition(NamedTuple):
 
     length: float  # of the route, from the abscissa now to the start of the last edge, m
     turn: float  # sum of turns, rad
-    usual: float  # average speed, m/s
+    usual: float  # likely average speed, m/s
+    free: float  # usual speed of its roads, m/s
     along: float  # abscissa on the last edge, m
     variance: float  # of the abscissa, m²
     noise: float  # process noise along the road, m²
@@ -109,11 +109,13 @@ def _transition(
         length = -hyp.along
         turn = 0.0
         usual = usual_speed(ctx.roads, 0.0, 0.0, near.edge)
+    free = usual
+    usual *= fix.pace
     along = usual * (fix.dt - old) + hyp.mu[K] * old - length
     variance = variance_along(hyp, tx, ty, fix.process)
     heavy = heavy_tail(variance, near.s - along, fix.jitter) - variance
     return Transition(
-        length, turn, usual, along, variance + heavy, fix.process.variance + heavy,
+        length, turn, usual, free, along, variance + heavy, fix.process.variance + heavy,
         1.0 + heavy / max(fix.process.variance, 1.0),
     )  # fmt: skip
 
@@ -159,7 +161,7 @@ def predict_transition(
     bend = wrap(heading - before)
     predict_road(cov, process.distance_by_speed, bend, foot.tx, foot.ty, noise)
     redraw(hyp, H, heading, noise.heading)
-    speed = SPEED_SIGMA * SPEED_SIGMA * transition.inflation
+    speed = process.spread * process.spread * transition.inflation
     decay(mean, cov, K, transition.usual, process.keep, speed)
     cross = process.cross * transition.inflation
     cov[X, K] += cross * foot.tx
@@ -189,6 +191,16 @@ def place_on_road(
 
 
 @kernel(inline=True)
+def _note_leg(hyp: Record, state: Record, transition: Transition, fix: SparseFix) -> None:
+    """Note what a hypothesis has driven since the last fix."""
+    leg = hyp.leg
+    leg.at = state.time
+    leg.seconds = fix.dt
+    leg.length = transition.length
+    leg.free = transition.free
+
+
+@kernel(inline=True)
 def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> None:
     """Append a child of a pair's hypothesis that has taken its route."""
     state = belief.state[0]
@@ -199,10 +211,13 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     move_row(belief, pair.source, child)
     hyp = belief.hyp[child]
     tx, ty = hyp.tangent[0], hyp.tangent[1]
+    hyp.leg.variance = hyp.along_sigma**2
+    hyp.leg.begun = hyp.mu[K] * fix.process.distance_by_speed
     transition = _transition(hyp, ctx, pair, tx, ty, fix)
     foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
     predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)
     place_on_road(hyp, state, ctx, transition, foot, edge)
+    _note_leg(hyp, state, transition, fix)
     hyp.log_weight -= pair.cost
     hyp.edge = edge
     hyp.p_not_passed = 1.0

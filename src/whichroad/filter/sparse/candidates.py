@@ -11,18 +11,13 @@ from ..gnss.inflation import bias_time
 from ..map_error import map_variance
 from ..road import track
 from ..state import GX, GY, MX, MY, Belief, Context, K, X, Y, heaviest
-
-SPEED_SIGMA = 5.0  # m/s, of a vehicle's speed about the usual one of the roads
+from .driver import likely_excess
 
 _SPEED_TIME = 22.0  # s, correlation time of the speed
-USUAL_SHARE = 0.7  # average over the usual speed, stops included
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
 _SLOW_TAIL = 2.0  # and where it is shorter than expected
 
 EXCESS_SPEED = 1.3  # possible speed over the usual one
-_EXCESS = 10.0  # m, likely excess of a route over the shortest one,
-_EXCESS_RATE = 1.8  # m/s, its growth with time,
-_MAX_EXCESS = 120.0  # m, and the limit of that growth
 _U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one-way
 SPAN = 4.0  # sigmas within which roads and distances are considered
 _REACH = 100.0  # m, added to the longest route
@@ -39,6 +34,7 @@ class SpeedProcess(NamedTuple):
     distance_by_speed: float  # derivative of the distance by the old speed, s
     variance: float  # of the distance, m²
     cross: float  # its covariance with the new speed, m²/s
+    spread: float  # sigma of the speed, m/s
 
 
 class SparseFix(NamedTuple):
@@ -55,6 +51,8 @@ class SparseFix(NamedTuple):
     dt: float  # s since the last epoch
     process: SpeedProcess
     found: int  # candidates, in `work.near`
+    pace: float  # speed over the usual one
+    per_metre: float  # what a metre of a detour costs, nats
 
 
 class Departure(NamedTuple):
@@ -67,14 +65,14 @@ class Departure(NamedTuple):
 
 
 @kernel
-def speed_process(dt: float) -> SpeedProcess:
-    """Moments of the speed and the distance after dt seconds."""
+def speed_process(dt: float, spread: float) -> SpeedProcess:
+    """Moments of the speed, of sigma `spread` (m/s), and the distance after dt seconds."""
     keep = math.exp(-dt / _SPEED_TIME)
     by_speed = _SPEED_TIME * (1.0 - keep)
-    v = SPEED_SIGMA * SPEED_SIGMA
+    v = spread * spread
     variance = v * _SPEED_TIME**2 * (2.0 * dt / _SPEED_TIME - 3.0 + 4.0 * keep - keep * keep)
     cross = v * _SPEED_TIME * (1.0 - keep) ** 2
-    return SpeedProcess(keep, by_speed, max(variance, 0.0), cross)
+    return SpeedProcess(keep, by_speed, max(variance, 0.0), cross, spread)
 
 
 @kernel
@@ -89,10 +87,10 @@ def heavy_tail(variance: float, off: float, sigma: float) -> float:
 
 @kernel
 def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
-    """Average speed on a route of so many metres and seconds, m/s; of an edge without a route."""
+    """Usual speed on a route of so many metres and seconds, m/s; of an edge without a route."""
     if time > 0.5 and length > 1.0:
-        return USUAL_SHARE * length / time
-    return USUAL_SHARE * float(roads.edges[edge].speed)
+        return length / time
+    return float(roads.edges[edge].speed)
 
 
 @kernel
@@ -132,9 +130,11 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     jitter = math.sqrt(white + state.gnss_factor * (1.0 - keep * keep)) * fix[2]
     radius = SPAN * sigma + 3.0
     found = closest(ctx.roads, x, y, radius, ctx.work.near)
+    driver = state.driver
     return SparseFix(
-        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, speed_process(dt), found
-    )
+        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, speed_process(dt, driver.spread),
+        found, driver.pace, 1.0 / likely_excess(dt),
+    )  # fmt: skip
 
 
 @kernel(inline=True)
@@ -142,12 +142,14 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
     """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer."""
     dt = fix.dt
     process = fix.process
+    per_metre = fix.per_metre
     if hyp.origin.waits == 2:
         dt += hyp.origin.ignored - hyp.origin.since
-        process = speed_process(dt)
+        per_metre *= likely_excess(fix.dt) / likely_excess(dt)
+        process = speed_process(dt, process.spread)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
-        process, fix.found,
+        process, fix.found, fix.pace, per_metre,
     )  # fmt: skip
 
 
@@ -173,17 +175,11 @@ def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Depart
 
 
 @kernel(inline=True)
-def per_metre_of(dt: float) -> float:
-    """What a metre of a detour costs that was driven in dt seconds, nats."""
-    return 1.0 / (_EXCESS + min(_EXCESS_RATE * dt, _MAX_EXCESS))
-
-
-@kernel(inline=True)
 def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
     """Costs and limits of the search from one hypothesis."""
     sigma = fix.sigma
     old = fix.process.distance_by_speed
-    per_metre = per_metre_of(fix.dt)
+    per_metre = fix.per_metre
     beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
     speed = float(ctx.roads.edges[hyp.edge].speed)
     reach = old * start.rate + EXCESS_SPEED * speed * (fix.dt - old)
@@ -193,5 +189,5 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD, _SLACK, _LABELS,
-        bool(hyp.origin.waits == 2),
+        True,
     )  # fmt: skip

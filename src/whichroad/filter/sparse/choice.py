@@ -4,13 +4,12 @@ import math
 from typing import NamedTuple
 
 from ..._compile import kernel
-from ...graph.labels import Reach, Search
+from ...graph.labels import Reach, Search, add_way, write_way
 from ...graph.route_search import Query, find_routes, goal_of
 from ..state import OFF_ROAD, Belief, Context
 from .candidates import (
     EXCESS_SPEED,
     SPAN,
-    USUAL_SHARE,
     Departure,
     SparseFix,
     departure_of,
@@ -32,13 +31,14 @@ _WAITING = 0  # scratch: log-weight of a hypothesis whose routes are still to be
 
 
 @kernel
-def _haste_cost(went: float, dt: float, usual: float, rate: float, straight: float) -> float:
+def _haste_cost(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """Cost of a route that is longer than anybody drives in that time, nats."""
+    seconds = max(fix.dt, 1.0)
     speed = max(
-        EXCESS_SPEED * usual / USUAL_SHARE, EXCESS_SPEED * rate, _FAST,
-        _STRAIGHT_SPEED * straight / max(dt, 1.0),
+        EXCESS_SPEED * usual, EXCESS_SPEED * start.rate, _FAST,
+        _STRAIGHT_SPEED * start.straight / seconds,
     )  # fmt: skip
-    over = max(went / max(dt, 1.0) / speed - 1.0, 0.0)
+    over = max(went / seconds / speed - 1.0, 0.0)
     return 0.5 * (over / _HASTE_SIGMA) ** 2
 
 
@@ -56,7 +56,7 @@ def _back_cost(went: float, sigma: float) -> float:
 def _misfit(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """-log density of a distance, but for a constant, nats."""
     old = fix.process.distance_by_speed
-    off = went - usual * (fix.dt - old) - start.rate * old
+    off = went - fix.pace * usual * (fix.dt - old) - start.rate * old
     wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
     return 0.5 * (off * off / wide + math.log(wide))
 
@@ -64,7 +64,7 @@ def _misfit(went: float, usual: float, start: Departure, fix: SparseFix) -> floa
 @kernel
 def distance_cost(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """What a distance driven says of a route, nats: its misfit, and what nobody drives."""
-    haste = _haste_cost(went, fix.dt, usual, start.rate, start.straight)
+    haste = _haste_cost(went, usual, start, fix)
     return haste + _misfit(went, usual, start, fix)
 
 
@@ -86,7 +86,7 @@ class Way(NamedTuple):
     to: float  # abscissa of the goal, m
     went: float  # distance driven, m
     cost: float  # nats
-    usual: float  # average speed, m/s
+    usual: float  # usual speed of its roads, m/s
     worth: float  # nats that its score may be below the best
 
 
@@ -142,7 +142,7 @@ def _weigh(
     turned = way.worth > _WORTH
     if not turned:
         run.detour = min(run.detour, cost)
-    cost += _haste_cost(went, fix.dt, way.usual, start.rate, start.straight)
+    cost += _haste_cost(went, way.usual, start, fix)
     cost += _back_cost(went, math.hypot(belief.hyp[i].along_sigma, fix.jitter))
     score = belief.hyp[i].log_weight - cost - _misfit(went, way.usual, start, fix)
     score -= 0.5 * (near.distance / fix.sigma) ** 2
@@ -182,7 +182,55 @@ def _weigh_route(
     went = length + to
     if went < -SPAN * fix.sigma:
         return
-    _weigh(belief, ctx, i, Way(label, edge, to, went, cost, usual, _WORTH), start, query, fix)
+    way = Way(label, edge, to, went, cost, usual, _WORTH)
+    if label >= 0 and query.alone:
+        way = _in_time(ctx, way, start, fix)
+    _weigh(belief, ctx, i, way, start, query, fix)
+
+
+@kernel
+def _in_time(ctx: Context, way: Way, start: Departure, fix: SparseFix) -> Way:
+    """The way to the same goal whose cost and time are best: by rivals in place of the cheapest."""
+    search = ctx.work.search
+    goal = search.label[way.label]
+    first = search.way[0]
+    first.cost = first.length = first.time = first.turn = 0.0
+    first.before = first.join = -1
+    first.label = way.label
+    least = way.cost + 0.5 * math.log(start.variance + fix.sigma * fix.sigma)
+    nats = way.cost + distance_cost(way.went, way.usual, start, fix)
+    best, best_usual = 0, way.usual
+    n, now = 1, 0
+    while now < n:
+        at = int(search.way[now].label)
+        while at >= 0:
+            rival = int(search.label[at].rival)
+            while rival >= 0 and n < len(search.way):
+                add_way(search, n, now, at, rival)
+                rival = int(search.rival[rival].next)
+                new = search.way[n]
+                if least + new.cost >= nats:
+                    continue
+                usual = usual_speed(
+                    ctx.roads, goal.length + new.length, goal.time + new.time, way.edge
+                )
+                total = way.cost + new.cost
+                total += distance_cost(way.went + new.length, usual, start, fix)
+                if total < nats:
+                    nats, best, best_usual = total, n, usual
+                n += 1
+            at = int(search.label[at].parent)
+        now += 1
+    if best == 0:
+        return way
+    label = write_way(search, way.label, best)
+    if label < 0:
+        return way
+    found = search.way[best]
+    return Way(
+        label, way.edge, way.to, way.went + found.length, way.cost + found.cost, best_usual,
+        way.worth,
+    )  # fmt: skip
 
 
 @kernel
@@ -199,6 +247,7 @@ def _label_turn(
     new.turn = driven.turn
     new.rival = -1
     new.twin = -1
+    new.same = -1
 
 
 @kernel(inline=True)
@@ -232,7 +281,7 @@ def _weigh_turn(
     least = 2.0 * nearest - begin - here
     usual = usual_speed(roads, came + least, time + least / max(float(road.speed), 1.0), edge)
     old = fix.process.distance_by_speed
-    expected = usual * (fix.dt - old) + start.rate * old
+    expected = fix.pace * usual * (fix.dt - old) + start.rate * old
     more = min(max(expected - came - least, 0.0), 2.0 * (road.length - nearest))
     factor = float(road.cost) / road.length
     cost += u_turn_cost(roads, edge) + query.per_metre * factor * (least + more)

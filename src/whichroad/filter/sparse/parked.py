@@ -36,6 +36,7 @@ from ..state import (
     spawn,
 )
 from .arrival import ACROSS_SIGMA, HEADING_NOISE, observe_line
+from .driver import forget_leg
 
 REST_VARIANCE = 0.02  # (m/s)², of the speed of a vehicle that stands
 _SLOW_VARIANCE = 0.5  # (m/s)², of one that is about to
@@ -126,6 +127,7 @@ def _put_aside(hyp: Record, away: float, scale: float) -> None:
     add_across(hyp.cov, _ASIDE_SIGMA * _ASIDE_SIGMA, tx, ty)
     add_across(hyp.cov, _ALONG_SIGMA * _ALONG_SIGMA, -ty, tx)
     hyp.stood = 1.0
+    forget_leg(hyp.leg)
 
 
 @kernel
@@ -186,6 +188,7 @@ def _start_from(
     add_across(hyp.cov, _ALONG_SIGMA * _ALONG_SIGMA, -ty, tx)
     observe_line(hyp, ctx, tx, ty, 0.0, scale)
     hyp.stood = 0.0
+    forget_leg(hyp.leg)
     hyp.along = s
     hyp.p_not_passed = hyp.travel_variance = 1.0
     hyp.path_entry = enter(path, edge, hyp.path_entry, belief.state[0].time - dt, s)

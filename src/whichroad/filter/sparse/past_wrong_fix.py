@@ -15,7 +15,8 @@ from ..lookback.history import History, pack_state
 from ..road import track
 from ..state import CAPACITY, KEPT, Belief, Context, K, Path, enter, move_row
 from .arrival import Foot, Transition, place_on_road, predict_transition
-from .candidates import SPEED_SIGMA, SparseFix, SpeedProcess, speed_process
+from .candidates import SparseFix, SpeedProcess, speed_process
+from .driver import SPREAD, likely_excess
 from .origin import is_waiting
 from .wrong_fix import carry
 
@@ -60,12 +61,12 @@ def _put_back(hyp: Record, state: Record, ctx: Context) -> None:
     edge = int(origin.edge)
     s = float(origin.along)
     segment, x, y, tx, ty = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
-    inflation = origin.rate_variance / (SPEED_SIGMA * SPEED_SIGMA)
-    taken = Transition(-s, 0.0, origin.rate, s, 0.0, 0.0, inflation)
+    inflation = origin.rate_variance / (SPREAD * SPREAD)
+    taken = Transition(-s, 0.0, origin.rate, origin.rate, s, 0.0, 0.0, inflation)
     foot = Foot(s, x, y, tx, ty)
     before = math.atan2(hyp.tangent[1], hyp.tangent[0])
     hyp.segment = segment
-    predict_transition(hyp, ctx, taken, foot, before, SpeedProcess(0.0, 0.0, 0.0, 0.0))
+    predict_transition(hyp, ctx, taken, foot, before, SpeedProcess(0.0, 0.0, 0.0, 0.0, SPREAD))
     place_on_road(hyp, state, ctx, taken, foot, edge)
     hyp.edge = edge
 
@@ -122,7 +123,8 @@ def note_between(
         belief, ctx, row, at, metres,
         SparseFix(
             fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep,
-            waited, speed_process(waited), fix.found,
+            waited, speed_process(waited, fix.process.spread), fix.found, fix.pace,
+            1.0 / likely_excess(waited),
         ),
     )  # fmt: skip
     entry = int(child.path_entry)

@@ -40,12 +40,13 @@ from ..state import (
 )
 from .arrival import HEADING_NOISE, arrive, observe_line
 from .candidates import (
-    SPEED_SIGMA,
     SparseFix,
     find_candidates,
     fix_of,
+    speed_process,
 )
 from .choice import choose_routes
+from .driver import SPREAD, begin_driver, forget_leg, learn_leg
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
@@ -61,6 +62,7 @@ _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
 _MOST_ARRIVALS = 24  # routes that become hypotheses,
 _PARKS = 3  # and of these that may end beside the road
 
+_LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
 _STANDING = 1e-3  # least weight of a hypothesis of standing
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
 
@@ -110,6 +112,7 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
     rescale(new, share / max(on_edge, _LEAST_ON_EDGE))  # it was not beyond the edge's ends
     decay(new.mu, new.cov, K, 0.0, 0.0, REST_VARIANCE)
     new.travel_variance = 0.0
+    forget_leg(new.leg)
     new.stood = hyp.stood + dt
     belief.state[0].count = child + 1
     return True
@@ -124,9 +127,10 @@ def _predict_off_road(hyp: Record, fix: SparseFix) -> None:
     reach = max(mean[K], _LEAST_OFF_ROAD_SPEED) * fix.dt
     variance = 0.5 * reach * reach + process.variance
     redraw(hyp, H, math.atan2(fix.y - mean[Y], fix.x - mean[X]), 0.5)
+    forget_leg(hyp.leg)
     cov[X, X] += variance
     cov[Y, Y] += variance
-    decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPEED_SIGMA * SPEED_SIGMA)
+    decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPREAD * SPREAD)
     hyp.stood = 0.0
 
 
@@ -240,6 +244,24 @@ def _exchange_off_road(
 
 
 @kernel
+def _learn_driver(belief: Belief, ctx: Context, dt: float) -> None:
+    """Learn how the vehicle drives from what the heaviest hypothesis drove to the last fix."""
+    state = belief.state[0]
+    if state.driver.pace == 0.0:
+        begin_driver(state.driver)
+    top = heaviest(belief)
+    hyp = belief.hyp[top]
+    leg = hyp.leg
+    if hyp.edge == OFF_ROAD or leg.seconds == 0.0 or hyp.weight < _LEARNS:
+        return
+    if abs(leg.at - (state.time - dt)) > 1e-3:
+        return
+    track(belief, ctx.roads, top)
+    unit = speed_process(leg.seconds, 1.0)
+    learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance)
+
+
+@kernel
 def transit(
     belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
 ) -> float:
@@ -257,6 +279,7 @@ def transit(
         The straight distance that the heaviest hypothesis is from the fix, m.
     """
     state = belief.state[0]
+    _learn_driver(belief, ctx, dt)
     leave_parking(belief, path, ctx, epoch, dt)
     n = int(state.count)
     begin_anew(belief, path, ctx, dt)

@@ -38,6 +38,7 @@ from .arrival import (
     predict_transition,
 )
 from .candidates import SparseFix, usual_speed, variance_along
+from .driver import forget_leg
 
 _DEARER = 1.0  # nats by which the best route to a fix that may be wrong is dearer than usual
 _LONGEST = 200.0  # s, by which a hypothesis is taken on along its road,
@@ -106,6 +107,7 @@ def _add_label(search: Search, edge: int, parent: int, length: float) -> int:
     label.against = 0.0
     label.rival = -1
     label.twin = -1
+    label.same = -1
     search.run[0].labels = new + 1
     return new
 
@@ -147,17 +149,18 @@ def carry(
     """
     hyp = belief.hyp[row]
     tx, ty = hyp.tangent[0], hyp.tangent[1]
-    usual = usual_speed(ctx.roads, 0.0, 0.0, int(hyp.edge))
+    free = usual_speed(ctx.roads, 0.0, 0.0, int(hyp.edge))
     edge = ctx.work.search.label[label].edge if label >= 0 else hyp.edge
     length = ctx.work.search.label[label].length if label >= 0 else -hyp.along
     s = min(max(metres - length, 0.0), float(ctx.roads.edges[edge].length))
     variance = variance_along(hyp, tx, ty, fix.process)
-    taken = Transition(length, 0.0, usual, s, variance, fix.process.variance, 1.0)
+    taken = Transition(length, 0.0, fix.pace * free, free, s, variance, fix.process.variance, 1.0)
     segment, x, y, ux, uy = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
     foot = Foot(s, x, y, ux, uy)
     hyp.segment = segment
     predict_transition(hyp, ctx, taken, foot, math.atan2(ty, tx), fix.process)
     place_on_road(hyp, belief.state[0], ctx, taken, foot, edge)
+    forget_leg(hyp.leg)
     hyp.edge = edge
     hyp.p_not_passed = 1.0
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
@@ -199,7 +202,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     begin = int(belief.hyp[top].edge)
     old = fix.process.distance_by_speed
     usual = usual_speed(ctx.roads, 0.0, 0.0, begin)
-    metres = max(usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
+    metres = max(fix.pace * usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
     label = _walk(ctx, begin, belief.hyp[top].along, metres)
     child = int(state.count)
     move_row(belief, top, child)
