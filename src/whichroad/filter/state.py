@@ -77,7 +77,6 @@ HYPOTHESIS = np.dtype(
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
-        ("road_energy", "f8", (2,)),  # what its road has told of the bias (filter.inflation)
         ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
@@ -336,7 +335,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
-        hyp.tangent[k] = hyp.odds[k] = hyp.road_energy[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.blames = NOTHING

@@ -34,6 +34,7 @@ from .motion import (
     wheel_noise,
 )
 from .road import observe_map
+from .sparse.candidates import learn_driver
 from .sparse.routing import transit, truncate_to_edges
 from .state import (
     CLOCK,
@@ -191,6 +192,7 @@ def _predict(
     elif state.motion == STAND:
         _count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
+        learn_driver(belief, ctx, dt)
         metres = transit(belief, path, history, ctx, epoch, dt)
         history.since[0].jumped = 1
         history.since[0].map_aged += metres

@@ -204,6 +204,8 @@ def mark_route(search: Search, label: int, root: int) -> int:
             _mark(search, entry.twin, place)
         if entry.same >= 0:
             _mark(search, entry.same, place)
+            if search.label[entry.same].twin >= 0:
+                _mark(search, int(search.label[entry.same].twin), place)
         place -= 1
         at = int(entry.parent)
     if root >= 0:

@@ -46,7 +46,7 @@ class Query(NamedTuple):
     limit: float  # nor those that cost more, nats
     slack: float  # nor those to goals that cost this much more than the cheapest one, nats
     most: int  # labels that may be used
-    alone: bool  # not to share routes with other searches of the step: their costs differ
+    alone: bool  # not to share routes with other searches of the step
 
 
 def edge_costs(edges: Records, vertices: Records) -> None:

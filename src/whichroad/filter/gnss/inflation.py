@@ -22,7 +22,6 @@ _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
 _PAUSE = 5.0  # s between two starts at its fixes
 _REACQUIRED = 3.0  # s, and
 _UNUSUAL = 3.0  # times the usual interval, of a silence
-_MOST_GAIN = 10.0  # nats
 _LIGHT = 0.01  # weight below which a hypothesis says nothing
 
 
@@ -109,53 +108,15 @@ def bias_time(state: Record, par: Record, epoch: Record) -> float:
     return float(par.gnss_time)
 
 
-@kernel
-def _note_energy(hyp: Record, state: Record, moving: float, time: float) -> None:
-    """Add what a hypothesis' road shows of the bias, as it was at the last fix.
-
-    Of a bias of variance v, in units of λ², an observation of variance r shows the share
-    k = 1 / (1 + r) = 1 − P, as λ is used.  Then E γ² = k² v + k (1 − k), whatever v is.
-    """
-    kept = math.exp(-moving / _REMEMBERED)
-    aged = math.exp(2.0 * moving / time)
-    share = 0.5 * moving / time
-    energy, known = 0.0, 0.0
-    for a in range(GX, GY + 1):
-        k = min(max((1.0 - hyp.cov[a, a]) * aged, 0.0), 1.0)
-        if hyp.edge != OFF_ROAD:
-            energy += state.gnss_factor * (hyp.mu[a] ** 2 * aged - k * (1.0 - k))
-            known += k * k
-    if hyp.road_energy[1] == 0.0:  # it is new: what was known before
-        hyp.road_energy[0] = state.road_energy[0]
-        hyp.road_energy[1] = state.road_energy[1]
-    hyp.road_energy[0] = kept * hyp.road_energy[0] + share * energy
-    hyp.road_energy[1] = kept * hyp.road_energy[1] + share * known
-
-
-@kernel
-def _best_factor(hyp: Record, used: float, widest: float) -> tuple[float, float]:
-    """The factor that is the most probable on a hypothesis' road, and its gain over the used one.
-
-    log p(λ²) = −(a w² + num) / λ² − (a + den) log λ²
-    """
-    energy = _PRIOR * widest + max(hyp.road_energy[0], 0.0)
-    known = _PRIOR + hyp.road_energy[1]
-    factor = max(min(energy / known, widest), 1.0)
-    gain = energy * (1.0 / used - 1.0 / factor) + known * math.log(used / factor)
-    return factor, math.exp(min(max(gain, 0.0), _MOST_GAIN))
-
-
 @kernel(inline=True)
 def learn_by_roads(belief: Belief, par: Record, moving: float) -> float:
     """The factor on reported variances, by the bias that roads show.
 
-        num += λ² t/T ½ E|γ|²        den += t/T ½ (2 − tr P_γ)          of each hypothesis
-        λᵢ²  = (a w² + num) / (a + den), at most w² and at least 1
-        λ²   = Σ wᵢ gᵢ λᵢ² / Σ wᵢ gᵢ
+        num += λ² t/T ½ Σ E|γ|²        den += t/T ½ Σ (2 − tr P_γ)
+        λ²   = (a w² + num) / (a + den), at most w² and at least 1
 
-    with γ the bias, k = 1 − P_γ along each axis, T the time for which it lasts, w² what is believed
-    before any road has shown it, and gᵢ what the hypothesis gains by its own factor.  The
-    error that a wrong road shows speaks for a bad receiver; the right road needs none.
+    with γ the bias, P_γ its covariance, T the time for which it lasts, and w² what is believed
+    before any road has shown it.
 
     Args:
         belief: Before it is conditioned on the fix.
@@ -163,22 +124,18 @@ def learn_by_roads(belief: Belief, par: Record, moving: float) -> float:
         moving: t, seconds of motion since the last fix.
     """
     state = belief.state[0]
-    time = min(par.gnss_time, _ALONE_TIME)
-    widest = state.road_prior if state.road_prior > 0.0 else par.gnss_inflation**2
-    total, factors, energy, known = 0.0, 0.0, 0.0, 0.0
+    energy = 0.0
+    known = 0.0
     for i in range(state.count):
         hyp = belief.hyp[i]
-        _note_energy(hyp, state, moving, time)
         if hyp.weight < _LIGHT or hyp.edge == OFF_ROAD:
             continue
-        factor, gain = _best_factor(hyp, max(state.gnss_factor, 1.0), widest)
-        weight = hyp.weight * gain
-        total += weight
-        factors += weight * factor
-        energy += weight * hyp.road_energy[0]
-        known += weight * hyp.road_energy[1]
-    if total <= 0.0:
-        return float(max(min(state.gnss_factor, widest), 1.0))
-    state.road_energy[0] = energy / total
-    state.road_energy[1] = known / total
-    return float(factors / total)
+        energy += hyp.weight * (hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+        known += hyp.weight * max(2.0 - hyp.cov[GX, GX] - hyp.cov[GY, GY], 0.0)
+    kept = math.exp(-moving / _REMEMBERED)
+    share = 0.5 * moving / min(par.gnss_time, _ALONE_TIME)
+    state.road_energy[0] = kept * state.road_energy[0] + share * state.gnss_factor * energy
+    state.road_energy[1] = kept * state.road_energy[1] + share * known
+    widest = state.road_prior if state.road_prior > 0.0 else par.gnss_inflation**2
+    factor = (_PRIOR * widest + state.road_energy[0]) / (_PRIOR + state.road_energy[1])
+    return float(max(min(factor, widest), 1.0))

@@ -68,8 +68,6 @@ def forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
     state = belief.state[0]
     before = state.gnss_factor
     begin_factor(state, par, epoch)
-    for i in range(state.count):
-        belief.hyp[i].road_energy[0] = belief.hyp[i].road_energy[1] = 0.0
     keep_bias(belief, math.sqrt(before / state.gnss_factor))
 
 

@@ -137,8 +137,6 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
     wj = max(b.weight, 1e-300)
     share = wi / (wi + wj)
     merge_moments(a.mu, a.cov, b.mu, b.cov, share, state.scale)
-    for k in range(2):
-        a.road_energy[k] += (1.0 - share) * (b.road_energy[k] - a.road_energy[k])
     a.p_not_passed = share * a.p_not_passed + (1.0 - share) * b.p_not_passed
     for k in range(state.parents):
         belief.lineage[i, k] = share * belief.lineage[i, k] + (1.0 - share) * belief.lineage[j, k]

@@ -10,8 +10,8 @@ from ...graph.route_search import Query
 from ..gnss.inflation import bias_time
 from ..map_error import map_variance
 from ..road import track
-from ..state import GX, GY, MX, MY, Belief, Context, K, X, Y, heaviest
-from .driver import likely_excess
+from ..state import GX, GY, MX, MY, OFF_ROAD, Belief, Context, K, X, Y, heaviest
+from .driver import begin_driver, learn_leg, likely_excess
 
 _SPEED_TIME = 22.0  # s, correlation time of the speed
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
@@ -24,6 +24,8 @@ _REACH = 100.0  # m, added to the longest route
 _LABELS = 3000  # of one search
 
 _AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
+_LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
+_SHORT = 20.0  # s, below which no search copies routes of another: copies have no rivals
 _SLACK = 4.0  # nats that a route may cost more than the cheapest one of its hypothesis
 
 
@@ -189,5 +191,23 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD, _SLACK, _LABELS,
-        True,
+        bool(hyp.origin.waits == 2 or fix.dt < _SHORT),
     )  # fmt: skip
+
+
+@kernel
+def learn_driver(belief: Belief, ctx: Context, dt: float) -> None:
+    """Learn how the vehicle drives from what the heaviest hypothesis drove to the last fix."""
+    state = belief.state[0]
+    if state.driver.pace == 0.0:
+        begin_driver(state.driver)
+    top = heaviest(belief)
+    hyp = belief.hyp[top]
+    leg = hyp.leg
+    if hyp.edge == OFF_ROAD or leg.seconds == 0.0 or hyp.weight < _LEARNS:
+        return
+    if abs(leg.at - (state.time - dt)) > 1e-3:
+        return
+    track(belief, ctx.roads, top)
+    unit = speed_process(leg.seconds, 1.0)
+    learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance)

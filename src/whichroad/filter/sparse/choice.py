@@ -183,7 +183,7 @@ def _weigh_route(
     if went < -SPAN * fix.sigma:
         return
     way = Way(label, edge, to, went, cost, usual, _WORTH)
-    if label >= 0 and query.alone:
+    if label >= 0:
         way = _in_time(ctx, way, start, fix)
     _weigh(belief, ctx, i, way, start, query, fix)
 

@@ -43,10 +43,9 @@ from .candidates import (
     SparseFix,
     find_candidates,
     fix_of,
-    speed_process,
 )
 from .choice import choose_routes
-from .driver import SPREAD, begin_driver, forget_leg, learn_leg
+from .driver import SPREAD, forget_leg
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
@@ -62,7 +61,6 @@ _OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
 _MOST_ARRIVALS = 24  # routes that become hypotheses,
 _PARKS = 3  # and of these that may end beside the road
 
-_LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
 _STANDING = 1e-3  # least weight of a hypothesis of standing
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
 
@@ -244,24 +242,6 @@ def _exchange_off_road(
 
 
 @kernel
-def _learn_driver(belief: Belief, ctx: Context, dt: float) -> None:
-    """Learn how the vehicle drives from what the heaviest hypothesis drove to the last fix."""
-    state = belief.state[0]
-    if state.driver.pace == 0.0:
-        begin_driver(state.driver)
-    top = heaviest(belief)
-    hyp = belief.hyp[top]
-    leg = hyp.leg
-    if hyp.edge == OFF_ROAD or leg.seconds == 0.0 or hyp.weight < _LEARNS:
-        return
-    if abs(leg.at - (state.time - dt)) > 1e-3:
-        return
-    track(belief, ctx.roads, top)
-    unit = speed_process(leg.seconds, 1.0)
-    learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance)
-
-
-@kernel
 def transit(
     belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
 ) -> float:
@@ -279,7 +259,6 @@ def transit(
         The straight distance that the heaviest hypothesis is from the fix, m.
     """
     state = belief.state[0]
-    _learn_driver(belief, ctx, dt)
     leave_parking(belief, path, ctx, epoch, dt)
     n = int(state.count)
     begin_anew(belief, path, ctx, dt)

@@ -1,0 +1,45 @@
+"""How fast a vehicle drives, learnt between sparse fixes."""
+
+import numpy as np
+import pytest
+
+from whichroad.filter.sparse.candidates import speed_process
+from whichroad.filter.sparse.driver import PACE, SPREAD, begin_driver, learn_leg
+from whichroad.filter.state import new_belief
+
+
+def learnt(pace: float, sigma: float, legs: int = 40, seconds: float = 30.0, stops: int = 0):
+    """The driver that is learnt from legs on roads of 15 m/s."""
+    belief = new_belief()
+    driver, hyp = belief.state[0].driver, belief.hyp[0]
+    begin_driver(driver)
+    unit = speed_process(seconds, 1.0)
+    random = np.random.default_rng(1)
+    hyp.weight, hyp.along_sigma, hyp.leg.seconds, hyp.leg.free = 1.0, 3.0, seconds, 15.0
+    hyp.leg.variance = 9.0
+    for k in range(legs):
+        metres = pace * 15.0 * (seconds - unit.distance_by_speed)
+        metres += sigma * np.sqrt(unit.variance) * random.normal()
+        hyp.along = metres if k >= stops else 0.0
+        learn_leg(driver, hyp, unit.distance_by_speed, unit.variance)
+    return driver
+
+
+def test_nothing_is_known_of_a_driver_at_first():
+    driver = learnt(1.0, 1.0, legs=0)
+    assert (driver.pace, driver.spread) == (PACE, SPREAD)
+
+
+@pytest.mark.parametrize("pace", [0.5, 0.9, 1.3])
+def test_the_pace_of_an_even_driver_is_learnt(pace: float):
+    driver = learnt(pace, 2.0)
+    assert driver.pace == pytest.approx(pace, abs=0.07)
+    assert driver.spread < 0.6 * SPREAD
+
+
+def test_an_uneven_driver_stays_uneven():
+    assert learnt(0.8, 6.0).spread > 4.0
+
+
+def test_a_few_stops_do_not_make_a_driver_slow():
+    assert learnt(0.9, 2.0, stops=3).pace == pytest.approx(0.9, abs=0.1)
