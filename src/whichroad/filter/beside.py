@@ -26,7 +26,7 @@ from .state import (
     lane_sigma,
 )
 
-LEAVES = 0.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
+LEAVES = 2.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
 STARTS = 7.0  # and of one that begins off the roads
 _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
@@ -56,17 +56,18 @@ def gain_beside(
 ) -> float:
     """What a hypothesis off the roads gains over one that follows a road by chance.
 
-    It is one of two, which stay what they are: free (F), or on a road that runs beside a mapped
-    one (B).  With the offset o from a road's lane, the misfit ν of its heading with variance s, and
+    It is one of two: free (F), or on a road that runs beside a mapped one (B).  With the offset o from a road's lane, the misfit ν of its heading with variance s, and
     the log-odds a of F over B:
 
         outside   = P(|o| > 7 m),    parallel = exp(-½ max(ν² / s - 1, 0))
         ℓ_F       = usual - parallel cost
-        ℓ_B       = lateral - ½ (ν² / s + log 2πs) - metres / 1 km
+        ℓ_B       = lateral - ½ (ν² / s + log 2πs_r) - metres / 1 km
         gain      = log (e^(a + ℓ_F) + outside e^ℓ_B) - log (e^a + outside) - (usual - cost)
         a        += ℓ_F - ℓ_B
 
-    The offset's uncertainty lasts, and so it is asked for once, not in each row.  Whoever blames
+    The offset's uncertainty lasts, and so it is asked for once, not in each row.  So does that of
+    the heading: s_r is the row's variance on the road.  By motion that follows no road, a does
+    not grow beyond its value of a vehicle that leaves one: it may come to a road beside.  Whoever blames
     the motion for a misfit has not shown that it left the road.  Nor has anybody within a minute
     of one: wheels that are wrong leave roads as well.
 
@@ -84,7 +85,7 @@ def gain_beside(
         return 0.0
     s_heading = hyp.cov[H, H] + heading
     inside = 0.0
-    least = math.inf
+    least = variance = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
         if road.edge == OFF_ROAD or road.weight < _JUDGES:
@@ -95,16 +96,18 @@ def gain_beside(
         near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
         inside = max(inside, near)
         least = min(least, nu * nu / s_heading)
+        variance = min(variance, road.cov[H, H] + heading)
     if least == math.inf:
         return 0.0
     free = usual - cost * math.exp(-0.5 * max(least - 1.0, 0.0))
-    along = lateral - 0.5 * (least + math.log(s_heading) + LOG_2PI)
+    along = lateral - 0.5 * (least + math.log(variance) + LOG_2PI)
     along -= belief.state[0].since_map / _LASTS
     outside = 1.0 - inside
     odds = math.exp(hyp.beside[0])
     after = odds * math.exp(free - along)
     gain = along + math.log((after + outside) / (odds + outside)) - (usual - cost)
-    hyp.beside[0] = max(min(hyp.beside[0] + free - along, STARTS), -_MOST_ODDS)
+    most = max(hyp.beside[0], LEAVES)
+    hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), -_MOST_ODDS)
     hyp.beside[1] = after / (after + outside)
     return gain
 
