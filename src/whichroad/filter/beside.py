@@ -26,7 +26,7 @@ from .state import (
     lane_sigma,
 )
 
-LEAVES = 2.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
+LEAVES = 4.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
 STARTS = 7.0  # and of one that begins off the roads
 _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
