@@ -56,8 +56,9 @@ def gain_beside(
 ) -> float:
     """What a hypothesis off the roads gains over one that follows a road by chance.
 
-    It is one of two: free (F), or on a road that runs beside a mapped one (B).  With the offset o from a road's lane, the misfit ν of its heading with variance s, and
-    the log-odds a of F over B:
+    It is one of two: free (F), or on a road that runs beside a mapped one (B).  With the offset o
+    from a road's lane, the misfit ν of its heading with variance s, and the log-odds a of F over
+    B:
 
         outside   = P(|o| > 7 m),    parallel = exp(-½ max(ν² / s - 1, 0))
         ℓ_F       = usual - parallel cost
@@ -67,9 +68,10 @@ def gain_beside(
 
     The offset's uncertainty lasts, and so it is asked for once, not in each row.  So does that of
     the heading: s_r is the row's variance on the road.  By motion that follows no road, a does
-    not grow beyond its value of a vehicle that leaves one: it may come to a road beside.  Whoever blames
-    the motion for a misfit has not shown that it left the road.  Nor has anybody within a minute
-    of one: wheels that are wrong leave roads as well.
+    not grow beyond its value of a vehicle that leaves one: it may come to a road beside.
+
+    Whoever blames the motion for a misfit has not shown that it left the road.  Nor has anybody
+    within a minute of one: wheels that are wrong leave roads as well.
 
     Args:
         belief: Tracked; the hypothesis' odds are changed.
