@@ -111,7 +111,7 @@ def gain_beside(
     most = max(hyp.beside[0], LEAVES)
     hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), -_MOST_ODDS)
     hyp.beside[1] = after / (after + outside)
-    return gain
+    return float(gain)
 
 
 @kernel
