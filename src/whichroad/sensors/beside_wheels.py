@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE
+from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from ..observations import Array, Fixes, YawRates
 from .gyro_turns import turns_at
 from .takeover import Takeover
@@ -38,7 +38,7 @@ def beside_wheels(
         track_width: m.
         fixes: Those that may be used; None: there are none.
     """
-    whole, gap = _with_gaps(time, gyro.time)
+    whole, gap, ends = _with_gaps(time, gyro.time)
     far, by_wheels = (np.interp(whole, time, one) for one in (distance, turn))
     if whole[-1] > time[-1]:  # wheels fall silent: on at the speed that was then
         begin = np.searchsorted(time, time[-1] - 1.0).clip(0, len(time) - 2)
@@ -56,7 +56,7 @@ def beside_wheels(
             takeover.fixed(lat, lon, sigma)
         if gap[k]:
             takeover.mute(when - rows[k - 1, 0])
-            taken[k] = arc, g, GYRO_ALONE
+            taken[k] = arc, g, HEARD_AGAIN if ends[k] else GYRO_ALONE
         elif k:
             taken[k] = takeover.moved(when, arc, w, g if heard[k] else None)
     return Steered(whole, far[0] + np.cumsum(taken[:, 0]), np.cumsum(taken[:, 1]), taken[:, 2],
@@ -74,10 +74,10 @@ def _of_fixes(fixes: Fixes | None) -> list[list[float]]:
     return rows
 
 
-def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray]:
+def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray, np.ndarray]:
     """Times of the wheels, and more where they are silent beside the gyro; which steps these are.
 
-    A step that ends at a reading of the wheels after a gap belongs to the gap.
+    A step that ends at a reading of the wheels after a gap belongs to the gap, and is told apart.
     """
     ends = np.append(time[1:], max(float(gyro[-1]), float(time[-1])))
     pieces, gaps = [], []
@@ -95,5 +95,5 @@ def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray]:
         pieces.append(added)
         gaps.append(end)
     whole = np.sort(np.concatenate([time, *pieces]))
-    gap = ~np.isin(whole, time) | np.isin(whole, gaps)
-    return whole, gap
+    ends = np.isin(whole, gaps) & np.isin(whole, time)
+    return whole, ~np.isin(whole, time) | ends, ends
