@@ -27,6 +27,7 @@ from ..observations import (
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
+from ..sensors.beside_wheels import driven_on
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
@@ -46,8 +47,7 @@ _SILENT = 2.0  # s without odometry, and three usual intervals, after which moti
 # receiver says
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
-_LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
-_OF_SPEED = 0.3  # share of the distance since then that is uncertain
+_LEAST_SPEED, _OF_SPEED = 0.5, 0.3  # m/s taken up unseen, and share of the way that is unsure
 
 
 class Localizer(LooksBack, Watched):
@@ -185,8 +185,10 @@ class Localizer(LooksBack, Watched):
             taken and now.started and isinstance(wheels, WheelTicks | WheelSpeed)
             and self._is_silent(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
         ):  # fmt: skip
-            self._gyro.takeover.mute(reading.time - now.time)
-            self._move_to(reading.time, self._rate[0])
+            self._gyro.takeover.mute(ahead := reading.time - now.time)
+            metres, speed = driven_on(self._rate[0], ahead)
+            self._move_to(reading.time, metres / ahead)
+            self._rate = (float(speed), 0.0)
             self._run()
         return taken
 
@@ -204,7 +206,7 @@ class Localizer(LooksBack, Watched):
         return True
 
     def _increment(self, reading: Reading) -> tuple[float, float, int, int]:
-        """What was driven since the last epoch, less what a fix in between took, as it is filled."""
+        """What was driven since the last epoch, less what fixes in between took, as filled."""
         before, self._reading = self._reading, reading
         if before is None or type(before) is not type(reading):
             self._odometer = (reading.time, 0.0, 0.0)
@@ -388,8 +390,7 @@ class Localizer(LooksBack, Watched):
         speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
         now.fill(time, speed * age, turn * min(age, _TURNING), 0)
         self._run()
-        away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
-        now.widen_along(away)
+        now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
         self._reading, self._odometer, self._began = None, None, None
         now.fill(time, 0.0, 0.0, 0)
         self._run()

@@ -34,7 +34,6 @@ from ..state import (
     H,
     K,
     Path,
-    U,
     V,
     X,
     Y,
