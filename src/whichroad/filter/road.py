@@ -247,9 +247,9 @@ def heading_regression(
         + _FAR * ((far - mean - 2.0 * rise) ** 2 + (far_low - mean + 2.0 * rise) ** 2)
     )
     if sigma > _WIDEST:
-        told = (_WIDEST / sigma) ** 2
-        rest += (rise * (1.0 - told)) ** 2
-        slope *= told
+        share = (_WIDEST / sigma) ** 2
+        rest += (rise * (1.0 - share)) ** 2
+        slope *= share
     return wrap(middle + mean), slope, math.sqrt(rest)
 
 
