@@ -1,6 +1,6 @@
 """A gyro beside an odometer or a speed, through 1.5 km without GNSS in Heidelberg.
 
-The drives are those of `outage`, with a stop of 60 s where they are slowest without GNSS.  Their
+The drives are those of `outage`, which stand for 60 s longer where they stand without GNSS.  Their
 wheels are replaced by an odometer with a scale error of 1 % rms a drive, or by a speed with the
 same error.  The gyro has a constant bias, which nobody is told, and white noise of 0.1 deg/s.
 """
@@ -22,7 +22,7 @@ SEEDS = range(7000, 7016)
 _SCALE = 0.01  # rms a drive
 _NOISE = math.radians(0.1)  # rad/s, white
 _BIASES = (0.0, 0.2, 0.5)  # deg/s
-_STOP_S = 60.0
+_STOP_S, _STANDS = 60.0, 0.1  # s, m/s
 _BESIDE = ("odometer", "speed")
 _GOALS = {"odometer": {"right edge within 10 m": ">= 96", "position RMSE": "<= 4.5"},
           "speed": {"position RMSE": "<= 3.8", "ANEES of the pose": "0.8..1.2"}}  # fmt: skip
@@ -43,11 +43,13 @@ def sensed(drive: SimulatedDrive, beside: str, bias: float | None) -> OdometryLo
 
 
 def with_stop(drive: SimulatedDrive) -> SimulatedDrive:
-    """The drive, which stands for a minute where it is slowest without GNSS."""
+    """The drive, which stands for a minute longer where it stands without GNSS, if it does."""
     truth, (begin, end) = drive.truth, drive.outages[0]
     speed = np.gradient(truth.travelled, truth.time)
     inside = (truth.time > begin + 1.0) & (truth.time < end - 1.0)
     at = int(np.argmin(np.where(inside, speed, np.inf)))
+    if speed[at] > _STANDS:
+        return drive
     step = float(np.median(np.diff(truth.time)))
     more = step * np.arange(1, round(_STOP_S / step) + 1)
     then = float(truth.time[at])
