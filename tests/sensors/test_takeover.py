@@ -145,13 +145,13 @@ SEEN_AT = observed(sound, sound)[0].time
 def test_counters_tell_after_a_silence_how_far_the_gyro_has_turned_the_vehicle(how: str):
     roads, seen = road_map(LINES), counted_while_silent()
     if how == "recorded":
-        points = whichroad.match(seen, roads, vehicle=CAR).to_arrow().slice(-1)
-        lon, lat, p = (points[name].to_numpy() for name in ("lon", "lat", "p_edge"))
+        points = whichroad.match(seen, roads, vehicle=CAR).to_arrow()
+        lon, lat, p = (points[name].to_numpy()[-1:] for name in ("lon", "lat", "p_road"))
     else:
         online = whichroad.Localizer(roads, vehicle=CAR)
         for reading in seen:
             said = online.update(reading)
-        lon, lat, p = (np.array([v]) for v in (said.pose.lon, said.pose.lat, said.p_edge))
+        lon, lat, p = (np.array([v]) for v in (said.pose.lon, said.pose.lat, said.p_road))
     x, y = metres(lon, lat)
     assert np.hypot(x[0] - TRUTH.x[-1], y[0] - TRUTH.y[-1]) < 15.0
-    assert p[0] > 0.95
+    assert p[0] > 0.9  # 0.1 at most after a pause of all sensors
