@@ -9,14 +9,15 @@ what was extrapolated since they fell silent.  Its noise is that of the position
 
 When wheels are heard again, the distance that they tell less what was extrapolated observes U.  It
 moves each hypothesis along the way that it came, and tells those apart that a turn of the gyro has
-taken into different roads.  Where it fits none, the vehicle may be elsewhere (`gnss.silence`).
+taken into different roads.  Where it fits none, the vehicle may be elsewhere (`gnss.silence`).  After a
+long silence one in ten is elsewhere, which nothing shows until the next fix.
 """
 
 import math
 
 from .._compile import Matrix, Record, kernel
 from .gaussian import log_density, update_state
-from .gnss.silence import may_have_moved
+from .gnss.silence import may_be_lost, may_have_moved
 from .lookback.history import History, accumulate_noise
 from .motion import Increment, Noise
 from .state import Belief, H, N, U, X, Y
@@ -26,6 +27,7 @@ _SPEEDS, _LASTS = 5.0, 15.0  # m/s and s, of the speed's process, σ and τ
 _SURE, _SCALE = 1.0, 0.01  # m, sigma of a distance that wheels tell, and share of the excess
 _BY_CHANCE = 1e-4  # 1/m, density of distances that mean nothing
 _FITS = 10.0  # chi-square beyond which no hypothesis was moved as the wheels were
+_LONG, _LOST = 30.0, 0.1  # s, from which on so many are lost by then, which nothing shows
 
 
 @kernel
@@ -71,6 +73,7 @@ def _add_twice(cov: Matrix, i: int, j: int, value: float) -> None:
 def _arrive(belief: Belief, excess: float) -> None:
     """Wheels are heard again: observe how far they went beyond what was extrapolated, m."""
     state = belief.state[0]
+    silent = state.vetting.silent
     variance = _SURE * _SURE + (_SCALE * excess) ** 2
     best = math.inf
     for i in range(state.count):
@@ -78,7 +81,9 @@ def _arrive(belief: Belief, excess: float) -> None:
         nu = excess - hyp.mu[U]
         best = min(best, nu * nu / (hyp.cov[U, U] + variance))
     if best > _FITS:
-        may_have_moved(state, excess, state.vetting.silent)
+        may_have_moved(state, excess, silent)
+    elif silent > _LONG:
+        may_be_lost(state, _LOST, silent)
     for i in range(state.count):
         hyp = belief.hyp[i]
         nu = excess - hyp.mu[U]
