@@ -9,8 +9,8 @@ what was extrapolated since they fell silent.  Its noise is that of the position
 
 When wheels are heard again, the distance that they tell less what was extrapolated observes U.  It
 moves each hypothesis along the way that it came, and tells those apart that a turn of the gyro has
-taken into different roads.  Where it fits none, the vehicle may be elsewhere (`gnss.silence`).  After a
-long silence one in ten is elsewhere, which nothing shows until the next fix.
+taken into different roads.  Where it fits none, the vehicle may be elsewhere (`gnss.silence`).
+After a long silence one in ten is elsewhere, which nothing shows until the next fix.
 """
 
 import math
