@@ -19,7 +19,7 @@ from .vetting.motion_sources import (
     is_possible,
 )
 from .vetting.vet import mode_of, vet
-from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
+from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
@@ -149,7 +149,10 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
 
 @kernel
 def _heed_silence(belief: Belief, history: History, reading: Record, sensors: int) -> None:
-    """After a long pause of all sensors nothing is known of the motion meanwhile."""
+    """After a long pause of all sensors nothing is known of the motion meanwhile.
+
+    A gyro that turns the vehicle while its wheels are silent is no pause.
+    """
     state = belief.state[0]
     quiet = reading.time - state.heard[0]
     if sensors != CLOCK and state.count > 0 and is_pause(quiet, state.heard[1]):
@@ -163,7 +166,7 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
-    if reading.has_fix or reading.odometry_valid == 1:
+    if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)
 
 

@@ -57,10 +57,15 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
         arc: What odometry says of the pause, m: counters go on.
         quiet: Its duration, s.
     """
-    moved = _DRIVEN if abs(arc) > _ROLLED else _CARRIED
-    state.elsewhere[0] = max(state.elsewhere[0], moved)
-    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * quiet, _FARTHEST)
+    may_be_lost(state, _DRIVEN if abs(arc) > _ROLLED else _CARRIED, quiet)
     state.moving = min(max(state.moving, quiet), _LONGEST)
+
+
+@kernel
+def may_be_lost(state: Record, p: float, seconds: float) -> None:
+    """Note that the vehicle is with probability p where it may have come in so many seconds."""
+    state.elsewhere[0] = max(state.elsewhere[0], p)
+    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * seconds, _FARTHEST)
 
 
 @kernel(inline=True)
