@@ -27,6 +27,7 @@ _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _LOWEST, _LONGEST = 1.0, 2.0  # s, between reports whose difference is a rate
+_SOONEST = 0.01  # s, between two reports
 
 
 @kernel
@@ -37,10 +38,12 @@ def latency_of(state: Record) -> float:
 
 @kernel(inline=True)
 def _follow(report: Record, value: float, time: float, turns: bool) -> None:
-    """How fast a report changes: `report` is its last value, when, and its change a second."""
+    """How fast a report changes, over a second: `report` is its last value, when, and its rate."""
     if report[1] > -math.inf:
         change = wrap(value - report[0]) if turns else value - report[0]
-        report[2] = change / min(max(time - report[1], _LOWEST), _LONGEST)
+        since = max(time - report[1], _SOONEST)
+        rate = change / min(since, _LONGEST)
+        report[2] += (rate - report[2]) * min(since / _LOWEST, 1.0)
     report[0] = value
     report[1] = time
 

@@ -39,13 +39,14 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
     sample = vetting.speed_sample
     sample.time += dt
     sample.amount += epoch.arc
+    believed = vetting.refused[ARC] == 0 and is_possible(vetting)
     possible = True
     if sample.time >= _SPEED_INTERVAL and epoch.odometry_valid == 1:
         arc = sample.amount
         change, limit = _take(sample, _MOST_SPEED)
         possible = abs(sample.rate) <= _FASTEST
         possible = possible and change <= _BRAKES * sample.lasted + _SPEED_SLACK + limit
-        if change > _FIRM * sample.lasted + _COUNTS + limit:
+        if believed and change > _FIRM * sample.lasted + _COUNTS + limit:
             vetting.suspect_at = epoch.time
         if possible:
             vetting.rolled += abs(arc)
@@ -54,7 +55,8 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
     if sensors == WHEELS:
         possible = _check_turn(vetting, epoch, dt) and possible
     if not possible:
-        vetting.suspect_at = epoch.time
+        if believed:  # else it has moved nothing
+            vetting.suspect_at = epoch.time
         blame(vetting, epoch.time)
 
 
