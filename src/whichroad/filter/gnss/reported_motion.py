@@ -31,9 +31,16 @@ _SOONEST = 0.01  # s, between two reports
 
 
 @kernel
-def latency_of(state: Record) -> float:
-    """Latency of reported courses, s, as learnt."""
-    return float((_TURNS * _LATE + state.reports.latency[0]) / (_TURNS + state.reports.latency[1]))
+def latency_of(state: Record, sigma: float) -> float:
+    """Latency of reported courses and speeds, s, as learnt; `sigma` of the speeds tells of a filter.
+
+    Courses show it; where a filter reports, its speeds may be later.
+    """
+    filtered = sigma >= FILTERED
+    moments = state.reports.latency
+    usual = _LATE if filtered else LATENCY
+    late = (_TURNS * usual + moments[0]) / (_TURNS + moments[1])
+    return float(min(max(_SAFETY * late if filtered else late, LATENCY), _LATEST))
 
 
 @kernel(inline=True)
@@ -88,9 +95,7 @@ def observe_reported(
     """
     state = belief.state[0]
     filtered = epoch.speed_sigma >= FILTERED
-    late = LATENCY
-    if filtered:
-        late = min(max(_SAFETY * latency_of(state), LATENCY), _LATEST)
+    late = latency_of(state, epoch.speed_sigma)
     if has_course(epoch, 1.0):
         _follow(state.reports.course, epoch.course, epoch.time, True)
         _learn_latency(state, epoch)
@@ -122,14 +127,17 @@ def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> 
         return
     if has_course(epoch, 1.0) and state.speed > -0.5:
         speed = max(abs(state.speed), 1.0)
+        _learn_latency(state, epoch)
         swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
         unknown = _TURN_SIGMA * par.lever[0] / speed
-        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
+        behind = (latency_of(state, epoch.speed_sigma) - LATENCY) * state.turn_rate[1]
+        variance = epoch.course_sigma**2 + 0.0025 + unknown * unknown + behind * behind
+        variance *= thin
         observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
         state.course_time = epoch.time
     if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
-            late = LATENCY * state.odometer_acceleration
+            late = latency_of(state, epoch.speed_sigma) * state.odometer_acceleration
             variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
             observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)
