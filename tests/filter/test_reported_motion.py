@@ -38,7 +38,7 @@ def reports(late: float, sigma: float) -> Records:
 def test_courses_in_turns_show_how_late_they_are(late: float):
     """A corner takes some seconds, so that two seconds show as one at least."""
     *_, (_, belief, _) = steps(TOWN, reports(late, 0.5), mode=CLOCK)
-    assert min(late, 1.3) - 0.5 < latency_of(belief.state[0]) < late + 0.5
+    assert min(late, 1.3) - 0.5 < latency_of(belief.state[0], 1.0) < late + 0.5
 
 
 @given(gaussians, st.sampled_from([H, K]), st.floats(-3.0, 3.0), st.floats(0.01, 1.0))

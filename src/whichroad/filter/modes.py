@@ -167,6 +167,14 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         hear(state, reading.time)
 
 
+@kernel
+def _doubt_turn(belief: Belief, history: History, turn: float) -> None:
+    """A turn (rad) may have been none."""
+    history.since[0].switched = 1
+    for i in range(belief.state[0].count):
+        belief.hyp[i].cov[H, H] += turn * turn
+
+
 @kernel(inline=True)
 def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
     """Vet an epoch, and let the vehicle be moved by what is believed.
@@ -203,6 +211,8 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
+    if vetting.sharp != 0.0 and state.mode == WHEELS:
+        _doubt_turn(belief, history, vetting.sharp)
     mode = mode_of(vetting, sensors)
     if state.count == 0:
         state.mode = mode

@@ -32,9 +32,9 @@ _SOONEST = 0.01  # s, between two reports
 
 @kernel
 def latency_of(state: Record, sigma: float) -> float:
-    """Latency of reported courses and speeds, s, as learnt; `sigma` of the speeds tells of a filter.
+    """Latency of reported courses and speeds, s, as learnt by courses.
 
-    Courses show it; where a filter reports, its speeds may be later.
+    The speeds of a filter, which their `sigma` (m/s) tells, may be later.
     """
     filtered = sigma >= FILTERED
     moments = state.reports.latency

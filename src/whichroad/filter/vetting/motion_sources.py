@@ -44,6 +44,7 @@ VETTING = np.dtype(
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
+        ("sharp", "f8"),  # rad, a turn that drivers seldom make, with this epoch
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
         ("forked_at", "f8"),  # when a fix last fitted nothing, s,
         ("undecided_at", "f8"),  # and when the first one of such fixes did
