@@ -16,23 +16,30 @@ NAMES = ("toy_numbers", "toy_span", "toy_tuples", "toy_records", "toy_nothing")
 
 
 def lowered(folder: Path, *arguments: str) -> tuple[Path, str]:
-    """A library of the toys, and what the process said that lowered them."""
+    """A library of the toys by two processes, and what the one said that has the entries."""
     target = cache.own_target()
     made = folder / f"toys{cache.suffix(target)}"
-    job = {
-        "modules": ["toys"], "entries": NAMES, "others": False, "source": "toys", "level": 2,
-        "objects": {target: str(folder / "toys.o")},
-    }  # fmt: skip
+    objects = [folder / "calls.o", folder / "inner.o"]
     path = os.pathsep.join([str(Path(toys.__file__).parent), *filter(None, sys.path)])
-    done = subprocess.run(
-        [sys.executable, "-m", "whichroad.native.lower", json.dumps(job), *arguments],
-        env=os.environ | {"PYTHONPATH": path, "NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic"},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    environment = {"PYTHONPATH": path, "NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic"}
+    processes = []
+    for others, made_here in enumerate(objects):
+        job = {
+            "modules": ["toys"], "entries": NAMES, "others": bool(others), "level": 2,
+            "inner": ["toys:sum_of"], "source": "toys", "objects": {target: str(made_here)},
+        }  # fmt: skip
+        command = [sys.executable, "-m", "whichroad.native.lower", json.dumps(job), *arguments]
+        processes.append(
+            subprocess.Popen(
+                command, env=os.environ | environment, text=True, stdout=subprocess.PIPE
+            )
+        )
+    said = [process.communicate()[0] for process in processes]
+    assert not any(process.returncode for process in processes), said
     command = linking.linker(target, portable=False)
     assert command
-    linking.link(command, target, [folder / "toys.o"], made)
-    return made, done.stdout
+    linking.link(command, target, objects, made)
+    return made, said[0]
 
 
 @pytest.fixture(scope="session")

@@ -44,7 +44,8 @@ class Span(NamedTuple):
 
 
 @kernel
-def _sum_of(values: Vector, factor: float) -> float:
+def sum_of(values: Vector, factor: float) -> float:
+    """Lowered by another process than its caller."""
     total = 0.0
     for i in range(len(values)):
         total += factor * math.sin(values[i])
@@ -75,7 +76,7 @@ def toy_tuples(outer: Outer, cube: Cube, k: int) -> float:
     outer.numbers[1] = k
     if not outer.on:
         return -1.0
-    return _sum_of(outer.inner.values, outer.inner.factor) + _inlined(outer.table) + cube[1, 0, k]
+    return sum_of(outer.inner.values, outer.inner.factor) + _inlined(outer.table) + cube[1, 0, k]
 
 
 @entry

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import numpy as np
 
-from .._compile import Array, Records
+from .._compile import Array, Record, Records
 from ..graph.network import records
 from ._simd import N
 
@@ -30,6 +30,8 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
     ],
     align=True,
 )
+
+Epoch = Annotated[Record, Array(EPOCH, 0)]
 
 MAP_ERROR = np.dtype(  # what a drive has shown of the map's error, see `filter.map_error`
     [

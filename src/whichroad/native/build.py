@@ -21,9 +21,14 @@ Report = Callable[[float], None]  # called with the part that is done, 0 to 1
 LEVEL = 3  # of optimisation
 # What `run` contains, in one process; all else in the other, in about the same time.
 _FIRST = (
-    "run", "localize_each", "reduce", "observe_map", "summarise", "cold_start", "normalise",
+    "run", "localize_each", "reduce", "observe_map", "cold_start", "normalise",
 )  # fmt: skip
-_FUNCTIONS = 400  # that are lowered, both processes together, about; for the progress
+# Of what `run` contains the other has these: called seldom within an epoch, long to compile.
+_INNER = (
+    "whichroad.filter.sparse.routing:transit", "whichroad.filter.summary.estimate:describe",
+    "whichroad.filter.evidence.observe:observe_evidence",
+)  # fmt: skip
+_FUNCTIONS = 800  # that are lowered, both processes together, about; for the progress
 _LOWERING = 0.7  # share of the time
 
 
@@ -151,7 +156,7 @@ def _objects(
     jobs = [
         json.dumps({
             "modules": cache.kernel_modules(), "entries": _FIRST, "others": part == "b",
-            "source": what[0], "processor": what[1], "level": LEVEL,
+            "inner": _INNER, "source": what[0], "processor": what[1], "level": LEVEL,
             "objects": {target: str(objects[target]["ab".index(part)]) for target in targets},
         })
         for part in "ab"

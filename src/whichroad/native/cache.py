@@ -21,8 +21,10 @@ KERNELS = (
 )  # files that hold kernels, from the package's folder
 _COMPILER = (
     "_compile.py",
+    "native/inner.py",
     "native/layout.py",
     "native/lower.py",
+    "native/outer.py",
     "native/rows.py",
 )  # also change what comes out
 _ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time

@@ -1,4 +1,6 @@
-"""Kernels to objects, by numba and LLVM: the only module that knows numba's inside.
+"""Kernels to objects, by numba and LLVM.
+
+This module, `outer` and `inner` are the only ones that know numba's inside.
 
 Runs in a process of its own (`python -m whichroad.native.lower`), so that what it sets
 touches nobody else, and two of them can run beside each other.
@@ -10,136 +12,23 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba import types as _types
-from numba.core import cgutils as _cgutils
 from numba.core.errors import NumbaError
-from numba.extending import intrinsic as _intrinsic
 from numba.np import arrayobj as _arrayobj
-from numba.np.numpy_support import from_dtype
 
-from .layout import Array, Fields, Kind, Layout
+from .inner import Inner
+from .outer import WORDS, outer, types
 
 njit: Any = numba.njit  # these have no types, or not all of them
-types: Any = _types
-cgutils: Any = _cgutils
-intrinsic: Any = _intrinsic
 arrayobj: Any = _arrayobj
 
 _SELDOM = (100_000, 50, 100)  # garbage collection: numba's objects live on, and there are millions
 PLAIN = "plain"  # argument: by public functions of numba alone
-_WORDS = types.CPointer(types.int64)
-
-
-def numba_type(kind: Kind) -> Any:
-    """The type by which numba knows it."""
-    if isinstance(kind, Fields):
-        parts = [numba_type(one) for one in kind.types]
-        return (
-            types.NamedTuple(parts, kind.make)
-            if isinstance(kind.make, type)
-            else (types.Tuple(parts))
-        )
-    if isinstance(kind, Array):
-        dtype = from_dtype(kind.dtype)
-        return types.Array(dtype, kind.ndim, "C") if kind.ndim else dtype
-    return {int: types.int64, float: types.float64, bool: types.boolean}[kind]
-
-
-class _Words:
-    """Reads and writes a block's words one behind the other, as code."""
-
-    def __init__(self, context: Any, builder: Any, block: Any) -> None:
-        self.context, self.builder, self.block, self.at = context, builder, block, 0
-
-    def _next(self) -> Any:
-        at = self.context.get_constant(types.intp, self.at)
-        self.at += 1
-        return self.builder.gep(self.block, [at])
-
-    def load(self, kind: Kind) -> Any:
-        context, builder = self.context, self.builder
-        known = numba_type(kind)
-        if isinstance(kind, Fields):
-            return context.make_tuple(builder, known, [self.load(one) for one in kind.types])
-        if isinstance(kind, Array):
-            word = builder.load(self._next())
-            if not kind.ndim:
-                return builder.inttoptr(word, context.get_value_type(known))
-            shape = [builder.load(self._next()) for _ in range(kind.ndim)]
-            strides = [context.get_constant(types.intp, kind.dtype.itemsize)]
-            for length in shape[:0:-1]:
-                strides.insert(0, builder.mul(strides[0], length))
-            array = arrayobj.make_array(known)(context, builder)
-            arrayobj.populate_array(
-                array, data=builder.inttoptr(word, array.data.type), shape=shape,
-                strides=strides, itemsize=context.get_constant(types.intp, kind.dtype.itemsize),
-                meminfo=None,
-            )  # fmt: skip
-            return array._getvalue()
-        place = self._next()
-        if kind is float:
-            pointer = context.get_value_type(types.float64).as_pointer()
-            return builder.load(builder.bitcast(place, pointer))
-        word = builder.load(place)
-        return cgutils.is_not_null(builder, word) if kind is bool else word
-
-    def store(self, kind: Kind, value: Any) -> None:
-        builder = self.builder
-        if isinstance(kind, Fields):
-            for k, one in enumerate(kind.types):
-                self.store(one, builder.extract_value(value, k))
-            return
-        place = self._next()
-        if kind is float:
-            place = builder.bitcast(place, value.type.as_pointer())
-        elif kind is bool:
-            value = builder.zext(value, place.type.pointee)
-        builder.store(value, place)
-
-
-def outer(layout: Layout, kernel: Any) -> Callable[[Any], None]:
-    """The function of one block that calls a kernel."""
-    arguments = types.Tuple([numba_type(kind) for kind in layout.arguments.values()])
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def load(typing_context: Any, block: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            words = _Words(context, builder, args[0])
-            values = [words.load(kind) for kind in layout.arguments.values()]
-            return context.make_tuple(builder, arguments, values)
-
-        return arguments(_WORDS), generate
-
-    if layout.result is None:
-
-        def call(block: Any) -> None:
-            kernel(*load(block))
-
-        return call
-
-    kind, result = layout.result, numba_type(layout.result)
-    at = min(leaf.at for leaf in layout.leaves() if leaf.is_result)
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def store(typing_context: Any, block: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            words = _Words(context, builder, args[0])
-            words.at = at
-            words.store(kind, context.cast(builder, args[1], value, result))
-            return context.get_dummy_value()
-
-        return types.void(_WORDS, value), generate
-
-    def call_and_store(block: Any) -> None:
-        store(block, kernel(*load(block)))
-
-    return call_and_store
 
 
 _SHIM = """
@@ -222,13 +111,18 @@ def _index_as_it_is() -> None:
         arrayobj.fix_integer_index = index
 
 
-def lower(names: Iterable[str], collect: bool) -> Any:
+def lower(
+    names: Iterable[str], collect: bool, inner: Iterable[str] = (), elsewhere: Iterable[str] = ()
+) -> Any:
     """The module of some entries: these are what it shows, all else is internal.
 
     Args:
         names: Of entries whose modules are imported.
         collect: Each function once, by replacing parts of numba; else by public functions
             alone, which takes three times as long.
+        inner: Kernels that it has for another module, as `Inner` takes them.
+        elsewhere: Kernels of another module that it may call; where not collected, it has them
+            itself.
 
     Returns:
         LLVM's module, for any machine.
@@ -238,10 +132,18 @@ def lower(names: Iterable[str], collect: bool) -> Any:
     collector = _Collector() if collect else None
     _index_as_it_is()
     _compile.teach_numba()
-    shims, modules = [], []
+    shims, modules, shown = [], [], {}
+    if collector is not None:
+        for path in elsewhere:
+            Inner(path).declare()
+    for path in inner:
+        one = Inner(path)
+        shown[one.define()] = one.symbol
+        if collector is None:
+            modules.append(llvm.parse_assembly(one.dispatcher.inspect_llvm(one.arguments)))
     for name in names:
         layout = _compile.entries()[name].layout
-        compiled = njit((_WORDS,), **_compile.OPTIONS)(outer(layout, _compile.entries()[name]))
+        compiled = njit((WORDS,), **_compile.OPTIONS)(outer(layout, _compile.entries()[name]))
         signature = compiled.signatures[0]
         callee = compiled.overloads[signature].fndesc.llvm_func_name
         shims.append(_SHIM.format(name=name, callee=callee, checksum=layout.checksum()))
@@ -257,9 +159,11 @@ def lower(names: Iterable[str], collect: bool) -> Any:
     whole, *others = (llvm.parse_assembly(_portable(str(module))) for module in modules)
     for module in (*others, *map(llvm.parse_assembly, shims)):
         whole.link_in(module)
-    for one in (*whole.functions, *whole.global_variables):
-        if not one.is_declaration and not one.name.startswith("whichroad_"):
-            one.linkage = "internal"
+    for value in (*whole.functions, *whole.global_variables):
+        if value.name in shown:
+            value.name, value.visibility = shown[value.name], "hidden"
+        elif not value.is_declaration and not value.name.startswith("whichroad_"):
+            value.linkage = "internal"
     return whole
 
 
@@ -318,7 +222,8 @@ def main(arguments: Sequence[str]) -> None:
     names = [name for name in _compile.entries() if name not in first] if job["others"] else first
     begin = time.process_time()
     try:
-        lowered = lower(names, collect=PLAIN not in arguments)
+        inner, elsewhere = ((), job["inner"])[:: -1 if job["others"] else 1]
+        lowered = lower(names, PLAIN not in arguments, inner, elsewhere)
     except Exception as error:
         if PLAIN in arguments or isinstance(error, NumbaError):  # a kernel that is wrong
             raise

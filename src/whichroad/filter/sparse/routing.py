@@ -15,6 +15,7 @@ from ...graph.route_search import set_goals
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
 from ..lookback.history import History
 from ..motion import decay
+from ..records import Epoch
 from ..road import track
 from ..state import (
     CAPACITY,
@@ -241,7 +242,7 @@ def _exchange_off_road(
 
 @kernel
 def transit(
-    belief: Belief, path: Path, history: History, ctx: Context, epoch: Record, dt: float
+    belief: Belief, path: Path, history: History, ctx: Context, epoch: Epoch, dt: float
 ) -> float:
     """Take every hypothesis along the routes to the roads near a sparse fix.
 
