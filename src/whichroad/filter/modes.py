@@ -168,10 +168,15 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
 
 
 @kernel
-def _doubt_turn(belief: Belief, history: History, turn: float) -> None:
-    """A turn (rad) may have been none."""
+def _vet(belief: Belief, history: History, epoch: Record, dt: float, sensors: int) -> None:
+    """Vet an epoch; a turn that drivers seldom make may have been none."""
+    state = belief.state[0]
+    vet(state.vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    turn = state.vetting.sharp
+    if turn == 0.0 or state.mode != WHEELS:
+        return
     history.since[0].switched = 1
-    for i in range(belief.state[0].count):
+    for i in range(state.count):
         belief.hyp[i].cov[H, H] += turn * turn
 
 
@@ -203,7 +208,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
-    vet(vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    _vet(belief, history, epoch, dt, sensors)
     _heed_silence(belief, history, reading, sensors)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
@@ -211,8 +216,6 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
-    if vetting.sharp != 0.0 and state.mode == WHEELS:
-        _doubt_turn(belief, history, vetting.sharp)
     mode = mode_of(vetting, sensors)
     if state.count == 0:
         state.mode = mode
