@@ -220,28 +220,46 @@ def test_weights_are_normalised_however_small_they_are():
 
 
 def told_off_road(
-    right: float, turned: float = 0.0, blames: int = NOTHING, misfit_ago: float = math.inf
-) -> float:
-    """By how much a vehicle off the roads is told less than one on a road that fits perfectly."""
+    right: float, turned: float = 0.0, blames: int = NOTHING, misfit_ago: float = math.inf,
+    odds: float = -6.0, rows: int = 1,
+) -> list[float]:  # fmt: skip
+    """By how much a vehicle off the roads is told less than one on a road that fits perfectly.
+
+    After each of some rows of 5 m; its odds of free motion are those of long beside a road, else.
+    """
     roads = network(straight_road())
     belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
     belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
+    belief.hyp["beside"][1] = odds, 1.0
     belief.state[0].vetting.undecided_at = belief.state[0].time - misfit_ago
     doubt_map(belief, 1.0)
-    see_roads(belief, roads)
-    return float(belief.hyp.log_weight[0] - belief.hyp.log_weight[1])
+    told = []
+    for _ in range(rows):
+        see_roads(belief, roads)
+        told.append(float(belief.hyp.log_weight[0] - belief.hyp.log_weight[1]))
+    return told
 
 
 def test_beside_a_mapped_road_an_unmapped_one_fits_as_well():
     """15 m beside it; on its lane a vehicle pays for fitting by chance, and for fitting so well."""
-    assert told_off_road(right=1.75) > 1.0
-    assert abs(told_off_road(right=15.0)) < 0.1
-    assert abs(told_off_road(right=-15.0)) < 0.1
-    assert told_off_road(right=100.0) > 1.0  # what is far away tells nothing of it
+    assert told_off_road(right=1.75)[0] > 1.0
+    assert abs(told_off_road(right=15.0)[0]) < 0.1
+    assert abs(told_off_road(right=-15.0)[0]) < 0.1
+    assert told_off_road(right=100.0)[0] > 1.0  # what is far away tells nothing of it
+
+
+def test_a_road_beside_is_paid_for_once():
+    """A free vehicle pays row by row, until all that is left is one on a road beside."""
+    told = np.diff(told_off_road(right=15.0, odds=4.0, rows=40), prepend=0.0)
+    assert told[0] > 0.3
+    assert abs(told[20:]).max() < 0.1
+    on_the_lane = told_off_road(right=1.75, odds=4.0, rows=40)[-1]
+    assert on_the_lane - told.sum() > 1.0  # here it is beside only as far as the map may be off
 
 
 def test_who_leaves_a_road_does_not_pay_for_following_it():
-    following, leaving = told_off_road(right=3.0), told_off_road(right=3.0, turned=0.8)
+    [following] = told_off_road(right=3.0, odds=4.0)
+    [leaving] = told_off_road(right=3.0, turned=0.8, odds=4.0)
     assert following - leaving == pytest.approx(5.0 * SET.off_road_cost, rel=0.1)
 
 
@@ -252,4 +270,4 @@ def test_a_vehicle_that_blames_its_motion_has_not_shown_that_it_left():
 def test_wheels_that_fixes_have_just_contradicted_do_not_show_who_left():
     far = told_off_road(right=100.0)
     assert told_off_road(right=15.0, misfit_ago=59.0) == far
-    assert told_off_road(right=15.0, misfit_ago=61.0) < 0.1 < far
+    assert told_off_road(right=15.0, misfit_ago=61.0)[0] < 0.1 < far[0]

@@ -26,30 +26,55 @@ from .state import (
     lane_sigma,
 )
 
+LEAVES = 4.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
+STARTS = 7.0  # and of one that begins off the roads
+_LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
 _CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
 _LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
+_MOST_ODDS = 6.0  # log-odds against free motion that are remembered
+
+
+@kernel
+def set_beside(hyp: Record, odds: float) -> None:
+    """Begin off the roads: free, or on a road beside, as likely as log-odds say."""
+    hyp.beside[0] = odds
+    hyp.beside[1] = 1.0
+
+
+@kernel
+def merged_odds(a: float, b: float, share: float) -> float:
+    """Log-odds of free motion of two that become one, of which the first has a share."""
+    return math.log(share * math.exp(a) + (1.0 - share) * math.exp(b))
 
 
 @kernel
 def gain_beside(
     belief: Belief, ctx: Context, i: int, lateral: float, heading: float, usual: float, cost: float
 ) -> float:
-    """What a hypothesis off the roads gains by leaving a mapped road, or by running beside it.
+    """What a hypothesis off the roads gains over one that follows a road by chance.
 
-    With the offset o from a road's lane, the misfit ν of its heading, and the most of each:
+    It is one of two: free (F), or on a road that runs beside a mapped one (B).  With the offset o
+    from a road's lane, the misfit ν of its heading with variance s, and the log-odds a of F over
+    B:
 
-        inside    = P(|o| < 7 m),    following = inside exp(-½ max(ν² / s - 1, 0))
-        ℓ         = lateral - ½ (ν² / s + log 2πs)
-        gain      = max((1 - following) cost, (1 - inside) (ℓ - usual + cost))
+        outside   = P(|o| > 7 m),    parallel = exp(-½ max(ν² / s - 1, 0))
+        ℓ_F       = usual - parallel cost
+        ℓ_B       = lateral - ½ (ν² / s + log 2πs_r) - metres / 1 km
+        gain      = log (e^(a + ℓ_F) + outside e^ℓ_B) - log (e^a + outside) - (usual - cost)
+        a        += ℓ_F - ℓ_B
+
+    The offset's uncertainty lasts, and so it is asked for once, not in each row.  So does that of
+    the heading: s_r is the row's variance on the road.  By motion that follows no road, a does
+    not grow beyond its value of a vehicle that leaves one: it may come to a road beside.
 
     Whoever blames the motion for a misfit has not shown that it left the road.  Nor has anybody
     within a minute of one: wheels that are wrong leave roads as well.
 
     Args:
-        belief: Tracked; unchanged.
+        belief: Tracked; the hypothesis' odds are changed.
         ctx: The drive's constants.
         i: The hypothesis.
         lateral: Log-likelihood of the row across, of those on roads.
@@ -61,8 +86,8 @@ def gain_beside(
     if not _is_believed(belief.state[0]) or hyp.weight < _LIGHT or hyp.blames == MOTION:
         return 0.0
     s_heading = hyp.cov[H, H] + heading
-    inside = following = 0.0
-    least = math.inf
+    inside = 0.0
+    least = variance = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
         if road.edge == OFF_ROAD or road.weight < _JUDGES:
@@ -70,15 +95,23 @@ def gain_beside(
         offset, sigma, nu = _beside(hyp, road, ctx, belief.state[0].scale)
         if abs(offset) > _REACH or sigma > _REACH:
             continue
-        chi2 = nu * nu / s_heading
         near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
         inside = max(inside, near)
-        following = max(following, near * math.exp(-0.5 * max(chi2 - 1.0, 0.0)))
-        least = min(least, chi2)
+        least = min(least, nu * nu / s_heading)
+        variance = min(variance, road.cov[H, H] + heading)
     if least == math.inf:
         return 0.0
-    fit = lateral - 0.5 * (least + math.log(s_heading) + LOG_2PI)
-    return max((1.0 - following) * cost, (1.0 - inside) * (fit - usual + cost))
+    free = usual - cost * math.exp(-0.5 * max(least - 1.0, 0.0))
+    along = lateral - 0.5 * (least + math.log(variance) + LOG_2PI)
+    along -= belief.state[0].since_map / _LASTS
+    outside = 1.0 - inside
+    odds = math.exp(hyp.beside[0])
+    after = odds * math.exp(free - along)
+    gain = along + math.log((after + outside) / (odds + outside)) - (usual - cost)
+    most = max(hyp.beside[0], LEAVES)
+    hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), -_MOST_ODDS)
+    hyp.beside[1] = after / (after + outside)
+    return float(gain)
 
 
 @kernel

@@ -7,6 +7,7 @@ from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ...graph.index import near, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
+from ..beside import LEAVES, STARTS, set_beside
 from ..gaussian import normal_cdf
 from ..map_error import map_variance
 from ..state import (
@@ -17,6 +18,7 @@ from ..state import (
     MX,
     MY,
     OFF_ROAD,
+    WHEELS,
     B,
     Belief,
     Context,
@@ -220,6 +222,7 @@ def _start_off_road(
         heading = start.heading if known else wrap(towards + 2.0 * math.pi * a / free)
         hyp = belief.hyp[state.count]
         blank(hyp, OFF_ROAD, 0)
+        set_beside(hyp, STARTS)
         sigma = start.heading_sigma if known else 0.3
         _fill_start(hyp, ctx, fix, start, heading, sigma, state)
         hyp.log_weight = share
@@ -238,11 +241,13 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
             if hyp.weight > _LEAVES and state.count < CAPACITY:
                 share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
+                set_beside(belief.hyp[child], LEAVES)
                 rescale(hyp, 1.0 - share)
                 if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:
-            _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5))
+            free = hyp.beside[1] if state.mode == WHEELS else 1.0
+            _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5) * free)
     state.since_exit = 0.0
 
 

@@ -9,6 +9,7 @@ import math
 
 from ..._compile import Record, entry, kernel
 from ...graph.geometry import wrap
+from ..beside import merged_odds
 from ..gaussian import merge_moments
 from ..sparse.origin import is_waiting
 from ..state import (
@@ -138,6 +139,7 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
     share = wi / (wi + wj)
     merge_moments(a.mu, a.cov, b.mu, b.cov, share, state.scale)
     a.p_not_passed = share * a.p_not_passed + (1.0 - share) * b.p_not_passed
+    a.beside[0] = merged_odds(a.beside[0], b.beside[0], share)
     for k in range(state.parents):
         belief.lineage[i, k] = share * belief.lineage[i, k] + (1.0 - share) * belief.lineage[j, k]
     a.log_weight = math.log(wi + wj)
