@@ -143,6 +143,7 @@ FILTER = np.dtype(
         ("level_tail", "f8"),  # sigmas of levels over those of Gaussians; 0: not used yet
         ("reports", REPORTS),  # speeds and courses of the receiver, and their latency
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
+        ("second_mean", "f8", (2,)),  # the same of the last second, of fixes that come sooner
         ("unlearnt", "f8"),  # s of motion since the factors were last learnt
         ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
         ("learnt_time", "f8"),  # s over which they have been learnt

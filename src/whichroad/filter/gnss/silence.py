@@ -10,6 +10,7 @@ import math
 from ..._compile import Record, kernel
 from ..hypotheses.births import cold_start
 from ..state import START, Belief, Context, K, Path, X, Y, most_probable, normalise, redraw
+from ..vetting.motion_sources import SPEED
 from .noise import update_root
 from .position import NU0, NU1, V00, V01, V11, Axes, innovations
 from .standstill import is_still
@@ -75,6 +76,9 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
     Its speed says so; where it reports none, its fixes do.
     """
     state = belief.state[0]
+    since = epoch.time - state.vetting.windows.speed_time
+    if not epoch.has_fix and state.vetting.refused[SPEED] == 0 and since <= SPARSE:
+        return bool(state.standing > 0.0)  # as its last fix said
     if epoch.speed_sigma > _NO_SPEED:
         still = is_still(state, epoch, dt, SPARSE)
         if still and state.standing == 0.0:
