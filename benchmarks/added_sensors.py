@@ -59,11 +59,13 @@ def compass(roads: RoadMap, drive: SimulatedDrive, rng: np.random.Generator) -> 
     return sensor, _readings(t.time[k], compass_deg=_bearings(roads, drive, k) + error)
 
 
-def still_compass(roads: RoadMap, drive: SimulatedDrive, off_deg: float) -> Told:
+def still_compass(
+    roads: RoadMap, drive: SimulatedDrive, off_deg: float, sensor: Compass
+) -> Told:  # fmt: skip
     """Once a second, off by the same angle throughout, as one that is mounted so."""
     k = np.arange(0, len(drive.truth), _RATE)
     told = (_bearings(roads, drive, k) + off_deg) % 360.0
-    return Compass(), _readings(drive.truth.time[k], compass_deg=told)
+    return sensor, _readings(drive.truth.time[k], compass_deg=told)
 
 
 def antennas(roads: RoadMap, drive: SimulatedDrive, rng: np.random.Generator) -> Told:

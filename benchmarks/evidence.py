@@ -12,6 +12,7 @@ Classes, by `--classes`:
 import math
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from whichroad.epochs import Timeline, build_timeline
 from whichroad.evidence.sensed import Sensed
 from whichroad.recorded import Recorded, localize_recorded
+from whichroad.sensors import Compass
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive, simulate_drive
 
@@ -31,6 +33,8 @@ from .town import CHI2_95, WARM_UP_S, right_edges
 SEEDS = range(7500, 7540)
 CLASSES = ("ranges", "compass", "mounted", "removed", "faults")
 _OFF_DEG = (0.0, 20.0, 140.0, 180.0)  # of the class mounted
+_CLAIMS = {"compass": Compass(), "compass that claims independent errors of 2 degrees": Compass(
+    sigma_deg=2.0, lasts_m=0.0)}  # fmt: skip
 _FAR_M = 30.0
 _AFTER_M, _OUTAGE_M = 1500.0, 5000.0  # of the class ranges
 _LENGTH_M = 7500.0
@@ -129,12 +133,13 @@ def one_compass(seed: int, *, settings: Settings) -> Row:
 def one_mounted(seed: int, *, settings: Settings) -> Row:
     """A drive of 1.5 km with a compass that is off by each of some angles: how far off it ends."""
     drive, row = _drive(seed, 1500.0), Row()
-    for off in _OFF_DEG:
-        turned = still_compass(world["roads"], drive, off)
-        errors = _Errors(drive, *localize(drive, [turned], settings)[:2], False)
-        far = errors.error[-1] > _FAR_M
-        row[f"{off:g}: far"] = float(far)
-        row[f"{off:g}: far and sure"] = float(far and errors.rows.p_edge[-1] > 0.99)
+    for claimed, sensor in _CLAIMS.items():
+        for off in _OFF_DEG:
+            turned = still_compass(world["roads"], drive, off, sensor)
+            errors = _Errors(drive, *localize(drive, [turned], settings)[:2], False)
+            far = errors.error[-1] > _FAR_M
+            row[f"{claimed}, {off:g}: far"] = float(far)
+            row[f"{claimed}, {off:g}: far and sure"] = float(far and errors.rows.p_edge[-1] > 0.99)
     return row
 
 
@@ -238,11 +243,12 @@ def _compass_table(table: Table) -> list[Figure]:
 
 def _mounted_table(table: Table) -> list[Figure]:
     figures = []
-    for off in _OFF_DEG:
-        name = f"compass off by {off:g} degrees: ends {_FAR_M:g} m off"
+    for claimed, off in product(_CLAIMS, _OFF_DEG):
+        name = f"{claimed}, off by {off:g} degrees: ends {_FAR_M:g} m off"
+        case = f"{claimed}, {off:g}"
         figures += [
-            table.share(name, f"{off:g}: far", None, "<= 0"),
-            table.share(f"{name}, and sure of its road", f"{off:g}: far and sure"),
+            table.share(name, f"{case}: far", None, "<= 0"),
+            table.share(f"{name}, and sure of its road", f"{case}: far and sure"),
         ]
     return figures
 

@@ -1,8 +1,8 @@
 """A gyro beside an odometer or a speed, through 1.5 km without GNSS in Heidelberg.
 
-The drives are those of `outage`.  Their wheels are replaced by an odometer with a scale error of
-1 % rms a drive, or by a speed with the same error.  The gyro has a constant bias, which
-nobody is told, and white noise of 0.1 deg/s.
+The drives are those of `outage`, which stand for 60 s longer where they stand without GNSS.  Their
+wheels are replaced by an odometer with a scale error of 1 % rms a drive, or by a speed with the
+same error.  The gyro has a constant bias, which nobody is told, and white noise of 0.1 deg/s.
 """
 
 import math
@@ -22,6 +22,7 @@ SEEDS = range(7000, 7016)
 _SCALE = 0.01  # rms a drive
 _NOISE = math.radians(0.1)  # rad/s, white
 _BIASES = (0.0, 0.2, 0.5)  # deg/s
+_STOP_S, _STANDS = 60.0, 0.1  # s, m/s
 _BESIDE = ("odometer", "speed")
 _GOALS = {"odometer": {"right edge within 10 m": ">= 96", "position RMSE": "<= 4.5"},
           "speed": {"position RMSE": "<= 3.8", "ANEES of the pose": "0.8..1.2"}}  # fmt: skip
@@ -41,6 +42,37 @@ def sensed(drive: SimulatedDrive, beside: str, bias: float | None) -> OdometryLo
     return WithGyro(way, YawRates(truth.time, turn))
 
 
+def with_stop(drive: SimulatedDrive) -> SimulatedDrive:
+    """The drive, which stands for a minute longer where it stands without GNSS, if it does."""
+    truth, (begin, end) = drive.truth, drive.outages[0]
+    speed = np.gradient(truth.travelled, truth.time)
+    inside = (truth.time > begin + 1.0) & (truth.time < end - 1.0)
+    at = int(np.argmin(np.where(inside, speed, np.inf)))
+    if speed[at] > _STANDS:
+        return drive
+    step = float(np.median(np.diff(truth.time)))
+    more = step * np.arange(1, round(_STOP_S / step) + 1)
+    then = float(truth.time[at])
+    columns = {}
+    for name in truth.__dataclass_fields__:
+        column = getattr(truth, name)
+        added = np.full(len(more), column[at]) if name != "stopped" else np.ones(len(more), bool)
+        columns[name] = np.insert(column, at + 1, added)
+    columns["time"] = np.concatenate(
+        [truth.time[: at + 1], then + more, truth.time[at + 1 :] + _STOP_S]
+    )
+    fixes = drive.drive.fixes
+    assert fixes is not None
+    late = replace(fixes, time=np.where(fixes.time > then, fixes.time + _STOP_S, fixes.time))
+    outages = tuple(
+        (a + _STOP_S * (a > then), b + _STOP_S * (b > then)) for a, b in drive.outages
+    )  # fmt: skip
+    return replace(
+        drive, truth=replace(truth, **columns), outages=outages,
+        drive=replace(drive.drive, fixes=late),
+    )  # fmt: skip
+
+
 def run(options: Options) -> list[Figure]:
     """The epochs within the outages, for each sensor and each bias of the gyro."""
     return list(_figures(options))
@@ -57,6 +89,7 @@ def _figures(options: Options) -> Iterator[Figure]:
         drive = simulate_drive(
             roads, seed=seed, length_m=length, scenario="outage", allowed=allowed
         )
+        drive = with_stop(drive)
         for case in cases:
             recording = replace(drive.drive, odometry=sensed(drive, *case))
             timeline = build_timeline(recording, roads.plane, drive.vehicle)

@@ -1,6 +1,6 @@
 """Wheels and a gyro together: one of them is wrong or silent, and the other takes over.
 
-Drives in Heidelberg.  The gyro has a bias of 0.2 deg/s, which nobody is told, and white noise of
+Drives in Heidelberg.  The gyro has a bias of 0.5 deg/s, which nobody is told, and white noise of
 0.1 deg/s.  Classes, by `--classes`:
 
     good     GNSS throughout, each fault: by both, by wheels alone, and by both on line
@@ -31,7 +31,7 @@ from .town import WARM_UP_S, right_edges
 
 SEEDS = range(18_500, 18_540)
 CLASSES = ("good", "outage")
-_BIAS, _NOISE = math.radians(0.2), math.radians(0.1)  # rad/s
+_BIAS, _NOISE = math.radians(0.5), math.radians(0.1)  # rad/s
 _COMES_S, _LASTS_S = 60.0, 60.0
 _FRESH_S = 0.15  # s, largest age of what is counted
 _GRACE_S = 10.0  # s after a fault's begin, from which on roads are counted

@@ -16,7 +16,7 @@ from .errors import DriveError, SettingError
 from .evidence.sensed import Row, Sensed
 from .filter.evidence.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
-from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE
+from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.gnss import fix_rows
@@ -139,7 +139,7 @@ def build_timeline(
     epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
     epochs.speed_sigma = epochs.course_sigma = np.inf
     epochs.gyro = _turned_by(motion, time)
-    epochs.odometry_valid[epochs.gyro == GYRO_ALONE] = 0
+    epochs.odometry_valid[np.isin(epochs.gyro, (GYRO_ALONE, HEARD_AGAIN))] = 0
     masked = 0
     if fixes is not None:
         at = _nearest(time, fixes.time)
@@ -190,7 +190,9 @@ def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:
     if motion.by is None:
         return BY_GYRO if motion.gyro else BY_WHEELS
     step = np.searchsorted(motion.time, time).clip(0, len(motion.time) - 1)
-    return np.asarray(motion.by[step], np.uint8)
+    by = np.asarray(motion.by[step], np.uint8)
+    by[(by == HEARD_AGAIN) & (time < motion.time[step])] = GYRO_ALONE
+    return by
 
 
 def _heard(epochs: Records, told: Sequence[SensorReading], sensed: Sensed) -> Evidence:

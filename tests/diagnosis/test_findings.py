@@ -9,7 +9,7 @@ import pytest
 
 import whichroad
 from whichroad.diagnosis.finding import Finding
-from whichroad.diagnosis.findings import findings
+from whichroad.diagnosis.findings import _chance, findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
 from whichroad.observations import Array, Drive
 from whichroad.settings import Settings, Vehicle
@@ -270,3 +270,14 @@ def test_diagnose_takes_whatever_has_a_diagnosis():
         diagnosis = (Finding("gnss sigma", "warning", 1.5, 0.7, 1.2, "look"),)
 
     assert whichroad.diagnose(Answer()) == list(Answer.diagnosis)
+
+
+def test_how_long_errors_last_is_not_told_by_few_of_them():
+    """In ten minutes 80 s may look like 30 or 1,000 by chance, and hardly in three hours."""
+    short, long = ConsistencyStatistics(FITS, CAR), ConsistencyStatistics(FITS, CAR)
+    for statistics, seconds in ((short, 650.0), (long, 10_800.0)):
+        statistics._state[0] = 30.0 + seconds
+        statistics._errors[0] = 1.0
+    assert _chance(short, 0.4) > 2.6
+    assert _chance(short, 13.5) > 13.5
+    assert _chance(long, 1.0) < 1.6

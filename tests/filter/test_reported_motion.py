@@ -13,8 +13,8 @@ from scenes import gnss as fixes_of
 from strategies import UNITS, gaussians
 from whichroad._compile import Records
 from whichroad.filter.gnss.position import observe_state
-from whichroad.filter.gnss.reported_motion import latency_of
-from whichroad.filter.state import CLOCK, H, K, N
+from whichroad.filter.gnss.reported_motion import latency_of, observe_motion
+from whichroad.filter.state import CLOCK, WHEELS, H, K, N, new_epochs
 
 TOWN = network(grid_town())
 BLOCKS = [(0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3), (4, 4)]
@@ -38,7 +38,7 @@ def reports(late: float, sigma: float) -> Records:
 def test_courses_in_turns_show_how_late_they_are(late: float):
     """A corner takes some seconds, so that two seconds show as one at least."""
     *_, (_, belief, _) = steps(TOWN, reports(late, 0.5), mode=CLOCK)
-    assert min(late, 1.3) - 0.5 < latency_of(belief.state[0]) < late + 0.5
+    assert min(late, 1.3) - 0.5 < latency_of(belief.state[0], 0.1) < late + 0.5
 
 
 @given(gaussians, st.sampled_from([H, K]), st.floats(-3.0, 3.0), st.floats(0.01, 1.0))
@@ -73,3 +73,33 @@ def test_a_zero_while_driving_stops_nobody():
         speed[k] = float(top["mu"][np.argmax(top.weight), K])
         assert np.isfinite(top["mu"][:, H]).all()
     assert min(speed[k] for k in moving) > 4.0
+
+
+@pytest.mark.parametrize("late", [0.0, 2.0])
+def test_late_courses_move_a_vehicle_that_turns_by_its_wheels_less(late: float):
+    belief = belief_on(TOWN, [On(0, 60.0)])
+    state, epoch = belief.state[0], new_epochs(1)[0]
+    state.mode, state.speed, state.odometer_speed = WHEELS, 8.0, 8.0
+    state.turn_rate[:] = 0.4
+    state.reports.latency[:] = 10.0 * late, 10.0
+    epoch.time, epoch.has_fix = 100.0, 1
+    epoch.speed, epoch.speed_sigma, epoch.course_sigma = 8.0, 0.2, 0.05
+    before = float(belief.hyp[0]["mu"][H])
+    epoch.course = before + 0.3
+    belief.hyp[0]["cov"][H, H] = 0.05**2
+    observe_motion(belief, CTX, epoch, 1.0)
+    moved = float(belief.hyp[0]["mu"][H]) - before
+    assert (moved > 0.05) if late == 0.0 else (0.0 < moved < 0.02)
+
+
+@pytest.mark.parametrize("interval", [0.1, 1.0])
+def test_the_rate_of_a_report_is_that_of_a_second_however_often_it_comes(interval: float):
+    belief = belief_on(TOWN, [On(0, 60.0)])
+    state, epoch = belief.state[0], new_epochs(1)[0]
+    state.mode, state.speed = CLOCK, 8.0
+    epoch.has_fix, epoch.speed_sigma, epoch.course_sigma = 1, 0.2, np.inf
+    for k in range(round(4.0 / interval)):
+        epoch.time = 100.0 + interval * k
+        epoch.speed = 5.0 + 3.0 * interval * k
+        observe_motion(belief, CTX, epoch, 1.0)
+    assert 2.5 < state.reports.speed[2] < 3.1

@@ -7,7 +7,9 @@ import pytest
 
 import whichroad
 from laws.public import CAR, DISTANCE, GNSS, WHEELS, geo_fixes, metres, readings, road_map
-from scenes import Truth, brake, drive_along
+from scenes import On, Truth, belief_on, brake, drive_along, network, straight_road
+from whichroad.filter.gnss.silence import stands
+from whichroad.filter.state import CLOCK, new_epochs
 
 HERE = drive_along([[0.0, 0.0], [600.0, 0.0]], margin=20.0)
 THERE = drive_along([[0.0, 3000.0], [600.0, 3000.0]], margin=20.0)
@@ -98,3 +100,14 @@ def test_a_receiver_that_stands_before_and_after_a_pause_may_have_moved(east: fl
     found = since > -0.1
     place = np.column_stack(metres(points["lon"].to_numpy(), points["lat"].to_numpy()))[found]
     assert np.hypot(*(place - [there.x[0], there.y[0]]).T).max() < 10.0
+
+
+@pytest.mark.parametrize("stood", [0.0, 3.0])
+def test_between_fixes_a_vehicle_stands_as_its_last_fix_said(stood: float):
+    """Odometry that is withheld goes on to be heard, and has no speed of the receiver."""
+    belief = belief_on(network(straight_road()), [On(0, 500.0)])
+    state, epoch = belief.state[0], new_epochs(1)[0]
+    state.mode, state.speed, state.standing = CLOCK, 0.2, stood
+    state.vetting.windows.speed, state.vetting.windows.speed_time = 0.1, 99.6
+    epoch.time, epoch.speed_sigma = 100.0, np.inf
+    assert stands(belief, epoch, 0.1) == (stood > 0.0)

@@ -119,3 +119,39 @@ def test_a_gyro_that_is_stuck_loses_against_wheels_that_turn():
     takeover, said = taken(steps)
     assert said[-1][2] == BY_WHEELS
     assert (takeover.wrong[WHEELS], takeover.wrong[GYRO]) == (False, True)
+
+
+def counted_while_silent() -> list:
+    """Fixes for 18 s, a gyro throughout, and counters that nobody hears from 20 s to 85 s."""
+    seen = [
+        one
+        for one in observed(lambda rate: np.full_like(rate, np.nan), sound)
+        if not isinstance(one, whichroad.GeoFix) or one.time - SEEN_AT < 18.0
+    ]
+    turn = 0.5 * CAR.track_width * np.unwrap(TRUTH.heading)
+    for k in np.flatnonzero((TRUTH.time < 20.0) | (TRUTH.time > 85.0)):
+        left, right = (
+            (TRUTH.s[k] + side * turn[k]) / scale
+            for side, scale in ((-1.0, CAR.metres_per_tick_left), (1.0, CAR.metres_per_tick_right))
+        )
+        seen.append(whichroad.WheelTicks(SEEN_AT + TRUTH.time[k], left, right))
+    return sorted(seen, key=lambda o: (o.time, isinstance(o, whichroad.GeoFix)))
+
+
+SEEN_AT = observed(sound, sound)[0].time
+
+
+@pytest.mark.parametrize("how", ["recorded", "on line"])
+def test_counters_tell_after_a_silence_how_far_the_gyro_has_turned_the_vehicle(how: str):
+    roads, seen = road_map(LINES), counted_while_silent()
+    if how == "recorded":
+        points = whichroad.match(seen, roads, vehicle=CAR).to_arrow()
+        lon, lat, p = (points[name].to_numpy()[-1:] for name in ("lon", "lat", "p_road"))
+    else:
+        online = whichroad.Localizer(roads, vehicle=CAR)
+        for reading in seen:
+            said = online.update(reading)
+        lon, lat, p = (np.array([v]) for v in (said.pose.lon, said.pose.lat, said.p_road))
+    x, y = metres(lon, lat)
+    assert np.hypot(x[0] - TRUTH.x[-1], y[0] - TRUTH.y[-1]) < 15.0
+    assert p[0] > 0.8  # 0.1 at most after a pause of all sensors

@@ -20,6 +20,7 @@ _ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
 _LEAST = 600.0  # s of moving, below which there is no verdict
 _TIME = 1.55  # largest ratio between T and its setting, either direction
 _SURELY = 3.5  # that ratio where a too large sigma explains the data as well
+_CHANCE = 2.5  # sigmas of log T by which chance may move it
 _SIGMA = 1.18  # largest σ over the reported one, where T is right
 _SIGMA_TOO = 1.25  # largest σ over the reported one, where T is wrong
 _SMALL = 0.7  # σ ratio below which the receiver reports too large errors
@@ -155,6 +156,12 @@ def _map(statistics: ConsistencyStatistics) -> list[Finding]:
     ]  # fmt: skip
 
 
+def _chance(statistics: ConsistencyStatistics, time: float) -> float:
+    """A ratio between T and its setting that chance makes: of few errors T is known badly."""
+    errors = statistics.moving / (2.0 * max(time, 1.0) * statistics.settings.gnss_time)
+    return math.exp(min(_CHANCE * math.sqrt(2.0 / errors), 20.0))
+
+
 def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
     if statistics.hidden:
@@ -163,6 +170,7 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
     band = _wider(statistics, _TIME)
     if time > 1.0 and white <= size_if_right * statistics.settings.gnss_white_ratio**2:
         band = _wider(statistics, _SURELY)
+    band = max(band, _chance(statistics, time))
     time_off = not 1.0 / band <= time <= band
     if time_off:
         right = time * statistics.settings.gnss_time

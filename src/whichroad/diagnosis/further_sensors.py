@@ -9,7 +9,7 @@ from .finding import Finding
 _LEAST = 5.0  # rows left out, to be named,
 _FEW = 3.0  # or misfits where they are many of what was said:
 _MANY = 0.3  # this share
-_USUAL = 0.05  # largest share of misfits of a sensor that is sound
+_USUAL = 0.10  # largest share of misfits of a sensor that is sound
 
 
 def readings_of(names: Sequence[str], sensors: Records) -> dict[str, dict[str, int]]:

@@ -19,7 +19,7 @@ from .vetting.motion_sources import (
     is_possible,
 )
 from .vetting.vet import mode_of, vet
-from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
+from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
@@ -149,7 +149,10 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
 
 @kernel
 def _heed_silence(belief: Belief, history: History, reading: Record, sensors: int) -> None:
-    """After a long pause of all sensors nothing is known of the motion meanwhile."""
+    """After a long pause of all sensors nothing is known of the motion meanwhile.
+
+    A gyro that turns the vehicle while its wheels are silent is no pause.
+    """
     state = belief.state[0]
     quiet = reading.time - state.heard[0]
     if sensors != CLOCK and state.count > 0 and is_pause(quiet, state.heard[1]):
@@ -163,8 +166,21 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
-    if reading.has_fix or reading.odometry_valid == 1:
+    if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)
+
+
+@kernel
+def _vet(belief: Belief, history: History, epoch: Record, dt: float, sensors: int) -> None:
+    """Vet an epoch; a turn that drivers seldom make may have been none."""
+    state = belief.state[0]
+    vet(state.vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    turn = state.vetting.sharp
+    if turn == 0.0 or state.mode != WHEELS:
+        return
+    history.since[0].switched = 1
+    for i in range(state.count):
+        belief.hyp[i].cov[H, H] += turn * turn
 
 
 @kernel(inline=True)
@@ -195,7 +211,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
-    vet(vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    _vet(belief, history, epoch, dt, sensors)
     _heed_silence(belief, history, reading, sensors)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf

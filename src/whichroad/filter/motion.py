@@ -11,7 +11,7 @@ from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, scale_by, set_times, set_to
 from .state import CLOCK, GX, GY, MX, MY, B, D, H, K, N, X, Y
-from .vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, UNTURNED
+from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 GYRO_PACE = 16.7  # m/s, at which the drift of wheels (3e-4 rad/m) is a gyro's (5e-3 rad/s)
 _CORNER = math.pi / 2  # rad; the turn whose error is the turn noise times itself
@@ -21,6 +21,7 @@ _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
 _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
 _STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
+_PIECE, _MOST_PIECES = 6.0, 10_000  # m, longest piece of an arc; of an arc
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
 _UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
 
@@ -67,6 +68,12 @@ def arc_chord(arc: float, turn: float) -> tuple[float, float]:
 
 
 @kernel
+def pieces_of(arc: float) -> int:
+    """Equal pieces in which an arc (m) is predicted."""
+    return max(1, math.ceil(min(abs(arc) / _PIECE, _MOST_PIECES)))
+
+
+@kernel
 def drift_clock(epoch: Record, dt: float) -> float:
     """By how much b turns the vehicle: the arc of wheels, the time of a gyro, m.
 
@@ -75,7 +82,7 @@ def drift_clock(epoch: Record, dt: float) -> float:
     """
     if epoch.gyro == BY_WHEELS or epoch.gyro == UNTURNED:
         return float(epoch.arc)
-    return GYRO_PACE * dt if epoch.gyro == BY_GYRO or epoch.gyro == GYRO_ALONE else 0.0
+    return GYRO_PACE * dt if epoch.gyro == BY_GYRO or is_alone(epoch) else 0.0
 
 
 @kernel
@@ -101,7 +108,7 @@ def wheel_noise(par: Record, metres: float, turn: float) -> Noise:
 
 
 @kernel
-def extrapolated(noise: Noise, before: float, metres: float, turned: bool = False) -> Noise:
+def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
     """Process noise where motion is not measured but extrapolated.
 
     The speed is wrong by a fifth (one sigma) for as long as nothing shows it: over L metres
@@ -111,13 +118,11 @@ def extrapolated(noise: Noise, before: float, metres: float, turned: bool = Fals
         noise: Of measured motion.
         before: Metres extrapolated since the last fix or measurement.
         metres: Metres of this increment.
-        turned: Whether its turn is measured.
     """
     after = before + metres
-    turn = 0.0 if turned else _UNMEASURED_TURN * metres
     return Noise(
         noise.along + _UNMEASURED * (after * after - before * before), noise.across,
-        noise.heading + turn, noise.rate, noise.drift, noise.cross,
+        noise.heading + _UNMEASURED_TURN * metres, noise.rate, noise.drift, noise.cross,
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
+_WIDEST = 15.0  # m, sigma of an abscissa up to which the road is looked at
 _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
@@ -207,7 +208,8 @@ def heading_regression(
         bow²  = Σ w (χ − mean − slope x)²
 
     so that in a bend the heading observes the abscissa, as far as it is uncertain, and a
-    bend within that uncertainty is expected.
+    bend within that uncertainty is expected.  Beyond σ = 15 m the road is not looked at, and what
+    turns there does not go on turning: the slope is (15 m / σ)² of that, the rest is bow.
 
     Args:
         roads: The network.
@@ -224,7 +226,7 @@ def heading_regression(
     if is_straight(roads, edge):
         _, _, _, tx, ty = locate(roads, edge, segment, inside)
         return math.atan2(ty, tx), 0.0, 0.0
-    step = min(max(sigma, 2.0), 15.0)
+    step = min(max(sigma, 2.0), _WIDEST)
     low = max(inside - 2.0 * step - HALF_CHORD, 0.0)
     low_segment, _, _, tx, ty = locate(roads, edge, segment, low)
     high = min(inside + 2.0 * step + HALF_CHORD, length)
@@ -244,6 +246,10 @@ def heading_regression(
         + _NEAR * ((near - mean - rise) ** 2 + (near_low - mean + rise) ** 2)
         + _FAR * ((far - mean - 2.0 * rise) ** 2 + (far_low - mean + 2.0 * rise) ** 2)
     )
+    if sigma > _WIDEST:
+        share = (_WIDEST / sigma) ** 2
+        rest += (rise * (1.0 - share)) ** 2
+        slope *= share
     return wrap(middle + mean), slope, math.sqrt(rest)
 
 
@@ -260,7 +266,7 @@ def heading_slope(roads: Roads, edge: int, segment: int, s: float, sigma: float)
     if is_straight(roads, edge):
         return 0.0
     inside = min(max(s, 0.0), length)
-    step = min(max(sigma, 2.0), 15.0)
+    step = min(max(sigma, 2.0), _WIDEST)
     reach = 2.0 * step + HALF_CHORD
     if max(inside - reach, 0.0) >= roads.vertices[segment].s and (
         min(inside + reach, length) <= roads.vertices[segment + 1].s

@@ -11,7 +11,9 @@ hypothesis, in this order:
     D        offset from the road's centre line in the map's frame, m, right positive
     MX, MY   map-minus-world offset, m
     GX, GY   GNSS bias in units of the reported ellipse (zero mean, unit variance)
-    U, V     spare slow states for sensors to come: zero, with zero variance
+    U        what was driven beyond what was extrapolated while wheels are silent, m, else zero
+             (`filter.silent_wheels`)
+    V        a spare slow state: zero, with zero variance
 
 X and Y are in plane units and everything else, covariance included, in true metres: a
 displacement of v metres moves X, Y by k v, with k the plane's local scale.
@@ -79,6 +81,7 @@ HYPOTHESIS = np.dtype(
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
         ("sinks", "f8"),  # log-likelihood of the second of these over the first, nats
+        ("amiss", "f8"),  # how much worse headings fit it than they fit the best one, nats, <= 0
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
@@ -111,6 +114,7 @@ FILTER = np.dtype(
         ("observed", "u1"),  # 1: its fix was observed
         ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
         ("course_time", "f8"),  # of the last course over ground, s
+        ("heading_time", "f8"),  # of the last heading that a further sensor told, s
         ("forward_time", "f8"),  # of the last truncation to forward speeds, s
         ("time", "f8"),  # of the last epoch, s
         ("scale", "f8"),  # plane metres per true metre here
@@ -142,6 +146,7 @@ FILTER = np.dtype(
         ("level_tail", "f8"),  # sigmas of levels over those of Gaussians; 0: not used yet
         ("reports", REPORTS),  # speeds and courses of the receiver, and their latency
         ("innovation_mean", "f8", (2,)),  # mean of the last normalised innovations, each axis
+        ("second_mean", "f8", (2,)),  # the same of the last second, of fixes that come sooner
         ("unlearnt", "f8"),  # s of motion since the factors were last learnt
         ("factor_time", "f8"),  # time of the fix that the factors were last learnt from, s
         ("learnt_time", "f8"),  # s over which they have been learnt
@@ -232,7 +237,7 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.path_entry = -1
     state = records(1, FILTER)
-    state.course_time = -math.inf
+    state.course_time = state.heading_time = -math.inf
     state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
     state[0].still.age = -1.0
     state[0].separation.begun = -math.inf
@@ -332,7 +337,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.mu[a] = 0.0
         for b in range(N):
             hyp.cov[a, b] = 0.0
-    hyp.log_weight = hyp.weight = hyp.sinks = 0.0
+    hyp.log_weight = hyp.weight = hyp.sinks = hyp.amiss = 0.0
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = hyp.beside[1] = 1.0
     hyp.beside[0] = 0.0

@@ -4,8 +4,6 @@ Kernels take the belief (what is estimated), the path tree and the history (what
 past), the epoch (what was measured) and the context (what is constant).
 """
 
-import math
-
 from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
@@ -30,10 +28,12 @@ from .motion import (
     blind_noise,
     extrapolated,
     increment_of,
+    pieces_of,
     predict_plane,
     wheel_noise,
 )
 from .road import observe_map
+from .silent_wheels import roam
 from .sparse.candidates import learn_driver
 from .sparse.routing import transit, truncate_to_edges
 from .state import (
@@ -56,14 +56,14 @@ from .state import (
     normalise,
 )
 from .summary.estimate import Output, describe
-from .vetting.windows import BY_GYRO, GYRO_ALONE
+from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
 
-_PIECE, _EXCHANGE = 6.0, 25.0  # m: longest piece of an arc, between exchanges with off the roads
+_EXCHANGE = 25.0  # m between exchanges with off the roads
 _SMOOTHING, _TURN_TIME = 0.1, 0.25  # s, time constants of the odometer's speed, of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _SPEED_KEPT, _COURSE_KEPT = 1.5, 3.0  # s, for which reports tell acceleration, and heading
 _LONGEST, _FARTHEST = 1800.0, 5e4  # s without odometry, m in one epoch: beyond it starts anew
-_MOST_PIECES, _NEW_ENTRIES = 10_000, 2048  # of an arc; entries of the path tree for an epoch
+_NEW_ENTRIES = 2048  # of the path tree, for an epoch
 
 
 @kernel(inline=True)
@@ -211,7 +211,7 @@ def _predict(
         if turned or branched or weighed:
             state.changed = 1
         _count_motion(state, metres, dt)
-    if mode != CLOCK and dt > 1e-6:
+    if mode != CLOCK and dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
         behind = epoch.arc / dt - state.odometer_speed
         state.odometer_speed += behind * dt / (_SMOOTHING + dt)
         state.odometer_acceleration = behind / (_SMOOTHING + dt)
@@ -223,8 +223,11 @@ def _predict_wheels(
 ) -> None:
     """Equation (1) in equal pieces of the arc, branching between them."""
     state = belief.state[0]
-    pieces = pieces_of(epoch.arc)
+    heard_again = epoch.gyro == HEARD_AGAIN
+    pieces = 1 if heard_again else pieces_of(epoch.arc)
     move = increment_of(epoch, pieces, dt)
+    if heard_again:  # its arc is the rest of a distance
+        move = Increment(0.0, move.turn, 0.0, 0.0, move.clock)
     metres = abs(move.arc)
     for piece in range(pieces):
         if piece > 0:
@@ -240,27 +243,23 @@ def _predict_wheels(
         if metres > 0.0 or move.turn != 0.0:  # else nothing moves
             for i in range(state.count):
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
-        _count_motion(state, metres, dt / pieces)
+        _count_motion(state, abs(epoch.arc) if heard_again else metres, dt / pieces)
+    if is_alone(epoch):
+        roam(belief, history, epoch, dt)
     if dt > 1e-6:
         state.turn_rate[0] = epoch.turn / dt
         state.turn_rate[1] += (state.turn_rate[0] - state.turn_rate[1]) * dt / (dt + _TURN_TIME)
 
 
-@kernel
-def pieces_of(arc: float) -> int:
-    """Equal pieces in which an arc (m) is predicted."""
-    return max(1, math.ceil(min(abs(arc) / _PIECE, _MOST_PIECES)))
-
-
 @kernel(inline=True)
 def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
     """Process noise of an increment, more where the odometer did not measure it."""
-    if mode == CLOCK or epoch.odometry_valid != 0:
+    if mode == CLOCK or epoch.odometry_valid != 0 or is_alone(epoch):
         state.unmeasured = 0.0
         return noise
     before = state.unmeasured
     state.unmeasured += metres
-    return extrapolated(noise, before, metres, epoch.gyro == GYRO_ALONE)
+    return extrapolated(noise, before, metres)
 
 
 @kernel(inline=True)
@@ -387,7 +386,7 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
         rate += belief.hyp[i].weight * belief.hyp[i].mu[K]
     if state.mode == CLOCK:
         state.speed = rate
-    elif dt > 1e-6:
+    elif dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
         state.speed = rate * epoch.arc / dt
 
 

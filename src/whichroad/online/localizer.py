@@ -11,7 +11,7 @@ from typing import Any
 
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
-from ..filter.vetting.windows import GYRO_ALONE
+from ..filter.vetting.windows import GYRO_ALONE, HEARD_AGAIN
 from ..global_start import start_at
 from ..lookback.smoothing import Window
 from ..observations import (
@@ -27,6 +27,7 @@ from ..observations import (
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
+from ..sensors.beside_wheels import driven_on
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
@@ -46,9 +47,7 @@ _SILENT = 2.0  # s without odometry, and three usual intervals, after which moti
 # receiver says
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
-_UNSEEN_SPEED = 3.0  # m/s, error of a speed that is not measured while a gyro turns
-_LEAST_SPEED = 0.5  # m/s that a vehicle may have taken up unseen
-_OF_SPEED = 0.3  # share of the distance since then that is uncertain
+_LEAST_SPEED, _OF_SPEED = 0.5, 0.3  # m/s taken up unseen, and share of the way that is unsure
 
 
 class Localizer(LooksBack, Watched):
@@ -186,12 +185,11 @@ class Localizer(LooksBack, Watched):
             taken and now.started and isinstance(wheels, WheelTicks | WheelSpeed)
             and self._is_silent(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
         ):  # fmt: skip
-            self._gyro.takeover.mute(reading.time - now.time)
-            away = self._rate[0] * _OF_SPEED + _UNSEEN_SPEED
-            before, after = (time - wheels.time for time in (now.time, reading.time))
-            self._move_to(reading.time, self._rate[0])
+            self._gyro.takeover.mute(ahead := reading.time - now.time)
+            metres, speed = driven_on(self._rate[0], ahead)
+            self._move_to(reading.time, metres / ahead)
+            self._rate = (float(speed), 0.0)
             self._run()
-            now.widen_along(away * math.sqrt(max(after**2 - before**2, 0.0)))
         return taken
 
     def _take_odometry(self, reading: Reading) -> bool:
@@ -199,28 +197,31 @@ class Localizer(LooksBack, Watched):
         if now and is_worse(reading, now) and not self._is_silent(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
-        arc, turn = self._increment(reading)
+        arc, turn, valid, by = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, 1, self._gyro.by)
+        self._filter.fill(reading.time, arc, turn, valid, by)
         self._run()
         return True
 
-    def _increment(self, reading: Reading) -> tuple[float, float]:
-        """Arc and turn since the last epoch, less what a fix in between already took."""
+    def _increment(self, reading: Reading) -> tuple[float, float, int, int]:
+        """What was driven since the last epoch, less what fixes in between took, as filled."""
         before, self._reading = self._reading, reading
         if before is None or type(before) is not type(reading):
             self._odometer = (reading.time, 0.0, 0.0)
-            return 0.0, 0.0
+            return 0.0, 0.0, 1, self._gyro.by
         dt = reading.time - before.time
         arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
         if self._is_silent(dt) and taken[0] > before.time:  # fixes since then have moved it
-            self._odometer = (reading.time, 0.0, 0.0)
-            return self._rate[0] * (reading.time - taken[0]), 0.0
+            self._odometer, now = (reading.time, 0.0, 0.0), self._filter
+            by_gyro = self._gyro.in_silence(now.time, reading.time)
+            if by_gyro is not None and now.mode == WHEELS and isinstance(reading, WheelTicks):
+                return arc - taken[1], by_gyro, 0, HEARD_AGAIN  # counters have gone on
+            return self._rate[0] * (reading.time - taken[0]), 0.0, 1, self._gyro.by
         self._interval += 0.2 * (dt - self._interval)
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
@@ -228,7 +229,7 @@ class Localizer(LooksBack, Watched):
             part = min(max((self._began - before.time) / dt, 0.0), 1.0)
             arc, turn = arc * (1.0 - part), turn * (1.0 - part)
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
-        return arc - taken[1], turn - taken[2]
+        return arc - taken[1], turn - taken[2], 1, self._gyro.by
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""
@@ -389,8 +390,7 @@ class Localizer(LooksBack, Watched):
         speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
         now.fill(time, speed * age, turn * min(age, _TURNING), 0)
         self._run()
-        away = (_OF_SPEED * abs(speed) + _LEAST_SPEED) * age
-        now.widen_along(away)
+        now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
         self._reading, self._odometer, self._began = None, None, None
         now.fill(time, 0.0, 0.0, 0)
         self._run()

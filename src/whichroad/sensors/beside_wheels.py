@@ -1,17 +1,20 @@
 """A recorded drive with wheels and a gyro: what measures each step, and the gyro in gaps."""
 
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE
+from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from ..observations import Array, Fixes, YawRates
 from .gyro_turns import turns_at
 from .takeover import Takeover
 
 _GAP = 2.0  # s without wheels, after which a gyro alone tells the turn
 _STEP = 1.0  # s between the rows that are added then
+_USUAL, _GATHERS = 8.0, 15.0  # m/s, and s in which a slow vehicle gathers that speed
+
+Rate = TypeVar("Rate", float, Array)
 
 
 class Steered(NamedTuple):
@@ -38,12 +41,13 @@ def beside_wheels(
         track_width: m.
         fixes: Those that may be used; None: there are none.
     """
-    whole, gap = _with_gaps(time, gyro.time)
+    whole, gap, ends = _with_gaps(time, gyro.time)
     far, by_wheels = (np.interp(whole, time, one) for one in (distance, turn))
-    if whole[-1] > time[-1]:  # wheels fall silent: on at the speed that was then
-        begin = np.searchsorted(time, time[-1] - 1.0).clip(0, len(time) - 2)
-        speed = (distance[-1] - distance[begin]) / (time[-1] - time[begin])
-        far += speed * np.maximum(whole - time[-1], 0.0)
+    silent = np.flatnonzero(gap & ~ends)
+    before = np.searchsorted(time, whole[silent]) - 1
+    begin = np.searchsorted(time, time[before] - 1.0).clip(0, (before - 1).clip(0))
+    speed = (distance[before] - distance[begin]) / np.maximum(time[before] - time[begin], 1e-3)
+    far[silent] = distance[before] + driven_on(speed, whole[silent] - time[before])[0]
     turned, near = turns_at(whole, gyro)
     takeover, taken = Takeover(track_width), np.zeros((len(whole), 3))
     taken[0, 2] = BY_WHEELS
@@ -56,11 +60,26 @@ def beside_wheels(
             takeover.fixed(lat, lon, sigma)
         if gap[k]:
             takeover.mute(when - rows[k - 1, 0])
-            taken[k] = arc, g, GYRO_ALONE
+            taken[k] = arc, g, HEARD_AGAIN if ends[k] else GYRO_ALONE
         elif k:
             taken[k] = takeover.moved(when, arc, w, g if heard[k] else None)
     return Steered(whole, far[0] + np.cumsum(taken[:, 0]), np.cumsum(taken[:, 1]), taken[:, 2],
                    takeover)  # fmt: skip
+
+
+def driven_on(speed: Rate, seconds: Rate) -> tuple[Rate, Rate]:
+    """Metres that a vehicle drives unseen, and its speed (m/s) then.
+
+    It goes on as it was; one that stands or is slow will soon drive as is usual in towns.
+
+    Args:
+        speed: m/s, when it was last seen.
+        seconds: Since then.
+    """
+    missing = np.maximum(_USUAL - speed, 0.0)
+    kept = np.exp(-seconds / _GATHERS)
+    metres = (speed + missing) * seconds - missing * _GATHERS * (1.0 - kept)
+    return metres, speed + missing * (1.0 - kept)
 
 
 def _of_fixes(fixes: Fixes | None) -> list[list[float]]:
@@ -74,10 +93,10 @@ def _of_fixes(fixes: Fixes | None) -> list[list[float]]:
     return rows
 
 
-def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray]:
+def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray, np.ndarray]:
     """Times of the wheels, and more where they are silent beside the gyro; which steps these are.
 
-    A step that ends at a reading of the wheels after a gap belongs to the gap.
+    A step that ends at a reading of the wheels after a gap belongs to the gap, and is told apart.
     """
     ends = np.append(time[1:], max(float(gyro[-1]), float(time[-1])))
     pieces, gaps = [], []
@@ -95,5 +114,5 @@ def _with_gaps(time: Array, gyro: Array) -> tuple[Array, np.ndarray]:
         pieces.append(added)
         gaps.append(end)
     whole = np.sort(np.concatenate([time, *pieces]))
-    gap = ~np.isin(whole, time) | np.isin(whole, gaps)
-    return whole, gap
+    ends = np.isin(whole, gaps) & np.isin(whole, time)
+    return whole, ~np.isin(whole, time) | ends, ends

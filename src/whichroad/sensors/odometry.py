@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..filter.motion import arc_chord
-from ..filter.vetting.windows import BY_GYRO, UNTURNED
+from ..filter.vetting.windows import BY_GYRO, GYRO_ALONE, HEARD_AGAIN, UNTURNED
 from ..observations import (
     Array,
     Distance,
@@ -91,6 +91,8 @@ def motion_of(log: OdometryLog, vehicle: Vehicle, fixes: Fixes | None = None) ->
             if motion.turn is None or len(motion.time) < 2:
                 return _with_gyro(motion, gyro)
             one = beside_wheels(*motion[:3], gyro, vehicle.track_width, fixes)  # type: ignore[arg-type]
+            if not isinstance(log.distance, WheelCounts):  # speeds tell nothing of a silence
+                one.by[one.by == HEARD_AGAIN] = GYRO_ALONE
             return Motion(one.time, one.distance, one.turn, by=one.by, takeover=one.takeover)
     return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
 

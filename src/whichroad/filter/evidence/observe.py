@@ -11,6 +11,7 @@ from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ..gaussian import LOG_2PI, condition, innovation_variance, normal_cdf
 from ..gnss.position import lever_arm
+from ..gnss.silence import hear
 from ..road import track
 from ..state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, X, Y
 from .elevation import weigh_elevation
@@ -29,7 +30,8 @@ _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _NEAREST = 0.5  # m, to a place
 _DOUBTFUL = 0.45  # of the gate: beyond it a reading is doubted, though it is no misfit yet
 _JUDGES = 0.01  # weight from which on a hypothesis judges a reading
-_MISTAKEN = 0.02  # P(a heading is not the vehicle's), once for as long as its error lasts
+_MISTAKEN = 0.02  # P(headings are not the vehicle's), once for as long as
+_MISTAKEN_S = 300.0  # s
 _WRONG = 2.0  # score of a misfit; a reading that fits takes one off
 _REFUSED, _MOST = 8.0, 16.0  # score from which on a sensor is not believed; the largest
 _S = 0  # scratch: innovation variance
@@ -59,10 +61,13 @@ def observe_evidence(belief: Belief, ctx: Context, first: int, count: int) -> No
         if reading.kind == SPEED and state.mode != CLOCK and abs(state.odometer_speed) < _SLOW:
             continue
         if reading.kind == HEADING:
-            state.course_time = state.time
+            _observe_heading(belief, ctx, reading)
+            state.course_time = state.heading_time = state.time
+            continue
         _observe_axis(belief, ctx, reading, 0)
         if reading.kind == POSITION:
             _observe_axis(belief, ctx, reading, 1)
+            hear(state, state.time)
     state.changed = 1
     state.observed = 1
 
@@ -76,18 +81,11 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
     within two sigmas, o times beyond that, is given o (o − 1) times its innovation variance more,
     alike for all: the farther it is off, the less it moves anything.  A sensor that lately gave
     rows beyond the gate is doubted: its variance is multiplied by one and its score.
-
-    A heading may be that of another axis, and at a start no other sensor may tell the direction.
-    So it says no more against a hypothesis than that it is mistaken itself.
     """
     state = belief.state[0]
-    gate = ctx.par[0].gnss_gate
-    best, extra = _judge(belief, ctx, reading, axis)
-    sensor = state.sensors[reading.sensor]
-    if best < math.inf and not _is_believed(sensor, best > gate):
+    variance = _worth(belief, ctx, reading, axis)
+    if variance == math.inf:
         return
-    variance = (reading.variance[axis] + extra) * (1.0 + sensor.score) / reading.share
-    least = _least(belief, reading, variance) if reading.kind == HEADING else -math.inf
     row = ctx.work.row
     bound = 0.0
     fit = 0.0
@@ -96,9 +94,6 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
         if reading.kind == LATERAL and hyp.edge == OFF_ROAD:
             continue
         nu, curved = _fill_row(hyp, row, state, reading, axis)
-        if reading.kind == HEADING and _log_likelihood(hyp, nu, reading, variance) < least:
-            hyp.log_weight += least  # of this one the heading is mistaken, and tells nothing
-            continue
         ell = condition(hyp.mu, hyp.cov, row, nu, variance + curved, state.scale)
         hyp.log_weight += ell
         s = hyp.scratch[_S] - reading.variance[axis] + variance
@@ -111,6 +106,54 @@ def _observe_axis(belief: Belief, ctx: Context, reading: Record, axis: int) -> N
 
 
 @kernel
+def _observe_heading(belief: Belief, ctx: Context, reading: Record) -> None:
+    """Condition every hypothesis on a heading, which may be that of another axis.
+
+    At a start no other sensor may tell the direction, and a compass that is mounted backwards
+    bears itself out with each reading.  So all of them together say no more against a hypothesis
+    than that they are mistaken: with A what they have said, over the hypothesis that fits best,
+
+        log P(A) = log((1 − P(mistaken)) exp A + P(mistaken))
+
+    Where mistaken is likelier they tell that hypothesis nothing.  A is forgotten in time.
+    """
+    state = belief.state[0]
+    variance = _worth(belief, ctx, reading, 0)
+    if variance == math.inf:
+        return
+    best = _best_fit(belief, reading, variance)
+    kept = math.exp(-max(state.time - state.heading_time, 0.0) / _MISTAKEN_S)
+    row = ctx.work.row
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        nu, _ = _fill_row(hyp, row, state, reading, 0)
+        if best == -math.inf:
+            hyp.log_weight += condition(hyp.mu, hyp.cov, row, nu, variance, state.scale)
+            continue
+        before = kept * hyp.amiss
+        hyp.amiss = min(before + _log_likelihood(hyp, nu, reading, variance) - best, 0.0)
+        hyp.log_weight += best + _said(hyp.amiss) - _said(before)
+        if hyp.amiss > math.log(_MISTAKEN):
+            condition(hyp.mu, hyp.cov, row, nu, variance, state.scale)
+
+
+@kernel
+def _said(amiss: float) -> float:
+    """What headings have said of a hypothesis, nats, where they may be mistaken."""
+    return math.log((1.0 - _MISTAKEN) * math.exp(amiss) + _MISTAKEN)
+
+
+@kernel
+def _worth(belief: Belief, ctx: Context, reading: Record, axis: int) -> float:
+    """The variance that a row is taken with; infinite: its sensor is not believed."""
+    best, extra = _judge(belief, ctx, reading, axis)
+    sensor = belief.state[0].sensors[reading.sensor]
+    if best < math.inf and not _is_believed(sensor, best > ctx.par[0].gnss_gate):
+        return math.inf
+    return float((reading.variance[axis] + extra) * (1.0 + sensor.score) / reading.share)
+
+
+@kernel
 def _log_likelihood(hyp: Record, nu: float, reading: Record, variance: float) -> float:
     """Of a heading, by the innovation variance that `_judge` left in the scratch."""
     s = hyp.scratch[_S] - reading.variance[0] + variance
@@ -118,8 +161,8 @@ def _log_likelihood(hyp: Record, nu: float, reading: Record, variance: float) ->
 
 
 @kernel
-def _least(belief: Belief, reading: Record, variance: float) -> float:
-    """The least that a heading says of any hypothesis: of the best one, and P(mistaken) below."""
+def _best_fit(belief: Belief, reading: Record, variance: float) -> float:
+    """Log-likelihood of a heading under the hypothesis of weight that fits it best; -inf: none."""
     state = belief.state[0]
     best = -math.inf
     for i in range(state.count):
@@ -127,7 +170,7 @@ def _least(belief: Belief, reading: Record, variance: float) -> float:
         if hyp.weight >= _JUDGES:
             nu = wrap(reading.value - hyp.mu[H])
             best = max(best, _log_likelihood(hyp, nu, reading, variance))
-    return float(best + reading.share * math.log(_MISTAKEN))
+    return float(best)
 
 
 @kernel

@@ -27,20 +27,30 @@ _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
 _LOWEST, _LONGEST = 1.0, 2.0  # s, between reports whose difference is a rate
+_SOONEST = 0.01  # s, between two reports
 
 
 @kernel
-def latency_of(state: Record) -> float:
-    """Latency of reported courses, s, as learnt."""
-    return float((_TURNS * _LATE + state.reports.latency[0]) / (_TURNS + state.reports.latency[1]))
+def latency_of(state: Record, sigma: float) -> float:
+    """Latency of reported courses and speeds, s, as learnt by courses.
+
+    The speeds of a filter, which their `sigma` (m/s) tells, may be later.
+    """
+    filtered = sigma >= FILTERED
+    moments = state.reports.latency
+    usual = _LATE if filtered else LATENCY
+    late = (_TURNS * usual + moments[0]) / (_TURNS + moments[1])
+    return float(min(max(_SAFETY * late if filtered else late, LATENCY), _LATEST))
 
 
 @kernel(inline=True)
 def _follow(report: Record, value: float, time: float, turns: bool) -> None:
-    """How fast a report changes: `report` is its last value, when, and its change a second."""
+    """How fast a report changes, over a second: `report` is its last value, when, and its rate."""
     if report[1] > -math.inf:
         change = wrap(value - report[0]) if turns else value - report[0]
-        report[2] = change / min(max(time - report[1], _LOWEST), _LONGEST)
+        since = max(time - report[1], _SOONEST)
+        rate = change / min(since, _LONGEST)
+        report[2] += (rate - report[2]) * min(since / _LOWEST, 1.0)
     report[0] = value
     report[1] = time
 
@@ -85,9 +95,7 @@ def observe_reported(
     """
     state = belief.state[0]
     filtered = epoch.speed_sigma >= FILTERED
-    late = LATENCY
-    if filtered:
-        late = min(max(_SAFETY * latency_of(state), LATENCY), _LATEST)
+    late = latency_of(state, epoch.speed_sigma)
     if has_course(epoch, 1.0):
         _follow(state.reports.course, epoch.course, epoch.time, True)
         _learn_latency(state, epoch)
@@ -119,14 +127,17 @@ def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> 
         return
     if has_course(epoch, 1.0) and state.speed > -0.5:
         speed = max(abs(state.speed), 1.0)
+        _learn_latency(state, epoch)
         swing = state.turn_rate[1] * par.lever[0] / speed  # the antenna's own
         unknown = _TURN_SIGMA * par.lever[0] / speed
-        variance = (epoch.course_sigma**2 + 0.0025 + unknown * unknown) * thin
+        behind = (latency_of(state, epoch.speed_sigma) - LATENCY) * state.turn_rate[1]
+        variance = epoch.course_sigma**2 + 0.0025 + unknown * unknown + behind * behind
+        variance *= thin
         observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
         state.course_time = epoch.time
     if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
-            late = LATENCY * state.odometer_acceleration
+            late = latency_of(state, epoch.speed_sigma) * state.odometer_acceleration
             variance = (epoch.speed_sigma**2 + 0.04 + late * late) * thin
             observe_rate(belief, ctx, odometer_speed, epoch.speed, variance)

@@ -10,6 +10,7 @@ import math
 from ..._compile import Record, kernel
 from ..hypotheses.births import cold_start
 from ..state import START, Belief, Context, K, Path, X, Y, most_probable, normalise, redraw
+from ..vetting.motion_sources import SPEED
 from .noise import update_root
 from .position import NU0, NU1, V00, V01, V11, Axes, innovations
 from .standstill import is_still
@@ -57,10 +58,15 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
         arc: What odometry says of the pause, m: counters go on.
         quiet: Its duration, s.
     """
-    moved = _DRIVEN if abs(arc) > _ROLLED else _CARRIED
-    state.elsewhere[0] = max(state.elsewhere[0], moved)
-    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * quiet, _FARTHEST)
+    may_be_lost(state, _DRIVEN if abs(arc) > _ROLLED else _CARRIED, quiet)
     state.moving = min(max(state.moving, quiet), _LONGEST)
+
+
+@kernel
+def may_be_lost(state: Record, p: float, seconds: float) -> None:
+    """Note that the vehicle is with probability p where it may have come in so many seconds."""
+    state.elsewhere[0] = max(state.elsewhere[0], p)
+    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * seconds, _FARTHEST)
 
 
 @kernel(inline=True)
@@ -70,6 +76,9 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
     Its speed says so; where it reports none, its fixes do.
     """
     state = belief.state[0]
+    since = epoch.time - state.vetting.windows.speed_time
+    if not epoch.has_fix and state.vetting.refused[SPEED] == 0 and since <= SPARSE:
+        return bool(state.standing > 0.0)  # as its last fix said
     if epoch.speed_sigma > _NO_SPEED:
         still = is_still(state, epoch, dt, SPARSE)
         if still and state.standing == 0.0:

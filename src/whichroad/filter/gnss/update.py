@@ -44,6 +44,7 @@ from .sides import (
     take_sides,
 )
 from .start import forget_factor
+from .together import jumps_together
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
 _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
@@ -57,6 +58,7 @@ _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _BENT = 0.12  # rad by which odometry that was never seen to turn may have turned the wrong way
+_DOPPLER, _STANDS = 1.0, 0.5  # m/s: sigma of a speed that was measured; a receiver that stands
 _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
@@ -86,7 +88,8 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
     par = ctx.par[0]
     white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
     axes = _axes(fix, white, 1.0)
-    if state.mode == WHEELS and state.vetting.runs == 1:
+    moves = epoch.speed_sigma < _DOPPLER and epoch.speed > _STANDS + 3.0 * epoch.speed_sigma
+    if state.mode == WHEELS and (state.vetting.runs == 1 or moves):
         innovations(belief, ctx, fix, axes)
         if misfit(belief, axes) > _SIDES * par.gnss_gate:
             return False
@@ -241,6 +244,8 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     par = ctx.par[0]
     state = belief.state[0]
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
+    if jumps and jumps_together(belief, axes, par.gnss_gate, since):
+        innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1
     both = tried and abs(odds) < MOST_ODDS

@@ -34,7 +34,6 @@ from ..state import (
     H,
     K,
     Path,
-    U,
     V,
     X,
     Y,
@@ -121,7 +120,7 @@ def predict_link(model: Record, history: History, path: Path, ctx: Context, link
             model.f[a, b] = 0.0
             model.cov[a, b] = 0.0
     _decay_slow_states(model, history, ctx, link)
-    for a in (B, U, V):  # nothing moves the spare states
+    for a in (B, V):  # nothing moves the spare state; U is the filter's own
         model.f[a, a] = 1.0
         model.mu[a] = model.then_mean[a]
     known = _move(model, history, path, ctx, link)

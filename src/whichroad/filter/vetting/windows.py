@@ -16,9 +16,9 @@ from .._simd import copy_record
 
 WHEELS, DISTANCE, CLOCK = 0, 1, 2  # what moves the vehicle: wheels with turn, distance, time
 
-BY_WHEELS, BY_GYRO, AT_REST, GYRO_ALONE, UNTURNED = range(5)
+BY_WHEELS, BY_GYRO, AT_REST, GYRO_ALONE, UNTURNED, HEARD_AGAIN = range(6)
 # what measures an epoch's turn: AT_REST a gyro whose rest has been used, GYRO_ALONE one while the
-# distance is not measured, UNTURNED nothing
+# distance is not measured, HEARD_AGAIN such a one as wheels tell the distance, UNTURNED nothing
 
 ANCHORS = 32
 _EVERY = 0.95  # s between anchors, at least
@@ -83,6 +83,12 @@ class Seen(NamedTuple):
     receiver: float  # m, by its speeds
     odometry: bool  # whether it was measured throughout
     speeds: bool
+
+
+@kernel
+def is_alone(epoch: Record) -> bool:
+    """Whether a gyro turned the vehicle while wheels were silent."""
+    return bool(epoch.gyro == GYRO_ALONE or epoch.gyro == HEARD_AGAIN)
 
 
 @kernel

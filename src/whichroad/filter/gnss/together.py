@@ -1,0 +1,79 @@
+"""Fixes that come sooner than every second are held against the belief together.
+
+Each of them is taken to say little, so that ten a second say no more than one does.  So none fits
+badly where the receiver creeps away, though the second does.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ..state import GX, GY, Belief
+from .position import NU0, NU1, V00, V11, Axes
+
+_SECOND = 0.95  # s; a fix that comes later is asked by itself
+_KEPT = 1.0  # s, for which innovations are remembered
+_OF_WEIGHT = 0.01  # of a hypothesis that is asked
+
+
+@kernel
+def _best(belief: Belief, axes: Axes) -> int:
+    """The hypothesis of weight that a fix fits best."""
+    best = math.inf
+    found = 0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.weight < _OF_WEIGHT:
+            continue
+        chi2 = hyp.scratch[NU0] ** 2 / (hyp.scratch[V00] + axes.r0)
+        chi2 += hyp.scratch[NU1] ** 2 / (hyp.scratch[V11] + axes.r1)
+        if chi2 < best:
+            best = chi2
+            found = i
+    return found
+
+
+@kernel
+def _gather(state: Record, hyp: Record, axes: Axes, kept: float) -> float:
+    """Chi-square (two degrees) of the mean of the last second's innovations.
+
+    Of innovations ν with variances s, forgotten by φ from fix to fix,
+
+        m = φ m + (1 − φ) ν / √s,        chi² = |m|² (1 + φ) / (1 − φ)
+    """
+    mean = state.second_mean
+    first = hyp.scratch[NU0] / math.sqrt(hyp.scratch[V00] + axes.r0)
+    second = hyp.scratch[NU1] / math.sqrt(hyp.scratch[V11] + axes.r1)
+    mean[0] = kept * mean[0] + (1.0 - kept) * first
+    mean[1] = kept * mean[1] + (1.0 - kept) * second
+    return float((mean[0] ** 2 + mean[1] ** 2) * (1.0 + kept) / (1.0 - kept))
+
+
+@kernel
+def jumps_together(belief: Belief, axes: Axes, gate: float, since: float) -> bool:
+    """Let a second of fixes that fits no hypothesis be the receiver's error, as one fix would.
+
+    Args:
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
+        gate: Chi-square (two degrees) of fixes that fit.
+        since: The last fix, s.
+
+    Returns:
+        Whether biases have changed, so that innovations have to be found again.
+    """
+    state = belief.state[0]
+    if since >= _SECOND or since <= 0.0:
+        state.second_mean[0] = state.second_mean[1] = 0.0
+        return False
+    hyp = belief.hyp[_best(belief, axes)]
+    over = _gather(state, hyp, axes, math.exp(-since / _KEPT)) / gate - 1.0
+    if over <= 0.0:
+        return False
+    root = state.bias_root
+    square = hyp.scratch[V00] + hyp.scratch[V11] + since * (axes.r0 + axes.r1)  # a fix a second
+    more = over * square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    for i in range(state.count):
+        belief.hyp[i].cov[GX, GX] += more
+        belief.hyp[i].cov[GY, GY] += more
+    state.second_mean[0] = state.second_mean[1] = 0.0
+    return True
