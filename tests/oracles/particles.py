@@ -24,7 +24,7 @@ from whichroad.filter.gnss import position as gnss
 from whichroad.filter.gnss.position import Axes
 from whichroad.filter.hypotheses import branching
 from whichroad.filter.hypotheses.births import exchange_off_road, turn_with_heading
-from whichroad.filter.motion import increment_of, predict_plane, wheel_noise
+from whichroad.filter.motion import increment_of, pieces_of, predict_plane, wheel_noise
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
     OFF_ROAD,
@@ -39,7 +39,7 @@ from whichroad.filter.state import (
     new_work,
     normalise,
 )  # fmt: skip
-from whichroad.filter.step import _EXCHANGE, _PIECE, _count_motion
+from whichroad.filter.step import _EXCHANGE, _count_motion
 from whichroad.graph.network import Roads, plane_scale
 from whichroad.settings import Settings, Vehicle, parameters
 
@@ -186,7 +186,7 @@ class Particles:
             state.scale = plane_scale(self.roads, x[X], x[Y])
             dt = epoch.time - state.time
             state.time = epoch.time
-            pieces = max(1, math.ceil(abs(epoch.arc) / _PIECE))
+            pieces = pieces_of(epoch.arc)
             for piece in range(pieces):
                 self._step(epoch, pieces, piece == pieces - 1, dt / pieces)
             yield self.probabilities()

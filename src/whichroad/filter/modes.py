@@ -170,19 +170,6 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         hear(state, reading.time)
 
 
-@kernel
-def _vet(belief: Belief, history: History, epoch: Record, dt: float, sensors: int) -> None:
-    """Vet an epoch; a turn that drivers seldom make may have been none."""
-    state = belief.state[0]
-    vet(state.vetting, epoch, dt, sensors, max(state.scale, 0.1))
-    turn = state.vetting.sharp
-    if turn == 0.0 or state.mode != WHEELS:
-        return
-    history.since[0].switched = 1
-    for i in range(state.count):
-        belief.hyp[i].cov[H, H] += turn * turn
-
-
 @kernel(inline=True)
 def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
     """Vet an epoch, and let the vehicle be moved by what is believed.
@@ -211,7 +198,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
-    _vet(belief, history, epoch, dt, sensors)
+    vet(vetting, epoch, dt, sensors, max(state.scale, 0.1))
     _heed_silence(belief, history, reading, sensors)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf

@@ -44,8 +44,6 @@ VETTING = np.dtype(
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
-        ("sharp", "f8"),  # rad, a turn that drivers seldom make, told with this epoch,
-        ("sharp_at", "f8"),  # and when one last was, s
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
         ("forked_at", "f8"),  # when a fix last fitted nothing, s,
         ("undecided_at", "f8"),  # and when the first one of such fixes did
@@ -110,7 +108,6 @@ def clear(vetting: Record) -> None:
     vetting.speed_sample.jitter = 0.3
     vetting.turn_sample.jitter = 0.1
     vetting.suspect_at = -math.inf
-    vetting.sharp_at = -math.inf
     vetting.stood_at = math.inf
     vetting.since[:] = math.inf
     vetting.agreed = math.inf

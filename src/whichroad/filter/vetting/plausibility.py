@@ -14,8 +14,6 @@ _UNUSUAL = 4.0  # times the usual jitter of the odometer's own speed or turn rat
 _MOST_SPEED, _MOST_TURN = 10.0, 1.0  # m/s, rad/s of that at most
 _NEW = 0.02  # share of a sample in what is usual
 _LATERAL = 12.0  # m/s², more than tyres hold
-_FIRM_LATERAL = 8.0  # m/s², more than nearly all drivers turn with
-_SHORTLY = 0.15  # s of odometry that show it
 _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
 _CURVATURE = 0.4  # 1/m, more than a car's steering
 _ON_THE_SPOT = 2.0  # rad/s, as vehicles turn that can turn on the spot
@@ -55,30 +53,11 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
             if vetting.refused[ARC] == 0 and is_possible(vetting):
                 vetting.sound = sample.rate
     if sensors == WHEELS:
-        vetting.sharp = _sharp_turn(vetting, epoch, dt) if believed else 0.0
-        if vetting.sharp != 0.0:
-            vetting.sharp_at = epoch.time
         possible = _check_turn(vetting, epoch, dt) and possible
     if not possible:
         if believed:  # else it has moved nothing
             vetting.suspect_at = epoch.time
         blame(vetting, epoch.time)
-
-
-@kernel
-def _sharp_turn(vetting: Record, epoch: Record, dt: float) -> float:
-    """The turn (rad) of the last tenths of a second, where it is sharper than drivers turn.
-
-    Told once for each time that lasts so long: a wheel that slips, mostly.
-    """
-    sample = vetting.turn_sample
-    seconds = sample.time + dt
-    turn = sample.amount + epoch.turn
-    if seconds < _SHORTLY or epoch.time - vetting.sharp_at < _TURN_INTERVAL:
-        return 0.0
-    speed = abs(vetting.speed_sample.rate)
-    sharp = speed * abs(turn) > (_FIRM_LATERAL + _LATERAL_SLACK * speed) * seconds
-    return float(turn) * max(1.0, _TURN_INTERVAL / seconds) if sharp and speed > _ROLLS else 0.0
 
 
 @kernel

@@ -73,7 +73,6 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     vetting.elsewhere = 0
     vetting.wavers = 0
     vetting.runs = 0
-    vetting.sharp = 0.0
     measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
