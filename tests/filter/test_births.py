@@ -211,6 +211,17 @@ def test_a_vehicle_off_the_roads_comes_back_to_those_that_run_its_way():
     assert back.mu[:, D] == pytest.approx(1.75)
 
 
+def test_a_vehicle_beside_a_road_comes_back_to_another_one_only():
+    roads = network(parallel_roads(12.0))
+    places = [On(OFF_ROAD, 1000.0, 0.9, right=-6.0), On(0, 1000.0, 0.1)]
+    belief = belief_on(roads, places)
+    living(belief).beside[0] = -6.0, 0.0
+    exchange(belief, roads, 10.0)
+    shares = edge_weights(belief)
+    assert shares[0] < 0.1001
+    assert shares[2] > 0.01
+
+
 # 24 streets of 100 m that meet at the origin
 STAR = network(
     [[[0.0, 0.0], [100.0 * math.cos(a), 100.0 * math.sin(a)]] for a in np.arange(24) * math.pi / 12]

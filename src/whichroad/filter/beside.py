@@ -115,6 +115,15 @@ def gain_beside(
 
 
 @kernel
+def is_judge(belief: Belief, edge: int) -> bool:
+    """Whether a hypothesis is on an edge that a vehicle off the roads was seen to be beside."""
+    for j in range(belief.state[0].count):
+        if belief.hyp[j].edge == edge and belief.hyp[j].weight >= _JUDGES:
+            return True
+    return False
+
+
+@kernel
 def _is_believed(state: Record) -> bool:
     """Whether wheels show who leaves a road: no misfit has made them doubtful of late."""
     calm = state.misfits == 0.0 and state.time - state.vetting.undecided_at > _CALM

@@ -7,7 +7,7 @@ from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ...graph.index import near, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..beside import LEAVES, STARTS, set_beside
+from ..beside import LEAVES, STARTS, is_judge, set_beside
 from ..gaussian import normal_cdf
 from ..map_error import map_variance
 from ..state import (
@@ -246,15 +246,18 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
                 if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:
-            free = hyp.beside[1] if state.mode == WHEELS else 1.0
-            _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5) * free)
+            _return_to_roads(belief, ctx, i, min(par.off_road_return * metres, 0.5))
     state.since_exit = 0.0
 
 
 @kernel(inline=True)
 def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None:
-    """Spawn children of off-road hypothesis i on the roads that it may have come back to."""
+    """Spawn children of off-road hypothesis i on the roads that it may have come back to.
+
+    With wheels, who is on a road that runs beside another does not come back to that one.
+    """
     hyp = belief.hyp[i]
+    free = hyp.beside[1] if belief.state[0].mode == WHEELS else 1.0
     p = hyp.weight
     count = _roads_about(hyp, ctx, belief.state[0].scale)
     total = 0.0
@@ -268,6 +271,8 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
         part = share * ctx.work.near[c].mass / total
         if ctx.roads.edges[edge].rule & AGAINST_ONE_WAY:
             part *= max(ctx.par[0].wrong_way, 1e-6)
+        if free < 1.0 and is_judge(belief, edge):
+            part *= free
         if part * p < 1e-6:
             continue
         given += part
