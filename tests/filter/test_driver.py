@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from whichroad.filter.sparse.candidates import speed_process
-from whichroad.filter.sparse.driver import PACE, SPREAD, begin_driver, learn_leg
+from whichroad.filter.sparse.driver import PACE, SPEED_SIGMA, begin_driver, learn_leg
+from whichroad.filter.speed_process import speed_process
 from whichroad.filter.state import new_belief
 
 
@@ -27,18 +27,18 @@ def learnt(pace: float, sigma: float, legs: int = 40, seconds: float = 30.0, sto
 
 def test_nothing_is_known_of_a_driver_at_first():
     driver = learnt(1.0, 1.0, legs=0)
-    assert (driver.pace, driver.spread) == (PACE, SPREAD)
+    assert (driver.pace, driver.speed_sigma) == (PACE, SPEED_SIGMA)
 
 
 @pytest.mark.parametrize("pace", [0.5, 0.9, 1.3])
 def test_the_pace_of_an_even_driver_is_learnt(pace: float):
     driver = learnt(pace, 2.0)
     assert driver.pace == pytest.approx(pace, abs=0.07)
-    assert driver.spread < 0.6 * SPREAD
+    assert driver.speed_sigma < 0.6 * SPEED_SIGMA
 
 
 def test_an_uneven_driver_stays_uneven():
-    assert learnt(0.8, 6.0).spread > 4.0
+    assert learnt(0.8, 6.0).speed_sigma > 4.0
 
 
 def test_a_few_stops_do_not_make_a_driver_slow():

@@ -72,7 +72,6 @@ def belief_on(roads: Roads, places: Sequence[On]) -> Belief:
         hyp["mu"], hyp["cov"] = mean, np.diag(sigmas**2)
         hyp.edge, hyp.weight, hyp.log_weight = place.edge, place.p, np.log(place.p)
         hyp.along, hyp.along_sigma = place.s, place.sigma
-        hyp.beside[1] = 1.0
     state = belief.state[0]
     state.count, state.started, state.scale = len(places), 1, 1.0
     return belief

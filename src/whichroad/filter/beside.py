@@ -26,22 +26,15 @@ from .state import (
     lane_sigma,
 )
 
-LEAVES = 4.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
-STARTS = 7.0  # and of one that begins off the roads
+_FREE = 4.0  # log-odds of free motion over a road beside, of a vehicle that leaves a road,
+STARTS = 3.0  # and more of one that begins off the roads
 _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
 _CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
 _LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
-_MOST_ODDS = 6.0  # log-odds against free motion that are remembered
-
-
-@kernel
-def set_beside(hyp: Record, odds: float) -> None:
-    """Begin off the roads: free, or on a road beside, as likely as log-odds say."""
-    hyp.beside[0] = odds
-    hyp.beside[1] = 1.0
+_LEAST = -10.0  # log-odds of free motion that are remembered, over the usual ones
 
 
 @kernel
@@ -65,6 +58,8 @@ def gain_beside(
         ℓ_B       = lateral - ½ (ν² / s + log 2πs_r) - metres / 1 km
         gain      = log (e^(a + ℓ_F) + outside e^ℓ_B) - log (e^a + outside) - (usual - cost)
         a        += ℓ_F - ℓ_B
+
+    `beside` of a hypothesis is a over its value of a vehicle that has just left a road, and P(B).
 
     The offset's uncertainty lasts, and so it is asked for once, not in each row.  So does that of
     the heading: s_r is the row's variance on the road.  By motion that follows no road, a does
@@ -105,12 +100,12 @@ def gain_beside(
     along = lateral - 0.5 * (least + math.log(variance) + LOG_2PI)
     along -= belief.state[0].since_map / _LASTS
     outside = 1.0 - inside
-    odds = math.exp(hyp.beside[0])
+    odds = math.exp(_FREE + hyp.beside[0])
     after = odds * math.exp(free - along)
     gain = along + math.log((after + outside) / (odds + outside)) - (usual - cost)
-    most = max(hyp.beside[0], LEAVES)
-    hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), -_MOST_ODDS)
-    hyp.beside[1] = after / (after + outside)
+    most = max(hyp.beside[0], 0.0)
+    hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), _LEAST)
+    hyp.beside[1] = outside / (after + outside)
     return float(gain)
 
 

@@ -4,8 +4,8 @@ Counters go on counting meanwhile.  So the spare state U is what the vehicle has
 what was extrapolated since they fell silent.  Its noise is that of the position along the heading:
 
     p' = p + R(θ) (n, 0),    U' = U + n,    var n = V(t + Δt) − V(t)
-    V(t) = σ² τ² (2 t/τ − 3 + 4 exp(−t/τ) − exp(−2 t/τ))        a speed that begins as it was,
-                                                                 an Ornstein-Uhlenbeck process
+
+with V the variance of the distance of `speed_process`, of a speed that begins as it was.
 
 When wheels are heard again, the distance that they tell less what was extrapolated observes U.  It
 moves each hypothesis along the way that it came, and tells those apart that a turn of the gyro has
@@ -20,6 +20,7 @@ from .gaussian import log_density, update_state
 from .gnss.silence import may_be_lost, may_have_moved
 from .lookback.history import History, accumulate_noise
 from .motion import Increment, Noise
+from .speed_process import speed_process
 from .state import Belief, H, N, U, X, Y
 from .vetting.windows import HEARD_AGAIN
 
@@ -44,7 +45,8 @@ def roam(belief: Belief, history: History, epoch: Record, dt: float) -> None:
     silent = state.vetting.silent
     if silent <= dt:  # it begins
         _forget(belief)
-    q = _variance(silent) - _variance(max(silent - dt, 0.0))
+    q = speed_process(silent, _SPEEDS, _LASTS).variance
+    q -= speed_process(max(silent - dt, 0.0), _SPEEDS, _LASTS).variance
     for i in range(state.count):
         hyp = belief.hyp[i]
         c, s = math.cos(hyp.mu[H]), math.sin(hyp.mu[H])
@@ -103,11 +105,3 @@ def _forget(belief: Belief) -> None:
         for j in range(N):
             hyp.cov[U, j] = 0.0
             hyp.cov[j, U] = 0.0
-
-
-@kernel
-def _variance(t: float) -> float:
-    """V(t), m²."""
-    r = t / _LASTS
-    way = _SPEEDS * _LASTS
-    return way * way * (2.0 * r - 3.0 + 4.0 * math.exp(-r) - math.exp(-2.0 * r))

@@ -76,7 +76,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("stood", "f8"),  # s that it has stood, by sparse fixes; off the roads: it is parked there
-        ("beside", "f8", (2,)),  # off the roads: log-odds of free motion, P(it) (filter.beside)
+        ("beside", "f8", (2,)),  # off the roads: filter.beside; zero: it has just left one
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
@@ -339,10 +339,9 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
             hyp.cov[a, b] = 0.0
     hyp.log_weight = hyp.weight = hyp.sinks = hyp.amiss = 0.0
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
-    hyp.along_sigma = hyp.p_not_passed = hyp.beside[1] = 1.0
-    hyp.beside[0] = 0.0
+    hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
-        hyp.tangent[k] = hyp.odds[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = hyp.beside[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.blames = NOTHING
@@ -369,6 +368,7 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp.edge = edge
     hyp.segment = segment
     hyp.new_edge = 1
+    hyp.beside[0] = hyp.beside[1] = 0.0
     state.count = child + 1
     return child
 

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .._compile import Array, Ints, Ints32, Records, Vector, kernel
+from .._compile import Array, Ints, Ints32, Record, Records, Vector, kernel
 from .network import records
 
 LABEL_BITS = 14  # of a number in the queue; the others hold its key
@@ -232,15 +232,21 @@ def leaves_at(search: Search, parent: int, origin: int) -> int:
     return origin
 
 
+@kernel(inline=True)
+def _set_sums(entry: Record, old: Record, more: Record, less: Record) -> None:
+    """What a route sums up: that of an old one, with one part in place of another."""
+    entry.cost = old.cost + more.cost - less.cost
+    entry.length = old.length + more.length - less.length
+    entry.time = old.time + more.time - less.time
+    entry.turn = old.turn + more.turn - less.turn
+
+
 @kernel
 def add_way(search: Search, n: int, before: int, join: int, rival: int) -> None:
     """Write the way n: the way `before`, but by a rival to the label `join`."""
     way, old = search.way[n], search.way[before]
     other, label = search.rival[rival], search.label[join]
-    way.cost = old.cost + other.cost - label.cost
-    way.length = old.length + other.length - label.length
-    way.time = old.time + other.time - label.time
-    way.turn = old.turn + other.turn - label.turn
+    _set_sums(way, old, other, label)
     way.before = before
     way.join = join
     way.label = other.parent
@@ -281,10 +287,7 @@ def _copy(search: Search, new: int, at: int, best: int, now: int) -> None:
     """Copy a label onto the way `best`, of which the part behind it is the way `now`."""
     entry, old = search.label[new], search.label[at]
     way, less = search.way[best], search.way[now]
-    entry.cost = old.cost + way.cost - less.cost
-    entry.length = old.length + way.length - less.length
-    entry.time = old.time + way.time - less.time
-    entry.turn = old.turn + way.turn - less.turn
+    _set_sums(entry, old, way, less)
     entry.key = old.key
     entry.edge = old.edge
     entry.parent = old.parent

@@ -132,13 +132,13 @@ def _observe_heading(belief: Belief, ctx: Context, reading: Record) -> None:
             continue
         before = kept * hyp.amiss
         hyp.amiss = min(before + _log_likelihood(hyp, nu, reading, variance) - best, 0.0)
-        hyp.log_weight += best + _said(hyp.amiss) - _said(before)
+        hyp.log_weight += best + _with_mistakes(hyp.amiss) - _with_mistakes(before)
         if hyp.amiss > math.log(_MISTAKEN):
             condition(hyp.mu, hyp.cov, row, nu, variance, state.scale)
 
 
 @kernel
-def _said(amiss: float) -> float:
+def _with_mistakes(amiss: float) -> float:
     """What headings have said of a hypothesis, nats, where they may be mistaken."""
     return math.log((1.0 - _MISTAKEN) * math.exp(amiss) + _MISTAKEN)
 

@@ -39,8 +39,8 @@ _BIASED_BY = 30.0  # and m, how far away on each axis
 
 
 @kernel
-def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
-    """Chi-square under the hypothesis of weight that fits best, and the distance from it, m².
+def fits_best(belief: Belief, axes: Axes, side: int) -> tuple[float, int]:
+    """Least chi-square of a fix under hypotheses of weight, and the hypothesis; none: infinite, 0.
 
     Args:
         belief: With the innovations.
@@ -48,24 +48,31 @@ def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
         side: Only hypotheses that blame this; negative: all.
     """
     best = math.inf
-    square = 0.0
+    found = 0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.weight < (_OF_WEIGHT if side < 0 else _OF_SIDE) or 0 <= side != hyp.blames:
             continue
-        first = hyp.scratch[NU0] ** 2
-        second = hyp.scratch[NU1] ** 2
-        chi2 = first / (hyp.scratch[V00] + axes.r0) + second / (hyp.scratch[V11] + axes.r1)
+        chi2 = hyp.scratch[NU0] ** 2 / (hyp.scratch[V00] + axes.r0)
+        chi2 += hyp.scratch[NU1] ** 2 / (hyp.scratch[V11] + axes.r1)
         if chi2 < best:
             best = chi2
-            square = first + second
-    return best, square
+            found = i
+    return best, found
+
+
+@kernel
+def _misfit(belief: Belief, axes: Axes, side: int) -> tuple[float, float]:
+    """`fits_best`, with the distance from that hypothesis, m², in place of it."""
+    best, i = fits_best(belief, axes, side)
+    scratch = belief.hyp[i].scratch
+    return best, scratch[NU0] ** 2 + scratch[NU1] ** 2 if best < math.inf else 0.0
 
 
 @kernel
 def misfit(belief: Belief, axes: Axes) -> float:
     """Chi-square of a fix under the hypothesis of weight that fits best, by its innovations."""
-    best, _ = _misfit(belief, axes, -1)
+    best, _ = fits_best(belief, axes, -1)
     return best
 
 

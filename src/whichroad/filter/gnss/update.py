@@ -19,6 +19,7 @@ from ..state import (
     most_probable,
     normalise,
 )
+from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
     is_alone,
@@ -44,7 +45,6 @@ from .sides import (
     take_sides,
 )
 from .start import forget_factor
-from .together import jumps_together
 
 _RESTARTED = 0.1  # P(the belief was wrong) where a receiver alone errs more than is likely
 _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
@@ -244,7 +244,7 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     par = ctx.par[0]
     state = belief.state[0]
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    if jumps and jumps_together(belief, axes, par.gnss_gate, since):
+    if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1

@@ -7,7 +7,7 @@ from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ...graph.index import near, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..beside import LEAVES, STARTS, is_judge, set_beside
+from ..beside import STARTS, is_judge
 from ..gaussian import normal_cdf
 from ..map_error import map_variance
 from ..state import (
@@ -222,7 +222,7 @@ def _start_off_road(
         heading = start.heading if known else wrap(towards + 2.0 * math.pi * a / free)
         hyp = belief.hyp[state.count]
         blank(hyp, OFF_ROAD, 0)
-        set_beside(hyp, STARTS)
+        hyp.beside[0] = STARTS
         sigma = start.heading_sigma if known else 0.3
         _fill_start(hyp, ctx, fix, start, heading, sigma, state)
         hyp.log_weight = share
@@ -241,7 +241,6 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
             if hyp.weight > _LEAVES and state.count < CAPACITY:
                 share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
-                set_beside(belief.hyp[child], LEAVES)
                 rescale(hyp, 1.0 - share)
                 if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
@@ -257,7 +256,7 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
     With wheels, who is on a road that runs beside another does not come back to that one.
     """
     hyp = belief.hyp[i]
-    free = hyp.beside[1] if belief.state[0].mode == WHEELS else 1.0
+    beside = hyp.beside[1] if belief.state[0].mode == WHEELS else 0.0
     p = hyp.weight
     count = _roads_about(hyp, ctx, belief.state[0].scale)
     total = 0.0
@@ -271,8 +270,8 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
         part = share * ctx.work.near[c].mass / total
         if ctx.roads.edges[edge].rule & AGAINST_ONE_WAY:
             part *= max(ctx.par[0].wrong_way, 1e-6)
-        if free < 1.0 and is_judge(belief, edge):
-            part *= free
+        if beside > 0.0 and is_judge(belief, edge):
+            part *= 1.0 - beside
         if part * p < 1e-6:
             continue
         given += part

@@ -59,11 +59,8 @@ STEP = np.dtype(
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), and how far, m
         ("standing", "f8"),  # s of standing until then
         ("gnss_factor", "f8"),  # on reported variances
-        (
-            "pace",
-            "f8",
-        ),  # of the vehicle between sparse fixes, and its spread (filter.sparse.driver)
-        ("spread", "f8"),
+        ("pace", "f8"),  # of the vehicle between sparse fixes,
+        ("speed_sigma", "f8"),  # and its spread (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
         ("map_mean", "f8", (2,)),  # and how far the map is off as a whole, m
     ],
@@ -265,7 +262,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.elsewhere[1] = state.elsewhere[1]
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
-    step.pace, step.spread = state.driver.pace, state.driver.spread
+    step.pace, step.speed_sigma = state.driver.pace, state.driver.speed_sigma
     step.map_factor = state.map.factor
     for a in range(2):
         step.map_mean[a] = state.map.whole[a]

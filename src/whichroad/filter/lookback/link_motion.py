@@ -20,7 +20,8 @@ from .._simd import N, add_times, set_times
 from ..along import ACROSS, CORNER_SIGMA
 from ..motion import Increment, Noise, keep_lane
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
-from ..sparse.candidates import heavy_tail, speed_process, usual_speed
+from ..sparse.candidates import heavy_tail, usual_speed
+from ..speed_process import speed_process
 from ..state import (
     GX,
     GY,
@@ -277,7 +278,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
         return True
     later = history.states[link.j].mu
     step = history.steps[link.step]
-    keep, old, far, cross, spread = speed_process(dt, step.spread)
+    keep, old, far, cross, sigma = speed_process(dt, step.speed_sigma)
     usual = step.pace * usual_speed(ctx.roads, skipped, time, edge)
     distance = usual * (dt - old) + mean[K] * old
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
@@ -288,7 +289,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
     heavy = heavy_tail(variance, off, 0.0) - variance
     harder = 1.0 + heavy / max(far, 1.0)
-    rate = (1.0 - keep * keep) * spread * spread * harder
+    rate = (1.0 - keep * keep) * sigma * sigma * harder
     heading = par.edge_heading_sigma**2 + HEADING_NOISE
     across = ACROSS_SIGMA * ACROSS_SIGMA
     add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))

@@ -12,6 +12,7 @@ from ..gaussian import condition
 from ..hypotheses.lane_offset import redraw_lane
 from ..motion import Noise, add_across, age_map, decay, predict_road
 from ..road import track
+from ..speed_process import SpeedProcess
 from ..state import (
     MX,
     MY,
@@ -31,7 +32,6 @@ from ..state import (
 )
 from .candidates import (
     SparseFix,
-    SpeedProcess,
     heavy_tail,
     on_map,
     usual_speed,
@@ -161,7 +161,7 @@ def predict_transition(
     bend = wrap(heading - before)
     predict_road(cov, process.distance_by_speed, bend, foot.tx, foot.ty, noise)
     redraw(hyp, H, heading, noise.heading)
-    speed = process.spread * process.spread * transition.inflation
+    speed = process.sigma * process.sigma * transition.inflation
     decay(mean, cov, K, transition.usual, process.keep, speed)
     cross = process.cross * transition.inflation
     cov[X, K] += cross * foot.tx

@@ -10,10 +10,10 @@ from ...graph.route_search import Query
 from ..gnss.inflation import bias_time
 from ..map_error import map_variance
 from ..road import track
+from ..speed_process import SpeedProcess, speed_process
 from ..state import GX, GY, MX, MY, OFF_ROAD, Belief, Context, K, X, Y, heaviest
 from .driver import begin_driver, learn_leg, likely_excess
 
-_SPEED_TIME = 22.0  # s, correlation time of the speed
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
 _SLOW_TAIL = 2.0  # and where it is shorter than expected
 
@@ -27,16 +27,6 @@ _AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
 _LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
 _SHORT = 20.0  # s, below which no search copies routes of another: copies have no rivals
 _SLACK = 4.0  # nats that a route may cost more than the cheapest one of its hypothesis
-
-
-class SpeedProcess(NamedTuple):
-    """An Ornstein-Uhlenbeck speed about the usual one, over some seconds."""
-
-    keep: float  # share of the old speed's deviation that is kept
-    distance_by_speed: float  # derivative of the distance by the old speed, s
-    variance: float  # of the distance, m²
-    cross: float  # its covariance with the new speed, m²/s
-    spread: float  # sigma of the speed, m/s
 
 
 class SparseFix(NamedTuple):
@@ -64,17 +54,6 @@ class Departure(NamedTuple):
     rate: float  # speed, m/s
     variance: float  # of the abscissa after the transition, m²
     straight: float  # straight distance to the fix, m
-
-
-@kernel
-def speed_process(dt: float, spread: float) -> SpeedProcess:
-    """Moments of the speed, of sigma `spread` (m/s), and the distance after dt seconds."""
-    keep = math.exp(-dt / _SPEED_TIME)
-    by_speed = _SPEED_TIME * (1.0 - keep)
-    v = spread * spread
-    variance = v * _SPEED_TIME**2 * (2.0 * dt / _SPEED_TIME - 3.0 + 4.0 * keep - keep * keep)
-    cross = v * _SPEED_TIME * (1.0 - keep) ** 2
-    return SpeedProcess(keep, by_speed, max(variance, 0.0), cross, spread)
 
 
 @kernel
@@ -133,9 +112,10 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     radius = SPAN * sigma + 3.0
     found = closest(ctx.roads, x, y, radius, ctx.work.near)
     driver = state.driver
+    process = speed_process(dt, driver.speed_sigma)
     return SparseFix(
-        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, speed_process(dt, driver.spread),
-        found, driver.pace, 1.0 / likely_excess(dt),
+        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, process, found, driver.pace,
+        1.0 / likely_excess(dt),
     )  # fmt: skip
 
 
@@ -148,7 +128,7 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
     if hyp.origin.waits == 2:
         dt += hyp.origin.ignored - hyp.origin.since
         per_metre *= likely_excess(fix.dt) / likely_excess(dt)
-        process = speed_process(dt, process.spread)
+        process = speed_process(dt, process.sigma)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
         process, fix.found, fix.pace, per_metre,

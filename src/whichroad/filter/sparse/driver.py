@@ -13,7 +13,7 @@ from ..._compile import Record, kernel
 DRIVER = np.dtype(
     [
         ("pace", "f8"),  # speed over the usual one; 0: nothing is known yet
-        ("spread", "f8"),  # sigma of the speed about that, m/s
+        ("speed_sigma", "f8"),  # sigma of the speed about that, m/s
         ("known", "f8"),  # information on the pace
         ("energy", "f8", (2,)),  # of deviations, (m/s)², and their number
     ],
@@ -32,13 +32,13 @@ LEG = np.dtype(
     align=True,
 )
 
-PACE, SPREAD = 0.7, 5.0  # of a driver of whom nothing is known; m/s
+PACE, SPEED_SIGMA = 0.7, 5.0  # of a driver of whom nothing is known; m/s
 
 _PACE_SIGMA = 0.25  # of a driver's pace about the usual one
 _SPREADS = 4.0  # legs that count as much as what is believed before
 _FREEDOM = 4.0  # of the Student distribution of deviations: vehicles stop
 _LEAST_PACE, _MOST_PACE = 0.3, 2.0
-_LEAST_SPREAD, _MOST_SPREAD = 1.5, 12.0  # m/s
+_LEAST_SIGMA, _MOST_SIGMA = 1.5, 12.0  # m/s
 _KEPT = 1800.0  # s, for which legs are remembered
 
 _EXCESS = 10.0  # m, likely excess of a route over the straight line,
@@ -50,9 +50,9 @@ _MAX_EXCESS = 120.0  # m, and the limit of that growth
 def begin_driver(driver: Record) -> None:
     """Nothing is known of the driver."""
     driver.pace = PACE
-    driver.spread = SPREAD
+    driver.speed_sigma = SPEED_SIGMA
     driver.known = 1.0 / (_PACE_SIGMA * _PACE_SIGMA)
-    driver.energy[0] = _SPREADS * SPREAD * SPREAD
+    driver.energy[0] = _SPREADS * SPEED_SIGMA * SPEED_SIGMA
     driver.energy[1] = _SPREADS
 
 
@@ -73,30 +73,30 @@ def learn_leg(driver: Record, hyp: Record, by_speed: float, unit: float) -> None
     """Learn from the leg that a hypothesis has driven, its weight being what it is worth.
 
         off = metres − pace · free (Δt − by_speed) − begun
-        off ~ Student(0, spread² unit + what is not known of both ends)
+        off ~ Student(0, speed_sigma² unit + what is not known of both ends)
 
     Args:
         driver: In place.
         hyp: The hypothesis; its abscissa is up to date.
         by_speed: Derivative of the distance by the speed at its start, s.
-        unit: Variance of the distance for a spread of 1 m/s, m².
+        unit: Variance of the distance for a sigma of 1 m/s, m².
     """
     leg = hyp.leg
     metres = leg.length + hyp.along
     ends = leg.variance + hyp.along_sigma**2
     slope = leg.free * max(leg.seconds - by_speed, 0.0)
     off = metres - driver.pace * slope - leg.begun
-    wide = driver.spread**2 * unit + ends
+    wide = driver.speed_sigma**2 * unit + ends
     share = hyp.weight * (_FREEDOM + 1.0) / (_FREEDOM + off * off / wide)
     kept = math.exp(-leg.seconds / _KEPT)
     before = 1.0 / (_PACE_SIGMA * _PACE_SIGMA)
     driver.known = max(kept * driver.known, before) + share * slope * slope / wide
     driver.pace += share * slope * off / (wide * driver.known)
     driver.pace = min(max(driver.pace, _LEAST_PACE), _MOST_PACE)
-    seen = hyp.weight * (driver.spread**2 * unit / wide) ** 2
+    seen = hyp.weight * (driver.speed_sigma**2 * unit / wide) ** 2
     excess = max(off * off - ends, 0.0) / unit
     driver.energy[0] = kept * driver.energy[0] + seen * min(share / hyp.weight, 1.0) * excess
     driver.energy[1] = kept * driver.energy[1] + seen
     short = (1.0 - kept) * _SPREADS  # what is believed before does not fade
-    spread = (driver.energy[0] + short * SPREAD * SPREAD) / (driver.energy[1] + short)
-    driver.spread = min(max(math.sqrt(spread), _LEAST_SPREAD), _MOST_SPREAD)
+    sigma2 = (driver.energy[0] + short * SPEED_SIGMA * SPEED_SIGMA) / (driver.energy[1] + short)
+    driver.speed_sigma = min(max(math.sqrt(sigma2), _LEAST_SIGMA), _MOST_SIGMA)

@@ -45,7 +45,7 @@ _BESIDE = 0.08  # P(beside the road) of a vehicle that comes to stand
 _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
-_STOPS, _STAYS = 30.0, 1800.0  # s, for which vehicles stand in traffic, and else
+_STOPS, _REMAINS = 30.0, 1800.0  # s, for which vehicles stand in traffic, and else
 _ELSE = 0.1  # share of the latter
 _MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be missed,
 _PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
@@ -67,8 +67,8 @@ def goes_on_standing(stood: float, dt: float) -> float:
     """
     if stood == 0.0:
         return math.exp(-dt / _STOPS)
-    short, long = (1.0 - _ELSE) * math.exp(-stood / _STOPS), _ELSE * math.exp(-stood / _STAYS)
-    goes_on = short * math.exp(-dt / _STOPS) + long * math.exp(-dt / _STAYS)
+    short, long = (1.0 - _ELSE) * math.exp(-stood / _STOPS), _ELSE * math.exp(-stood / _REMAINS)
+    goes_on = short * math.exp(-dt / _STOPS) + long * math.exp(-dt / _REMAINS)
     most = _MOST * math.exp(-max(dt - _PAUSE, 0.0) / _FORGOTTEN)
     return min(goes_on / (short + long), most)
 

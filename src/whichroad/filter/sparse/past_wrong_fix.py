@@ -13,10 +13,11 @@ from ...graph.index import vertex_at
 from ..gaussian import reshape_on_map
 from ..lookback.history import History, pack_state
 from ..road import track
+from ..speed_process import SpeedProcess, speed_process
 from ..state import CAPACITY, KEPT, Belief, Context, K, Path, enter, move_row
 from .arrival import Foot, Transition, place_on_road, predict_transition
-from .candidates import SparseFix, SpeedProcess, speed_process
-from .driver import SPREAD, likely_excess
+from .candidates import SparseFix
+from .driver import SPEED_SIGMA, likely_excess
 from .origin import is_waiting
 from .wrong_fix import carry
 
@@ -61,12 +62,12 @@ def _put_back(hyp: Record, state: Record, ctx: Context) -> None:
     edge = int(origin.edge)
     s = float(origin.along)
     segment, x, y, tx, ty = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
-    inflation = origin.rate_variance / (SPREAD * SPREAD)
+    inflation = origin.rate_variance / (SPEED_SIGMA * SPEED_SIGMA)
     taken = Transition(-s, 0.0, origin.rate, origin.rate, s, 0.0, 0.0, inflation)
     foot = Foot(s, x, y, tx, ty)
     before = math.atan2(hyp.tangent[1], hyp.tangent[0])
     hyp.segment = segment
-    predict_transition(hyp, ctx, taken, foot, before, SpeedProcess(0.0, 0.0, 0.0, 0.0, SPREAD))
+    predict_transition(hyp, ctx, taken, foot, before, SpeedProcess(0.0, 0.0, 0.0, 0.0, SPEED_SIGMA))
     place_on_road(hyp, state, ctx, taken, foot, edge)
     hyp.edge = edge
 
@@ -123,7 +124,7 @@ def note_between(
         belief, ctx, row, at, metres,
         SparseFix(
             fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep,
-            waited, speed_process(waited, fix.process.spread), fix.found, fix.pace,
+            waited, speed_process(waited, fix.process.sigma), fix.found, fix.pace,
             1.0 / likely_excess(waited),
         ),
     )  # fmt: skip

@@ -46,7 +46,7 @@ from .candidates import (
     fix_of,
 )
 from .choice import choose_routes
-from .driver import SPREAD, forget_leg
+from .driver import SPEED_SIGMA, forget_leg
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
@@ -129,7 +129,7 @@ def _predict_off_road(hyp: Record, fix: SparseFix) -> None:
     forget_leg(hyp.leg)
     cov[X, X] += variance
     cov[Y, Y] += variance
-    decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPREAD * SPREAD)
+    decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPEED_SIGMA * SPEED_SIGMA)
     hyp.stood = 0.0
 
 

@@ -9,27 +9,10 @@ import math
 from ..._compile import Record, kernel
 from ..state import GX, GY, Belief
 from .position import NU0, NU1, V00, V11, Axes
+from .sides import fits_best
 
 _SECOND = 0.95  # s; a fix that comes later is asked by itself
 _KEPT = 1.0  # s, for which innovations are remembered
-_OF_WEIGHT = 0.01  # of a hypothesis that is asked
-
-
-@kernel
-def _best(belief: Belief, axes: Axes) -> int:
-    """The hypothesis of weight that a fix fits best."""
-    best = math.inf
-    found = 0
-    for i in range(belief.state[0].count):
-        hyp = belief.hyp[i]
-        if hyp.weight < _OF_WEIGHT:
-            continue
-        chi2 = hyp.scratch[NU0] ** 2 / (hyp.scratch[V00] + axes.r0)
-        chi2 += hyp.scratch[NU1] ** 2 / (hyp.scratch[V11] + axes.r1)
-        if chi2 < best:
-            best = chi2
-            found = i
-    return found
 
 
 @kernel
@@ -49,7 +32,7 @@ def _gather(state: Record, hyp: Record, axes: Axes, kept: float) -> float:
 
 
 @kernel
-def jumps_together(belief: Belief, axes: Axes, gate: float, since: float) -> bool:
+def second_misfits(belief: Belief, axes: Axes, gate: float, since: float) -> bool:
     """Let a second of fixes that fits no hypothesis be the receiver's error, as one fix would.
 
     Args:
@@ -65,7 +48,8 @@ def jumps_together(belief: Belief, axes: Axes, gate: float, since: float) -> boo
     if since >= _SECOND or since <= 0.0:
         state.second_mean[0] = state.second_mean[1] = 0.0
         return False
-    hyp = belief.hyp[_best(belief, axes)]
+    _, best = fits_best(belief, axes, -1)
+    hyp = belief.hyp[best]
     over = _gather(state, hyp, axes, math.exp(-since / _KEPT)) / gate - 1.0
     if over <= 0.0:
         return False

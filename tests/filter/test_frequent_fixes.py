@@ -3,8 +3,8 @@
 import numpy as np
 
 from scenes import On, belief_on, context, network, straight_road
+from whichroad.filter.gnss.frequent_fixes import second_misfits
 from whichroad.filter.gnss.position import Axes, innovations, observe_given
-from whichroad.filter.gnss.together import jumps_together
 from whichroad.filter.state import GX, Belief, normalise
 
 ROAD = network(straight_road())
@@ -28,7 +28,7 @@ def fixes_until_told(creep: float, white: float, seconds: float, step: float = S
         fix = np.array([500.0 + creep * k * STEP, 0.0, SIGMA, SIGMA, 0.0])
         fix[:2] += white * random.normal(size=2)
         innovations(belief, CTX, fix, AXES)
-        if jumps_together(belief, AXES, GATE, step):
+        if second_misfits(belief, AXES, GATE, step):
             return k + 1
         innovations(belief, CTX, fix, AXES)
         assert observe_given(belief, CTX, fix, AXES, GATE, True, 0.0) < GATE
@@ -53,6 +53,6 @@ def test_what_they_differ_by_is_the_receivers_error():
     before = float(belief.hyp[0]["cov"][GX, GX])
     fix = np.array([530.0, 0.0, SIGMA, SIGMA, 0.0])
     innovations(belief, CTX, fix, AXES)
-    told = [jumps_together(belief, AXES, GATE, STEP) for _ in range(20)]
+    told = [second_misfits(belief, AXES, GATE, STEP) for _ in range(20)]
     assert any(told)
     assert belief.hyp[0]["cov"][GX, GX] > before
