@@ -17,7 +17,8 @@ from whichroad.errors import SettingError
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
-from whichroad.lookback.path import Alternative, Route, alternatives, best_routes, joins, shortest
+from whichroad.filter.lookback.passage import joins
+from whichroad.lookback.path import Alternative, Route, alternatives, best_routes, shortest
 from whichroad.lookback.smoothing import Lag
 from whichroad.observations import GeoFix
 from whichroad.online import Localizer

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..filter.lookback.best_path import best_path, edge_probability
 from ..filter.lookback.history import History
-from ..filter.lookback.passage import joins
 from ..filter.state import OFF_ROAD, Belief, Path, new_path
 from ..graph.network import Roads
 from ..observations import Array
@@ -179,29 +178,33 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
 
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
-    edge = c.edge[nodes]
-    rows: list[tuple[int, float, float, float, float]] = []
-    for k in np.flatnonzero(np.diff(edge, prepend=-9)).tolist():
-        now, entry = float(c.time[k]), int(c.path_entry[nodes[k]])
-        before = float(c.time[k - 1]) if k else now
-        between = _between(c, int(nodes[k - 1]), int(nodes[k])) if k else []
-        rows += [(b.edge, min(max(b.time, before), now), 0.0, b.share, b.route) for b in between]
-        where, when, share, route = 0.0, now, 1.0, 1.0
-        if entry >= 0 and c.entry_edge[entry] == edge[k]:
-            where = float(c.along[entry])
-            when = float(c.entry_time[entry]) if now - before > _CLOSE else now
-            share, route = float(c.entry_share[entry]), float(c.entry_route[entry])
-        rows.append((int(edge[k]), min(max(when, before), now), where, share, route))
+    edges = c.edge[nodes]
+    changes = np.flatnonzero(np.diff(edges, prepend=-9))
+    edge, entry, now = edges[changes], c.path_entry[nodes[changes]], c.time[changes]
+    before = np.where(changes > 0, c.time[changes - 1], now)
+    told = (entry >= 0) & (c.entry_edge[entry] == edge)
+    when = np.where(told & (now - before > _CLOSE), c.entry_time[entry], now)
+    when = np.minimum(np.maximum(when, before), now)
+    columns = (
+        edge, when, np.where(told, c.along[entry], 0.0), np.where(told, c.entry_share[entry], 1.0),
+        np.where(told, c.entry_route[entry], 1.0),
+    )  # fmt: skip
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    for n in np.flatnonzero(~follow(c.roads, edge[:-1], edge[1:]))[::-1].tolist():
+        k = int(changes[n + 1])
+        first, last = float(before[n + 1]), float(now[n + 1])
+        rows[n + 1 : n + 1] = [
+            (b.edge, min(max(b.time, first), last), 0.0, b.share, b.route)
+            for b in _between(c, int(nodes[k - 1]), int(nodes[k]))
+        ]
     edges, *others = zip(*rows, strict=True)
     return Chain(np.array(edges, np.int32), *(np.array(column) for column in others))
 
 
 def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
-    """Edges driven between those of two linked nodes."""
+    """Edges driven between those of two linked nodes that do not follow one another."""
     then, edge = int(c.edge[i]), int(c.edge[j])
     off_road = OFF_ROAD in (then, edge)  # a parked vehicle came and leaves by roads
-    if not off_road and (c.roads.edges[edge].opposite == then or joins(c.roads, then, edge)):
-        return []
     found: list[_Entered] = []
     entry, stop = int(c.path_entry[j]), int(c.path_entry[i])
     while (entry := int(c.parent[entry])) >= 0 and entry != stop:
@@ -217,6 +220,32 @@ def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
     return [_Entered(e, time, 1.0, 1.0) for e in shortest(c.roads, then, edge) or []]
+
+
+def follow(roads: Roads, before: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Whether edges follow at once from others: by a turn, or in the other direction.
+
+    Args:
+        roads: The network.
+        before: (n,) edges or OFF_ROAD.
+        after: (n,) likewise.
+
+    Returns:
+        (n,) false where one of the two is off the roads.
+    """
+    edges, turns = roads.edges.view(np.ndarray), roads.turns.view(np.ndarray)
+    found = np.zeros(len(before), bool)
+    rows = np.flatnonzero((before >= 0) & (after >= 0))
+    then, now = before[rows], after[rows]
+    found[rows] = edges["opposite"][now] == then
+    turn, end = edges["first_turn"][then], edges["end_turn"][then]
+    going = turn < end
+    while going.any():
+        rows, now, turn, end = rows[going], now[going], turn[going], end[going]
+        found[rows] |= turns["edge"][turn] == now
+        turn = turn + 1
+        going = turn < end
+    return found
 
 
 def alternatives(
@@ -266,7 +295,8 @@ def _best_edge(c: _Columns, p: Array, step: int) -> int:
 
 def _ways(c: _Columns, i: int, j: int, told: bool) -> list[tuple[float, tuple[int, ...]]]:
     """Edges between those of two linked nodes with their shares, which sum to 1 at most."""
-    between = _between(c, i, j)
+    at_once = bool(follow(c.roads, c.edge[[i]], c.edge[[j]])[0])
+    between = [] if at_once else _between(c, i, j)
     taken = tuple(b.edge for b in between)
     share = min((b.route for b in between), default=1.0)
     found = [(share, taken)]

@@ -6,6 +6,7 @@ import importlib.util
 import struct
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -247,8 +248,19 @@ def _putter(name: str, kind: Kind) -> Put:
 def _array_putter(name: str, kind: Array) -> Put:
     expected, ndim, alignment = kind.dtype, kind.ndim, kind.dtype.alignment
     known = {id(expected): expected}  # equal ones that were met: comparing fields takes time
+    met: dict[int, tuple[Any, tuple[Any, ...]]] = {}  # arrays that live, by id, and their words
 
     def put(value: Any, words: list[Any]) -> None:
+        known_words = met.get(id(value))
+        if known_words is not None and known_words[0]() is value:
+            words.extend(known_words[1])
+            return
+        own = words_of(value)
+        number = id(value)
+        met[number] = weakref.ref(value, lambda _: met.pop(number, None)), own
+        words.extend(own)
+
+    def words_of(value: Any) -> tuple[Any, ...]:
         dtype, shape = (_dtype_of(value), _shape_of(value)) if ndim else (value.dtype, value.shape)
         if id(dtype) not in known:
             if dtype != expected:
@@ -266,8 +278,7 @@ def _array_putter(name: str, kind: Array) -> Put:
             address = int(np.asarray(value).ctypes.data)
         if len(shape) != ndim or address % alignment:
             refuse(value)
-        words.append(address)
-        words.extend(shape)
+        return (address, *shape)
 
     def refuse(value: Any) -> NoReturn:
         raise TypeError(
