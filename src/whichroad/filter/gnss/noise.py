@@ -170,11 +170,10 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
-    state.level_tail = 1.0
+    state.level_tail = tail_of(state, par, epoch)
     if not is_vouched(state, epoch):
         if is_inflated(state, par, epoch):
             state.gnss_factor = learn_by_roads(belief, par, min(moving, _RECENT))
-            state.level_tail = tail_of(state, par)
             return
         state.innovation_factor += gain * (1.0 - state.innovation_factor)
         state.gnss_factor = max(state.innovation_factor, 1.0)

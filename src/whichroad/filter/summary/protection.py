@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from ..._compile import Record, kernel
-from ..state import CLOCK, Belief, X, Y
+from ..state import Belief, X, Y
 
 # scratch of a hypothesis: distances from the mean and sigmas, of the position, along, across
 _AWAY, _SIGMA = 0, 3
@@ -48,14 +48,15 @@ def set_levels(belief: Belief, out: Record, mid: Centre) -> None:
 
         P(error > r) <= sum w_i exp(-max(r - d_i, 0)^2 / 2 a_i^2) = risk
 
-    Of a receiver alone the sigmas are wider (`gnss.inflation.tail_of`).  It does not depend on
-    the number of hypotheses into which a Gaussian is cut.  Their odds are set (`set_odds`).
+    The sigmas are wider while the receiver's scale is uncertain (`gnss.inflation.tail_of`).
+    The level does not depend on the number of hypotheses into which a Gaussian is cut.  Their
+    odds are set (`set_odds`).
     """
     state = belief.state[0]
     c = math.cos(out.heading)
     s = math.sin(out.heading)
     per_scale = 1.0 / state.scale
-    tail = max(state.level_tail, 1.0) if state.mode == CLOCK else 1.0
+    tail = max(state.level_tail, 1.0)
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
