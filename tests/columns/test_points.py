@@ -531,12 +531,26 @@ def restless(mode: str) -> np.ndarray:
     return more
 
 
+def tails(mode: str) -> np.ndarray:
+    """How many times wider the sigmas of levels are, (n,): Student's, of what was learnt so far."""
+    time, wider = seen(mode).truth.time, np.ones(len(seen(mode).fixes))
+    learnt, last, usual = -1.0, -math.inf, -2.0 * math.log(SETTINGS.protection_risk)
+    for k, fix in enumerate(seen(mode).fixes):
+        if fix is None or time[k] - last < 0.95 or time[k] > time[-1] - 1.0:
+            continue  # the last outlier teaches nothing
+        learnt = 0.0 if learnt < 0.0 else learnt + min(time[k] - last, 10.0)
+        last = time[k]
+        freedom = 8.0 + learnt / 3.0 if mode == WHEELS else 12.0
+        wider[k:] = math.sqrt(freedom * (math.exp(usual / freedom) - 1.0) / usual)
+    return wider
+
+
 def assert_beyond_at_the_risk(
     mode: str, name: str, about: Callable[[Mixture, Any], tuple[Any, Any]]
 ) -> None:
     """Sum w exp(-max(level - d, 0)^2 / 2 sigma^2) = risk, to 1e-3 of every level.
 
-    With wheels the level is the one that is told over √(λ / λ₀).
+    The sigmas are wider by `tails`, and with wheels the level is the one told over √(λ / λ₀).
 
     Args:
         mode: The odometry.
@@ -544,14 +558,16 @@ def assert_beyond_at_the_risk(
         about: Distances d of hypotheses from the mean, and their sigmas.
     """
     levels, risk = numbers(mode, name) / restless(mode), SETTINGS.protection_risk
+    wider = tails(mode)
     for k, m in enumerate(mixtures(mode)):
         if m is None:
             assert np.isnan(levels[k])
             continue
         known, w = without_the_unknown(m, column(mode, "status")[k])
         away, sigma = about(m, seen(mode).estimates[k])
+        wide = wider[k] * sigma[known]
         low, high = (
-            (w * np.exp(-0.5 * (np.maximum(r - away[known], 0.0) / sigma[known]) ** 2)).sum()
+            (w * np.exp(-0.5 * (np.maximum(r - away[known], 0.0) / wide) ** 2)).sum()
             for r in (0.999 * levels[k], 1.001 * levels[k])
         )
         assert low >= risk * (1.0 - 1e-6)
