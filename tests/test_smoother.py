@@ -14,10 +14,10 @@ from strategies import seeds
 from whichroad._compile import Records
 from whichroad.epochs import Timeline
 from whichroad.errors import SettingError
+from whichroad.filter.lookback.passage import joins
 from whichroad.filter.state import CLOCK, OFF_ROAD, WHEELS, new_path
 from whichroad.geodesy.plane import Plane
 from whichroad.graph.network import TURN, records
-from whichroad.filter.lookback.passage import joins
 from whichroad.lookback.path import Alternative, Route, alternatives, best_routes, shortest
 from whichroad.lookback.smoothing import Lag
 from whichroad.observations import GeoFix

@@ -536,8 +536,8 @@ def tails(mode: str) -> np.ndarray:
     time, wider = seen(mode).truth.time, np.ones(len(seen(mode).fixes))
     learnt, last, usual = -1.0, -math.inf, -2.0 * math.log(SETTINGS.protection_risk)
     for k, fix in enumerate(seen(mode).fixes):
-        if fix is None or time[k] - last < 0.95 or time[k] > time[-1] - 1.0:
-            continue  # the last outlier teaches nothing
+        if fix is None or time[k] - last < 0.95 or time[k] > time[-1] - 2.0:
+            continue  # the last outliers teach nothing
         learnt = 0.0 if learnt < 0.0 else learnt + min(time[k] - last, 10.0)
         last = time[k]
         freedom = 8.0 + learnt / 3.0 if mode == WHEELS else 12.0
