@@ -219,6 +219,7 @@ def run(options: Options) -> list[Figure]:
     sumo_tool("sumo")
     seeds = options.seeds or SEEDS
     folder = Path(options.more.get("cache") or options.more.get("out") or "worlds")
+    folder.mkdir(parents=True, exist_ok=True)
     parts = tuple(str(options.more.get("parts") or "").split(","))
     counts = {name: Count() for name in CASES if name.startswith(parts)}
     for seed in seeds:
