@@ -8,7 +8,7 @@ would explain itself by a bad receiver.
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
 
 NEVER = 1e9  # s, adaptation times beyond this mean: never
@@ -21,6 +21,8 @@ _FREEDOM_WHEELS, _FREEDOM_ELSE = 8.0, 12.0  # and beside wheels, and beside Dopp
 _ONE_MORE = 3.0  # s beside wheels, in which another degree of freedom is learnt
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
+_LARGEST = 15.0  # m, and
+_MOST = 400.0  # beside wheels, of the factor
 _PAUSE = 5.0  # s between two starts at its fixes
 _REACQUIRED = 3.0  # s, and
 _UNUSUAL = 3.0  # times the usual interval, of a silence
@@ -58,6 +60,19 @@ def is_vouched(state: Record, epoch: Record) -> bool:
     """
     doppler = epoch.speed_sigma < 1.0 and state.heard[1] < _SPEED_INTERVAL
     return bool(state.mode == WHEELS or doppler)
+
+
+@kernel
+def most_factor(state: Record, par: Record, fix: Vector) -> float:
+    """The largest factor on reported variances that is learnt.
+
+    Without wheels a wrong road would explain itself by a bad receiver.  So the receiver errs
+    by w times what it reports, or by 15 m, whichever is more, but not by more than that.
+    """
+    if state.mode == WHEELS:
+        return _MOST
+    reported = 0.5 * (fix[2] ** 2 + fix[3] ** 2)
+    return float(min(max(par.gnss_inflation**2, _LARGEST**2 / reported), _MOST))
 
 
 @kernel

@@ -20,7 +20,7 @@ from ..state import (
     Context,
     most_probable,
 )
-from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, tail_of
+from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed
@@ -202,7 +202,7 @@ def _average_energy(
         innovation += η (λ² (1 + share (½ Σ ν² / s − 1)) − innovation)
         windowed: the same with the mean of the last five innovations in place of ν
         bias   += η' (λ² ½ (|γ|² + tr P) − bias)
-        λ²      = max(least, innovation, windowed, bias)
+        λ²      = max(least, innovation, windowed, bias), at most `most_factor`
 
     What is averaged is the expected energy of the error over the reported one.  The
     second average sees an error that wanders under the noise of single fixes, the third one
@@ -261,7 +261,7 @@ def _average_energy(
     state.bias_factor += bias_gain * (factor * by_bias / total - state.bias_factor)
     learnt = max(state.innovation_factor, state.windowed_factor, state.bias_factor)
     least = least_factor(state, ctx.par[0])
-    state.gnss_factor = min(max(learnt, least), 400.0)
+    state.gnss_factor = min(max(learnt, least), most_factor(state, ctx.par[0], fix))
 
 
 class Side(NamedTuple):
