@@ -540,7 +540,7 @@ def tails(mode: str) -> np.ndarray:
             continue  # the last outliers teach nothing
         learnt = 0.0 if learnt < 0.0 else learnt + min(time[k] - last, 10.0)
         last = time[k]
-        freedom = 8.0 + learnt / 3.0 if mode == WHEELS else 12.0
+        freedom = 8.0 + learnt / 3.0 if mode == WHEELS else 16.0
         wider[k:] = math.sqrt(freedom * (math.exp(usual / freedom) - 1.0) / usual)
     return wider
 

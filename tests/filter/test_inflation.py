@@ -103,25 +103,25 @@ def test_what_roads_showed_is_forgotten_where_the_receiver_gets_worse():
 
 def test_levels_of_a_receiver_alone_are_those_of_student():
     """The level is exceeded with the risk, by errors of the degrees of freedom learnt."""
-    risk, epoch = Settings().protection_risk, fixes(1.0, 0)[0]
+    risk = Settings().protection_risk
     state, par = new_belief().state[0], parameters(WIDE, Vehicle(), CLOCK)[0]
     state.mode = CLOCK
     for seen, freedom in ((0.0, 16.0), (5.0, 26.0), (100.0, 216.0)):
         state.road_energy[1] = seen
-        r = tail_of(state, par, epoch) * math.sqrt(-2.0 * math.log(risk))  # in sigmas
+        r = tail_of(state, par) * math.sqrt(-2.0 * math.log(risk))  # in sigmas
         assert (1.0 + r * r / freedom) ** (-0.5 * freedom) == pytest.approx(risk)
 
 
 def test_levels_beside_wheels_are_of_student_for_a_minute():
-    risk, epoch = Settings().protection_risk, fixes(1.0, 0)[0]
+    risk = Settings().protection_risk
     state, par = new_belief().state[0], parameters(Settings(), Vehicle(), WHEELS)[0]
     state.mode = WHEELS
     for learnt, freedom in ((0.0, 8.0), (60.0, 28.0), (600.0, 208.0)):
         state.learnt_time = learnt
-        r = tail_of(state, par, epoch) * math.sqrt(-2.0 * math.log(risk))
+        r = tail_of(state, par) * math.sqrt(-2.0 * math.log(risk))
         assert (1.0 + r * r / freedom) ** (-0.5 * freedom) == pytest.approx(risk)
     par.gnss_adapt_time = 1e9  # the receiver is believed
-    assert tail_of(state, par, epoch) == 1.0
+    assert tail_of(state, par) == 1.0
 
 
 def test_a_level_is_wider_the_less_is_known_of_the_receiver():

@@ -17,7 +17,7 @@ _SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
 _ALONE_TIME = 30.0  # s, for which errors last at most, where nothing shows it
 _PRIOR = 0.3  # weight of the factor believed before, in times for which errors last
 _FREEDOM = 16.0  # degrees of freedom of what is believed of the factor before,
-_FREEDOM_WHEELS, _FREEDOM_ELSE = 8.0, 12.0  # and beside wheels, and beside Doppler or an odometer
+_FREEDOM_WHEELS = 8.0  # and beside wheels, which soon know more
 _ONE_MORE = 3.0  # s beside wheels, in which another degree of freedom is learnt
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
@@ -30,24 +30,21 @@ _LIGHT = 0.01  # weight below which a hypothesis says nothing
 
 
 @kernel
-def tail_of(state: Record, par: Record, epoch: Record) -> float:
+def tail_of(state: Record, par: Record) -> float:
     """How many times wider a level is, as the factor was learnt from few independent errors.
 
     The errors of a receiver whose variance was learnt with ν degrees of freedom are Student's:
 
         P(error > r) = (1 + r² / ν σ²)^(-ν/2)
 
-    with ν = 16 + twice the number of errors that roads have shown of a receiver alone, 8 + t/3
-    after t seconds beside wheels, and else 12: Doppler shows no slow errors.
+    with ν = 8 + t/3 after t seconds beside wheels.  Without them it is 16 + twice the number of
+    errors that roads have shown: Doppler shows no slow ones.
     """
     if par.gnss_adapt_time >= NEVER:
         return 1.0
-    if is_inflated(state, par, epoch):
-        freedom = _FREEDOM + 2.0 * state.road_energy[1]
-    elif state.mode == WHEELS:
+    freedom = _FREEDOM + 2.0 * state.road_energy[1]
+    if state.mode == WHEELS:
         freedom = _FREEDOM_WHEELS + state.learnt_time / _ONE_MORE
-    else:
-        freedom = _FREEDOM_ELSE
     usual = -2.0 * math.log(par.protection_risk)
     return float(math.sqrt(freedom * (math.exp(usual / freedom) - 1.0) / usual))
 

@@ -170,7 +170,7 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
         return
     gain = since / (_PRIOR_TIME + state.learnt_time)
     gain = max(gain, 1.0 - math.exp(-since / par.gnss_adapt_time))
-    state.level_tail = tail_of(state, par, epoch)
+    state.level_tail = tail_of(state, par)
     if not is_vouched(state, epoch):
         if is_inflated(state, par, epoch):
             state.gnss_factor = learn_by_roads(belief, par, min(moving, _RECENT))

@@ -61,7 +61,7 @@ def begin_factor(state: Record, par: Record, epoch: Record) -> None:
     state.road_energy[0] = state.road_energy[1] = 0.0
     if is_inflated(state, par, epoch):
         state.gnss_factor = state.road_prior
-    state.level_tail = tail_of(state, par, epoch)
+    state.level_tail = tail_of(state, par)
 
 
 @kernel
