@@ -5,13 +5,11 @@ import math
 from ..._compile import Record, kernel
 from ..hypotheses.births import Start, cold_start
 from ..map_error import forget_map
-from ..state import CLOCK, WHEELS, Belief, Context, Path, normalise
+from ..state import CLOCK, WHEELS, Belief, Context, Path
 from .inflation import is_inflated, tail_of
 from .noise import update_root
 from .position import has_course
 from .sides import keep_bias
-
-_STALE = 0.05  # P(the course of the first fix is that of an earlier drive)
 
 
 @kernel
@@ -83,13 +81,6 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     forget_map(state)
     start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
-    if state.mode == CLOCK and start.heading_sigma < math.inf:
-        normalise(belief)
-        any_heading = Start(
-            start.bias, start.white, start.heading, math.inf, start.rate, start.rate_sigma,
-            start.drift, start.drift_sigma, True,
-        )  # fmt: skip
-        cold_start(belief, path, ctx, epoch.fix, any_heading, _STALE)
     state.started = 1
     state.misfits = 0.0
     state.since_map = 0.0

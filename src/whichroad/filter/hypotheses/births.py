@@ -46,6 +46,7 @@ _FOOT_SIGMA = 3.0  # m, of the place beside which a vehicle comes back to a road
 _LEAST_MASS = 0.01  # of the abscissa on a road that it comes back to
 _ATHWART = 1.3  # rad off the road's heading, from which on a vehicle may be turning round
 _HEADINGS = 8  # components of an off-road start whose heading is unknown
+_STALE = 0.02  # weight of a road that a known heading does not fit: it may be an old one
 _SERVICE, _PRIVATE = 0.5, 0.1  # prior weight of service roads, and of roads without access
 
 
@@ -166,6 +167,8 @@ def _start_on_roads(
 ) -> tuple[int, float]:
     """Append a hypothesis on each road near.
 
+    Without odometry the heading may be that of an earlier drive: receivers and phones begin so.
+
     Returns:
         How many are near; the nearest one's heading, or `towards` where there is none.
     """
@@ -195,13 +198,17 @@ def _start_on_roads(
             towards = along
         if mass < 1e-9 or state.count >= CAPACITY - 64:
             continue
+        fits = known
         if known and abs(wrap(along - start.heading)) > 4.0 * start.heading_sigma + 0.6:
-            continue
+            if state.mode != CLOCK:
+                continue
+            fits = False
+            mass *= _STALE
         hyp = belief.hyp[state.count]
         blank(hyp, edge, segment)
         _fill_start(
-            hyp, ctx, fix, start, start.heading if known else along,
-            start.heading_sigma if known else 0.12, state,
+            hyp, ctx, fix, start, start.heading if fits else along,
+            start.heading_sigma if fits else 0.12, state,
         )  # fmt: skip
         hyp.p_not_passed = max(normal_cdf((road.length - s) / sigma), 1e-6)
         hyp.log_weight = math.log(mass)
