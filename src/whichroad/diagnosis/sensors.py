@@ -48,6 +48,16 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
         found.append(_speed(vetting))
     if vetting.seconds[COURSE] >= _LEAST:
         found.append(_course(vetting))
+    repeated = float(vetting.repeats.seconds)
+    if repeated >= _LEAST:
+        found.append(
+            Finding(
+                "gnss: repeated", "warning", repeated, 0.0, _LEAST,
+                f"for {repeated:,.0f} s fixes repeated an earlier place to the digit while the "
+                "vehicle moved, and were withheld; look at what fills the gaps of the receiver, "
+                "and leave them empty",
+            )
+        )  # fmt: skip
     return tuple(found)
 
 

@@ -18,6 +18,7 @@ from .vetting.motion_sources import (
     is_borne_out,
     is_possible,
 )
+from .vetting.repeats import is_repeated
 from .vetting.vet import mode_of, vet
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
@@ -193,12 +194,16 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     vetting = state.vetting
     dt = epoch.time - state.time if vetting.begun == 1 else 0.0
     vetting.begun = 1
-    if epoch.has_fix:
-        pass_calibration(belief, epoch.gyro)
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
+    measured = sensors != CLOCK and epoch.odometry_valid == 1 and vetting.refused[ARC] == 0
+    if is_repeated(vetting.repeats, epoch, dt, measured):
+        reading.has_fix = 0
+        reading.speed_sigma = reading.course_sigma = math.inf
+    if reading.has_fix:
+        pass_calibration(belief, epoch.gyro)
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
-    vet(vetting, epoch, dt, sensors, max(state.scale, 0.1))
+    vet(vetting, reading, dt, sensors, max(state.scale, 0.1))
     _heed_silence(belief, history, reading, sensors)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
@@ -214,11 +219,11 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         if state.mode == WHEELS and disputed and not is_possible(vetting):
             vetting.exposed = 1
         switch(belief, history, ctx, mode)
-    if vetting.exposed == 1 and epoch.has_fix:
+    if vetting.exposed == 1 and reading.has_fix:
         vetting.exposed = 0
         _start_elsewhere(belief, par, epoch)
-    if vetting.news == TURNS and epoch.has_fix and is_elsewhere(belief, epoch):
+    if vetting.news == TURNS and reading.has_fix and is_elsewhere(belief, epoch):
         vetting.elsewhere = 1
-    elif vetting.news != NONE and epoch.has_fix:
+    elif vetting.news != NONE and reading.has_fix:
         _start_elsewhere(belief, par, epoch)
     return reading

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..._compile import Record, kernel
+from .repeats import REPEATS
 from .windows import WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
@@ -65,6 +66,7 @@ VETTING = np.dtype(
         ("wavers", "u1"),  # 1: with this epoch turns may be wrong
         ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
+        ("repeats", REPEATS),  # fixes that only repeat a place
     ],
     align=True,
 )

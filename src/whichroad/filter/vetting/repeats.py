@@ -1,0 +1,101 @@
+"""Fixes that repeat the place of an earlier one, to the digit, while the vehicle moves.
+
+Receivers, phones and loggers fill gaps with their last fix.  A measured place never comes
+again to the centimetre, but for a vehicle that stands.
+"""
+
+import math
+
+import numpy as np
+
+from ..._compile import Record, kernel
+
+REPEATS = np.dtype(
+    [
+        ("place", "f8", (2,)),  # the last one that was measured, plane
+        ("begun", "f8"),  # when, s,
+        ("last", "f8"),  # and when it was last repeated
+        ("driven", "f8"),  # m since, by the odometer and by reported speeds
+        ("sample", "f8", (3,)),  # a place about a second before, plane, and when, s
+        ("speeds", "f8", (2,)),  # m/s, by reports or from place to place: the last two
+        ("longest", "f8"),  # s for which a place was repeated that the vehicle had left
+        ("seconds", "f8"),  # for which fixes were withheld
+    ],
+    align=True,
+)
+
+_SAME = 1e-3  # m, up to which two places are one
+_LEAST = 3.0  # m driven, or the fix's sigma if that is more, from which on a place is repeated
+_REPORTED = 1.0  # m/s, sigma from which on a speed says nothing
+_STANDS = 0.5  # m/s, of a receiver that says that the vehicle stands
+_BRAKES, _GAINS = 8.0, 4.0  # m/s², beyond which no vehicle brakes, or gains speed
+_SECOND = 0.95  # s between the places that tell a speed
+_AGAIN = 2.0  # times as long as before may a place be repeated
+
+
+@kernel
+def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
+    """Whether a fix only repeats a place that the vehicle has left.
+
+    It has left it if the odometer or reported speeds say so.  Where they do not, or the receiver
+    says that the vehicle stands, it has if no braking could have kept it there.  Where the
+    receiver has repeated places before, the vehicle drives on.
+
+    Args:
+        seen: In place, REPEATS.
+        epoch: What the sensors measured.
+        dt: Since the epoch before, s.
+        measured: Whether the odometry is measured and believed.
+    """
+    reported = epoch.has_fix == 1 and epoch.speed_sigma < _REPORTED
+    if measured:
+        seen.driven += abs(epoch.arc)
+    elif reported:
+        seen.driven += epoch.speed * dt
+    if not epoch.has_fix:
+        return False
+    if math.hypot(epoch.fix[0] - seen.place[0], epoch.fix[1] - seen.place[1]) > _SAME:
+        _take(seen, epoch, reported)
+        return False
+    seen.last = epoch.time
+    far = _least_way(seen, epoch.time)
+    if not (reported and epoch.speed < _STANDS):
+        far = max(far, seen.driven)
+    if far <= max(_LEAST, epoch.fix[2]):
+        return False
+    seen.seconds += dt
+    return True
+
+
+@kernel(inline=True)
+def _take(seen: Record, epoch: Record, reported: bool) -> None:
+    """Remember a place, and how fast the vehicle is there."""
+    x, y = epoch.fix[0], epoch.fix[1]
+    if seen.last > seen.begun:
+        far = math.hypot(x - seen.place[0], y - seen.place[1])
+        since = epoch.time - seen.last
+        if far > _LEAST + epoch.fix[2] + 0.5 * _GAINS * since * since:
+            seen.longest = max(seen.longest, seen.last - seen.begun)
+    since = epoch.time - seen.sample[2]
+    if reported or since >= _SECOND:
+        speed = math.hypot(x - seen.sample[0], y - seen.sample[1]) / since if since > 0.0 else 0.0
+        if reported:  # a report of 0 where a gap begins is none
+            braked = max(seen.speeds[0] - _BRAKES * since, speed - 0.5 * _BRAKES * since)
+            speed = max(epoch.speed, braked)
+        seen.speeds[1] = speed if reported else seen.speeds[0]
+        seen.speeds[0] = speed
+        seen.sample[0], seen.sample[1], seen.sample[2] = x, y, epoch.time
+    seen.place[0], seen.place[1] = x, y
+    seen.begun = seen.last = epoch.time
+    seen.driven = 0.0
+
+
+@kernel(inline=True)
+def _least_way(seen: Record, time: float) -> float:
+    """Metres since the last place that was measured of a vehicle that brakes as hard as it can."""
+    speed = min(seen.speeds[0], seen.speeds[1])  # one wrong place tells no speed
+    since = time - seen.begun
+    if since <= _AGAIN * seen.longest:
+        return float(speed * since)
+    brakes = min(since, speed / _BRAKES)
+    return float((speed - 0.5 * _BRAKES * brakes) * brakes)
