@@ -10,7 +10,7 @@ import math
 
 from .._compile import Record, kernel
 from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
-from .gaussian import LOG_2PI, normal_cdf
+from .gaussian import LOG_2PI, normal_cdf, update_in_part
 from .state import (
     MOTION,
     MX,
@@ -81,7 +81,7 @@ def gain_beside(
     if not _is_believed(belief.state[0]) or hyp.weight < _LIGHT or hyp.blames == MOTION:
         return 0.0
     s_heading = hyp.cov[H, H] + heading
-    inside = 0.0
+    inside = turned = 0.0
     least = variance = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
@@ -92,7 +92,9 @@ def gain_beside(
             continue
         near = normal_cdf((_WIDTH - offset) / sigma) - normal_cdf((-_WIDTH - offset) / sigma)
         inside = max(inside, near)
-        least = min(least, nu * nu / s_heading)
+        if nu * nu / s_heading < least:
+            least = nu * nu / s_heading
+            turned = nu
         variance = min(variance, road.cov[H, H] + heading)
     if least == math.inf:
         return 0.0
@@ -106,6 +108,9 @@ def gain_beside(
     most = max(hyp.beside[0], 0.0)
     hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), _LEAST)
     hyp.beside[1] = outside / (after + outside)
+    update_in_part(
+        hyp.mu, hyp.cov, H, turned, heading, hyp.beside[1], belief.state[0].scale
+    )
     return float(gain)
 
 

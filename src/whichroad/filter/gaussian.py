@@ -79,6 +79,27 @@ def log_density(innovation: float, s: float) -> float:
 
 
 @kernel
+def update_in_part(
+    mean: Vector, cov: Matrix, state: int, innovation: float, variance: float, share: float,
+    scale: float,
+) -> None:  # fmt: skip
+    """`update_state` by a row that holds with probability p: the moments of both cases.
+
+        m⁺ = m + p g ν / s,    P⁺ = P − p (1 − (1 − p) ν² / s) g gᵀ / s
+    """
+    g = new_row()
+    set_to(g, cov[state])
+    s = variance + g[state]
+    misfit = innovation * innovation / s
+    _shift(mean, g, share * innovation / s, scale)
+    kept = -share * (1.0 - (1.0 - share) * misfit) / s
+    set_times(g, math.sqrt(abs(kept)), g)
+    sign = math.copysign(1.0, kept)
+    for i in range(N):
+        add_times(cov[i], sign * g[i], g)
+
+
+@kernel
 def update_across(
     mean: Vector, cov: Matrix, nx: float, ny: float, innovation: float, variance: float,
     scale: float,
