@@ -98,13 +98,14 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     if noise.on_road > 0.0:
         usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
         cost = ctx.par[0].off_road_cost * metres
+        variances = noise.lateral, noise.heading
         for i in range(belief.state[0].count):
             hyp = belief.hyp[i]
             if hyp.edge == OFF_ROAD:
                 hyp.log_weight += usual - cost
                 if with_heading:
                     fit = across / noise.on_road
-                    hyp.log_weight += gain_beside(belief, ctx, i, fit, noise.heading, usual, cost)
+                    hyp.log_weight += gain_beside(belief, ctx, i, fit, variances, usual, cost)
 
 
 @kernel(inline=True)

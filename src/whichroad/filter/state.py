@@ -55,6 +55,7 @@ WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
+BESIDE_SIGMA = 20.0  # m, off the roads: sigma of the offset from a road that runs beside
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
 RARE_FLOOR = 1e-3  # these, relative to the usual ones
 GRACE = 60.0  # m, for which they hold
@@ -369,6 +370,8 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp.segment = segment
     hyp.new_edge = 1
     hyp.beside[0] = hyp.beside[1] = 0.0
+    if edge == OFF_ROAD:
+        redraw(hyp, D, 0.0, BESIDE_SIGMA**2)
     state.count = child + 1
     return child
 
@@ -383,9 +386,9 @@ def lane_mean(ctx: Context, edge: int) -> float:
 
 @kernel
 def lane_sigma(ctx: Context, edge: int) -> float:
-    """Its sigma, m."""
+    """Its sigma, m; off the roads that of the offset from a road beside."""
     if edge < 0:
-        return float(ctx.par[0].lane_sigma)
+        return BESIDE_SIGMA
     return lane_sigma_of(ctx.roads, edge, ctx.par[0].lane_sigma)
 
 
