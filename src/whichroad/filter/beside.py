@@ -48,18 +48,17 @@ class Place(NamedTuple):
     turned: float  # the road's heading less that of the hypothesis, rad
     tx: float  # unit tangent of the road
     ty: float
+    s: float  # abscissa of the foot, m
+    segment: int  # of the road
 
 
 class Course(NamedTuple):
-    """The course of the road beside a vehicle, and where that is from it."""
+    """The course of the road beside a vehicle."""
 
     inside: float  # P(within 7 m of any road's lane), the largest
     misfit: float  # chi-square of the heading by the road that fits best; infinite: there is none
     variance: float  # of the row of the heading on the road, the least, rad²
-    turned: float  # the road's heading less that of the vehicle, rad
-    lateral: float  # offset from the road's line, right positive, m
-    tx: float  # unit tangent of the road
-    ty: float
+    place: Place  # beside that road
 
 
 @kernel
@@ -127,10 +126,32 @@ def gain_beside(
 
 
 @kernel
+def stay_beside(belief: Belief, ctx: Context, variances: tuple[float, float], cost: float) -> None:
+    """`gain_beside` where no hypothesis is on a road: who ran beside one may still do so.
+
+    The row across is taken to fit as usual, and nobody gains.
+    """
+    usual = -0.5 * (1.0 + math.log(variances[1]) + LOG_2PI)
+    for i in range(belief.state[0].count):
+        gain_beside(belief, ctx, i, 0.0, variances, usual, cost)
+
+
+@kernel
 def _course(belief: Belief, ctx: Context, i: int, heading: float) -> Course:
-    """The course of the road beside hypothesis i; `heading` is the variance of its row."""
+    """The course of the road beside hypothesis i, which keeps that in mind.
+
+    Of roads that others are on it is the one that fits best, else the one that it was beside
+    before.
+
+    Args:
+        belief: The hypothesis' course is set.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        heading: Variance of the row of the heading, rad².
+    """
     hyp = belief.hyp[i]
-    inside = turned = lateral = tx = ty = 0.0
+    best = Place(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0)
+    inside = 0.0
     misfit = variance = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
@@ -144,19 +165,30 @@ def _course(belief: Belief, ctx: Context, i: int, heading: float) -> Course:
         chi2 = here.turned * here.turned / (hyp.cov[H, H] + heading)
         if chi2 < misfit:
             misfit = chi2
-            turned, lateral, tx, ty = here.turned, here.lateral, here.tx, here.ty
-    return Course(inside, misfit, variance, turned, lateral, tx, ty)
+            best = here
+            hyp.course = road.edge
+    if misfit == math.inf and hyp.course >= 0:
+        best = _beside(hyp, ctx, hyp.course, hyp.segment, belief.state[0].scale)
+        ends = best.s < 0.0 or best.s > ctx.roads.edges[hyp.course].length
+        if not ends and abs(best.offset) <= _REACH and best.sigma <= _REACH:
+            inside = _inside(best)
+            variance = hyp.cov[H, H] + heading
+            misfit = best.turned * best.turned / variance
+    if misfit < math.inf:
+        hyp.segment = best.segment
+    return Course(inside, misfit, variance, best)
 
 
 @kernel
 def _follow(hyp: Record, course: Course, variances: tuple[float, float], scale: float) -> None:
     """Condition a hypothesis on the course of the road beside, with the probability of that."""
     share = hyp.beside[1]
-    normal = (course.ty, -course.tx)
+    place = course.place
+    normal = place.ty, -place.tx
     before = hyp.mu[H]
-    nu = hyp.mu[D] - course.lateral
+    nu = hyp.mu[D] - place.lateral
     update_across_in_part(hyp.mu, hyp.cov, normal, nu, variances[0], share, scale)
-    nu = course.turned - (hyp.mu[H] - before)
+    nu = place.turned - (hyp.mu[H] - before)
     update_state_in_part(hyp.mu, hyp.cov, H, nu, variances[1], share, scale)
 
 
@@ -169,6 +201,8 @@ def p_apart(belief: Belief, ctx: Context, i: int, edge: int, segment: int) -> fl
     for j in range(belief.state[0].count):
         if belief.hyp[j].edge == edge and belief.hyp[j].weight >= _JUDGES:
             return float(hyp.beside[1])
+    if edge == hyp.course:
+        return float(hyp.beside[1])
     here = _beside(hyp, ctx, edge, segment, belief.state[0].scale)
     return float(hyp.beside[1] * (1.0 - _inside(here)))
 
@@ -196,7 +230,7 @@ def _beside(hyp: Record, ctx: Context, edge: int, segment: int, scale: float) ->
     sigma = math.sqrt(max(variance, 0.0) + lane * lane)
     turned = wrap(chord_heading(ctx.roads, edge, segment, s, HALF_CHORD) - mean[H])
     lateral = across / scale
-    return Place(lateral, lateral - lane_mean(ctx, edge), sigma, turned, tx, ty)
+    return Place(lateral, lateral - lane_mean(ctx, edge), sigma, turned, tx, ty, s, segment)
 
 
 @kernel

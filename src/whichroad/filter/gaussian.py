@@ -130,7 +130,7 @@ def _apply_in_part(
 ) -> None:
     """The moments of two cases, of which a row holds in one; g is overwritten.
 
-        m⁺ = m + p g ν / s,    P⁺ = P − p (1 − (1 − p) ν² / s) g gᵀ / s
+    m⁺ = m + p g ν / s,    P⁺ = P − p (1 − (1 − p) ν² / s) g gᵀ / s
     """
     _shift(mean, g, share * innovation / s, scale)
     kept = -share * (1.0 - (1.0 - share) * innovation * innovation / s) / s

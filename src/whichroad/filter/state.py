@@ -86,6 +86,7 @@ HYPOTHESIS = np.dtype(
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
+        ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
         ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
@@ -352,6 +353,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
+    hyp.course = NO_EDGE
     hyp.new_edge = 1
 
 
@@ -370,6 +372,7 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp.segment = segment
     hyp.new_edge = 1
     hyp.beside[0] = hyp.beside[1] = 0.0
+    hyp.course = NO_EDGE
     if edge == OFF_ROAD:
         redraw(hyp, D, 0.0, BESIDE_SIGMA**2)
     state.count = child + 1

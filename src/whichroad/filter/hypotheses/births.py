@@ -18,7 +18,6 @@ from ..state import (
     MX,
     MY,
     OFF_ROAD,
-    WHEELS,
     B,
     Belief,
     Context,
