@@ -81,14 +81,18 @@ def gain_beside(
         outside   = P(|o| > 7 m),    parallel = exp(-½ max(ν² / s - 1, 0))
         ℓ_F       = usual - parallel cost
         ℓ_B       = across - ½ (ν² / s + log 2πs_r) - metres / 1 km
-        gain      = log (e^(a + ℓ_F) + outside e^ℓ_B) - log (e^a + outside) - (usual - cost)
+        gain      = log (e^(a + ℓ_F) + outside e^ℓ_B) - log (e^a + before) - (usual - cost)
         a        += ℓ_F - ℓ_B
 
-    `beside` of a hypothesis is a over its value of a vehicle that has just left a road, and P(B).
+    `beside` of a hypothesis is a over its value of a vehicle that has just left a road, P(B),
+    outside, and the largest that this was.
 
-    The offset's uncertainty lasts, and so it is asked for once, not in each row.  So does that of
-    the heading: s_r is the row's variance on the road.  By motion that follows no road, a does
-    not grow beyond its value of a vehicle that leaves one: it may come to a road beside.
+    The offset's uncertainty lasts, and so it is asked for once, not in each row: as it is now.
+    Before is outside at the last row; what exceeds its largest value counts as if it was so then.
+    So who leaves a road may come to be beside it, but who was off a line that is drawn badly is
+    not where the line is right again.  The uncertainty of the heading lasts as well: s_r is the
+    row's variance on the road.  By motion that follows no road, a does not grow beyond its value
+    of a vehicle that leaves one: it may come to a road beside.
 
     With P(B) the hypothesis follows the course of the road beside, as one on that road does: both
     rows hold, with D the offset from its line.
@@ -117,7 +121,7 @@ def gain_beside(
     outside = 1.0 - course.inside
     odds = math.exp(_FREE + hyp.beside[0])
     after = odds * math.exp(free - along)
-    gain = along + math.log((after + outside) / (odds + outside)) - (usual - cost)
+    gain = along + math.log((after + outside) / (odds + _before(hyp, outside))) - (usual - cost)
     most = max(hyp.beside[0], 0.0)
     hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), _LEAST)
     hyp.beside[1] = outside / (after + outside)
@@ -126,7 +130,21 @@ def gain_beside(
 
 
 @kernel
-def stay_beside(belief: Belief, ctx: Context, variances: tuple[float, float], cost: float) -> None:
+def _before(hyp: Record, outside: float) -> float:
+    """`outside` as it was, and if it is larger than ever it was so before."""
+    largest = hyp.beside[3]
+    before = outside
+    if largest > 0.0:  # else it is asked for the first time
+        before = hyp.beside[2] * max(outside / largest, 1.0)
+    hyp.beside[2] = outside
+    hyp.beside[3] = max(outside, largest)
+    return float(before)
+
+
+@kernel
+def update_beside(
+    belief: Belief, ctx: Context, variances: tuple[float, float], cost: float
+) -> None:
     """`gain_beside` where no hypothesis is on a road: who ran beside one may still do so.
 
     The row across is taken to fit as usual, and nobody gains.

@@ -19,7 +19,7 @@ from ..graph.geometry import (
     wrap,
 )
 from ..graph.network import Roads, is_at_node
-from .beside import gain_beside, stay_beside
+from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -107,7 +107,7 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
                     fit = across / noise.on_road
                     hyp.log_weight += gain_beside(belief, ctx, i, fit, variances, usual, cost)
     elif with_heading:
-        stay_beside(belief, ctx, variances, cost)
+        update_beside(belief, ctx, variances, cost)
 
 
 @kernel(inline=True)

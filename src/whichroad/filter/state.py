@@ -77,7 +77,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("stood", "f8"),  # s that it has stood, by sparse fixes; off the roads: it is parked there
-        ("beside", "f8", (2,)),  # off the roads: filter.beside; zero: it has just left one
+        ("beside", "f8", (4,)),  # off the roads: filter.beside; zero: it has just left one
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
@@ -343,7 +343,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
-        hyp.tangent[k] = hyp.odds[k] = hyp.beside[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.blames = NOTHING
@@ -353,8 +353,16 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.path_entry = -1
     hyp.edge = edge
     hyp.segment = segment
-    hyp.course = NO_EDGE
     hyp.new_edge = 1
+    forget_course(hyp)
+
+
+@kernel
+def forget_course(hyp: Record) -> None:
+    """It was beside no road yet."""
+    hyp.course = NO_EDGE
+    for k in range(4):
+        hyp.beside[k] = 0.0
 
 
 @kernel
@@ -371,8 +379,7 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp.edge = edge
     hyp.segment = segment
     hyp.new_edge = 1
-    hyp.beside[0] = hyp.beside[1] = 0.0
-    hyp.course = NO_EDGE
+    forget_course(hyp)
     if edge == OFF_ROAD:
         redraw(hyp, D, 0.0, BESIDE_SIGMA**2)
     state.count = child + 1
