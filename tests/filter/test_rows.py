@@ -230,7 +230,7 @@ def told_off_road(
     roads = network(straight_road())
     belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
     belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
-    belief.hyp["beside"][1] = odds - 4.0, 0.0
+    belief.hyp["beside"][1, :2] = odds - 4.0, 0.0
     belief.state[0].vetting.undecided_at = belief.state[0].time - misfit_ago
     doubt_map(belief, 1.0)
     told = []

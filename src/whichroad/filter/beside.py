@@ -34,7 +34,7 @@ _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
 _CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
-_LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
+_LIGHT = 1e-5  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
 _LEAST = -10.0  # log-odds of free motion that are remembered, over the usual ones
 
@@ -46,7 +46,7 @@ class Place(NamedTuple):
     offset: float  # and from its lane,
     sigma: float  # and the sigma of that
     turned: float  # the road's heading less that of the hypothesis, rad
-    tx: float  # unit tangent of the road
+    tx: float  # unit vector of that
     ty: float
     s: float  # abscissa of the foot, m
     segment: int  # of the road
@@ -239,16 +239,18 @@ def _beside(hyp: Record, ctx: Context, edge: int, segment: int, scale: float) ->
     cov = hyp.cov
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
-    segment, s, across, tx, ty = project(ctx.roads, edge, segment, qx, qy)
+    segment, s, across, _, _ = project(ctx.roads, edge, segment, qx, qy)
+    course = chord_heading(ctx.roads, edge, segment, s, HALF_CHORD)
+    tx, ty = math.cos(course), math.sin(course)
     vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
     vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
     vxy = cov[X, Y] + cov[X, MY] + cov[Y, MX] + cov[MX, MY]
     variance = ty * ty * vxx - 2.0 * tx * ty * vxy + tx * tx * vyy
     lane = lane_sigma(ctx, edge)
     sigma = math.sqrt(max(variance, 0.0) + lane * lane)
-    turned = wrap(chord_heading(ctx.roads, edge, segment, s, HALF_CHORD) - mean[H])
     lateral = across / scale
-    return Place(lateral, lateral - lane_mean(ctx, edge), sigma, turned, tx, ty, s, segment)
+    offset = lateral - lane_mean(ctx, edge)
+    return Place(lateral, offset, sigma, wrap(course - mean[H]), tx, ty, s, segment)
 
 
 @kernel
