@@ -10,9 +10,10 @@ import math
 from typing import NamedTuple
 
 from .._compile import Record, kernel
-from ..graph.geometry import HALF_CHORD, chord_heading, project, wrap
+from ..graph.geometry import HALF_CHORD, chord_heading, locate, project, wrap
 from .gaussian import LOG_2PI, normal_cdf, update_across_in_part, update_state_in_part
 from .state import (
+    BESIDE_SIGMA,
     MOTION,
     MX,
     MY,
@@ -158,8 +159,8 @@ def update_beside(
 def _course(belief: Belief, ctx: Context, i: int, heading: float) -> Course:
     """The course of the road beside hypothesis i, which keeps that in mind.
 
-    Of roads that others are on it is the one that fits best, else the one that it was beside
-    before.
+    Of roads that others are on it is the one whose heading and distance fit best, else the one
+    that it was beside before.
 
     Args:
         belief: The hypothesis' course is set.
@@ -170,7 +171,7 @@ def _course(belief: Belief, ctx: Context, i: int, heading: float) -> Course:
     hyp = belief.hyp[i]
     best = Place(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0)
     inside = 0.0
-    misfit = variance = math.inf
+    misfit = variance = least = math.inf
     for j in range(belief.state[0].count):
         road = belief.hyp[j]
         if road.edge == OFF_ROAD or road.weight < _JUDGES:
@@ -181,7 +182,9 @@ def _course(belief: Belief, ctx: Context, i: int, heading: float) -> Course:
         inside = max(inside, _inside(here))
         variance = min(variance, road.cov[H, H] + heading)
         chi2 = here.turned * here.turned / (hyp.cov[H, H] + heading)
-        if chi2 < misfit:
+        far = (here.offset / BESIDE_SIGMA) ** 2
+        if chi2 + far < least:
+            least = chi2 + far
             misfit = chi2
             best = here
             hyp.course = road.edge
@@ -239,8 +242,10 @@ def _beside(hyp: Record, ctx: Context, edge: int, segment: int, scale: float) ->
     cov = hyp.cov
     qx = mean[X] + scale * mean[MX]
     qy = mean[Y] + scale * mean[MY]
-    segment, s, across, _, _ = project(ctx.roads, edge, segment, qx, qy)
-    course = chord_heading(ctx.roads, edge, segment, s, HALF_CHORD)
+    segment, s, _, _, _ = project(ctx.roads, edge, segment, qx, qy)
+    inside = min(max(s, 0.0), ctx.roads.edges[edge].length)
+    segment, x, y, _, _ = locate(ctx.roads, edge, segment, inside)
+    course = chord_heading(ctx.roads, edge, segment, inside, HALF_CHORD)
     tx, ty = math.cos(course), math.sin(course)
     vxx = cov[X, X] + 2.0 * cov[X, MX] + cov[MX, MX]
     vyy = cov[Y, Y] + 2.0 * cov[Y, MY] + cov[MY, MY]
@@ -248,7 +253,7 @@ def _beside(hyp: Record, ctx: Context, edge: int, segment: int, scale: float) ->
     variance = ty * ty * vxx - 2.0 * tx * ty * vxy + tx * tx * vyy
     lane = lane_sigma(ctx, edge)
     sigma = math.sqrt(max(variance, 0.0) + lane * lane)
-    lateral = across / scale
+    lateral = ((qx - x) * ty - (qy - y) * tx) / scale
     offset = lateral - lane_mean(ctx, edge)
     return Place(lateral, offset, sigma, wrap(course - mean[H]), tx, ty, s, segment)
 
