@@ -35,7 +35,7 @@ _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
 _CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
-_LIGHT = 1e-5  # weight of a vehicle off the roads below which it is not asked for,
+_LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
 _LEAST = -10.0  # log-odds of free motion that are remembered, over the usual ones
 
