@@ -288,7 +288,7 @@ def after_rows(odds: float, rows: int = 30, alone_after: int = 30) -> np.recarra
 
 def test_beside_a_road_a_vehicle_keeps_its_course_and_its_offset():
     """Long beside it the road's heading is the vehicle's; a free vehicle keeps its own."""
-    beside, free = after_rows(-6.0), after_rows(40.0)
+    beside, free = after_rows(-6.0), after_rows(100.0)
     assert beside["mu"][H] == pytest.approx(0.0, abs=0.01)
     assert beside["cov"][H, H] < 0.5 * free["cov"][H, H]
     assert beside["mu"][D] == pytest.approx(15.0, abs=0.5)
