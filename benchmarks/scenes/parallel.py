@@ -12,6 +12,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
@@ -19,6 +20,7 @@ from whichroad.simulate import GOOD, MapBuilder, Pull, SimulatedDrive, simulate_
 
 from .. import Figure, Options
 from .drives import SURE, Answer, Row, Table, answer, each, named, world
+from .plain import Array
 
 SEEDS = range(10_000, 11_000)
 GAPS = (8, 12, 18, 25)  # m
@@ -26,6 +28,7 @@ GAPS = (8, 12, 18, 25)  # m
 CASES = list(product(GAPS, ("changed", "straight"), ("abrupt", "creeping")))
 SETTINGS = replace(GOOD, stop_probability=0.0, lane_change_rate=0.0)
 WITHIN_S = 60.0  # a cold start should be decided by then
+PRIOR_DOF = 2  # of the map's variance before it is learnt: one length of its error, two axes
 STRETCH_M = 800.0  # parallel, behind the link
 _APPROACH = 900.0
 _AFTER = 700.0  # m, the roads go on
@@ -160,7 +163,9 @@ def cold(seed: int, *, settings: Settings) -> Row:
                 route=[pair.side if on_side else pair.main], pulls=pulls,
             )  # fmt: skip
             if time is None:
-                row |= {f"{gap} exact {k}": v for k, v in _exact(pair, gap, on_side, drive)}
+                row |= {
+                    f"{gap} exact {k}": v for k, v in _exact(pair, gap, on_side, drive, settings)
+                }
             for sensors, seen in (("wheels", drive), ("GNSS only", _without_wheels(drive))):
                 said = answer(pair.roads, seen, settings)
                 key = f"{gap} {receiver} {sensors} "
@@ -190,13 +195,15 @@ def _decision(
 
 
 def _exact(
-    pair: Pair, gap: float, on_side: bool, drive: SimulatedDrive
+    pair: Pair, gap: float, on_side: bool, drive: SimulatedDrive, settings: Settings
 ) -> Iterator[tuple[str, float]]:
     """What the exact test of two roads decides that knows all variances: no filter can do more.
 
     Fixes of a receiver that is pulled a full gap for good are those of a fair one on the other
     road.  No rule tells them apart: whatever share of fair starts it decides rightly, it
-    decides the same share of pulled ones wrongly.
+    decides the same share of pulled ones wrongly.  `believing` takes the map's sigma to be
+    `map_sigma`.  To `unsure` its variance is a scaled inverse chi-square about that, as if it
+    came from one length of the error.
     """
     truth, known = drive.truth, drive.settings
     time = drive.fix_truth.time
@@ -207,19 +214,39 @@ def _exact(
     apart = (pair.right if on_side else -pair.right) * gap  # of the wrong road, m north
     moved = np.concatenate([[0.0], np.cumsum(np.diff(time[fixes]) * ~truth.stopped[at[1:]])])
     slow = known.gnss_bias_low**2 * np.exp(-np.abs(moved[:, None] - moved) / known.gnss_time)
-    same = known.map_sigma**2 + known.relative_sigma**2
-    same += known.street_sigma**2 + known.lane_sigma**2
+    same = known.relative_sigma**2 + known.street_sigma**2 + known.lane_sigma**2
     cov = slow + same + known.gnss_white**2 * np.eye(len(moved))
-    white = np.linalg.inv(np.linalg.cholesky(cov))  # innovations, one after the other
-    ratio = np.cumsum((white @ (error - apart)) ** 2 - (white @ error) ** 2) / 2.0
-    pulled = np.cumsum((white @ error) ** 2 - (white @ (error + apart)) ** 2) / 2.0
+    told = np.array([known.map_sigma**2])
+    believed = np.array([settings.map_sigma**2])
+    unsure = settings.map_sigma**2 * PRIOR_DOF / chi2.ppf((np.arange(20) + 0.5) / 20, PRIOR_DOF)
     enough = np.log(SURE / (1.0 - SURE))
-    sure = np.flatnonzero(np.abs(ratio) > enough)
-    yield "decided", float(len(sure) > 0)
-    yield "decided_wrong", float(len(sure) > 0 and ratio[sure[0]] < 0.0)
-    yield "decided_right", float(len(sure) > 0 and ratio[sure[0]] > 0.0)
+    for name, maps in (("", told), ("believing ", believed), ("unsure ", unsure)):
+        ratio = _log_odds(error, error - apart, cov, maps)
+        sure = np.flatnonzero(np.abs(ratio) > enough)
+        yield name + "decided", float(len(sure) > 0)
+        yield name + "decided_wrong", float(len(sure) > 0 and ratio[sure[0]] < 0.0)
+        yield name + "decided_right", float(len(sure) > 0 and ratio[sure[0]] > 0.0)
+    pulled = _log_odds(error + apart, error, cov, told)
     sure = np.flatnonzero(np.abs(pulled) > enough)
     yield "pulled_wrong", float(len(sure) > 0 and pulled[sure[0]] < 0.0)
+
+
+def _log_odds(one: Array, other: Array, cov: Array, maps: Array) -> Array:
+    """Log-odds after each fix of one series of errors (n,) over another.
+
+    Args:
+        one: Errors on one road, m.
+        other: The same on the other one.
+        cov: Of the errors, without the map's, (n, n) m².
+        maps: Variances that the map's may have, alike probable, (k,) m².
+    """
+    logs: list[list[Array]] = [[], []]
+    for variance in maps:
+        white = np.linalg.inv(np.linalg.cholesky(cov + variance))  # innovations, one by one
+        for errors, found in zip((one, other), logs, strict=True):
+            found.append(np.cumsum(np.log(np.diag(white)) - 0.5 * (white @ errors) ** 2))
+    first, second = (np.logaddexp.reduce(found, axis=0) for found in logs)
+    return np.asarray(first - second)
 
 
 def coldstart(options: Options) -> list[Figure]:
@@ -243,6 +270,14 @@ def coldstart(options: Options) -> list[Figure]:
                     table.share(name + "decided within 60 s", key + "decided"),
                     table.share(name + "wrong of those", key + "decided_wrong", key + "decided"),
                     table.share(name + "rightly decided", key + "decided_right"),
+                    *(
+                        table.share(f"{name}{how}, {what}", f"{key}{how} {said}", of)
+                        for how in ("believing", "unsure")  # of the map's sigma
+                        for what, said, of in (
+                            ("rightly", "decided_right", None),
+                            ("wrong of those", "decided_wrong", f"{key}{how} decided"),
+                        )
+                    ),
                     table.share(
                         f"{gap} m, exact test, pulled for good: wrongly decided",
                         key + "pulled_wrong",

@@ -215,7 +215,7 @@ def test_a_vehicle_beside_a_road_comes_back_to_another_one_only():
     roads = network(parallel_roads(12.0))
     places = [On(OFF_ROAD, 1000.0, 0.9, right=-6.0), On(0, 1000.0, 0.1)]
     belief = belief_on(roads, places)
-    living(belief).beside[0] = -10.0, 1.0
+    living(belief).beside[0, :2] = -10.0, 1.0
     exchange(belief, roads, 10.0)
     shares = edge_weights(belief)
     assert shares[0] < 0.1001

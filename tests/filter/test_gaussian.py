@@ -19,8 +19,10 @@ from whichroad.filter.gaussian import (
     truncated_moments,
     update,
     update_across,
+    update_across_in_part,
     update_pair,
     update_state,
+    update_state_in_part,
 )
 from whichroad.filter.state import MX, MY, D, H, N, X, Y
 
@@ -89,6 +91,34 @@ def test_a_place_across_a_road_is_seen_as_by_its_row(seed: int):
     s = update(a.mean, a.cov, on_map(nx, ny, -1.0), nu, r, 1.1)
     assert update_across(b.mean, b.cov, nx, ny, nu, r, 1.1) == pytest.approx(s, rel=1e-9)
     assert_same(a, b)
+
+
+@given(seeds, st.floats(0.0, 1.0))
+def test_a_row_that_holds_in_part_leaves_the_moments_of_both_cases(seed: int, share: float):
+    rng = np.random.default_rng(seed)
+    before = random_gaussian(rng)
+    (nx, ny), r = rng.normal(size=2), rng.uniform(0.01, 4.0)
+    for row in (on_map(nx, ny, -1.0), np.eye(N)[H]):
+        nu = rng.uniform(-2.9, 2.9) * math.sqrt(row @ before.cov @ row + r)
+        with_it, a, b = before.copy(), before.copy(), before.copy()
+        update(with_it.mean, with_it.cov, row, nu, r, 1.1)
+        merge_moments(a.mean, a.cov, with_it.mean, with_it.cov, 1.0 - share, 1.1)
+        if row[H] == 1.0:
+            update_state_in_part(b.mean, b.cov, H, nu, r, share, 1.1)
+        else:
+            update_across_in_part(b.mean, b.cov, (nx, ny), nu, r, share, 1.1)
+        wrapped = a.mean[H] - b.mean[H]
+        b.mean[H] += 2.0 * math.pi * round(wrapped / (2.0 * math.pi))
+        assert_same(a, b)
+
+
+@given(seeds)
+def test_an_offset_that_jumps_is_not_averaged_with_the_one_before(seed: int):
+    g = random_gaussian(np.random.default_rng(seed))
+    x = g.mean[X]
+    sigma = math.sqrt(g.cov[X, X])
+    update_across_in_part(g.mean, g.cov, (0.0, -1.0), 1e4, 0.5, 1.0, 1.0)
+    assert g.mean[X] == pytest.approx(x, abs=0.1 * sigma)
 
 
 @given(seeds)

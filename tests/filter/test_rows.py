@@ -24,6 +24,7 @@ from whichroad.filter.gnss.position import Axes, observe_position
 from whichroad.filter.motion import age_map
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
+    BESIDE_SIGMA,
     GX,
     GY,
     MOTION,
@@ -230,7 +231,7 @@ def told_off_road(
     roads = network(straight_road())
     belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, right, 1.0)])
     belief.hyp["mu"][1, H], belief.hyp.blames[1] = turned, blames
-    belief.hyp["beside"][1] = odds - 4.0, 0.0
+    belief.hyp["beside"][1, :2] = odds - 4.0, 0.0
     belief.state[0].vetting.undecided_at = belief.state[0].time - misfit_ago
     doubt_map(belief, 1.0)
     told = []
@@ -261,6 +262,63 @@ def test_who_leaves_a_road_does_not_pay_for_following_it():
     [following] = told_off_road(right=3.0, odds=4.0)
     [leaving] = told_off_road(right=3.0, turned=0.8, odds=4.0)
     assert following - leaving == pytest.approx(5.0 * SET.off_road_cost, rel=0.1)
+
+
+def after_rows(odds: float, rows: int = 30, alone_after: int = 30) -> np.recarray:
+    """A vehicle off the roads 15 m beside one, that heads 0.05 rad off it, after rows of 5 m.
+
+    Args:
+        odds: Log-odds of free motion over a road beside.
+        rows: How many.
+        alone_after: Rows after which no hypothesis is on the road any more.
+    """
+    roads = network(straight_road())
+    belief = belief_on(roads, [On(OFF_ROAD, 500.0, 0.5, 15.0), On(0, 500.0, 0.5)])
+    belief.hyp["mu"][0, H], belief.hyp["cov"][0, H, H] = 0.05, 0.05**2
+    belief.hyp["cov"][0, D, D] = BESIDE_SIGMA**2
+    belief.hyp["beside"][0, 0] = odds - 4.0
+    belief.state[0].vetting.undecided_at = -math.inf
+    doubt_map(belief, 1.0)
+    for k in range(rows):
+        if k == alone_after:
+            belief.state[0].count = 1
+        see_roads(belief, roads)
+    return belief.hyp[0]
+
+
+def test_beside_a_road_a_vehicle_keeps_its_course_and_its_offset():
+    """Long beside it the road's heading is the vehicle's; a free vehicle keeps its own."""
+    beside, free = after_rows(-6.0), after_rows(100.0)
+    assert beside["mu"][H] == pytest.approx(0.0, abs=0.01)
+    assert beside["cov"][H, H] < 0.5 * free["cov"][H, H]
+    assert beside["mu"][D] == pytest.approx(15.0, abs=0.5)
+    across = beside["cov"][Y, Y] + beside["cov"][MY, MY] + 2.0 * beside["cov"][Y, MY]
+    assert across == pytest.approx(beside["cov"][D, D], rel=0.2)
+    assert free["mu"][H] == pytest.approx(0.05, abs=1e-3)
+
+
+def test_beside_a_road_that_nobody_is_on_a_vehicle_is_still_asked():
+    """The odds of free motion go on to fall, and the course is kept."""
+    short, long = after_rows(4.0, 3, 3), after_rows(4.0, 20, 3)
+    assert short["course"] == long["course"] == 0
+    assert long["beside"][0] < short["beside"][0] - 5.0
+    assert long["cov"][H, H] < short["cov"][H, H]
+
+
+def test_who_was_off_a_line_is_not_beside_it_where_it_is_on_it_again():
+    roads = network(straight_road())
+    told = []
+    for right in (15.0, 1.75):
+        belief = belief_on(roads, [On(0, 500.0, 0.5), On(OFF_ROAD, 500.0, 0.5, 15.0, 1.0)])
+        belief.hyp["beside"][1, 0] = -10.0
+        belief.state[0].vetting.undecided_at = -math.inf
+        doubt_map(belief, 1.0)
+        see_roads(belief, roads)
+        belief.hyp["mu"][1, Y] = -right
+        before = belief.hyp.log_weight[1]
+        see_roads(belief, roads)
+        told.append(float(belief.hyp.log_weight[1] - before))
+    assert told[0] - told[1] > 3.0
 
 
 def test_a_vehicle_that_blames_its_motion_has_not_shown_that_it_left():

@@ -79,6 +79,17 @@ def log_density(innovation: float, s: float) -> float:
 
 
 @kernel
+def update_state_in_part(
+    mean: Vector, cov: Matrix, state: int, innovation: float, variance: float, share: float,
+    scale: float,
+) -> None:  # fmt: skip
+    """`update_state` by a row that holds with a probability `share`, see `_apply_in_part`."""
+    g = new_row()
+    set_to(g, cov[state])
+    _apply_in_part(mean, cov, g, innovation, variance + g[state], share, scale)
+
+
+@kernel
 def update_across(
     mean: Vector, cov: Matrix, nx: float, ny: float, innovation: float, variance: float,
     scale: float,
@@ -90,6 +101,43 @@ def update_across(
     s = variance + nx * (g[X] + g[MX]) + ny * (g[Y] + g[MY]) - g[D]
     _apply_gain(mean, cov, g, innovation / s, s, scale)
     return float(s)
+
+
+@kernel
+def update_across_in_part(
+    mean: Vector, cov: Matrix, normal: tuple[float, float], innovation: float, variance: float,
+    share: float, scale: float,
+) -> None:  # fmt: skip
+    """`update_across` by a row that holds with a probability, and with an offset that may jump.
+
+    An innovation beyond three sigmas says that the offset has changed: it grows by that.
+    """
+    nx, ny = normal
+    g = new_row()
+    _map_gain(cov, nx, ny, g)
+    add_times(g, -1.0, cov[D])
+    s = variance + nx * (g[X] + g[MX]) + ny * (g[Y] + g[MY]) - g[D]
+    if innovation * innovation > 9.0 * s:
+        cov[D, D] += innovation * innovation
+        g[D] -= innovation * innovation
+        s += innovation * innovation
+    _apply_in_part(mean, cov, g, innovation, s, share, scale)
+
+
+@kernel(inline=True)
+def _apply_in_part(
+    mean: Vector, cov: Matrix, g: Vector, innovation: float, s: float, share: float, scale: float
+) -> None:
+    """The moments of two cases, of which a row holds in one; g is overwritten.
+
+    m⁺ = m + p g ν / s,    P⁺ = P − p (1 − (1 − p) ν² / s) g gᵀ / s
+    """
+    _shift(mean, g, share * innovation / s, scale)
+    kept = -share * (1.0 - (1.0 - share) * innovation * innovation / s) / s
+    set_times(g, math.sqrt(abs(kept)), g)
+    sign = math.copysign(1.0, kept)
+    for i in range(N):
+        add_times(cov[i], sign * g[i], g)
 
 
 @kernel(inline=True)

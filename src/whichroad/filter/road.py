@@ -19,7 +19,7 @@ from ..graph.geometry import (
     wrap,
 )
 from ..graph.network import Roads, is_at_node
-from .beside import gain_beside
+from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -95,16 +95,19 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         log_s += hyp.weight * log_variance
         across += hyp.weight * fit
         hyp.log_weight -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
+    cost = ctx.par[0].off_road_cost * metres
+    variances = noise.lateral, noise.heading
     if noise.on_road > 0.0:
         usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
-        cost = ctx.par[0].off_road_cost * metres
         for i in range(belief.state[0].count):
             hyp = belief.hyp[i]
             if hyp.edge == OFF_ROAD:
                 hyp.log_weight += usual - cost
                 if with_heading:
                     fit = across / noise.on_road
-                    hyp.log_weight += gain_beside(belief, ctx, i, fit, noise.heading, usual, cost)
+                    hyp.log_weight += gain_beside(belief, ctx, i, fit, variances, usual, cost)
+    elif with_heading:
+        update_beside(belief, ctx, variances, cost)
 
 
 @kernel(inline=True)

@@ -55,6 +55,7 @@ WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix
 # motion is predicted: not yet; anew by a fix; in the plane; along the road; not at all; by routes
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
+BESIDE_SIGMA = 20.0  # m, off the roads: sigma of the offset from a road that runs beside
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
 RARE_FLOOR = 1e-3  # these, relative to the usual ones
 GRACE = 60.0  # m, for which they hold
@@ -76,7 +77,7 @@ HYPOTHESIS = np.dtype(
         ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("stood", "f8"),  # s that it has stood, by sparse fixes; off the roads: it is parked there
-        ("beside", "f8", (2,)),  # off the roads: filter.beside; zero: it has just left one
+        ("beside", "f8", (4,)),  # off the roads: filter.beside; zero: it has just left one
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
@@ -85,6 +86,7 @@ HYPOTHESIS = np.dtype(
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
+        ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
         ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
@@ -341,7 +343,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     for k in range(2):
-        hyp.tangent[k] = hyp.odds[k] = hyp.beside[k] = 0.0
+        hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
     hyp.blames = NOTHING
@@ -352,6 +354,15 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.edge = edge
     hyp.segment = segment
     hyp.new_edge = 1
+    forget_course(hyp)
+
+
+@kernel
+def forget_course(hyp: Record) -> None:
+    """It was beside no road yet."""
+    hyp.course = NO_EDGE
+    for k in range(4):
+        hyp.beside[k] = 0.0
 
 
 @kernel
@@ -368,7 +379,9 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp.edge = edge
     hyp.segment = segment
     hyp.new_edge = 1
-    hyp.beside[0] = hyp.beside[1] = 0.0
+    forget_course(hyp)
+    if edge == OFF_ROAD:
+        redraw(hyp, D, 0.0, BESIDE_SIGMA**2)
     state.count = child + 1
     return child
 
@@ -383,9 +396,9 @@ def lane_mean(ctx: Context, edge: int) -> float:
 
 @kernel
 def lane_sigma(ctx: Context, edge: int) -> float:
-    """Its sigma, m."""
+    """Its sigma, m; off the roads that of the offset from a road beside."""
     if edge < 0:
-        return float(ctx.par[0].lane_sigma)
+        return BESIDE_SIGMA
     return lane_sigma_of(ctx.roads, edge, ctx.par[0].lane_sigma)
 
 

@@ -7,7 +7,7 @@ from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import HALF_CHORD, chord_heading, project, wrap
 from ...graph.index import near, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
-from ..beside import STARTS, is_judge
+from ..beside import STARTS, p_apart
 from ..gaussian import normal_cdf
 from ..map_error import map_variance
 from ..state import (
@@ -18,7 +18,6 @@ from ..state import (
     MX,
     MY,
     OFF_ROAD,
-    WHEELS,
     B,
     Belief,
     Context,
@@ -263,7 +262,6 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
     With wheels, who is on a road that runs beside another does not come back to that one.
     """
     hyp = belief.hyp[i]
-    beside = hyp.beside[1] if belief.state[0].mode == WHEELS else 0.0
     p = hyp.weight
     count = _roads_about(hyp, ctx, belief.state[0].scale)
     total = 0.0
@@ -277,12 +275,12 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
         part = share * ctx.work.near[c].mass / total
         if ctx.roads.edges[edge].rule & AGAINST_ONE_WAY:
             part *= max(ctx.par[0].wrong_way, 1e-6)
-        if beside > 0.0 and is_judge(belief, edge):
-            part *= 1.0 - beside
+        segment = vertex_at(ctx.roads, edge, ctx.work.near[c].s)
+        part *= 1.0 - p_apart(belief, ctx, i, edge, segment)
         if part * p < 1e-6:
             continue
         given += part
-        child = spawn(belief, i, part, edge, vertex_at(ctx.roads, edge, ctx.work.near[c].s))
+        child = spawn(belief, i, part, edge, segment)
         new = belief.hyp[child]
         new.p_not_passed = 1.0
         redraw(new, D, lane_mean(ctx, edge), lane_sigma(ctx, edge) ** 2)

@@ -166,7 +166,7 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
 def _kept_lane(ctx: Context, kept: float, then_edge: int, edge: int) -> float:
     """What is kept of the lane offset from one edge to another, `kept` on the same one."""
     if edge == OFF_ROAD:
-        return kept
+        return kept if then_edge == OFF_ROAD else 0.0
     if then_edge == OFF_ROAD or ctx.roads.edges[edge].opposite == then_edge:
         return 0.0
     if edge == then_edge:
