@@ -55,6 +55,9 @@ FAULTS = {
     "pulled": Fault(
         "receiver", 0.0, (60, 60), 1, "pulled away by 1 to 10 m/s, then back", "wheels yaw"
     ),
+    "frozen": Fault("receiver", 0.0, (5, 30), 3, "fixes repeat the last place"),
+    "frozen_zero": Fault("receiver", 0.0, (5, 30), 3, "the same, with speed 0"),
+    "every_third": Fault("receiver", 0.0, WHOLE, 1, "two of three fixes repeat the one before"),
     # wheels and gyros
     "slip": Fault("odometry", 0.3, (0.5, 3), 4, "a wheel or both 10 to 60 % too fast", "wheels"),
     "tyre": Fault("odometry", 0.05, (1e9, 1e9), 1, "left wheel 0.5 to 5 % off from now", "wheels"),

@@ -64,6 +64,7 @@ def receive(
     measured = position + error
     if has(events, "lag"):
         measured, velocity = _lagged(time, measured, velocity, float(faulty.uniform(0.5, 2.0)))
+    _repeat(time, measured, velocity, events)
     if has(events, "sigma"):
         cov = cov / faulty.uniform(2.0, 3.0) ** 2
     fixes = Fixes(time, *measured.T, cov, np.hypot(*velocity.T), _bearing(velocity))
@@ -75,6 +76,21 @@ def receive(
         fixes.time[keep], fixes.x[keep], fixes.y[keep], fixes.cov[keep], fixes.speed[keep],
         fixes.bearing_deg[keep],
     )  # fmt: skip
+
+
+def _repeat(
+    time: np.ndarray, measured: np.ndarray, velocity: np.ndarray, events: list[Event]
+) -> None:
+    """Fill gaps with the last fix, in place."""
+    for event in events:
+        if event.name in ("frozen", "frozen_zero"):
+            rows = np.flatnonzero((time >= event.begin) & (time < event.end))
+            if len(rows):
+                measured[rows] = measured[rows[0]]
+                velocity[rows] = velocity[rows[0]] if event.name == "frozen" else 0.0
+        elif event.name == "every_third":
+            rows = 3 * (np.arange(len(time)) // 3)
+            measured[:], velocity[:] = measured[rows], velocity[rows]
 
 
 def _bearing(velocity: np.ndarray) -> np.ndarray:

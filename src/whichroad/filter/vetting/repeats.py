@@ -37,9 +37,9 @@ _AGAIN = 2.0  # times as long as before may a place be repeated
 def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
     """Whether a fix only repeats a place that the vehicle has left.
 
-    It has left it if the odometer or reported speeds say so.  Where they do not, or the receiver
-    says that the vehicle stands, it has if no braking could have kept it there.  Where the
-    receiver has repeated places before, the vehicle drives on.
+    It has left it if the odometer says so, or reported speeds do.  Where nothing does, or the
+    receiver says that the vehicle stands, it has if no braking could have kept it there.  Where
+    the receiver has repeated places before, the vehicle drives on.
 
     Args:
         seen: In place, REPEATS.
@@ -59,7 +59,7 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
         return False
     seen.last = epoch.time
     far = _least_way(seen, epoch.time)
-    if not (reported and epoch.speed < _STANDS):
+    if measured or not (reported and epoch.speed < _STANDS):
         far = max(far, seen.driven)
     if far <= max(_LEAST, epoch.fix[2]):
         return False

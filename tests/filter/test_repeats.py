@@ -1,0 +1,63 @@
+"""Fixes that repeat a place, of vehicles that move and of those that stand."""
+
+import numpy as np
+import pytest
+
+from whichroad._compile import Records
+from whichroad.filter.records import new_epochs
+from whichroad.filter.state import new_belief
+from whichroad.filter.vetting.repeats import is_repeated
+
+SIGMA = 2.0
+
+
+def seen(
+    x: list[float], every: float = 1.0, speed: float | None = None, arc: float = 0.0
+) -> list[bool]:
+    """What is repeated of fixes at x, with a reported speed or an odometer."""
+    epochs: Records = new_epochs(len(x))
+    repeats = new_belief().state[0].vetting.repeats
+    epochs.has_fix = 1
+    epochs.fix[:, 0], epochs.fix[:, 1], epochs.fix[:, 2] = x, 7.0, SIGMA
+    epochs.time = 100.0 + every * np.arange(len(x))
+    epochs.speed_sigma = np.inf if speed is None else 0.2
+    epochs.speed = 0.0 if speed is None else speed
+    epochs.arc = arc
+    return [is_repeated(repeats, epoch, every, arc > 0.0) for epoch in epochs]
+
+
+def test_a_place_that_fast_vehicles_cannot_stay_at_is_repeated():
+    assert seen([0, 15, 30, 30, 30, 75]) == [False, False, False, True, True, False]
+
+
+def test_a_vehicle_that_brakes_may_stay_where_it_is():
+    assert not any(seen([0, 9, 15, 18, 19, 19, 19, 19, 19, 19]))
+
+
+def test_one_wrong_place_before_a_stop_is_no_speed():
+    assert not any(seen([0, 0.5, 0.2, 15.0, 15.0, 15.0, 15.0]))
+
+
+@pytest.mark.parametrize(("speed", "repeated"), [(10.0, True), (0.0, False)])
+def test_reports_say_whether_the_vehicle_has_left(speed: float, repeated: bool):
+    assert seen([0.0, 0.01, 0.01, 0.01], speed=speed)[2:] == [repeated, repeated]
+
+
+def test_an_odometer_says_whether_the_vehicle_has_left():
+    assert seen([0, 8, 8, 8, 32], arc=8.0) == [False, False, True, True, False]
+    assert not any(seen([0, 0.5, 0.5, 0.5, 0.5], arc=0.5))
+
+
+def test_an_odometer_is_believed_before_a_receiver_that_says_the_vehicle_stands():
+    assert seen([0, 8, 8, 8, 32], arc=8.0, speed=0.0) == [False, False, True, True, False]
+
+
+def test_places_that_were_left_once_are_left_again_as_long():
+    """A place every third second, at 6 m/s: once the first jump has shown it, the rest is known."""
+    found = seen([18.0 * (k // 3) for k in range(15)])
+    assert found[9:] == [False, True, True] * 2
+
+
+def test_a_long_stop_of_a_receiver_that_repeats_places_is_a_stop():
+    driven = [18.0 * (k // 3) for k in range(12)]
+    assert not any(seen([*driven, *[driven[-1] + 18.0] * 30])[-20:])
