@@ -1,0 +1,65 @@
+"""A logger fills a gap with its last fix: the vehicle drives on, the row is named."""
+
+import datetime as dt
+
+import numpy as np
+import pytest
+
+from demands.town import corners, fixes, roads
+from whichroad import Localizer, match
+from whichroad.observations import GeoFix
+
+FROM, TO = 25, 37  # rows of the same place
+
+
+def frozen() -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Along a row at 12 m/s, then up a column; a gap of 12 s is filled.  And the true latitudes."""
+    table = {k: np.asarray(v) for k, v in fixes(corners("20", "24", "44"), speed=12.0).items()}
+    truth = table["lat"].copy()
+    for name in ("lat", "lon"):
+        table[name] = table[name].copy()
+        table[name][FROM:TO] = table[name][FROM]
+    return table, truth
+
+
+def test_the_vehicle_drives_on_while_fixes_repeat_a_place_and_they_are_named():
+    table, _ = frozen()
+    result = match(table, roads())
+    points = result.points
+    last = points.iloc[TO - 1]
+    moved = 111_000.0 * np.hypot(
+        last.lat - points.lat.iloc[FROM], (last.lon - points.lon.iloc[FROM]) * 0.65
+    )
+    assert moved > 60.0
+    assert (points.p_road.iloc[TO + 3 : TO + 15] > 0.9).all()
+    [found] = [f for f in result.diagnosis if f.what == "gnss: repeated"]
+    assert found.statistic == pytest.approx(TO - FROM - 1, abs=1.0)
+
+
+def test_on_line_they_are_withheld_too():
+    table, _ = frozen()
+    localizer = Localizer(roads())
+    begin = dt.datetime(2026, 6, 1, tzinfo=dt.UTC).timestamp()
+    rows = zip(table["time"] - table["time"][0], table["lat"], table["lon"], strict=True)
+    answers = [
+        localizer.update(GeoFix(begin + float(t), float(lat), float(lon), 3.0))
+        for t, lat, lon in rows
+    ]
+    there, later = answers[FROM].pose, answers[TO - 1].pose
+    assert np.hypot(later.lat - there.lat, later.lon - there.lon) > 4e-4
+
+
+def test_a_vehicle_that_stands_is_not_moved_by_a_receiver_that_holds_its_place():
+    table, _ = frozen()
+    table["lat"][TO:], table["lon"][TO:] = table["lat"][FROM], table["lon"][FROM]
+    stopping = {k: v.copy() for k, v in table.items()}
+    n = FROM
+    for k in range(1, 6):  # it brakes by 2.4 m/s² and stays
+        for name in ("lat", "lon"):
+            step = table[name][FROM - 1] - table[name][FROM - 2]
+            stopping[name][n + k - 1 :] = stopping[name][n + k - 2] + step * (1.0 - k / 5.0)
+    result = match(stopping, roads())
+    assert not [f for f in result.diagnosis if f.what == "gnss: repeated"]
+    stay = result.points.iloc[n + 8 :]
+    assert np.ptp(stay.lon) < 1e-4
+    assert (stay.status == "stopped").iloc[-1]
