@@ -9,12 +9,12 @@ from demands.town import corners, fixes, roads
 from whichroad import Localizer, match
 from whichroad.observations import GeoFix
 
-FROM, TO = 25, 37  # rows of the same place
+FROM, TO = 22, 34  # rows of the same place
 
 
 def frozen() -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Along a row at 12 m/s, then up a column; a gap of 12 s is filled.  And the true latitudes."""
-    table = {k: np.asarray(v) for k, v in fixes(corners("20", "24", "44"), speed=12.0).items()}
+    """Along a row at 14 m/s, then up a column; a gap of 12 s is filled.  And the true latitudes."""
+    table = {k: np.asarray(v) for k, v in fixes(corners("20", "24", "44"), speed=14.0).items()}
     truth = table["lat"].copy()
     for name in ("lat", "lon"):
         table[name] = table[name].copy()
@@ -54,7 +54,7 @@ def test_a_vehicle_that_stands_is_not_moved_by_a_receiver_that_holds_its_place()
     table["lat"][TO:], table["lon"][TO:] = table["lat"][FROM], table["lon"][FROM]
     stopping = {k: v.copy() for k, v in table.items()}
     n = FROM
-    for k in range(1, 6):  # it brakes by 2.4 m/s² and stays
+    for k in range(1, 6):  # it brakes by 2.8 m/s² and stays
         for name in ("lat", "lon"):
             step = table[name][FROM - 1] - table[name][FROM - 2]
             stopping[name][n + k - 1 :] = stopping[name][n + k - 2] + step * (1.0 - k / 5.0)

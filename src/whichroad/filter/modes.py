@@ -171,6 +171,15 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         hear(state, reading.time)
 
 
+@kernel
+def _withhold_repeats(vetting: Record, reading: Record, dt: float, sensors: int) -> None:
+    """Take a fix that only repeats a place out of a reading."""
+    measured = sensors != CLOCK and reading.odometry_valid == 1 and vetting.refused[ARC] == 0
+    if is_repeated(vetting.repeats, reading, dt, measured):
+        reading.has_fix = 0
+        reading.speed_sigma = reading.course_sigma = math.inf
+
+
 @kernel(inline=True)
 def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
     """Vet an epoch, and let the vehicle be moved by what is believed.
@@ -195,10 +204,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     dt = epoch.time - state.time if vetting.begun == 1 else 0.0
     vetting.begun = 1
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
-    measured = sensors != CLOCK and epoch.odometry_valid == 1 and vetting.refused[ARC] == 0
-    if is_repeated(vetting.repeats, epoch, dt, measured):
-        reading.has_fix = 0
-        reading.speed_sigma = reading.course_sigma = math.inf
+    _withhold_repeats(vetting, reading, dt, sensors)
     if reading.has_fix:
         pass_calibration(belief, epoch.gyro)
     if sensors == WHEELS:

@@ -13,7 +13,7 @@ from ..filter.lookback.history import History
 from ..filter.state import OFF_ROAD, Belief, Path, new_path
 from ..graph.network import Roads
 from ..observations import Array
-from .rivals import rivals
+from .rivals import follow, rivals
 from .rivals import shortest as shortest
 
 _OFF_ROAD_WEIGHT = 0.5  # weight of an off-road step in the best path, which is to be of roads
@@ -220,32 +220,6 @@ def _between(c: _Columns, i: int, j: int) -> list[_Entered]:
     step = int(np.searchsorted(c.first_node, j, side="right")) - 1
     time = float(c.time[step])
     return [_Entered(e, time, 1.0, 1.0) for e in shortest(c.roads, then, edge) or []]
-
-
-def follow(roads: Roads, before: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Whether edges follow at once from others: by a turn, or in the other direction.
-
-    Args:
-        roads: The network.
-        before: (n,) edges or OFF_ROAD.
-        after: (n,) likewise.
-
-    Returns:
-        (n,) false where one of the two is off the roads.
-    """
-    edges, turns = roads.edges.view(np.ndarray), roads.turns.view(np.ndarray)
-    found = np.zeros(len(before), bool)
-    rows = np.flatnonzero((before >= 0) & (after >= 0))
-    then, now = before[rows], after[rows]
-    found[rows] = edges["opposite"][now] == then
-    turn, end = edges["first_turn"][then], edges["end_turn"][then]
-    going = turn < end
-    while going.any():
-        rows, now, turn, end = rows[going], now[going], turn[going], end[going]
-        found[rows] |= turns["edge"][turn] == now
-        turn = turn + 1
-        going = turn < end
-    return found
 
 
 def alternatives(

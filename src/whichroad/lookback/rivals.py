@@ -1,4 +1,4 @@
-"""Routes that compete with the one taken between two fixes, each with its share."""
+"""Routes that compete with the one taken between two fixes, and edges that follow at once."""
 
 import heapq
 import itertools
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..filter.sparse.competitors import SHARPNESS
 from ..filter.sparse.driver import likely_excess
@@ -16,6 +17,32 @@ _DETOUR = 3.0  # longest route between unlinked edges, over their distance
 _MORE = 300.0  # m, added to that longest route
 _RULE_COST = 500.0  # m, cost of a turn that breaks a rule
 _WORTH = 4.0  # nats that a rival may cost more than the route taken
+
+
+def follow(roads: Roads, before: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Whether edges follow at once from others: by a turn, or in the other direction.
+
+    Args:
+        roads: The network.
+        before: (n,) edges or OFF_ROAD.
+        after: (n,) likewise.
+
+    Returns:
+        (n,) false where one of the two is off the roads.
+    """
+    edges, turns = roads.edges.view(np.ndarray), roads.turns.view(np.ndarray)
+    found = np.zeros(len(before), bool)
+    rows = np.flatnonzero((before >= 0) & (after >= 0))
+    then, now = before[rows], after[rows]
+    found[rows] = edges["opposite"][now] == then
+    turn, end = edges["first_turn"][then], edges["end_turn"][then]
+    going = turn < end
+    while going.any():
+        rows, now, turn, end = rows[going], now[going], turn[going], end[going]
+        found[rows] |= turns["edge"][turn] == now
+        turn = turn + 1
+        going = turn < end
+    return found
 
 
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:

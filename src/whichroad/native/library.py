@@ -251,13 +251,14 @@ def _array_putter(name: str, kind: Array) -> Put:
     met: dict[int, tuple[Any, tuple[Any, ...]]] = {}  # arrays that live, by id, and their words
 
     def put(value: Any, words: list[Any]) -> None:
-        known_words = met.get(id(value))
+        number = id(value)
+        known_words = met.get(number)
         if known_words is not None and known_words[0]() is value:
             words.extend(known_words[1])
             return
         own = words_of(value)
-        number = id(value)
-        met[number] = weakref.ref(value, lambda _: met.pop(number, None)), own
+        if ndim:  # a row of an array cannot be watched
+            met[number] = weakref.ref(value, lambda _: met.pop(number, None)), own
         words.extend(own)
 
     def words_of(value: Any) -> tuple[Any, ...]:

@@ -195,14 +195,11 @@ def _start_on_roads(
         along = chord_heading(roads, edge, segment, min(max(s, 0.0), road.length), HALF_CHORD)
         if c == 0:
             towards = along
+        fits = known and abs(wrap(along - start.heading)) <= 4.0 * start.heading_sigma + 0.6
+        if known and not fits:
+            mass *= _STALE if state.mode == CLOCK else 0.0
         if mass < 1e-9 or state.count >= CAPACITY - 64:
             continue
-        fits = known
-        if known and abs(wrap(along - start.heading)) > 4.0 * start.heading_sigma + 0.6:
-            if state.mode != CLOCK:
-                continue
-            fits = False
-            mass *= _STALE
         hyp = belief.hyp[state.count]
         blank(hyp, edge, segment)
         _fill_start(

@@ -25,7 +25,8 @@ REPEATS = np.dtype(
 )
 
 _SAME = 1e-3  # m, up to which two places are one
-_LEAST = 3.0  # m driven, or the fix's sigma if that is more, from which on a place is repeated
+_LEAST = 3.0  # m driven, or the fix's sigma if that is more, from which on a place is repeated,
+_LEAST_ALONE = 10.0  # and where nothing but places tells it, of receivers that never did
 _REPORTED = 1.0  # m/s, sigma from which on a speed says nothing
 _STANDS = 0.5  # m/s, of a receiver that says that the vehicle stands
 _BRAKES, _GAINS = 8.0, 4.0  # m/s², beyond which no vehicle brakes, or gains speed
@@ -51,7 +52,7 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
     if measured:
         seen.driven += abs(epoch.arc)
     elif reported:
-        seen.driven += epoch.speed * dt
+        seen.driven += max(epoch.speed - 3.0 * epoch.speed_sigma, 0.0) * dt
     if not epoch.has_fix:
         return False
     if math.hypot(epoch.fix[0] - seen.place[0], epoch.fix[1] - seen.place[1]) > _SAME:
@@ -61,7 +62,8 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
     far = _least_way(seen, epoch.time)
     if measured or not (reported and epoch.speed < _STANDS):
         far = max(far, seen.driven)
-    if far <= max(_LEAST, epoch.fix[2]):
+    alone = not measured and not reported and seen.longest == 0.0
+    if far <= max(_LEAST_ALONE if alone else _LEAST, epoch.fix[2]):
         return False
     seen.seconds += dt
     return True
