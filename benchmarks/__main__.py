@@ -134,6 +134,9 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--faults", metavar="A,B", help="worlds: none, all, each, or names (A+B: together)"
     )
+    command.add_argument(
+        "--told", action="store_true", help="worlds: without the readings of what fails"
+    )
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
@@ -172,7 +175,7 @@ def main() -> int:
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
-            *("parts", "intervals", "conditions", "peers", "cache", "faults", "out"),
+            *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "out"),
         )
     }
     if given["set"]:

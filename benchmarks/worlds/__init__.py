@@ -37,8 +37,9 @@ def run(options: Options) -> list[Figure]:
             chosen = {"none": [], "all": None}.get(name, name.split("+"))
             options.say(f"faults: {name}")
             runs = run_worlds(
-                seeds, drives, chosen, folder, options.data, options.settings(), options.say
-            )
+                seeds, drives, chosen, folder, options.data, options.settings(), options.say,
+                bool(more.get("told")),
+            )  # fmt: skip
             classes[name] = _kept(name, runs, Path(more["out"]) if "out" in more else None)
             if "out" in more:
                 page = Path(more["out"]) / "summary.md"

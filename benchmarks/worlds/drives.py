@@ -20,6 +20,7 @@ from .maps import Chart, draw_map
 from .nets import EXTRACTS, PLACES, Net, make_net
 from .receivers import ANTENNA, Fixes, absent, receive
 from .situations import situations
+from .told import sound, withhold
 from .wheels import PER_TICK, TRACK, count_wheels, measure_yaw
 
 START = 1_780_300_800.0  # s since 1970 UTC
@@ -121,9 +122,9 @@ def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], c
 
 
 def sense(
-    world: World, number: int, chosen: list[str] | None, data: Path
+    world: World, number: int, chosen: list[str] | None, data: Path, told: bool = False
 ) -> tuple[str, list[Event], Fixes, dict[str, np.ndarray]]:
-    """Sensors of a drive: suite, faults, fixes, odometry."""
+    """Sensors of a drive: suite, faults, fixes, odometry; told: less what fails, while it does."""
     truth = world.truths[number]
     wanted = [f for f in chosen or [] if FAULTS[f].part != "map"]
     suite = suite_of(wanted, np.random.default_rng([world.seed, number, 3]))
@@ -136,19 +137,27 @@ def sense(
     fixes = receive(truth, about[0], suite, data, np.random.default_rng([world.seed, number, 5]))
     random = np.random.default_rng([world.seed, number, 6])
     odometry: dict[str, np.ndarray] = {}
+    of_odometry = sound(about[1]) if told else about[1]
     if suite == "wheels":
-        odometry = count_wheels(truth, about[1], random)
+        odometry = count_wheels(truth, of_odometry, random)
     elif suite == "yaw":
-        odometry = measure_yaw(truth, about[1], random)
+        odometry = measure_yaw(truth, of_odometry, random)
+    if told:
+        fixes, odometry = withhold(fixes, odometry, [*about[0], *about[1]])
     return suite, [*about[0], *about[1], *world.map_faults], fixes, odometry
 
 
 def run_drive(
-    world: World, number: int, chosen: list[str] | None, data: Path, settings: Any = None
+    world: World,
+    number: int,
+    chosen: list[str] | None,
+    data: Path,
+    settings: Any = None,
+    told: bool = False,
 ) -> Run | None:
     """Simulate the sensors of a drive, filter and score it; None where nothing was answered."""
     truth = world.truths[number]
-    suite, events, fixes, odometry = sense(world, number, chosen, data)
+    suite, events, fixes, odometry = sense(world, number, chosen, data, told)
     if not len(fixes.time):
         return None
     table = table_of(truth, fixes, suite, odometry, world.chart)
@@ -203,7 +212,7 @@ def said_of(points: Any, truth: Truth, chart: Chart) -> tuple[scoring.Said, np.n
 
 def run_worlds(
     seeds: range, drives: int | None, chosen: list[str] | None, folder: Path, data: Path,
-    settings: Any, say: Callable[[str], None],
+    settings: Any, say: Callable[[str], None], told: bool = False,
 ) -> Iterator[Run]:  # fmt: skip
     """All drives of some worlds, with progress."""
     done = declared = wrong = 0
@@ -211,7 +220,7 @@ def run_worlds(
         world = make_world(seed, chosen, folder, data)
         left = len(world.truths) if drives is None else drives - done
         for number in range(min(left, len(world.truths))):
-            run = run_drive(world, number, chosen, data, settings)
+            run = run_drive(world, number, chosen, data, settings, told)
             done += 1
             if run is not None:
                 declared += sum(d.declared for d in run.scored.decisions)

@@ -7,6 +7,7 @@ from benchmarks.worlds import names
 from benchmarks.worlds.drivers import WHEELBASE, Truth, drivable, rear_axle
 from benchmarks.worlds.faults import FAULTS, SUITES, Event, draw_events, during, suite_of
 from benchmarks.worlds.receivers import absent, receive, replayed, smooth
+from benchmarks.worlds.told import sound, withhold
 from benchmarks.worlds.wheels import PER_TICK, TRACK, count_wheels, measure_yaw
 
 
@@ -224,3 +225,25 @@ def test_classes_of_faults_are_read_and_what_is_none_is_refused():
     assert names("canyon,lag+sigma,none", set()) == ["canyon", "lag+sigma", "none"]
     with pytest.raises(SystemExit, match="'fog' is no fault"):
         names("canyon+fog", set())
+
+
+def test_told_of_a_fault_nothing_is_heard_of_what_fails_and_the_rest_stays(truth, tmp_path):
+    events = [Event("jump", 80.0, 100.0), Event("dropped", 120.0, 150.0)]
+    fixes = fixes_of(truth, tmp_path, *events, suite="wheels")
+    wheels = count_wheels(truth, sound(events), np.random.default_rng(1))
+    heard, odometry = withhold(fixes, wheels, events)
+    assert not ((heard.time >= 80.0) & (heard.time <= 100.0)).any()
+    assert len(heard.time) == np.count_nonzero((fixes.time < 79.9) | (fixes.time > 100.1))
+    outside = (wheels["time"] < 119.9) | (wheels["time"] > 150.1)
+    assert np.array_equal(odometry["left"], wheels["left"][outside])
+    whole = [Event("swapped", 0.0, 200.0)]
+    assert withhold(fixes, wheels, whole)[1] == {}
+
+
+def test_told_of_a_bogus_speed_the_position_is_heard_and_the_speed_is_not(truth, tmp_path):
+    events = [Event("speed_kmh", 0.0, 200.0)]
+    fixes = fixes_of(truth, tmp_path, *events)
+    heard, _ = withhold(fixes, {}, events)
+    assert np.array_equal(heard.x, fixes.x)
+    assert np.isnan(heard.speed).all()
+    assert np.array_equal(heard.bearing_deg, fixes.bearing_deg, equal_nan=True)
