@@ -178,9 +178,9 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
 
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
-    edges = c.edge[nodes]
-    changes = np.flatnonzero(np.diff(edges, prepend=-9))
-    edge, entry, now = edges[changes], c.path_entry[nodes[changes]], c.time[changes]
+    every = c.edge[nodes]
+    changes = np.flatnonzero(np.diff(every, prepend=-9))
+    edge, entry, now = every[changes], c.path_entry[nodes[changes]], c.time[changes]
     before = np.where(changes > 0, c.time[changes - 1], now)
     told = (entry >= 0) & (c.entry_edge[entry] == edge)
     when = np.where(told & (now - before > _CLOSE), c.entry_time[entry], now)
