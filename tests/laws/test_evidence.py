@@ -76,7 +76,10 @@ def fork(degrees: float) -> list[list[list[float]]]:
 def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
     mode: int, spacing: float, degrees: float
 ):
-    """Log-odds of the branches of a fork, from 100 m to 200 m behind it, where both have asked."""
+    """Log-odds of the branches of a fork, from 100 m to 200 m behind it, where both have asked.
+
+    They agree within a twentieth, of themselves or of a nat: where lines part, few nats are told.
+    """
     roads, told = network(fork(degrees)), []
     for every in (5.0, spacing):
         odds = []
@@ -94,9 +97,8 @@ def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
             seen = (travel > 500.0) & (travel < 600.0) & (np.abs(travel / 20.0 % 1.0) < 0.05)
             odds.append(np.log(answer.p[seen, 0] / answer.p[seen, 1]))
         told.append(np.concatenate(odds))
-    share = (told[1] @ told[0]) / (told[0] @ told[0])
     assert len(told[0]) >= 8
-    assert share == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(told[1], told[0], rtol=0.05, atol=0.05)
 
 
 @pytest.mark.parametrize("degrees", [3.0, 10.0, 30.0])

@@ -22,6 +22,7 @@ from ..graph.network import Roads, is_at_node
 from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .motion import decay_map, map_decay
+from .one_course import ROWS, weigh_rows
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
@@ -94,7 +95,8 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         log_variance = math.log(s)
         log_s += hyp.weight * log_variance
         across += hyp.weight * fit
-        hyp.log_weight -= 0.5 * (misfit + log_variance + rows * LOG_2PI)
+        hyp.scratch[ROWS] = -0.5 * (misfit + log_variance + rows * LOG_2PI)
+    weigh_rows(belief, ctx)
     cost = ctx.par[0].off_road_cost * metres
     variances = noise.lateral, noise.heading
     if noise.on_road > 0.0:

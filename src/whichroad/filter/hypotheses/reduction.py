@@ -77,6 +77,8 @@ def _merge_cost(a: Record, b: Record, best: float, scale: float, alone: bool) ->
     if along > best:
         return float(along)  # more than the best pair already
     gap = wrap(a.mu[H] - b.mu[H])
+    if abs(gap) > _OPPOSED:
+        return math.inf
     vi = a.cov[H, H]
     vj = b.cov[H, H]
     v = (wi * vi + wj * vj) / w + shares * gap * gap
