@@ -9,7 +9,7 @@ would explain itself by a bad receiver.
 import math
 
 from ..._compile import Record, Vector, kernel
-from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
+from ..state import GX, GY, OFF_ROAD, WHEELS, Belief
 
 NEVER = 1e9  # s, adaptation times beyond this mean: never
 FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
@@ -82,14 +82,14 @@ def was_silent(state: Record, since: float) -> bool:
     """
     usual = 2.0 * state.heard[1] - since  # before this interval, which is half of the mean
     unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
-    return bool(state.mode == CLOCK and unusual)
+    return bool(state.mode != WHEELS and unusual)
 
 
 @kernel
 def _may_inflate(state: Record, par: Record) -> bool:
     """Whether the settings ask for it, and there is no odometry."""
     asked = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
-    return bool(asked and state.mode == CLOCK)
+    return bool(asked and state.mode != WHEELS)
 
 
 @kernel

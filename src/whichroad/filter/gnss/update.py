@@ -207,8 +207,8 @@ def _search(
     state = belief.state[0]
     par = ctx.par[0]
     vetting = state.vetting
-    lost = state.mode == WHEELS and _is_lost(belief)
-    if state.mode == WHEELS and (lost or far):
+    lost = state.mode != CLOCK and _is_lost(belief)
+    if state.mode != CLOCK and (lost or far):
         _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
     share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
     undecided = epoch.time - vetting.undecided_at < _SEARCHED
