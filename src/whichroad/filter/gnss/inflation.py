@@ -74,13 +74,13 @@ def most_factor(state: Record, par: Record, fix: Vector) -> float:
 
 @kernel
 def was_silent(state: Record, since: float) -> bool:
-    """Whether a receiver alone was silent for so long that it may have lost its satellites.
+    """Whether a receiver without wheels was silent for so long that it may have lost satellites.
 
     Args:
-        state: With the mean interval of readings, this one in it.
-        since: s since the fix before.
+        state: With the usual interval of fixes before.
+        since: s since the last one.
     """
-    usual = 2.0 * state.heard[1] - since  # before this interval, which is half of the mean
+    usual = state.fix_interval
     unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
     return bool(state.mode != WHEELS and unusual)
 
