@@ -137,6 +137,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--told", action="store_true", help="worlds: without the readings of what fails"
     )
+    command.add_argument("--sensors", metavar="NAME", help="worlds: all drives have these")
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
@@ -175,7 +176,8 @@ def main() -> int:
         for k in (
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
-            *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "out"),
+            *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "sensors"),
+            "out",
         )
     }
     if given["set"]:

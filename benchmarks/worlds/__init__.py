@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import Figure, Options, seeds_text
 from .drives import Run, Scored, run_worlds
-from .faults import FAULTS
+from .faults import BY_NAME, FAULTS, SUITES
 from .figures import badness, clopper_pearson, upper_bound, wrong_by_world
 from .nets import sumo_tool
 from .pictures import drive_picture, stanford
@@ -38,7 +38,7 @@ def run(options: Options) -> list[Figure]:
             options.say(f"faults: {name}")
             runs = run_worlds(
                 seeds, drives, chosen, folder, options.data, options.settings(), options.say,
-                bool(more.get("told")),
+                bool(more.get("told")), _suite(more.get("sensors", "")),
             )  # fmt: skip
             classes[name] = _kept(name, runs, Path(more["out"]) if "out" in more else None)
             if "out" in more:
@@ -57,6 +57,14 @@ def names(text: str, missing: set[str]) -> list[str]:
         if name not in FAULTS and name not in ("none", "all"):
             raise SystemExit(f"{name!r} is no fault; one of none, all, each, {', '.join(FAULTS)}")
     return text.split(",")
+
+
+def _suite(name: str) -> str:
+    """The sensors that all drives have; nothing: each draws its own."""
+    known = (*SUITES, *BY_NAME)
+    if name and name not in known:
+        raise SystemExit(f"{name!r} is no set of sensors; one of {', '.join(known)}")
+    return name
 
 
 @contextmanager

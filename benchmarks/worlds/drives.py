@@ -21,7 +21,7 @@ from .nets import EXTRACTS, PLACES, Net, make_net
 from .receivers import ANTENNA, Fixes, absent, receive
 from .situations import situations
 from .told import sound, withhold
-from .wheels import PER_TICK, TRACK, count_wheels, measure_yaw
+from .wheels import PER_TICK, TRACK, count_wheels, measure_distance, measure_yaw
 
 START = 1_780_300_800.0  # s since 1970 UTC
 CAR = Vehicle(
@@ -109,7 +109,7 @@ def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], c
     if np.isfinite(fixes.speed).any():
         columns |= {"speed_mps": fixes.speed, "bearing_deg": fixes.bearing_deg}
     names = {"left": "wheel_rl_ticks", "right": "wheel_rr_ticks", "speed": "speed_mps",
-             "yaw": "yaw_rate_radps", "time": "time"}  # fmt: skip
+             "yaw": "yaw_rate_radps", "odometer": "odometer_m", "time": "time"}  # fmt: skip
     motion = {names[n]: c for n, c in odometry.items()}
     whole = {}
     for name in {**columns, **motion}:
@@ -122,12 +122,26 @@ def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], c
 
 
 def sense(
-    world: World, number: int, chosen: list[str] | None, data: Path, told: bool = False
+    world: World,
+    number: int,
+    chosen: list[str] | None,
+    data: Path,
+    told: bool = False,
+    sensors: str = "",
 ) -> tuple[str, list[Event], Fixes, dict[str, np.ndarray]]:
-    """Sensors of a drive: suite, faults, fixes, odometry; told: less what fails, while it does."""
+    """Sensors of a drive: suite, faults, fixes, odometry.
+
+    Args:
+        world: Where it is.
+        number: Of the drive.
+        chosen: Faults, as of `make_world`.
+        data: The folder of real data.
+        told: Less what fails, while it does.
+        sensors: The suite; nothing: it is drawn.
+    """
     truth = world.truths[number]
     wanted = [f for f in chosen or [] if FAULTS[f].part != "map"]
-    suite = suite_of(wanted, np.random.default_rng([world.seed, number, 3]))
+    suite = sensors or suite_of(wanted, np.random.default_rng([world.seed, number, 3]))
     random = np.random.default_rng([world.seed, number, 4])
     length = float(truth.time[-1])
     about = [draw_events(chosen, part, suite, length, random) for part in ("receiver", "odometry")]
@@ -142,6 +156,8 @@ def sense(
         odometry = count_wheels(truth, of_odometry, random)
     elif suite == "yaw":
         odometry = measure_yaw(truth, of_odometry, random)
+    elif suite == "odometer":
+        odometry = measure_distance(truth, of_odometry, random)
     if told:
         fixes, odometry = withhold(fixes, odometry, [*about[0], *about[1]])
     return suite, [*about[0], *about[1], *world.map_faults], fixes, odometry
@@ -154,10 +170,11 @@ def run_drive(
     data: Path,
     settings: Any = None,
     told: bool = False,
+    sensors: str = "",
 ) -> Run | None:
     """Simulate the sensors of a drive, filter and score it; None where nothing was answered."""
     truth = world.truths[number]
-    suite, events, fixes, odometry = sense(world, number, chosen, data, told)
+    suite, events, fixes, odometry = sense(world, number, chosen, data, told, sensors)
     if not len(fixes.time):
         return None
     table = table_of(truth, fixes, suite, odometry, world.chart)
@@ -212,7 +229,7 @@ def said_of(points: Any, truth: Truth, chart: Chart) -> tuple[scoring.Said, np.n
 
 def run_worlds(
     seeds: range, drives: int | None, chosen: list[str] | None, folder: Path, data: Path,
-    settings: Any, say: Callable[[str], None], told: bool = False,
+    settings: Any, say: Callable[[str], None], told: bool = False, sensors: str = "",
 ) -> Iterator[Run]:  # fmt: skip
     """All drives of some worlds, with progress."""
     done = declared = wrong = 0
@@ -220,7 +237,7 @@ def run_worlds(
         world = make_world(seed, chosen, folder, data)
         left = len(world.truths) if drives is None else drives - done
         for number in range(min(left, len(world.truths))):
-            run = run_drive(world, number, chosen, data, settings, told)
+            run = run_drive(world, number, chosen, data, settings, told, sensors)
             done += 1
             if run is not None:
                 declared += sum(d.declared for d in run.scored.decisions)

@@ -34,6 +34,9 @@ class Event:
     end: float
 
 
+_DOPPLER = "wheels gnss fast odometer"
+_ODOMETRY = "wheels yaw odometer"
+
 FAULTS = {
     # receivers
     "canyon": Fault("receiver", 0.25, (40, 200), 2, "two-state multipath of 8 to 40 m"),
@@ -45,15 +48,13 @@ FAULTS = {
     "kubicka": Fault("receiver", 0.1, WHOLE, 1, "errors of real drives world-wide, 5 m reported"),
     "comma": Fault("receiver", 0.05, WHOLE, 1, "errors of a real u-blox, 3 m reported"),
     "standstill": Fault("receiver", 0.1, WHOLE, 1, "fixes drift up to 60 m while the car stands"),
-    "speed_spike": Fault(
-        "receiver", 0.05, (0.1, 0.1), 2, "one speed of 40 to 171 m/s", "wheels gnss fast"
-    ),
-    "speed_kmh": Fault("receiver", 0.02, WHOLE, 1, "km/h read as m/s", "wheels gnss fast"),
-    "speed_stuck": Fault("receiver", 0.02, WHOLE, 1, "speed always 0", "wheels gnss fast"),
-    "course_stuck": Fault("receiver", 0.02, WHOLE, 1, "course always 0", "wheels gnss fast"),
-    "course_reversed": Fault("receiver", 0.02, WHOLE, 1, "course + 180", "wheels gnss fast"),
+    "speed_spike": Fault("receiver", 0.05, (0.1, 0.1), 2, "one speed of 40 to 171 m/s", _DOPPLER),
+    "speed_kmh": Fault("receiver", 0.02, WHOLE, 1, "km/h read as m/s", _DOPPLER),
+    "speed_stuck": Fault("receiver", 0.02, WHOLE, 1, "speed always 0", _DOPPLER),
+    "course_stuck": Fault("receiver", 0.02, WHOLE, 1, "course always 0", _DOPPLER),
+    "course_reversed": Fault("receiver", 0.02, WHOLE, 1, "course + 180", _DOPPLER),
     "pulled": Fault(
-        "receiver", 0.0, (60, 60), 1, "pulled away by 1 to 10 m/s, then back", "wheels yaw"
+        "receiver", 0.0, (60, 60), 1, "pulled away by 1 to 10 m/s, then back", _ODOMETRY
     ),
     "frozen": Fault("receiver", 0.0, (5, 30), 3, "fixes repeat the last place"),
     "frozen_zero": Fault("receiver", 0.0, (5, 30), 3, "the same, with speed 0"),
@@ -65,7 +66,7 @@ FAULTS = {
     "stuck": Fault("odometry", 0.05, (0.3, 60), 2, "one counter stands still", "wheels"),
     "dead": Fault("odometry", 0.01, WHOLE, 1, "left counter always 0", "wheels"),
     "dropped": Fault("odometry", 0.05, (10, 60), 2, "2 to 10 % of the counts lost", "wheels"),
-    "bus_gap": Fault("odometry", 0.1, (1, 60), 2, "no odometry, counters go on", "wheels yaw"),
+    "bus_gap": Fault("odometry", 0.1, (1, 60), 2, "no odometry, counters go on", _ODOMETRY),
     "repeats": Fault("odometry", 0.05, (1, 10), 3, "old counts repeated, then caught up", "wheels"),
     "swapped": Fault("odometry", 0.01, WHOLE, 1, "left and right wheel swapped", "wheels"),
     "gyro_bias": Fault("odometry", 0.1, WHOLE, 1, "bias of 1 to 6 mrad/s that walks", "yaw"),
@@ -85,6 +86,7 @@ FAULTS = {
 SUITES = {"wheels": 0.5, "yaw": 0.15, "gnss": 0.15, "fixes": 0.1, "fast": 0.1}
 """Share of drives with wheel counters; speed and gyro; GNSS alone with speed and course at 1 Hz;
 with positions alone; with speed and course at 10 Hz.  The first two have fixes at 1 Hz too."""
+BY_NAME = ("odometer",)  # fixes at 1 Hz and a distance without turns: where it is asked for
 
 
 def suite_of(chosen: list[str], random: np.random.Generator) -> str:

@@ -37,7 +37,7 @@ def receive(
     Args:
         truth: The drive.
         events: Faults of the receiver.
-        suite: Which sensors there are: `faults.SUITES`.
+        suite: Which sensors there are: of `faults.SUITES`, or `BY_NAME`.
         data: The folder of real data.
         random: Of this drive.
     """
@@ -250,7 +250,7 @@ def _columns(
     about_speed = ("speed_spike", "speed_kmh", "speed_stuck", "course_stuck", "course_reversed")
     if any(has(events, name) for name in about_speed):
         doppler = True
-    if suite in ("yaw", "fixes") or (suite == "wheels" and not doppler):
+    if suite in ("yaw", "fixes") or (suite in ("wheels", "odometer") and not doppler):
         fixes.speed[:] = np.nan
         fixes.bearing_deg[:] = np.nan
     for e in events:

@@ -1,4 +1,4 @@
-"""Odometry: rear wheel counters, or speed and yaw rate, of a real car's kind.
+"""Odometry: rear wheel counters, speed and yaw rate, or a distance, of a real car's kind.
 
 A wheel's radius depends on wear, pressure, load and speed; a driven wheel slips a little.  The
 filter is told the numbers of a new car.
@@ -90,6 +90,15 @@ def measure_yaw(truth: Truth, events: list[Event], random: np.random.Generator) 
     if has(events, "yaw_degrees"):
         yaw = np.degrees(yaw)
     columns = {"time": truth.time.copy(), "speed": np.round(speed, 2), "yaw": np.round(yaw, 5)}
+    return _without_gaps(columns, events)
+
+
+def measure_distance(truth: Truth, events: list[Event], random: np.random.Generator) -> Columns:
+    """An odometer at 10 Hz, in steps of 10 cm."""
+    scale = 1.0 + 0.007 * random.normal()
+    metres = scale * np.abs(np.diff(truth.travel, prepend=truth.travel[0]))
+    rolled = metres + np.sqrt(metres) * random.normal(0.0, 2.5e-3, len(truth))
+    columns = {"time": truth.time.copy(), "odometer": np.floor(10.0 * np.cumsum(rolled)) / 10.0}
     return _without_gaps(columns, events)
 
 

@@ -5,10 +5,10 @@ import pytest
 from benchmarks import Skipped
 from benchmarks.worlds import names
 from benchmarks.worlds.drivers import WHEELBASE, Truth, drivable, rear_axle
-from benchmarks.worlds.faults import FAULTS, SUITES, Event, draw_events, during, suite_of
+from benchmarks.worlds.faults import BY_NAME, FAULTS, SUITES, Event, draw_events, during, suite_of
 from benchmarks.worlds.receivers import absent, receive, replayed, smooth
 from benchmarks.worlds.told import sound, withhold
-from benchmarks.worlds.wheels import PER_TICK, TRACK, count_wheels, measure_yaw
+from benchmarks.worlds.wheels import PER_TICK, TRACK, count_wheels, measure_distance, measure_yaw
 
 
 @pytest.fixture
@@ -217,7 +217,17 @@ def test_no_faults_are_none():
 def test_faults_name_sensors_that_exist():
     assert sum(SUITES.values()) == pytest.approx(1.0)
     for fault in FAULTS.values():
-        assert set(fault.suites.split()) <= set(SUITES)
+        assert set(fault.suites.split()) <= {*SUITES, *BY_NAME}
+
+
+def test_an_odometer_counts_the_way_in_steps_of_ten_centimetres(truth):
+    columns = measure_distance(truth, [], np.random.default_rng(2))
+    driven = columns["odometer"][-1] - columns["odometer"][0]
+    assert driven == pytest.approx(truth.travel[-1] - truth.travel[0], rel=0.03)
+    assert (np.diff(columns["odometer"]) >= 0.0).all()
+    gap = [Event("bus_gap", 50.0, 60.0)]
+    kept = measure_distance(truth, gap, np.random.default_rng(2))["time"]
+    assert not ((kept > 50.0) & (kept < 60.0)).any()
 
 
 def test_classes_of_faults_are_read_and_what_is_none_is_refused():

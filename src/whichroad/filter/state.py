@@ -132,6 +132,7 @@ FILTER = np.dtype(
         ("moving", "f8"),  # s of motion since the last fix
         ("standing", "f8"),  # s of standing until now
         ("last_fix", "f8"),  # time of the last fix, s
+        ("fix_interval", "f8"),  # usual interval of fixes, s
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
         ("heard", "f8", (2,)),  # time of the last fix or measured odometry; usual interval, s
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m

@@ -9,7 +9,7 @@ would explain itself by a bad receiver.
 import math
 
 from ..._compile import Record, Vector, kernel
-from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
+from ..state import GX, GY, OFF_ROAD, WHEELS, Belief
 
 NEVER = 1e9  # s, adaptation times beyond this mean: never
 FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
@@ -74,22 +74,22 @@ def most_factor(state: Record, par: Record, fix: Vector) -> float:
 
 @kernel
 def was_silent(state: Record, since: float) -> bool:
-    """Whether a receiver alone was silent for so long that it may have lost its satellites.
+    """Whether a receiver without wheels was silent for so long that it may have lost satellites.
 
     Args:
-        state: With the mean interval of readings, this one in it.
-        since: s since the fix before.
+        state: With the usual interval of fixes before.
+        since: s since the last one.
     """
-    usual = 2.0 * state.heard[1] - since  # before this interval, which is half of the mean
+    usual = state.fix_interval
     unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
-    return bool(state.mode == CLOCK and unusual)
+    return bool(state.mode != WHEELS and unusual)
 
 
 @kernel
 def _may_inflate(state: Record, par: Record) -> bool:
     """Whether the settings ask for it, and there is no odometry."""
     asked = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
-    return bool(asked and state.mode == CLOCK)
+    return bool(asked and state.mode != WHEELS)
 
 
 @kernel

@@ -63,6 +63,7 @@ _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix th
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
 _TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
+_LATEST = 0.5  # share of the last interval of fixes in the usual one
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -207,8 +208,8 @@ def _search(
     state = belief.state[0]
     par = ctx.par[0]
     vetting = state.vetting
-    lost = state.mode == WHEELS and _is_lost(belief)
-    if state.mode == WHEELS and (lost or far):
+    lost = state.mode != CLOCK and _is_lost(belief)
+    if state.mode != CLOCK and (lost or far):
         _add_restarts(belief, path, ctx, epoch, white, lost, par.gnss_lost)
     share = _TURNS_SHARE if vetting.elsewhere == 1 else 0.0
     undecided = epoch.time - vetting.undecided_at < _SEARCHED
@@ -290,6 +291,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.unmeasured = 0.0
     state.last_fix = epoch.time
     _settle(belief, ctx, epoch, axes, doubted, since)
+    state.fix_interval += _LATEST * (since - state.fix_interval)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:

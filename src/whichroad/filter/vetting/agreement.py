@@ -244,7 +244,8 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     squares = vetting.reported[TURN]
     if squares > _TRIED and vetting.seen[TURN] > _ALIKE_SUMS * squares:
         vetting.tried = 1
-    if squares > _TURNED and vetting.seen[TURN] < -_OPPOSITE * squares:
+    least, share = (_TURNED, _OPPOSITE) if vetting.tried == 1 else (_TRIED, _ALIKE_SUMS)
+    if squares > least and vetting.seen[TURN] < -share * squares:
         vetting.score[TURN] = _MOST  # all turns together go the other way
         vetting.wavers = 1
     off = abs(_off(vetting, turned))
