@@ -111,6 +111,26 @@ def _index_as_it_is() -> None:
         arrayobj.fix_integer_index = index
 
 
+def _one_overload() -> None:
+    """Let a kernel be lowered once, for numbers of the usual sizes, whoever calls it.
+
+    Else numba lowers it anew for each constant that a caller has for an argument, and for indices
+    of 32 bits beside those of 64: each sixth function.
+    """
+
+    def general(known: Any) -> Any:
+        known = types.unliteral(known)
+        return types.int64 if isinstance(known, types.Integer) else known
+
+    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        wide = {name: general(known) for name, known in kws.items()}
+        return usual(self, context, tuple(general(known) for known in args), wide)
+
+    usual = getattr(types.Dispatcher, "get_call_type", None)  # not public; without it, more work
+    if usual is not None:
+        types.Dispatcher.get_call_type = get_call_type
+
+
 def lower(
     names: Iterable[str], collect: bool, inner: Iterable[str] = (), elsewhere: Iterable[str] = ()
 ) -> Any:
@@ -131,6 +151,7 @@ def lower(
 
     collector = _Collector() if collect else None
     _index_as_it_is()
+    _one_overload()
     _compile.teach_numba()
     shims, modules, shown = [], [], {}
     if collector is not None:
