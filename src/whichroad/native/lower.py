@@ -126,7 +126,7 @@ def _one_overload() -> None:
         wide = {name: general(known) for name, known in kws.items()}
         return usual(self, context, tuple(general(known) for known in args), wide)
 
-    usual = getattr(types.Dispatcher, "get_call_type", None)  # not public; without it, more work
+    usual: Any = getattr(types.Dispatcher, "get_call_type", None)  # not public; else more work
     if usual is not None:
         types.Dispatcher.get_call_type = get_call_type
 
