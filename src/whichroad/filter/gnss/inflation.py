@@ -1,9 +1,9 @@
 """Inflation of reported covariances where nothing but roads vouches for a receiver.
 
 Without wheels and without Doppler speed a slow error moves the vehicle as driving does, and no
-fix shows it.  So the errors of a receiver alone are taken to be larger than reported at first.
-Only roads make the factor smaller.  Nothing makes it larger than at first: else a wrong road
-would explain itself by a bad receiver.
+fix shows it.  An odometer without turns shows none across the road.  So the errors of a receiver
+alone are taken to be larger than reported at first.  Only roads make the factor smaller.  Nothing
+makes it larger than at first: else a wrong road would explain itself by a bad receiver.
 """
 
 import math
@@ -87,7 +87,7 @@ def was_silent(state: Record, since: float) -> bool:
 
 @kernel
 def _may_inflate(state: Record, par: Record) -> bool:
-    """Whether the settings ask for it, and there is no odometry."""
+    """Whether the settings ask for it, and no turns are measured."""
     asked = par.gnss_adapt_time < NEVER and par.gnss_inflation > 1.0
     return bool(asked and state.mode != WHEELS)
 
