@@ -64,3 +64,26 @@ def test_numbers_of_numpy_are_written_as_numbers(put):
         assert seen in str(error.value)
         assert "np." not in str(error.value)
     assert str(ReadError(f"{np.float32(8)!r}, {np.str_('x')!r}")) == "8.0, 'x'"
+
+
+@pytest.mark.parametrize("beside", [0, 3, 9])
+def test_speeds_mostly_in_rows_of_their_own_are_an_odometer_else_the_receivers(put, beside: int):
+    """As where OBD was joined to fixes by time, and some times were the same."""
+    rows = [
+        f"2026-06-01T08:00:{k:02d}.0Z,{49.41 + 1e-4 * k:.4f},8.7,{'10' if k < beside else ''}\n"
+        for k in range(9)
+    ]
+    rows += [f"2026-06-01T08:00:{k:02d}.5Z,,,10\n" for k in range(8)]
+    (drive,) = read_drive(put("obd.csv", "time,lat,lon,speed_mps\n" + "".join(sorted(rows))))
+    assert len(drive.fixes) == 9
+    if beside == 9:
+        assert drive.odometry is None
+        assert drive.skipped == {"no position": 8}
+        assert np.allclose(drive.fixes.speed, 10.0)
+    else:
+        assert drive.odometry.distance[-1] == pytest.approx(
+            10.0 * (drive.odometry.time[-1] - drive.odometry.time[0])
+        )
+        assert np.isinf(drive.fixes.sigma_speed).all()  # reports none
+        assert not drive.skipped
+        assert any("rows without a position" in note for note in drive.notes)

@@ -42,8 +42,8 @@ _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
     """The drive, without name, that these columns describe.
 
-    Speed is odometry where a yaw rate stands beside it, or where there is no position;
-    else it is the receiver's.
+    Speed is odometry where a yaw rate stands beside it, where there is no position, or where most
+    speeds stand in rows without one, as where OBD was joined to fixes; else it is the receiver's.
 
     Args:
         columns: By the names of `names.NAMES`; `time` is finite everywhere.
@@ -64,7 +64,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         if blank.any():
             rows = np.flatnonzero(~blank)
             own = {k: v[rows] for k, v in columns.items()}
-        if isinstance(odometry, SpeedYawRate):
+        if isinstance(odometry, SpeedYawRate) or _moves_alone(columns, odometry):
             own.pop("speed", None)
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
@@ -136,10 +136,26 @@ def _odometry(
     if "odometer" in has:
         log = odometer(time, columns["odometer"], skipped)
         return steered(log, _gyro(columns, skipped))
-    if "speed" in has and not has_position:
-        notes.append("distance integrated from speed")
+    if "speed" in has and (not has_position or _between_positions(columns)):
+        where = ", which stands in rows without a position" if has_position else ""
+        notes.append(f"distance integrated from speed{where}")
         return odometer_from_speed(time, columns["speed"], skipped)
     return None
+
+
+def _between_positions(columns: Columns) -> bool:
+    """Whether most speeds stand in rows without a position: no receiver writes so."""
+    told = np.isfinite(columns["speed"])
+    placed = np.isfinite(columns["lat"]) & np.isfinite(columns["lon"])
+    return bool(2 * np.count_nonzero(told & placed) < np.count_nonzero(told))
+
+
+def _moves_alone(columns: Columns, odometry: OdometryLog | None) -> bool:
+    """Whether the odometry is the speed between positions, which is not the receiver's then."""
+    if not isinstance(odometry, Odometer) or "speed" not in columns:
+        return False
+    measured = "odometer" in columns and np.isfinite(columns["odometer"]).any()
+    return not measured and _between_positions(columns)
 
 
 def _gyro(columns: Columns, skipped: Skipped) -> YawRates | None:
