@@ -53,7 +53,8 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
     """
     notes: list[str] = []
     has_position = {"lat", "lon"} <= columns.keys()
-    odometry = _odometry(columns, has_position, vehicle, skipped, notes)
+    between = has_position and _speeds_between(columns)
+    odometry = _odometry(columns, between or not has_position, vehicle, skipped, notes)
     notes += unused({k for k, v in columns.items() if np.isfinite(v).any()}, odometry)
     fixes = None
     if has_position:
@@ -64,8 +65,8 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         if blank.any():
             rows = np.flatnonzero(~blank)
             own = {k: v[rows] for k, v in columns.items()}
-        if isinstance(odometry, SpeedYawRate) or _moves_alone(columns, odometry):
-            own.pop("speed", None)
+        if between or isinstance(odometry, SpeedYawRate):
+            own.pop("speed")
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
         fixes = make_fixes(reported(own), settings, skipped)
@@ -114,12 +115,15 @@ def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | N
 
 def _odometry(
     columns: Columns,
-    has_position: bool,
+    own_speed: bool,
     vehicle: Vehicle,
     skipped: Skipped,
     notes: list[str],
 ) -> OdometryLog | None:
-    """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance."""
+    """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance.
+
+    A speed alone is one where it is the vehicle's own, not the receiver's.
+    """
     time = columns["time"]
     has = {name for name, values in columns.items() if np.isfinite(values).any()}
     reversing = _reversing(columns)
@@ -136,26 +140,20 @@ def _odometry(
     if "odometer" in has:
         log = odometer(time, columns["odometer"], skipped)
         return steered(log, _gyro(columns, skipped))
-    if "speed" in has and (not has_position or _between_positions(columns)):
-        where = ", which stands in rows without a position" if has_position else ""
+    if "speed" in has and own_speed:
+        where = ", which stands in rows without a position" if "lat" in has else ""
         notes.append(f"distance integrated from speed{where}")
         return odometer_from_speed(time, columns["speed"], skipped)
     return None
 
 
-def _between_positions(columns: Columns) -> bool:
+def _speeds_between(columns: Columns) -> bool:
     """Whether most speeds stand in rows without a position: no receiver writes so."""
+    if "speed" not in columns:
+        return False
     told = np.isfinite(columns["speed"])
     placed = np.isfinite(columns["lat"]) & np.isfinite(columns["lon"])
     return bool(2 * np.count_nonzero(told & placed) < np.count_nonzero(told))
-
-
-def _moves_alone(columns: Columns, odometry: OdometryLog | None) -> bool:
-    """Whether the odometry is the speed between positions, which is not the receiver's then."""
-    if not isinstance(odometry, Odometer) or "speed" not in columns:
-        return False
-    measured = "odometer" in columns and np.isfinite(columns["odometer"]).any()
-    return not measured and _between_positions(columns)
 
 
 def _gyro(columns: Columns, skipped: Skipped) -> YawRates | None:
