@@ -167,19 +167,39 @@ def test_odometry_read_five_times_as_often_says_the_same_beside_a_parallel_road(
     assert_same(one, other, rows, A_HUNDREDTH, 0.05)
 
 
-def in_a_town(seed: int, mode: int) -> tuple[float, float]:
+def in_a_town(seed: int, mode: int, settings: Settings | None = None) -> tuple[float, float]:
     """By how much two rates differ: P of the edges on average, and nine tenths of the sigmas."""
     slow, fast, (a, b) = at_both_rates(seed, way_through(seed, 6), 9.7, mode)
     each = [[e] for e in range(2 * len(TOWN))]
-    one, other = (said(network(TOWN), e, each, mode=mode) for e in (slow, fast))
+    roads = network(TOWN)
+    one, other = (said(roads, e, each, mode=mode, settings=settings) for e in (slow, fast))
     apart = 0.5 * np.abs(other.p[b] - one.p[a]).sum(axis=1)
     return apart.mean(), np.quantile(np.abs(other.sigma[b] / one.sigma[a] - 1.0), 0.9)
 
 
+BELIEVED = Settings(gnss_inflation=1.0)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        BELIEVED,
+        pytest.param(
+            None,
+            marks=pytest.mark.xfail(
+                strict=True,
+                reason="what roads say of the receiver, too, comes by their looks: "
+                "5.4 and 5.1 % (5 asked)",
+            ),
+        ),
+    ],
+)
 @pytest.mark.parametrize("seed", [7, 13])
-def test_a_junction_cuts_as_often_however_often_the_odometer_is_read(seed: int):
-    """By some 5 % in sigma; it was 7 % in these two drives when each reading cut."""
-    assert in_a_town(seed, DISTANCE)[1] <= 0.06
+def test_a_junction_cuts_as_often_however_often_the_odometer_is_read(
+    seed: int, settings: Settings | None
+):  # fmt: skip
+    """Cut at every reading, sigma differs by 7 % in these two drives."""
+    assert in_a_town(seed, DISTANCE, settings)[1] <= 0.05
 
 
 @pytest.mark.parametrize(

@@ -127,10 +127,7 @@ def without(epochs: Records, gone: np.ndarray) -> Records:
 @given(seed=seeds)
 @law
 def test_on_one_road_a_fix_less_never_makes_the_position_surer(mode: int, seed: int):
-    """Neither along the road nor across it, at any epoch; of each half, every other is taken.
-
-    Evenly: a receiver that was silent for longer than usual may be in a wrong place.
-    """
+    """Neither along the road nor across it, at any epoch; of a half, a half is taken again."""
     rng = np.random.default_rng(seed)
     truth = drive_along([[300.0, -1.75], [1300.0, -1.75]])
     fix = gnss(truth, sigma=rng.uniform(2.0, 6.0), seed=seed)
@@ -138,12 +135,13 @@ def test_on_one_road_a_fix_less_never_makes_the_position_surer(mode: int, seed: 
     epochs = sensed(truth, fix, np.arange(0, len(truth.time), 10), mode)
     gone = np.zeros(len(truth.time), bool)
     before = np.zeros((len(truth.time), 2))
-    for k in range(4):
+    for _ in range(4):
         told = said(network(straight_road()), without(epochs, gone), mode=mode, settings=ALONE)
         now = columns(told.output, "xx yy")
         assert (now >= before * (1.0 - SECOND_ORDER)).all()
         before = now
-        gone |= np.arange(len(gone)) % (20 * 2**k) != 0
+        gone |= rng.random(len(gone)) < 0.5
+        gone[0] = False
 
 
 @pytest.mark.parametrize("every", [10, 20])

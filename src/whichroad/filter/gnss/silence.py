@@ -15,7 +15,7 @@ from .noise import update_root
 from .position import NU0, NU1, V00, V01, V11, Axes, innovations
 from .standstill import is_still
 from .start import start_at_fix, start_of
-from .update import observe_fix
+from .update import LATEST, observe_fix
 
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _NO_SPEED = 20.0  # m/s, sigma of a speed that says nothing
@@ -24,7 +24,6 @@ _LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
 _STOOD = 30.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
 _UNUSUAL = 4.0  # and times the usual interval of readings
-_LATEST = 0.5  # share of the last interval in it
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
 _ROLLED = 1.0  # m
@@ -45,7 +44,7 @@ def is_pause(quiet: float, usual: float) -> bool:
 def hear(state: Record, time: float) -> None:
     """Note a fix or a measured odometry, and how long after the last one it came."""
     if state.heard[0] != 0.0:
-        state.heard[1] += _LATEST * (time - state.heard[0] - state.heard[1])
+        state.heard[1] += LATEST * (time - state.heard[0] - state.heard[1])
     state.heard[0] = time
 
 

@@ -63,7 +63,7 @@ _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix th
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
 _TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
-_LATEST = 0.5  # share of the last interval of fixes in the usual one
+LATEST = 0.5  # share of the last interval of fixes in the usual one
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -191,7 +191,7 @@ def _settle(
         changed = True
     elif state.mode == WHEELS and since < _RECENT and not doubted:
         changed = _take_sides(belief, ctx, epoch, axes)
-    elif was_silent(state, since):
+    elif was_silent(state, ctx.par[0], since):
         fork_biased(belief)
         changed = True
     if changed:
@@ -291,7 +291,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.unmeasured = 0.0
     state.last_fix = epoch.time
     _settle(belief, ctx, epoch, axes, doubted, since)
-    state.fix_interval += _LATEST * (since - state.fix_interval)
+    state.fix_interval += LATEST * (since - state.fix_interval)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0:

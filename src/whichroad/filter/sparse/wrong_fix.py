@@ -48,9 +48,9 @@ _MOST = 64  # edges that it drives through
 
 
 @kernel
-def _may_be_biased(state: Record, dt: float) -> bool:
+def _may_be_biased(state: Record, par: Record, dt: float) -> bool:
     """Whether the error of a fix after dt seconds of silence may last."""
-    return bool(dt <= _SILENT and was_silent(state, dt))
+    return bool(dt <= _SILENT and was_silent(state, par, dt))
 
 
 @kernel
@@ -66,7 +66,7 @@ def may_be_wrong(belief: Belief, ctx: Context, top: int, fix: SparseFix) -> bool
     hyp = belief.hyp[top]
     if hyp.edge == OFF_ROAD or hyp.weight < _LEAST or belief.state[0].count >= CAPACITY:
         return False
-    if _may_be_biased(belief.state[0], fix.dt):
+    if _may_be_biased(belief.state[0], ctx.par[0], fix.dt):
         return True
     if fix.dt > _LONGEST:
         return False
@@ -207,7 +207,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     child = int(state.count)
     move_row(belief, top, child)
     hyp = belief.hyp[child]
-    biased = _may_be_biased(state, fix.dt)
+    biased = _may_be_biased(state, ctx.par[0], fix.dt)
     if not biased:
         _note_origin(belief, child, fix)
     carry(belief, ctx, child, label, metres, fix)
