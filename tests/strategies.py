@@ -44,8 +44,12 @@ gaussians = seeds.map(lambda seed: random_gaussian(np.random.default_rng(seed)))
 @st.composite
 def bent_lines(draw: st.DrawFn) -> Array:
     """Polylines (n, 2) of a road: segments of 5 to 80 m that turn by less than 75 degrees."""
-    rng = np.random.default_rng(draw(seeds))
-    n = draw(st.integers(1, 8))
+    return bent_line(draw(seeds), draw(st.integers(1, 8)))
+
+
+def bent_line(seed: int, n: int) -> Array:
+    """One of them, of n segments."""
+    rng = np.random.default_rng(seed)
     heading = rng.uniform(-math.pi, math.pi) + np.cumsum(rng.uniform(-1.3, 1.3, n))
     length = rng.uniform(5.0, 80.0, n)
     step = np.column_stack([length * np.cos(heading), length * np.sin(heading)])

@@ -84,6 +84,26 @@ def test_an_odometer_alone_vouches_for_no_receiver():
     assert np.mean(inside) > 0.9
 
 
+LINK = network([[[0.0, 0.0], [6000.0, 0.0]], [[0.0, 400.0], [6000.0, 400.0]]])
+
+
+def test_an_odometer_that_took_a_street_the_map_lacks_is_found_at_the_fixes_behind_it():
+    """600 m without fixes, from one road to the other."""
+    truth = drive_along([[200.0, -1.75], [1500.0, -1.75], [1950.0, 398.25], [4000.0, 398.25]])
+    for seed in range(5):
+        fix = gnss(truth, sigma=REPORTED, seed=seed, constant=30.0)
+        heard = (truth.y <= 0.0) | (truth.y >= 398.0)
+        at = np.array([k for k in range(0, len(truth.time), 10) if heard[k]])
+        epochs = epochs_of(truth, fix, at)
+        epochs.speed[at] = np.gradient(truth.s, truth.time)[at]
+        epochs.course[at] = truth.heading[at]
+        epochs.speed_sigma[at], epochs.course_sigma[at] = 0.2, 0.02
+        rows = localize(LINK, epochs, mode=DISTANCE).output.rows
+        late = truth.s > truth.s[-1] - 1000.0
+        away = np.hypot(rows.x - truth.x, rows.y - truth.y)[late]
+        assert np.quantile(away, 0.9) < 15.0
+
+
 def test_whoever_was_led_onto_the_wrong_road_finds_back():
     """For 40 s the fixes are on the other road, 60 m away: twenty times what is reported."""
     epochs = fixes(1.0, 1)

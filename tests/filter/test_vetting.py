@@ -7,7 +7,7 @@ from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
-from whichroad.filter.vetting.motion_sources import COURSE, SOURCES, SPEED, is_borne_out
+from whichroad.filter.vetting.motion_sources import COURSE, SOURCES, SPEED, TURN, is_borne_out
 from whichroad.filter.vetting.vet import mode_of, vet
 
 RATE = 4  # epochs a second; a fix with every fourth
@@ -123,6 +123,15 @@ def test_turns_of_the_other_sign_or_unit_are_withheld(columns: bool, factor: flo
     named = names(vetting)
     assert named[0] in (name, "odometry: impossible")
     assert factor > 0.0 or named == [name]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("columns", [True, False])
+def test_turns_that_never_agreed_are_withheld_in_the_first_bend(columns: bool, seed: int):
+    drive = Drive(seed)
+    drive.columns = columns
+    drive.turn *= -1.0
+    assert drive.vetted().since[TURN] < BEGIN + 20.0
 
 
 @pytest.mark.parametrize("sensors", [WHEELS, CLOCK])

@@ -19,7 +19,7 @@ from scenes import (
     network,
     parallel_roads,
 )
-from strategies import bent_lines, seeds
+from strategies import bent_line, bent_lines, seeds
 from whichroad.filter.hypotheses.births import exchange_off_road
 from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
 from whichroad.graph.network import U_TURN, Roads
@@ -58,6 +58,7 @@ def test_vertices_that_bend_nothing_change_nothing_in_a_town(mode: int, seed: in
 
 
 @MODES
+@example(seed=18062, line=bent_line(630, 2))  # two hypotheses face each other there
 @given(seed=seeds, line=bent_lines())
 @law
 def test_vertices_that_bend_nothing_change_nothing_on_a_winding_road(mode, seed, line):

@@ -18,8 +18,11 @@ from .windows import (
 )
 
 _LONGEST = 15.0  # s
-_TURNED, _OPPOSITE = 2.0, 0.4  # rad², and share of it: turns of the other sign
-_TRIED, _ALIKE_SUMS = 0.3, 0.6  # the same of turns that agree in sum
+_TURNED, _OPPOSITE = 2.0, 0.4  # rad², and share of it: turns that agreed before go the other way
+_TRIED, _ALIKE_SUMS = (
+    0.3,
+    0.6,
+)  # the same of turns that agree in sum; and, as they never did, disagree
 _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
