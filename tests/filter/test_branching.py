@@ -24,7 +24,7 @@ from whichroad.filter.along import advance_along
 from whichroad.filter.hypotheses.branching import _list_successors, branch
 from whichroad.filter.hypotheses.reduction import _merge_cost, reduce
 from whichroad.filter.motion import Noise
-from whichroad.filter.state import OFF_ROAD, Belief, D, H, X, Y, new_path
+from whichroad.filter.state import NO_BOUND, OFF_ROAD, Belief, D, H, X, Y, new_path
 from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings
 
@@ -164,7 +164,7 @@ def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: floa
     turns.edge, turns.prior = [2, 4], 1.0
     roads.edges.first_turn, roads.edges.end_turn = [0, 1, 1, 2, 2, 2], [1, 1, 2, 2, 2, 2]
     ctx = context(roads._replace(turns=turns))
-    count = _list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0)
+    count = _list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0, NO_BOUND)
     cdf = lambda s: 0.5 * math.erfc(-(s - 90.0) / sigma / math.sqrt(2.0))  # noqa: E731
     expected = {2: cdf(140.0) - cdf(100.0)}
     if 90.0 + 3.5 * sigma > 140.0:
@@ -192,6 +192,21 @@ def test_driving_along_roads_turns_with_them_and_keeps_the_lane():
     assert place[2] == pytest.approx((340.0, -1.75, 0.0), abs=0.05)
     assert place[4] == pytest.approx((301.75, beyond, math.pi / 2), abs=0.05)
     assert place[6] == pytest.approx((298.25, -beyond, -math.pi / 2), abs=0.05)
+
+
+@pytest.mark.parametrize("steps", [4, 20])
+def test_a_node_is_passed_by_as_much_in_small_steps_as_at_once(steps: int):
+    """Half of the Gaussian is past it in the end, and where it is does not depend on the steps."""
+    once, slowly = (belief_on(CROSS, [On(0, 280.0, right=1.75, sigma=6.0)]) for _ in range(2))
+    go_along(once, CROSS, 20.0)
+    for _ in range(steps):
+        go_along(slowly, CROSS, 20.0 / steps)
+        merge(slowly, prune=0.0)
+    assert edge_weights(slowly) == pytest.approx(edge_weights(once), abs=0.01)
+    assert edge_weights(slowly)[0] == pytest.approx(0.5, abs=0.01)
+    (was, cov_was), (now, cov_now) = (moments_by_edge(b)[2] for b in (once, slowly))
+    assert now[X] == pytest.approx(was[X], abs=0.2)
+    assert math.sqrt(cov_now[X, X]) == pytest.approx(math.sqrt(cov_was[X, X]), rel=0.03)
 
 
 def moments_by_edge(belief: Belief) -> dict[int, tuple[np.ndarray, np.ndarray]]:

@@ -139,8 +139,8 @@ def test_nodes_along_one_of_two_parallel_roads_change_its_probability_by_a_hundr
     [
         WHEELS,
         pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="the Gaussian is cut at a node wherever the map is observed: "
-            "P differs by 0.005 in most drives, and by more than 0.01 in a fifth of them")),
+            strict=True, reason="a turn into a stub is told by the fixes behind it: P differs by "
+            "0.002 in most drives, and by more than 0.01 in a tenth of them")),
         CLOCK,
     ],
 )  # fmt: skip

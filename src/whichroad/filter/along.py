@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from .._compile import Record, kernel
+from .._compile import kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
@@ -11,6 +11,8 @@ from .hypotheses.branching import (
     BRANCH_THRESHOLD,
     LEAST_SHARE,
     OFFSET,
+    own_all,
+    p_within,
     pass_on,
     run_on,
     share_beyond,
@@ -18,9 +20,9 @@ from .hypotheses.branching import (
 from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
 from .state import (
-    DISTANCE,
     MX,
     MY,
+    NO_BOUND,
     OFF_ROAD,
     Belief,
     Context,
@@ -82,7 +84,6 @@ def _move_to(
     hyp = belief.hyp[i]
     roads = ctx.roads
     edge = hyp.edge
-    length = roads.edges[edge].length
     at, variance = truncated_moments(to.s, to.sigma, low, high)
     shift = at - to.s
     shrink = variance / (to.sigma * to.sigma)
@@ -114,8 +115,6 @@ def _move_to(
     hyp.stood = 0.0
     hyp.along = at
     hyp.along_sigma = math.sqrt(variance)
-    z = (length - at) / hyp.along_sigma
-    hyp.p_not_passed = 1.0 if z > 6.0 else max(normal_cdf(z), 1e-6)
 
 
 @kernel(inline=True)
@@ -134,20 +133,11 @@ def _pass_beyond(
             ahead = Advance(
                 to.odometer, to.s - child.scratch[OFFSET], to.sigma, beside, to.tx, to.ty, 0.0
             )
-            _move_to(belief, ctx, row, ahead, noise, 0.0, ctx.roads.edges[child.edge].length)
+            length = ctx.roads.edges[child.edge].length
+            end = min(length, hyp.bound - child.scratch[OFFSET])
+            _move_to(belief, ctx, row, ahead, noise, 0.0, end)
+            own_all(child, length)
     rescale(hyp, 1.0 - given)
-
-
-@kernel
-def _share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, odometer: float) -> float:
-    """`share_beyond`; with an odometer only where the map is observed.
-
-    So a node cuts the Gaussian as often, however often the odometer is read.
-    """
-    state = belief.state[0]
-    if state.mode == DISTANCE and state.since_map + abs(odometer) < ctx.par[0].map_spacing:
-        return 0.0
-    return float(share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD))
 
 
 @kernel(inline=True)
@@ -182,6 +172,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
         variance = hyp.along_sigma**2 + odometer * (2.0 * cross + odometer * cov[K, K])
         sigma = math.sqrt(max(variance + noise.along, 1e-4))
+        hyp.bound = min(s + (hyp.bound - begin) * sigma / hyp.along_sigma, NO_BOUND)
         hyp.along_sigma = sigma
         after, s = run_on(belief, path, ctx, i, s)
         if hyp.edge != edge:
@@ -189,20 +180,19 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
             begin = 0.0
             lateral += hyp.mu[D] - lane
         length = ctx.roads.edges[hyp.edge].length
-        now = 1.0
+        hyp.along = s
+        hyp.p_not_passed = now = p_within(hyp)
         if after < 0 and s + 6.0 * sigma > length:
-            now = normal_cdf((length - s) / sigma)
-        share = _share_beyond(belief, ctx, hyp, now, odometer)
+            now = min(normal_cdf((length - s) / sigma), now)
+        share = float(share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD))
         to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
-        end = 1e9
-        owed = hyp.p_not_passed
         if share > 0.0:
-            owed = 0.0
             changed = True
             _pass_beyond(belief, path, ctx, i, share, to, noise)
-            end = length
-        _move_to(belief, ctx, i, to, noise, -1e9, end)
-        hyp.p_not_passed = max(hyp.p_not_passed, owed)
+            hyp.bound = length
+        _move_to(belief, ctx, i, to, noise, -NO_BOUND, NO_BOUND)
+        hyp.bound += hyp.along - s
+        hyp.p_not_passed = p_within(hyp)
     straight = Increment(odometer, 0.0, odometer, 0.0, odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]

@@ -59,6 +59,7 @@ BESIDE_SIGMA = 20.0  # m, off the roads: sigma of the offset from a road that ru
 RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
 RARE_FLOOR = 1e-3  # these, relative to the usual ones
 GRACE = 60.0  # m, for which they hold
+NO_BOUND = 1e9  # m, of a hypothesis that has passed nothing on
 
 CAPACITY = 160  # hypotheses, children of one epoch included
 KEPT = 48  # hypotheses that survive an epoch
@@ -74,7 +75,8 @@ HYPOTHESIS = np.dtype(
         ("lateral", "f8"),  # offset from the edge when last tracked, m, right positive
         ("tangent", "f8", (2,)),  # of the edge there
         ("odds", "f8", (2,)),  # of its weight over the risk: twice the logarithm, the root of that
-        ("p_not_passed", "f8"),  # P(not past the edge's end), when last evaluated
+        ("p_not_passed", "f8"),  # P(not past the edge's end, or the bound), when last evaluated
+        ("bound", "f8"),  # abscissa from which on its Gaussian was passed on, m, or NO_BOUND
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("stood", "f8"),  # s that it has stood, by sparse fixes; off the roads: it is parked there
         ("beside", "f8", (4,)),  # off the roads: filter.beside; zero: it has just left one
@@ -238,6 +240,7 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp = records(capacity, HYPOTHESIS)
     hyp.edge = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0
+    hyp.bound = NO_BOUND
     hyp.path_entry = -1
     state = records(1, FILTER)
     state.course_time = state.heading_time = -math.inf
@@ -343,6 +346,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.log_weight = hyp.weight = hyp.sinks = hyp.amiss = 0.0
     hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
+    hyp.bound = NO_BOUND
     for k in range(2):
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
@@ -377,6 +381,8 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     move_row(belief, i, child)
     hyp = belief.hyp[child]
     rescale(hyp, share)
+    if edge != hyp.edge:
+        hyp.bound = NO_BOUND
     hyp.edge = edge
     hyp.segment = segment
     hyp.new_edge = 1

@@ -207,6 +207,7 @@ def _start_on_roads(
             start.heading_sigma if fits else 0.12, state,
         )  # fmt: skip
         hyp.p_not_passed = max(normal_cdf((road.length - s) / sigma), 1e-6)
+        hyp.bound = road.length
         hyp.log_weight = math.log(mass)
         state.count += 1
     return found, towards

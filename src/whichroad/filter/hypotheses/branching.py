@@ -4,6 +4,10 @@ The paper redraws its candidates from scratch within 30 m of every estimate and 
 not define the transition B(i, j).  Here a hypothesis moves along the road graph: it stays
 on its edge with the probability that it has not passed the end, and gives the rest to
 the edges that follow, by turn prior times the mass that lies on them.
+
+Its Gaussian stays as it is: one with the moments of what is left would reach beyond the end again,
+and a node passed in ten steps would be passed otherwise than in one.  Without a heading sensor
+`bound` tells from which abscissa on it was passed on, and what is passed on is truncated.
 """
 
 import math
@@ -11,13 +15,14 @@ import math
 from ..._compile import Record, kernel
 from ...graph.geometry import project
 from ...graph.network import Roads, onwards
-from ..gaussian import normal_cdf
+from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
 from ..road import track
 from ..state import (
     CAPACITY,
     GRACE,
     MX,
     MY,
+    NO_BOUND,
     OFF_ROAD,
     RARE,
     RARE_FLOOR,
@@ -40,6 +45,7 @@ from .lane_offset import change_lane, redraw_lane
 
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
 REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
+_WHOLE = 6.0  # sigma
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
 LEAST_SHARE = 0.3  # of the pruning floor: weight of what branches
 OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
@@ -48,7 +54,7 @@ _LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
 
 @kernel
 def _list_successors(
-    roads: Roads, ctx: Context, edge: int, s: float, sigma: float, least: float
+    roads: Roads, ctx: Context, edge: int, s: float, sigma: float, least: float, bound: float
 ) -> int:
     """List the edges on which a vehicle that left `edge` may be.
 
@@ -62,6 +68,7 @@ def _list_successors(
         s: Mean abscissa, from the origin's start, m.
         sigma: Its standard deviation, m.
         least: Priors below this are not followed.
+        bound: Abscissa beyond which there is nothing, m.
 
     Returns:
         How many.
@@ -73,15 +80,16 @@ def _list_successors(
     current = edge
     prior = 1.0
     turn = 0.0
+    whole = normal_cdf((bound - s) / sigma)
     while True:
-        low = normal_cdf((end - s) / sigma)
+        low = min(normal_cdf((end - s) / sigma), whole)
         for t in range(roads.edges[current].first_turn, roads.edges[current].end_turn):
             p = prior * roads.turns[t].prior
             if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
                 continue
             new = found[count]
             new.edge = roads.turns[t].edge
-            high = normal_cdf((end + roads.edges[new.edge].length - s) / sigma)
+            high = min(normal_cdf((end + roads.edges[new.edge].length - s) / sigma), whole)
             new.parent = k
             new.offset = end
             new.prior = p
@@ -100,11 +108,13 @@ def _list_successors(
 
 
 @kernel
-def _successors(ctx: Context, edge: int, s: float, sigma: float, share: float) -> tuple[int, float]:
+def _successors(
+    ctx: Context, edge: int, s: float, sigma: float, share: float, bound: float
+) -> tuple[int, float]:
     """Edges that a share of weight may have passed on to, and the mass on them altogether."""
     prune = ctx.par[0].prune
     least = min(0.1 * prune / max(share, prune), 0.05)
-    count = _list_successors(ctx.roads, ctx, edge, s, sigma, least)
+    count = _list_successors(ctx.roads, ctx, edge, s, sigma, least, bound)
     found = ctx.work.successor
     total = 0.0
     for d in range(count):
@@ -162,14 +172,41 @@ def share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshol
 
         1 − Φ((L − s₁)/σ₁) / Φ((L − s₀)/σ₀), at least 0
 
-    with s₀ when last evaluated: a standing car passes nothing on.  0 where
-    that is below the pruning floor, or the table is full.
+    with s₀ when last evaluated: a standing car passes nothing on.  Where there is a bound, b, the
+    denominator is Φ((b − s₁)/σ₁).  0 where that is below the pruning floor, or the table is full.
     """
     share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
     p = hyp.weight
     enough = share * p >= floor_of(hyp, LEAST_SHARE * ctx.par[0].prune)
     enough = enough and share >= min(threshold / p, _MOSTLY)
     return share if enough and belief.state[0].count < CAPACITY else 0.0
+
+
+@kernel
+def own_all(hyp: Record, length: float) -> None:
+    """Note that a tracked hypothesis was truncated to its edge: nothing is to be passed on."""
+    hyp.bound = length
+    hyp.p_not_passed = p_within(hyp)
+
+
+@kernel
+def p_within(hyp: Record) -> float:
+    """P(a tracked hypothesis' Gaussian is before its bound)."""
+    z = (hyp.bound - hyp.along) / hyp.along_sigma
+    return 1.0 if z > _WHOLE else max(normal_cdf(z), 1e-6)
+
+
+@kernel
+def _weigh_rest(hyp: Record) -> None:
+    """Weigh a tracked hypothesis by what was observed, as its Gaussian ends at its bound.
+
+    An observation has weighed the whole Gaussian.  Before the bound b its likelihood is as large
+    times Φ((b − s₁)/σ₁) / Φ((b − s₀)/σ₀).
+    """
+    now = p_within(hyp)
+    if now < 1.0 or hyp.p_not_passed < 1.0:
+        rescale(hyp, now / hyp.p_not_passed)
+        hyp.p_not_passed = now
 
 
 @kernel(inline=True)
@@ -202,6 +239,7 @@ def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[
         hyp.segment = ctx.roads.edges[after].first_vertex
         hyp.new_edge = 1
         hyp.p_not_passed = 1.0
+        hyp.bound = NO_BOUND
         after = onwards(ctx.roads, after)
     return after, s
 
@@ -209,18 +247,27 @@ def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[
 @kernel(inline=True)
 def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) -> float:
     """Give a share of hypothesis i, as it stands, to what follows; returns what was given."""
-    s = belief.hyp[i].along
-    sigma = belief.hyp[i].along_sigma
+    hyp = belief.hyp[i]
+    s, sigma, tx, ty = hyp.along, hyp.along_sigma, hyp.tangent[0], hyp.tangent[1]
     first = int(belief.state[0].count)
     given = pass_on(belief, path, ctx, i, s, sigma, share, _LEAST_CHILD * ctx.par[0].prune)
     for row in range(first, belief.state[0].count):
         child = belief.hyp[row]
         if child.edge != OFF_ROAD:
+            length = ctx.roads.edges[child.edge].length
+            if belief.state[0].mode != WHEELS:
+                low = child.scratch[OFFSET]
+                at, variance = truncated_moments(s, sigma, low, min(low + length, hyp.bound))
+                shrink = variance / (sigma * sigma)
+                reshape_on_map(child.mu, child.cov, tx, ty, at - s, shrink, belief.state[0].scale)
             track(belief, ctx.roads, row)
             if not belief.state[0].knows_heading:  # it is the road's
                 child.mu[H] = math.atan2(child.tangent[1], child.tangent[0])
-            left = ctx.roads.edges[child.edge].length - (s - child.scratch[OFFSET])
-            child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+            if belief.state[0].mode == WHEELS:
+                left = length - (s - child.scratch[OFFSET])
+                child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+            else:
+                own_all(child, length)
     return float(given)
 
 
@@ -246,11 +293,14 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
+        if belief.state[0].mode != WHEELS:
+            _weigh_rest(hyp)
         if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
             changed = _back_up(belief, ctx, i, -arc) or changed
         length = ctx.roads.edges[hyp.edge].length
         if hyp.along + REACH * hyp.along_sigma < length:
-            hyp.p_not_passed = 1.0
+            if belief.state[0].mode == WHEELS:
+                hyp.p_not_passed = 1.0
             continue
         now = normal_cdf((length - hyp.along) / hyp.along_sigma)
         if arc < 0.0:
@@ -273,6 +323,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         changed = True
         given = _pass_end(belief, path, ctx, i, share)
         hyp.p_not_passed = now
+        hyp.bound = length
         rescale(hyp, 1.0 - given)
     return changed
 
@@ -301,7 +352,8 @@ def pass_on(
     """
     hyp = belief.hyp[i]
     p = hyp.weight
-    count, total = _successors(ctx, hyp.edge, s, sigma, share * p)
+    bound = NO_BOUND if belief.state[0].mode == WHEELS else hyp.bound
+    count, total = _successors(ctx, hyp.edge, s, sigma, share * p, bound)
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
         spawn(belief, i, share, OFF_ROAD, hyp.segment)
         return share

@@ -120,8 +120,8 @@ def initialise(
         hyp.log_weight = log_weight[k]
         hyp.along = s[k]
         hyp.along_sigma = sigma[k]
-        z = (ctx.roads.edges[e].length - s[k]) / sigma[k]
-        hyp.p_not_passed = max(normal_cdf(z), 1e-6)
+        hyp.bound = ctx.roads.edges[e].length
+        hyp.p_not_passed = max(normal_cdf((hyp.bound - s[k]) / sigma[k]), 1e-6)
         state.count = i + 1
 
 
@@ -277,6 +277,7 @@ def _merge_neighbour(kept: Record, hyp: Record, limit: float, scale: float) -> b
     kept.along += (1.0 - share) * gap
     v = share * vj + (1.0 - share) * vi + share * (1.0 - share) * gap * gap
     kept.along_sigma = math.sqrt(v)
+    kept.bound = min(kept.bound, hyp.bound)
     kept.p_not_passed = share * kept.p_not_passed + (1.0 - share) * hyp.p_not_passed
     kept.weight = wi + wj
     kept.log_weight = math.log(wi + wj)

@@ -14,6 +14,7 @@ from ..gaussian import merge_moments
 from ..sparse.origin import is_waiting
 from ..state import (
     KEPT,
+    NO_BOUND,
     NO_EDGE,
     OFF_ROAD,
     WHEELS,
@@ -29,6 +30,7 @@ from ..state import (
     move_row,
     normalise,
 )
+from .branching import p_within
 
 _OFF_LIMIT = 0.3  # nats, relative, below which two off-road components are merged
 _CLEAR = 1e-4  # probability of all other edges, below which
@@ -131,6 +133,16 @@ def _merge_cost_off_road(a: Record, b: Record, best: float, scale: float, alone:
 
 
 @kernel
+def _note_rest(a: Record, b: Record, share: float) -> None:
+    """P(before the bound) of two that are merged; what was passed on of either is of neither."""
+    gap = b.along - a.along
+    variance = share * a.along_sigma**2 + (1.0 - share) * b.along_sigma**2
+    a.along += (1.0 - share) * gap
+    a.along_sigma = math.sqrt(variance + share * (1.0 - share) * gap * gap)
+    a.p_not_passed = p_within(a)
+
+
+@kernel
 def _merge_into(belief: Belief, i: int, j: int) -> None:
     """Merge hypothesis j into i, the heavier; j is marked dead."""
     state = belief.state[0]
@@ -141,6 +153,9 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
     share = wi / (wi + wj)
     merge_moments(a.mu, a.cov, b.mu, b.cov, share, state.scale)
     a.p_not_passed = share * a.p_not_passed + (1.0 - share) * b.p_not_passed
+    a.bound = min(a.bound, b.bound)
+    if state.mode != WHEELS and a.bound < NO_BOUND:
+        _note_rest(a, b, share)
     a.beside[0] = merged_odds(a.beside[0], b.beside[0], share)
     for k in range(state.parents):
         belief.lineage[i, k] = share * belief.lineage[i, k] + (1.0 - share) * belief.lineage[j, k]

@@ -16,6 +16,7 @@ from ..speed_process import SpeedProcess
 from ..state import (
     MX,
     MY,
+    NO_BOUND,
     Belief,
     Context,
     D,
@@ -221,6 +222,7 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     hyp.log_weight -= pair.cost
     hyp.edge = edge
     hyp.p_not_passed = 1.0
+    hyp.bound = NO_BOUND
     hyp.travel_variance = max(transition.variance - hyp.along_sigma**2, 1.0)
     hyp.along = foot.s
     hyp.stood = 0.0

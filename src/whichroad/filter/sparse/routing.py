@@ -393,3 +393,4 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
             track(belief, roads, i)
         z = (length - hyp.along) / hyp.along_sigma
         hyp.p_not_passed = max(normal_cdf(z), 1e-6)
+        hyp.bound = length

@@ -19,6 +19,7 @@ from ..state import (
     CAPACITY,
     MX,
     MY,
+    NO_BOUND,
     OFF_ROAD,
     WRONG,
     Belief,
@@ -163,6 +164,7 @@ def carry(
     forget_leg(hyp.leg)
     hyp.edge = edge
     hyp.p_not_passed = 1.0
+    hyp.bound = NO_BOUND
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)
     hyp.along = s
 
