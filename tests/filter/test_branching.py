@@ -24,7 +24,7 @@ from whichroad.filter.along import advance_along
 from whichroad.filter.hypotheses.branching import _list_successors, branch
 from whichroad.filter.hypotheses.reduction import _merge_cost, reduce
 from whichroad.filter.motion import Noise
-from whichroad.filter.state import NO_BOUND, OFF_ROAD, Belief, D, H, X, Y, new_path
+from whichroad.filter.state import CLOCK, DISTANCE, NO_BOUND, OFF_ROAD, Belief, D, H, X, Y, new_path
 from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings
 
@@ -207,6 +207,34 @@ def test_a_node_is_passed_by_as_much_in_small_steps_as_at_once(steps: int):
     (was, cov_was), (now, cov_now) = (moments_by_edge(b)[2] for b in (once, slowly))
     assert now[X] == pytest.approx(was[X], abs=0.2)
     assert math.sqrt(cov_now[X, X]) == pytest.approx(math.sqrt(cov_was[X, X]), rel=0.03)
+
+
+def test_what_is_observed_weighs_a_hypothesis_that_has_passed_something_on_by_what_is_left():
+    """An observation that draws the Gaussian back by 4 m: more of it is before the bound."""
+    belief = belief_on(CROSS, [On(0, 280.0, right=1.75, sigma=6.0)])
+    belief.state[0].mode = CLOCK
+    go_along(belief, CROSS, 20.0)
+    before = edge_weights(belief)
+    assert belief.hyp.bound[0] == pytest.approx(300.0)
+    belief.hyp["mu"][0, X] -= 4.0
+    belief.hyp["cov"][0, X, X] = 25.0
+    pass_on(belief, CROSS, 0.0)
+    cdf = lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))  # noqa: E731
+    assert edge_weights(belief)[0] / before[0] == pytest.approx(cdf(4.0 / 5.0) / 0.5, rel=0.01)
+    assert edge_weights(belief)[2] == pytest.approx(before[2])
+
+
+@pytest.mark.parametrize("mode", [CLOCK, DISTANCE])
+def test_two_that_are_merged_have_what_is_before_the_smaller_bound(mode: int):
+    belief = belief_on(CROSS, [On(0, 298.0, 0.5, sigma=6.0), On(0, 296.0, 0.5, sigma=6.0)])
+    belief.state[0].mode = mode
+    belief.hyp.bound[:2] = 300.0, 320.0
+    belief.hyp.p_not_passed[:2] = 0.6, 1.0
+    merge(belief, limit=1.0, most=1)
+    assert belief.state[0].count == 1
+    assert belief.hyp.bound[0] == 300.0
+    z = 3.0 / math.sqrt(36.0 + 1.0) / math.sqrt(2.0)
+    assert belief.hyp.p_not_passed[0] == pytest.approx(0.5 * math.erfc(-z))
 
 
 def moments_by_edge(belief: Belief) -> dict[int, tuple[np.ndarray, np.ndarray]]:

@@ -35,6 +35,7 @@ from ..state import (
     rescale,
     spawn,
 )
+from .branching import own_all
 from .reduction import drop_lightest
 
 _LEAVES = 0.02  # weight of a road hypothesis that spawns an off-road one
@@ -206,8 +207,8 @@ def _start_on_roads(
             hyp, ctx, fix, start, start.heading if fits else along,
             start.heading_sigma if fits else 0.12, state,
         )  # fmt: skip
-        hyp.p_not_passed = max(normal_cdf((road.length - s) / sigma), 1e-6)
-        hyp.bound = road.length
+        hyp.along, hyp.along_sigma = s, sigma
+        own_all(hyp, road.length)
         hyp.log_weight = math.log(mass)
         state.count += 1
     return found, towards

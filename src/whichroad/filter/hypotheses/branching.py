@@ -184,7 +184,7 @@ def share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshol
 
 @kernel
 def own_all(hyp: Record, length: float) -> None:
-    """Note that a tracked hypothesis was truncated to its edge: nothing is to be passed on."""
+    """Note that all of a hypothesis is on its edge, once it has an abscissa."""
     hyp.bound = length
     hyp.p_not_passed = p_within(hyp)
 

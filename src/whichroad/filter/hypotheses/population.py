@@ -12,7 +12,7 @@ from ...graph.geometry import locate
 from ...graph.index import vertex_at
 from ...graph.network import Roads
 from .._simd import N, copy_record
-from ..gaussian import merge_moments, normal_cdf
+from ..gaussian import merge_moments
 from ..motion import Increment, extrapolated, predict_plane, wheel_noise
 from ..road import heading_regression
 from ..state import (
@@ -36,7 +36,7 @@ from ..state import (
     lane_mean,
     lane_sigma,
 )
-from .branching import branch
+from .branching import branch, own_all
 from .reduction import enter_new_edges
 
 _HEADING_VARIANCE = 0.015  # rad², of a vehicle about its road's heading
@@ -120,8 +120,7 @@ def initialise(
         hyp.log_weight = log_weight[k]
         hyp.along = s[k]
         hyp.along_sigma = sigma[k]
-        hyp.bound = ctx.roads.edges[e].length
-        hyp.p_not_passed = max(normal_cdf((hyp.bound - s[k]) / sigma[k]), 1e-6)
+        own_all(hyp, ctx.roads.edges[e].length)
         state.count = i + 1
 
 

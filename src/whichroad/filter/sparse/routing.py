@@ -13,6 +13,7 @@ from ...graph.index import vertex_at
 from ...graph.network import Roads
 from ...graph.route_search import set_goals
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
+from ..hypotheses.branching import own_all
 from ..lookback.history import History
 from ..motion import decay
 from ..records import Epoch
@@ -391,6 +392,4 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
             shrink = variance / (sigma * sigma)
             reshape_on_map(hyp.mu, hyp.cov, tx, ty, mean - s, shrink, state.scale)
             track(belief, roads, i)
-        z = (length - hyp.along) / hyp.along_sigma
-        hyp.p_not_passed = max(normal_cdf(z), 1e-6)
-        hyp.bound = length
+        own_all(hyp, length)
