@@ -285,3 +285,25 @@ def test_a_standing_receiver_asked_ten_times_as_often_does_not_creep():
         moved.append(said(network(straight_road()), epochs, mode=CLOCK).place[-1, 0] - 500.0)
     assert abs(moved[1] - moved[0]) <= 0.5
     assert abs(moved[1]) <= 2.0
+
+
+@pytest.mark.parametrize("every", [10, 1])  # tenths of a second
+def test_a_standing_receiver_whose_error_changes_slowly_creeps_no_way(every: int):
+    """Errors and their mirror images lead as far ahead as behind, though no vehicle reverses."""
+    n, keep, ahead = 3000, np.exp(-0.1 / 30.0), []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        slow = np.zeros((n, 2))
+        for k in range(1, n):
+            slow[k] = keep * slow[k - 1] + rng.normal(0.0, 2.5 * np.sqrt(1.0 - keep**2), 2)
+        error = slow + rng.normal(0.0, 1.0, (n, 2))
+        for side in (error, -error):
+            epochs = new_epochs(n // every)
+            epochs.time = 0.1 * np.arange(n)[::every]
+            epochs.fix[:, :2] = ([500.0, -1.75] + side)[::every]
+            epochs.fix[:, 2:4] = 3.0
+            epochs.speed_sigma = epochs.course_sigma = np.inf
+            epochs.has_fix = 1
+            place = said(network(straight_road()), epochs, mode=CLOCK).place[:, 0]
+            ahead.append(np.mean(place[len(place) // 2 :]) - 500.0)
+    assert abs(np.mean(ahead)) <= 0.3

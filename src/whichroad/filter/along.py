@@ -205,9 +205,10 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
 def forward_only(belief: Belief, ctx: Context) -> bool:
     """Without odometry a vehicle drives forwards.
 
-    The speed is truncated to what is above −0.5 m/s, and the hypothesis weighed by how much
-    that was, once a second: a speed that walks at random about zero would else creep on.  Off
-    the roads a negative speed first becomes the opposite heading.
+    Where the mean speed is below −0.5 m/s, the speed is truncated to what is above, and the
+    hypothesis weighed by how much that was, once a second.  The Gaussian of a vehicle that stands
+    reaches below that too, and stays: truncated again and again it would creep on.  Off the roads
+    a negative speed first becomes the opposite heading.
 
     Returns:
         Whether any weight was changed; weights are yet to be normalised.
@@ -231,7 +232,7 @@ def forward_only(belief: Belief, ctx: Context) -> bool:
                 cov[j, K] = -cov[j, K]
         sigma = math.sqrt(cov[K, K])
         z = (mean[K] - _REVERSE) / sigma
-        if due and z < 2.5:
+        if due and z < 0.0:
             weighed = True
             rescale(hyp, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
             speed, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
