@@ -197,7 +197,8 @@ SUCCESSOR = np.dtype(
         ("parent", "i4"),  # successor it was reached from, -1: the origin itself
         ("offset", "f8"),  # abscissa of its start, from the origin's start, m
         ("prior", "f8"),  # product of turn priors
-        ("mass", "f8"),  # prior times Gaussian mass
+        ("weight", "f8"),  # the same, by the speed in each turn
+        ("mass", "f8"),  # weight times Gaussian mass
         ("turn", "f8"),  # sum of turns, rad
     ],
     align=True,

@@ -14,7 +14,7 @@ import math
 
 from ..._compile import Record, kernel
 from ...graph.geometry import project
-from ...graph.network import Roads, onwards
+from ...graph.network import onwards
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
 from ..road import track
 from ..state import (
@@ -26,7 +26,6 @@ from ..state import (
     OFF_ROAD,
     RARE,
     RARE_FLOOR,
-    SUCCESSORS,
     WHEELS,
     Belief,
     Context,
@@ -42,89 +41,14 @@ from ..state import (
     spawn,
 )
 from .lane_offset import change_lane, redraw_lane
+from .successors import REACH, successors
 
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
-REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
 _WHOLE = 6.0  # sigma
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
 LEAST_SHARE = 0.3  # of the pruning floor: weight of what branches
 OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
 _LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
-
-
-@kernel
-def _list_successors(
-    roads: Roads, ctx: Context, edge: int, s: float, sigma: float, least: float, bound: float
-) -> int:
-    """List the edges on which a vehicle that left `edge` may be.
-
-    Breadth first over the successors; an edge's mass is its turn priors' product times
-    the Gaussian mass of the abscissa on it.
-
-    Args:
-        roads: The network.
-        ctx: Its buffer of successors is filled.
-        edge: The origin.
-        s: Mean abscissa, from the origin's start, m.
-        sigma: Its standard deviation, m.
-        least: Priors below this are not followed.
-        bound: Abscissa beyond which there is nothing, m.
-
-    Returns:
-        How many.
-    """
-    found = ctx.work.successor
-    count = 0
-    end = roads.edges[edge].length
-    k = -1
-    current = edge
-    prior = 1.0
-    turn = 0.0
-    whole = normal_cdf((bound - s) / sigma)
-    while True:
-        low = min(normal_cdf((end - s) / sigma), whole)
-        for t in range(roads.edges[current].first_turn, roads.edges[current].end_turn):
-            p = prior * roads.turns[t].prior
-            if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
-                continue
-            new = found[count]
-            new.edge = roads.turns[t].edge
-            high = min(normal_cdf((end + roads.edges[new.edge].length - s) / sigma), whole)
-            new.parent = k
-            new.offset = end
-            new.prior = p
-            new.mass = p * (high - low)
-            new.turn = turn + roads.turns[t].angle
-            count += 1
-        k += 1
-        while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
-            k += 1
-        if k >= count:
-            return count
-        current = found[k].edge
-        end = found[k].offset + roads.edges[current].length
-        prior = found[k].prior
-        turn = found[k].turn
-
-
-@kernel
-def _successors(
-    ctx: Context, edge: int, s: float, sigma: float, share: float, bound: float
-) -> tuple[int, float]:
-    """Edges that a share of weight may have passed on to, and the mass on them altogether."""
-    prune = ctx.par[0].prune
-    least = min(0.1 * prune / max(share, prune), 0.05)
-    count = _list_successors(ctx.roads, ctx, edge, s, sigma, least, bound)
-    found = ctx.work.successor
-    total = 0.0
-    for d in range(count):
-        total += found[d].mass
-    if total <= 1e-12 and count > 0:  # all mass before the end: the nearest edges take it
-        total = 0.0
-        for d in range(count):
-            found[d].mass = found[d].prior if found[d].parent < 0 else 0.0
-            total += found[d].mass
-    return count, total
 
 
 @kernel
@@ -353,7 +277,7 @@ def pass_on(
     hyp = belief.hyp[i]
     p = hyp.weight
     bound = NO_BOUND if belief.state[0].mode == WHEELS else hyp.bound
-    count, total = _successors(ctx, hyp.edge, s, sigma, share * p, bound)
+    count, total = successors(belief, ctx, i, s, sigma, share * p, bound)
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
         spawn(belief, i, share, OFF_ROAD, hyp.segment)
         return share

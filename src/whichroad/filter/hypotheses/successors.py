@@ -1,0 +1,148 @@
+"""The edges that a hypothesis may have passed on to: turn priors, and the speed in a turn.
+
+A corner is driven at a speed that its turn allows.  At 200 junctions of real drives the median
+speed was 6 m/s over the root of the turn in radians, from 0.15 rad to 2 rad, and 95 % drove at
+less than 10 m/s over it.  Straight on, it was three times as fast.  So who has not braked goes
+straight on, and who has will rather turn.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ..gaussian import normal_cdf
+from ..state import CLOCK, RARE, RARE_FLOOR, SUCCESSORS, Belief, Context, K
+
+REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
+_CORNER = 10.0  # m/s √rad, of the speed that a turn allows
+_FAST = 1.6  # usual speeds of the road, that nobody exceeds
+_SPREAD = 0.3  # relative, of the speed that a turn allows
+_LEAST_FIT = 0.02  # as the map may draw a corner where there is a bend
+_SIGMA = 0.5  # m/s, of an odometer's speed
+
+
+@kernel
+def _fit(usual: float, angle: float, speed: float, sigma: float) -> float:
+    """Likelihood of a speed at a node, for the turn there, s/m.
+
+        p(v | turn α) = Φ((u − v) / σ) / u,    u = 10 m/s / √α
+
+    Args:
+        usual: Speed of the road, m/s.
+        angle: α, rad.
+        speed: v, m/s.
+        sigma: Its standard deviation, m/s.
+    """
+    most = max(_FAST * usual, speed)
+    allowed = most
+    if abs(angle) * most * most > _CORNER * _CORNER:
+        allowed = _CORNER / math.sqrt(abs(angle))
+    z = (allowed - speed) / math.hypot(_SPREAD * allowed, sigma)
+    return float(max(normal_cdf(z), _LEAST_FIT) / allowed)
+
+
+@kernel
+def _list(
+    ctx: Context, edge: int, s: float, sigma: float, least: float, bound: float,
+    driven: tuple[float, float],
+) -> int:  # fmt: skip
+    """List the edges on which a vehicle that left `edge` may be.
+
+    Breadth first over the successors; an edge's mass is its turn priors' product, by the speed,
+    times the Gaussian mass of the abscissa on it.
+
+    Args:
+        ctx: Its buffer of successors is filled.
+        edge: The origin.
+        s: Mean abscissa, from the origin's start, m.
+        sigma: Its standard deviation, m.
+        least: Priors below this are not followed.
+        bound: Abscissa beyond which there is nothing, m.
+        driven: The speed and its standard deviation, m/s.
+
+    Returns:
+        How many.
+    """
+    roads = ctx.roads
+    found = ctx.work.successor
+    count = 0
+    end = roads.edges[edge].length
+    k = -1
+    current = edge
+    prior = weight = 1.0
+    turn = 0.0
+    whole = normal_cdf((bound - s) / sigma)
+    while True:
+        low = min(normal_cdf((end - s) / sigma), whole)
+        origin = roads.edges[current]
+        total = 0.0
+        for t in range(origin.first_turn, origin.end_turn):
+            way = roads.turns[t]
+            total += way.prior * _fit(origin.speed, way.angle, driven[0], driven[1])
+        for t in range(origin.first_turn, origin.end_turn):
+            way = roads.turns[t]
+            p = prior * way.prior
+            if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
+                continue
+            new = found[count]
+            new.edge = way.edge
+            high = min(normal_cdf((end + roads.edges[new.edge].length - s) / sigma), whole)
+            new.parent = k
+            new.offset = end
+            new.prior = p
+            fit = _fit(origin.speed, way.angle, driven[0], driven[1])
+            new.weight = weight * way.prior * fit / total
+            new.mass = new.weight * (high - low)
+            new.turn = turn + way.angle
+            count += 1
+        k += 1
+        while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
+            k += 1
+        if k >= count:
+            return count
+        current = found[k].edge
+        end = found[k].offset + roads.edges[current].length
+        prior = found[k].prior
+        weight = found[k].weight
+        turn = found[k].turn
+
+
+@kernel
+def _speed(belief: Belief, hyp: Record) -> tuple[float, float]:
+    """Speed of a hypothesis and its standard deviation, m/s."""
+    if belief.state[0].mode == CLOCK:
+        return max(hyp.mu[K], 0.0), math.sqrt(hyp.cov[K, K])
+    return abs(belief.state[0].odometer_speed * hyp.mu[K]), _SIGMA
+
+
+@kernel
+def successors(
+    belief: Belief, ctx: Context, i: int, s: float, sigma: float, weight: float, bound: float
+) -> tuple[int, float]:
+    """List the edges that a part of a hypothesis may have passed on to.
+
+    Args:
+        belief: The hypotheses.
+        ctx: Its buffer of successors is filled.
+        i: The hypothesis.
+        s: Its abscissa, beyond its edge's end, m.
+        sigma: m.
+        weight: Of the part.
+        bound: Abscissa beyond which there is nothing, m.
+
+    Returns:
+        How many, and the mass on them altogether.
+    """
+    hyp = belief.hyp[i]
+    prune = ctx.par[0].prune
+    least = min(0.1 * prune / max(weight, prune), 0.05)
+    count = _list(ctx, hyp.edge, s, sigma, least, bound, _speed(belief, hyp))
+    found = ctx.work.successor
+    total = 0.0
+    for d in range(count):
+        total += found[d].mass
+    if total <= 1e-12 and count > 0:  # all mass before the end: the nearest edges take it
+        total = 0.0
+        for d in range(count):
+            found[d].mass = found[d].weight if found[d].parent < 0 else 0.0
+            total += found[d].mass
+    return count, total
