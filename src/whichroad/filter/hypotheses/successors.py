@@ -16,7 +16,7 @@ REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
 _CORNER = 10.0  # m/s √rad, of the speed that a turn allows
 _FAST = 1.6  # usual speeds of the road, that nobody exceeds
 _SPREAD = 0.3  # relative, of the speed that a turn allows
-_LEAST_FIT = 0.02  # as the map may draw a corner where there is a bend
+_LEAST_FIT = 0.1  # as the map may draw a corner where there is a bend
 _SIGMA = 0.5  # m/s, of an odometer's speed
 
 
