@@ -21,10 +21,24 @@ from scenes import (
 )  # fmt: skip
 from strategies import seeds
 from whichroad.filter.along import advance_along
-from whichroad.filter.hypotheses.branching import _list_successors, branch
+from whichroad.filter.hypotheses.branching import branch
 from whichroad.filter.hypotheses.reduction import _merge_cost, reduce
+from whichroad.filter.hypotheses.successors import _fit, successors
 from whichroad.filter.motion import Noise
-from whichroad.filter.state import CLOCK, DISTANCE, NO_BOUND, OFF_ROAD, Belief, D, H, X, Y, new_path
+from whichroad.filter.state import (
+    CLOCK,
+    DISTANCE,
+    NO_BOUND,
+    OFF_ROAD,
+    WHEELS,
+    Belief,
+    D,
+    H,
+    K,
+    X,
+    Y,
+    new_path,
+)
 from whichroad.graph.network import TURN, Roads, records
 from whichroad.settings import Settings
 
@@ -164,7 +178,8 @@ def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: floa
     turns.edge, turns.prior = [2, 4], 1.0
     roads.edges.first_turn, roads.edges.end_turn = [0, 1, 1, 2, 2, 2], [1, 1, 2, 2, 2, 2]
     ctx = context(roads._replace(turns=turns))
-    count = _list_successors(ctx.roads, ctx, 0, 90.0, sigma, 0.0, NO_BOUND)
+    belief = belief_on(roads, [On(0, 90.0, sigma=sigma)])
+    count, _ = successors(belief, ctx, 0, 90.0, sigma, 1.0, NO_BOUND)
     cdf = lambda s: 0.5 * math.erfc(-(s - 90.0) / sigma / math.sqrt(2.0))  # noqa: E731
     expected = {2: cdf(140.0) - cdf(100.0)}
     if 90.0 + 3.5 * sigma > 140.0:
@@ -172,6 +187,43 @@ def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: floa
     found = ctx.work.successor[:count]
     masses = dict(zip(found.edge.tolist(), found.mass, strict=True))
     assert masses == pytest.approx(expected)
+
+
+def at_speed(speed: float, mode: int) -> dict[int, float]:
+    """P of the edges behind a crossing that is passed at a speed (m/s), odometer off by 4."""
+    belief = belief_on(CROSS, [On(0, 310.0, sigma=0.5)])
+    belief.state.mode[0] = mode
+    belief.hyp["mu"][0, K] = speed if mode == CLOCK else 0.25
+    belief.hyp["cov"][0, K, K] = 0.01
+    belief.state.odometer_speed[0] = 4.0 * speed
+    pass_on(belief, CROSS)
+    return edge_weights(belief)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
+def test_who_has_not_braked_drives_straight_on_and_who_has_will_rather_turn(mode: int):
+    stands, slow, fast = (at_speed(speed, mode) for speed in (0.0, 4.0, 14.0))
+    for p in (stands, slow, fast):
+        assert sum(p.values()) == pytest.approx(1.0, abs=1e-6)
+        assert p[4] == pytest.approx(p[6], rel=1e-6)  # left, right
+    assert stands[4] / stands[2] == pytest.approx(PRIORS[4] / PRIORS[2], rel=1e-5)
+    assert slow[4] / slow[2] > 1.5 * PRIORS[4] / PRIORS[2]
+    assert fast[4] / fast[2] < 0.4 * PRIORS[4] / PRIORS[2]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 0.8, 1.6, 3.1])
+def test_the_speed_in_a_turn_has_a_density_and_the_quantiles_of_real_drives(turn: float):
+    """Median 5.5 m/s and 95 % quantile 10 m/s over the root of the turn, within a third."""
+    speeds = np.arange(0.5, 40.0, 0.1)
+    density = np.array([_fit(12.5, turn, v, 0.3) for v in speeds])
+    if turn == 0.0:
+        assert density[speeds < 10.0] == pytest.approx(0.05, rel=0.05)  # up to 20 m/s
+        return
+    below = 0.5 * density[0] + 0.1 * np.cumsum(density)
+    within = speeds < 15.0 / math.sqrt(turn)  # beyond it, a bend that was drawn as a corner
+    assert below[within][-1] == pytest.approx(1.0, abs=0.1)
+    assert np.interp(0.5, below, speeds) * math.sqrt(turn) == pytest.approx(5.5, rel=0.3)
+    assert np.interp(0.95, below, speeds) * math.sqrt(turn) == pytest.approx(10.0, rel=0.3)
 
 
 def test_the_lane_is_drawn_anew_round_the_corner_and_kept_ahead():

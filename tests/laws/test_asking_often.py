@@ -300,7 +300,7 @@ def test_a_standing_receiver_whose_error_changes_slowly_creeps_no_way(every: int
         for side in (error, -error):
             epochs = new_epochs(n // every)
             epochs.time = 0.1 * np.arange(n)[::every]
-            epochs.fix[:, :2] = ([500.0, -1.75] + side)[::every]
+            epochs.fix[:, :2] = (side + np.array([500.0, -1.75]))[::every]
             epochs.fix[:, 2:4] = 3.0
             epochs.speed_sigma = epochs.course_sigma = np.inf
             epochs.has_fix = 1

@@ -9,7 +9,7 @@ from ..._compile import kernel
 from ...graph.network import backwards, onwards
 from .._simd import copy_record
 from ..gaussian import normal_cdf
-from ..hypotheses.branching import REACH
+from ..hypotheses.successors import REACH
 from ..road import track
 from ..state import CAPACITY, OFF_ROAD, Belief, Context
 
