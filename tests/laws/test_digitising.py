@@ -134,16 +134,7 @@ def test_nodes_along_one_of_two_parallel_roads_change_its_probability_by_a_hundr
     np.testing.assert_allclose(cut.off, whole.off, rtol=0.0, atol=A_HUNDREDTH)
 
 
-@pytest.mark.parametrize(
-    "mode",
-    [
-        WHEELS,
-        pytest.param(DISTANCE, marks=pytest.mark.xfail(
-            strict=True, reason="a turn into a stub is told by the fixes behind it: P differs by "
-            "0.002 in most drives, and by more than 0.01 in a tenth of them")),
-        CLOCK,
-    ],
-)  # fmt: skip
+@MODES
 @example(seed=24)  # the worst of 30 of each mode
 @example(seed=13)
 @given(seed=seeds)

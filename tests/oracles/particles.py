@@ -39,7 +39,7 @@ from whichroad.filter.state import (
     new_work,
     normalise,
 )  # fmt: skip
-from whichroad.filter.step import _EXCHANGE, _count_motion
+from whichroad.filter.step import _EXCHANGE, _SMOOTHING, _count_motion
 from whichroad.graph.network import Roads, plane_scale
 from whichroad.settings import Settings, Vehicle, parameters
 
@@ -91,6 +91,7 @@ def _single_out(crowd: Belief, one: Belief, i: int) -> None:
     one.state[0].count = 1
     one.state[0].scale = crowd.state[0].scale
     one.state[0].knows_heading = 1
+    one.state[0].odometer_speed = crowd.state[0].odometer_speed
 
 
 @kernel
@@ -196,6 +197,10 @@ class Particles:
         arc = epoch.arc / pieces
         predict(self.crowd, self.ctx, epoch, pieces)
         _count_motion(self.crowd.state[0], abs(arc), dt)
+        if done:
+            state, whole = self.crowd.state[0], dt * pieces
+            behind = epoch.arc / whole - state.odometer_speed
+            state.odometer_speed += behind * whole / (_SMOOTHING + whole)
         if epoch.has_fix and done:
             self._observe_fix(epoch)
         self._expand(lambda: branch(self.crowd, self.one, self.branching, self.path, arc))

@@ -9,20 +9,21 @@ rather turn.
 import math
 
 from ..._compile import Record, kernel
+from ...graph.network import Roads
 from ..gaussian import normal_cdf
 from ..state import CLOCK, RARE, RARE_FLOOR, SUCCESSORS, Belief, Context, K
 
 REACH = 3.5  # sigma of the abscissa beyond which mass is neglected
 _CORNER = 10.0  # m/s √rad, of the speed that a turn allows
 _FAST = 1.6  # usual speeds of the road, that nobody exceeds
-_SPREAD = 0.3  # relative, of the speed that a turn allows
+_ALLOWED_SIGMA = 0.3  # relative, of the speed that a turn allows
 _LEAST_FIT = 0.1  # as the map may draw a corner where there is a bend
 _SIGMA = 0.5  # m/s, of an odometer's speed
 _STANDS = 0.5  # m/s, below which a vehicle waits, and may turn to anywhere
 
 
 @kernel
-def _fit(usual: float, angle: float, speed: float, sigma: float) -> float:
+def speed_fit(usual: float, angle: float, speed: float, sigma: float) -> float:
     """Likelihood of a speed at a node, for the turn there, s/m; 1 for one that stands.
 
         p(v | turn α) = Φ((u − v) / σ) / u,    u = 10 m/s / √α
@@ -41,8 +42,25 @@ def _fit(usual: float, angle: float, speed: float, sigma: float) -> float:
     allowed = most
     if abs(angle) * most * most > _CORNER * _CORNER:
         allowed = _CORNER / math.sqrt(abs(angle))
-    z = (allowed - speed) / math.hypot(_SPREAD * allowed, sigma)
+    z = (allowed - speed) / math.hypot(_ALLOWED_SIGMA * allowed, sigma)
     return float(max(normal_cdf(z), _LEAST_FIT) / allowed)
+
+
+@kernel
+def _fit(roads: Roads, edge: int, turn: int, driven: tuple[float, float]) -> float:
+    """The prior of a turn at an edge's end, times the likelihood of the speed."""
+    way = roads.turns[turn]
+    usual, angle = float(roads.edges[edge].speed), float(way.angle)
+    return float(way.prior) * speed_fit(usual, angle, driven[0], driven[1])
+
+
+@kernel
+def _fit_of_all(roads: Roads, edge: int, driven: tuple[float, float]) -> float:
+    """The sum over all turns at an edge's end."""
+    total = 0.0
+    for turn in range(roads.edges[edge].first_turn, roads.edges[edge].end_turn):
+        total += _fit(roads, edge, turn, driven)
+    return max(total, 1e-300)
 
 
 @kernel
@@ -79,13 +97,10 @@ def _list(
     while True:
         low = min(normal_cdf((end - s) / sigma), whole)
         origin = roads.edges[current]
-        total = 0.0
+        shared = weight / _fit_of_all(roads, current, driven)
         for t in range(origin.first_turn, origin.end_turn):
             way = roads.turns[t]
-            total += way.prior * _fit(origin.speed, way.angle, driven[0], driven[1])
-        for t in range(origin.first_turn, origin.end_turn):
-            way = roads.turns[t]
-            p = prior * way.prior
+            p = prior * float(way.prior)
             if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
                 continue
             new = found[count]
@@ -94,10 +109,9 @@ def _list(
             new.parent = k
             new.offset = end
             new.prior = p
-            fit = _fit(origin.speed, way.angle, driven[0], driven[1])
-            new.weight = weight * way.prior * fit / total
+            new.weight = shared * _fit(roads, current, t, driven)
             new.mass = new.weight * (high - low)
-            new.turn = turn + way.angle
+            new.turn = turn + float(way.angle)
             count += 1
         k += 1
         while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
