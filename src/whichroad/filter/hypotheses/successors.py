@@ -41,7 +41,7 @@ def speed_fit(usual: float, angle: float, speed: float, sigma: float) -> float:
     most = max(_FAST * usual, speed)
     allowed = most
     if abs(angle) * most * most > _CORNER * _CORNER:
-        allowed = _CORNER / math.sqrt(abs(angle))
+        allowed = math.sqrt(_CORNER * _CORNER / abs(angle))
     z = (allowed - speed) / math.hypot(_ALLOWED_SIGMA * allowed, sigma)
     return float(max(normal_cdf(z), _LEAST_FIT) / allowed)
 
