@@ -385,7 +385,7 @@ def _estimate_speed(belief: Belief, ctx: Context, epoch: Record, dt: float) -> N
     for i in range(state.count):
         rate += belief.hyp[i].weight * belief.hyp[i].mu[K]
     if state.mode == CLOCK:
-        state.speed = rate
+        state.speed = max(rate, 0.0)
     elif dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
         state.speed = rate * epoch.arc / dt
 

@@ -284,7 +284,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
         state.count += 1
     state.time = then.time
     state.mode = then.motion.mode
-    state.speed = speed if state.mode == CLOCK else then.speed
+    state.speed = max(speed, 0.0) if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
     state.misfits = then.misfits
     state.elsewhere[0] = then.elsewhere[0]

@@ -12,7 +12,6 @@ from ..gnss.separation import cover
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..state import (
-    CLOCK,
     MX,
     MY,
     NO_EDGE,
@@ -131,7 +130,7 @@ def describe(
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
-    out.speed = max(state.speed, 0.0) if state.mode == CLOCK else state.speed
+    out.speed = state.speed
     out.chi2 = chi2
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.map_scale = map_scale(state, ctx.par[0])
