@@ -10,6 +10,7 @@ from functools import partial
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whichroad.lookback.smoothing import Lag
 from whichroad.observations import Drive, Fixes, Odometer, WheelCounts
@@ -19,7 +20,7 @@ from whichroad.simulate import GOOD, SimulatedDrive, simulate_drive
 from .. import Figure, Options
 from ..town import right_edges
 from .consistency import WARM_UP_S, errors, prepare
-from .drives import Mask, Row, Table, answer, each, world
+from .drives import Answer, Mask, Row, Table, answer, each, world
 
 SEEDS = range(10_000, 10_100)
 LENGTH_M = 3000.0
@@ -27,6 +28,7 @@ RATES = (1, 2, 5, 10, 20)  # Hz
 COLUMNS = ("course and speed", "positions", "odometer, course and speed")
 LAGS = {"filtered": None, "smoothed": Lag.of("full")}
 _FASTEST = 20  # Hz
+_LEAST_P = 1e-6
 
 
 def thinned(drive: SimulatedDrive, rate: int, columns: str) -> SimulatedDrive:
@@ -58,6 +60,12 @@ def _with_fix(drive: SimulatedDrive) -> Mask:
     return np.asarray(np.abs(time - last) < 2e-3)
 
 
+def _log_scores(drive: SimulatedDrive, said: Answer) -> NDArray[np.float64]:
+    """Logarithm of P that the edge is right, or wrong, whichever it is, nats, (n,)."""
+    right, p = said.rows.edge == drive.truth.edge, said.rows.p_edge
+    return np.log(np.maximum(np.where(right, p, 1.0 - p), _LEAST_P))
+
+
 def one(seed: int, *, length_m: float, settings: Settings) -> Row:
     """One drive at each rate, with course and speed and without."""
     whole = simulate_drive(
@@ -79,12 +87,13 @@ def one(seed: int, *, length_m: float, settings: Settings) -> Row:
         row[name + "sure"] = float((keep & (said.rows.p_edge >= 0.999)).sum())
         row[name + "wrong"] = float((keep & ~right & (said.rows.p_edge >= 0.999)).sum())
         row[name + "nees"] = float(weighed[keep].sum())
+        row[name + "log"] = float(_log_scores(drive, said)[keep].sum())
         row[name + "squared"] = float((error[keep] ** 2).sum())
     return row
 
 
 def run(options: Options) -> list[Figure]:
-    """All seeds: right edges, false off-road, ANEES and RMSE of each rate."""
+    """All seeds: right edges, false off-road, ANEES and RMSE and log P(edge) of each rate."""
     seeds = options.seeds or SEEDS
     work = partial(one, length_m=options.more.get("metres", LENGTH_M), settings=options.settings())
     map_file = options.need("maps", "heidelberg.osm.pbf")
@@ -99,6 +108,7 @@ def run(options: Options) -> list[Figure]:
             table.share(what + "wrong of P >= 0.999", key + "wrong", key + "sure", "", "per mille",
                         1000.0),
             table.share(what + "ANEES", key + "nees", below, "0.7..1.3", "", 0.5),
+            table.share(what + "log P(edge)", key + "log", below, "", "nats", 1.0),
             table.root(what + "RMSE", key + "squared", below),
         ]  # fmt: skip
     return figures

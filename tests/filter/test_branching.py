@@ -215,7 +215,7 @@ def test_who_has_not_braked_drives_straight_on_and_who_has_will_rather_turn(mode
 def test_the_speed_in_a_turn_has_a_density_and_the_quantiles_of_real_drives(turn: float):
     """Median 5.5 m/s and 95 % quantile 10 m/s over the root of the turn, within a third."""
     speeds = np.arange(0.5, 40.0, 0.1)
-    density = np.array([speed_fit(12.5, turn, v, 0.3) for v in speeds])
+    density = np.array([speed_fit(12.5, turn, (v, 0.3)) for v in speeds])
     if turn == 0.0:
         assert density[speeds < 10.0] == pytest.approx(0.05, rel=0.05)  # up to 20 m/s
         return

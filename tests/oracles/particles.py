@@ -24,6 +24,7 @@ from whichroad.filter.gnss import position as gnss
 from whichroad.filter.gnss.position import Axes
 from whichroad.filter.hypotheses import branching
 from whichroad.filter.hypotheses.births import exchange_off_road, turn_with_heading
+from whichroad.filter.modes import follow_odometer
 from whichroad.filter.motion import increment_of, pieces_of, predict_plane, wheel_noise
 from whichroad.filter.road import observe_map
 from whichroad.filter.state import (
@@ -39,7 +40,7 @@ from whichroad.filter.state import (
     new_work,
     normalise,
 )  # fmt: skip
-from whichroad.filter.step import _EXCHANGE, _SMOOTHING, _count_motion
+from whichroad.filter.step import _EXCHANGE, _count_motion
 from whichroad.graph.network import Roads, plane_scale
 from whichroad.settings import Settings, Vehicle, parameters
 
@@ -198,9 +199,7 @@ class Particles:
         predict(self.crowd, self.ctx, epoch, pieces)
         _count_motion(self.crowd.state[0], abs(arc), dt)
         if done:
-            state, whole = self.crowd.state[0], dt * pieces
-            behind = epoch.arc / whole - state.odometer_speed
-            state.odometer_speed += behind * whole / (_SMOOTHING + whole)
+            follow_odometer(self.crowd.state[0], epoch.arc, dt * pieces)
         if epoch.has_fix and done:
             self._observe_fix(epoch)
         self._expand(lambda: branch(self.crowd, self.one, self.branching, self.path, arc))

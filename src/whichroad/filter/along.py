@@ -232,14 +232,13 @@ def forward_only(belief: Belief, ctx: Context) -> bool:
                 cov[j, K] = -cov[j, K]
         sigma = math.sqrt(cov[K, K])
         z = (mean[K] - _REVERSE) / sigma
-        if due and z < 0.0:
-            weighed = True
-            rescale(hyp, max(min(2.0 * normal_cdf(z), 1.0), 1e-12))
-            speed, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
-            for j in range(N):
-                row[j] = 0.0
-            row[K] = 1.0
-            reshape_along(
-                mean, cov, row, speed - mean[K], variance / (sigma * sigma), belief.state[0].scale
-            )
+        if not due or z >= 0.0:
+            continue
+        weighed = True
+        rescale(hyp, max(2.0 * normal_cdf(z), 1e-12))
+        speed, variance = truncated_moments(mean[K], sigma, _REVERSE, 1e9)
+        for j in range(N):
+            row[j] = 0.0
+        row[K] = 1.0
+        reshape_along(mean, cov, row, speed - mean[K], variance / (sigma * sigma), state.scale)
     return weighed

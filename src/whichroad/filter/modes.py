@@ -28,6 +28,7 @@ _OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
 _UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as not measured
 _LEAST_PACE = 3.0  # m/s
 _DISPUTED = 30.0  # s after a misfit, for which odometry that is found impossible has caused it
+_SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
@@ -233,3 +234,11 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     elif vetting.news != NONE and reading.has_fix:
         _start_elsewhere(belief, par, epoch)
     return reading
+
+
+@kernel
+def follow_odometer(state: Record, arc: float, dt: float) -> None:
+    """Speed and acceleration by the odometer, low-pass filtered, after `arc` metres in dt s."""
+    behind = arc / dt - state.odometer_speed
+    state.odometer_speed += behind * dt / (_SMOOTHING + dt)
+    state.odometer_acceleration = behind / (_SMOOTHING + dt)

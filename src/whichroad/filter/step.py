@@ -21,7 +21,7 @@ from .hypotheses.branching import BRANCH_THRESHOLD, branch
 from .hypotheses.reduction import reduce
 from .lookback.history import History, accumulate_motion, accumulate_noise, is_full, store
 from .map_error import learn_map
-from .modes import believed
+from .modes import believed, follow_odometer
 from .motion import (
     Increment,
     Noise,
@@ -59,7 +59,7 @@ from .summary.estimate import Output, describe
 from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
 
 _EXCHANGE = 25.0  # m between exchanges with off the roads
-_SMOOTHING, _TURN_TIME = 0.1, 0.25  # s, time constants of the odometer's speed, of the turn rate
+_TURN_TIME = 0.25  # s, time constant of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _SPEED_KEPT, _COURSE_KEPT = 1.5, 3.0  # s, for which reports tell acceleration, and heading
 _LONGEST, _FARTHEST = 1800.0, 5e4  # s without odometry, m in one epoch: beyond it starts anew
@@ -212,9 +212,7 @@ def _predict(
             state.changed = 1
         _count_motion(state, metres, dt)
     if mode != CLOCK and dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
-        behind = epoch.arc / dt - state.odometer_speed
-        state.odometer_speed += behind * dt / (_SMOOTHING + dt)
-        state.odometer_acceleration = behind / (_SMOOTHING + dt)
+        follow_odometer(state, epoch.arc, dt)
 
 
 @kernel(inline=True)

@@ -8,8 +8,7 @@ rather turn.
 
 import math
 
-from ..._compile import Record, kernel
-from ...graph.network import Roads
+from ..._compile import Record, Records, kernel
 from ..gaussian import normal_cdf
 from ..state import CLOCK, RARE, RARE_FLOOR, SUCCESSORS, Belief, Context, K
 
@@ -23,7 +22,7 @@ _STANDS = 0.5  # m/s, below which a vehicle waits, and may turn to anywhere
 
 
 @kernel
-def speed_fit(usual: float, angle: float, speed: float, sigma: float) -> float:
+def speed_fit(usual: float, angle: float, driven: tuple[float, float]) -> float:
     """Likelihood of a speed at a node, for the turn there, s/m; 1 for one that stands.
 
         p(v | turn α) = Φ((u − v) / σ) / u,    u = 10 m/s / √α
@@ -33,9 +32,9 @@ def speed_fit(usual: float, angle: float, speed: float, sigma: float) -> float:
     Args:
         usual: Speed of the road, m/s.
         angle: α, rad.
-        speed: v, m/s.
-        sigma: Its standard deviation, m/s.
+        driven: v and its standard deviation, m/s.
     """
+    speed, sigma = driven
     if speed < _STANDS:
         return 1.0
     most = max(_FAST * usual, speed)
@@ -47,20 +46,11 @@ def speed_fit(usual: float, angle: float, speed: float, sigma: float) -> float:
 
 
 @kernel
-def _fit(roads: Roads, edge: int, turn: int, driven: tuple[float, float]) -> float:
-    """The prior of a turn at an edge's end, times the likelihood of the speed."""
-    way = roads.turns[turn]
-    usual, angle = float(roads.edges[edge].speed), float(way.angle)
-    return float(way.prior) * speed_fit(usual, angle, driven[0], driven[1])
-
-
-@kernel
-def _fit_of_all(roads: Roads, edge: int, driven: tuple[float, float]) -> float:
-    """The sum over all turns at an edge's end."""
-    total = 0.0
-    for turn in range(roads.edges[edge].first_turn, roads.edges[edge].end_turn):
-        total += _fit(roads, edge, turn, driven)
-    return max(total, 1e-300)
+def _normalise(found: Records, first: int, end: int, total: float) -> None:
+    """Divide the weights of some successors by the sum over all turns at their node."""
+    for d in range(first, end):
+        found[d].weight /= total
+        found[d].mass /= total
 
 
 @kernel
@@ -91,16 +81,17 @@ def _list(
     end = roads.edges[edge].length
     k = -1
     current = edge
-    prior = weight = 1.0
-    turn = 0.0
+    prior, weight, turn = 1.0, 1.0, 0.0
     whole = normal_cdf((bound - s) / sigma)
     while True:
         low = min(normal_cdf((end - s) / sigma), whole)
         origin = roads.edges[current]
-        shared = weight / _fit_of_all(roads, current, driven)
+        first, total = count, 0.0
         for t in range(origin.first_turn, origin.end_turn):
             way = roads.turns[t]
             p = prior * float(way.prior)
+            fit = float(way.prior) * speed_fit(float(origin.speed), float(way.angle), driven)
+            total += fit
             if p < (least if p >= RARE else RARE_FLOOR * least) or count >= SUCCESSORS:
                 continue
             new = found[count]
@@ -109,10 +100,11 @@ def _list(
             new.parent = k
             new.offset = end
             new.prior = p
-            new.weight = shared * _fit(roads, current, t, driven)
+            new.weight = weight * fit
             new.mass = new.weight * (high - low)
             new.turn = turn + float(way.angle)
             count += 1
+        _normalise(found, first, count, total)
         k += 1
         while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
             k += 1
