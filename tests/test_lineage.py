@@ -62,6 +62,7 @@ SCENES = {
     ),
     "between two roads": lambda: matched(GAP, ON, WHEELS),
 }  # fmt: skip
+ACROSS_NODES = {"fork, odometer", "town, GNSS"}
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -69,19 +70,39 @@ def answer(request) -> whichroad.Result:
     return SCENES[request.param]()
 
 
-def test_p_of_an_edge_is_that_of_the_points(answer):
+def p_of_edges(answer: whichroad.Result) -> tuple[pd.Series, pd.Series]:
+    """P of each edge at each time, as the lineage and as the points say it."""
     edge = answer.lineage.to_pandas().set_index("id").edge_id
     weights = answer.lineage.weights()
     weights["edge"] = weights.id.map(edge)
-    told = weights.dropna().groupby(["time", "edge"]).p.sum()
-    said = [
-        ((row.time, one["edge_id"]), one["p"])
+    said = {
+        (row.time, one["edge_id"]): one["p"]
         for row in answer.points.itertuples()
         for one in row.alternatives
         if one["edge_id"] is not None and one["edge_id"] >= 0
-    ]
+    }
     assert len(said) >= len(answer.points) / 2
-    np.testing.assert_allclose([told[key] for key, _ in said], [p for _, p in said], atol=1e-7)
+    return weights.dropna().groupby(["time", "edge"]).p.sum(), pd.Series(said)
+
+
+def test_p_of_an_edge_is_that_of_the_points(answer, request):
+    """Where none lies across a node: its P is shared between both sides, but not with wheels.
+
+    What an edge lacks, the edges about it have then.
+    """
+    told, said = p_of_edges(answer)
+    if request.node.callspec.params["answer"] not in ACROSS_NODES:
+        np.testing.assert_allclose(told[said.index], said, atol=1e-7)
+        return
+    lives = answer.lineage.to_pandas().set_index("id")
+    came = lives.parent_id.map(lives.edge_id)
+    pairs = set(zip(lives.edge_id, came, strict=True)) | set(zip(came, lives.edge_id, strict=True))
+    more = said - told.reindex(said.index).fillna(0.0)
+    away = more[more.abs() > 1e-7]
+    assert 0 < len(away) < 0.15 * len(said)
+    for (time, edge), p in away.items():
+        other = [more.get((time, e), 0.0) for one, e in pairs if one == edge]
+        assert sum(max(-np.sign(p) * x, 0.0) for x in other) >= abs(p) - 2e-3, (time, edge)
 
 
 def test_what_lives_on_roads_sums_to_one_minus_p_off_road(answer):

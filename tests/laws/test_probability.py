@@ -13,6 +13,8 @@ from whichroad.filter.state import CLOCK, DISTANCE, KEPT, WHEELS
 from whichroad.observations import GeoFix
 
 TOWN = grid_town()
+# the same with a node in the middle of each street, where the road just runs on
+CUT = [half for a, b in TOWN for half in ([a, np.add(a, b) / 2], [np.add(a, b) / 2, b])]
 MODES = pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
 EXACT = 1e-12
 
@@ -82,12 +84,13 @@ def test_with_more_candidates_than_there_is_room_for_they_still_have_one_between
     assert most == KEPT
 
 
-@given(seeds)
+@pytest.mark.parametrize("lines", [TOWN, CUT], ids=["streets", "streets of two edges"])
+@given(seed=seeds)
 @law
-def test_on_line_the_hypotheses_have_one_between_them(seed: int):
+def test_on_line_the_hypotheses_have_one_between_them(lines, seed: int):
     truth, fix, at = messy(seed)
     log = drive(truth, fixes(truth, fix, at), CLOCK).fixes
-    online = Localizer(road_map([degrees(line) for line in TOWN]), vehicle=CAR)
+    online = Localizer(road_map([degrees(line) for line in lines]), vehicle=CAR)
     columns = [getattr(log, name).tolist() for name in GeoFix.__slots__]
     for row in zip(*columns, strict=True):
         estimate = online.update(GeoFix(*row))

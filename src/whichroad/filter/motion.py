@@ -20,7 +20,7 @@ _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
 _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
 _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
-_STRAIGHT = 0.0025  # rad²/m, and with a mere odometer
+_STRAIGHT, _TURNING = 0.0025, 0.02  # rad²/m, and with an odometer; where courses were heard
 _PIECE, _MOST_PIECES = 6.0, 10_000  # m, longest piece of an arc; of an arc
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
 _UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
@@ -127,7 +127,7 @@ def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
 
 
 @kernel
-def blind_noise(par: Record, odometer: float, mode: int, unseen: bool) -> Noise:
+def blind_noise(par: Record, odometer: float, mode: int, unseen: bool, courses: bool) -> Noise:
     """Process noise without a heading sensor, over metres (DISTANCE) or seconds (CLOCK).
 
     Without an odometer the speed walks at random: with q its variance a second,
@@ -142,6 +142,7 @@ def blind_noise(par: Record, odometer: float, mode: int, unseen: bool) -> Noise:
         odometer: Metres or seconds.
         mode: DISTANCE or CLOCK.
         unseen: Whether no speed was reported in the last seconds.
+        courses: Whether courses were heard, so that the heading is the vehicle's own.
     """
     if mode == CLOCK:
         rate = (_LASTING if unseen else 1.0) * par.acceleration_noise**2 * odometer
@@ -149,7 +150,8 @@ def blind_noise(par: Record, odometer: float, mode: int, unseen: bool) -> Noise:
         return Noise(along, 0.25 * along, _BLIND_TURN * odometer, rate, 0.0, rate * odometer / 2.0)
     metres = abs(odometer)
     along = (3.0 * par.along_noise) ** 2 * metres
-    return Noise(along, 0.25 * along, _STRAIGHT * metres, _RATE_NOISE * metres, 0.0, 0.0)
+    turn = _TURNING if courses else _STRAIGHT
+    return Noise(along, 0.25 * along, turn * metres, _RATE_NOISE * metres, 0.0, 0.0)
 
 
 @kernel

@@ -87,6 +87,7 @@ HYPOTHESIS = np.dtype(
         ("amiss", "f8"),  # how much worse headings fit it than they fit the best one, nats, <= 0
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
+        ("before", "i4"),  # edge from which it came over the start of its own, or NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
         ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
@@ -101,6 +102,7 @@ HYPOTHESIS = np.dtype(
 FILTER = np.dtype(
     [
         ("count", "i8"),  # hypotheses
+        ("rows", "i8"),  # and, since the last estimate, their parts across nodes (node_shares)
         ("parents", "i8"),  # hypotheses of the history's last step; 0: nothing is stored
         ("mode", "i8"),  # what moves the vehicle now: WHEELS, DISTANCE or CLOCK
         ("known_rate", "f8", (2,)),  # κ of the odometer and its variance, when last used
@@ -239,7 +241,7 @@ class Context(NamedTuple):
 def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     """An empty belief; `lineage` where its history is stored (`filter.lookback.history`)."""
     hyp = records(capacity, HYPOTHESIS)
-    hyp.edge = NO_EDGE
+    hyp.edge = hyp.before = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.bound = NO_BOUND
     hyp.path_entry = -1
@@ -356,9 +358,8 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.ignores = 0
     forget_origin(hyp.origin)
     forget_leg(hyp.leg)
-    hyp.path_entry = -1
-    hyp.edge = edge
-    hyp.segment = segment
+    hyp.path_entry, hyp.before = -1, NO_EDGE
+    hyp.edge, hyp.segment = edge, segment
     hyp.new_edge = 1
     forget_course(hyp)
 
@@ -383,9 +384,8 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
     hyp = belief.hyp[child]
     rescale(hyp, share)
     if edge != hyp.edge:
-        hyp.bound = NO_BOUND
-    hyp.edge = edge
-    hyp.segment = segment
+        hyp.bound, hyp.before = NO_BOUND, NO_EDGE
+    hyp.edge, hyp.segment = edge, segment
     hyp.new_edge = 1
     forget_course(hyp)
     if edge == OFF_ROAD:

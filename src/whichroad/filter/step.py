@@ -201,7 +201,8 @@ def _predict(
         metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
         odometer = dt if mode == CLOCK else epoch.arc
         unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
-        q = _noise(state, epoch, blind_noise(ctx.par[0], odometer, mode, unseen), metres, mode)
+        q = blind_noise(ctx.par[0], odometer, mode, unseen, heard)
+        q = _noise(state, epoch, q, metres, mode)
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)

@@ -103,6 +103,7 @@ class Lineage:
 
         Within an epoch P of the hypotheses on roads sums to 1 - `p_off_road` of the points,
         and P of one edge is what `alternatives` says of it, unless the points are smoothed.
+        Without wheels these share P of a hypothesis that lies across a node between both sides.
         `components` are the Gaussians of the hypothesis.
         """
         alive = [len(h.p) for h in self._hypotheses]

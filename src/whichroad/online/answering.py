@@ -35,8 +35,9 @@ class Answering:
 
     def of_past(self, belief: Belief, output: Output, far_fix: FarFix) -> Estimate:
         """The estimate of a smoothed epoch."""
-        known = living_words(words_of(belief), int(belief.state[0].count))
-        time, row = float(belief.state[0].time), bytes_of(output.rows).tobytes()
+        state = belief.state[0]
+        known = living_words(words_of(belief), int(state.count), int(state.rows))
+        time, row = float(state.time), bytes_of(output.rows).tobytes()
         return Estimate(time, row, known, self._roads, far_fix, self._unknown, self._about(belief))
 
     def _about(self, belief: Belief) -> Any:

@@ -33,6 +33,7 @@ from ..filter.state import (
 )
 from ..filter.step import run
 from ..filter.summary.estimate import ESTIMATE, new_output
+from ..filter.summary.node_shares import ORIGIN
 from ..filter.vetting.windows import BY_WHEELS
 from ..tables.status import far_off
 
@@ -132,7 +133,7 @@ _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
 _HAS_FIX = offset_of(EPOCH, "has_fix")
 _GYRO = offset_of(EPOCH, "gyro")
 _EVIDENCE = offset_of(EPOCH, "evidence")
-_COUNT, _TIME = at_word(FILTER, "count"), at_word(FILTER, "time")
+_COUNT, _ROWS, _TIME = (at_word(FILTER, name) for name in ("count", "rows", "time"))
 _SPEED, _HEARD = at_word(FILTER, "speed"), at_word(FILTER, "heard")
 _STARTED = offset_of(FILTER, "started")
 _MODE = at_word(PARAMETERS, "mode")
@@ -173,6 +174,8 @@ def _columns() -> NDArray[np.intp]:
 
 
 _COLUMNS = _columns()
+_WEIGHT = len(Living._fields) - 3
+_ORIGIN = at_word(HYPOTHESIS, "scratch") + ORIGIN
 
 
 def words_of(belief: Belief) -> NDArray[np.int64]:
@@ -181,9 +184,14 @@ def words_of(belief: Belief) -> NDArray[np.int64]:
     return words.reshape(-1, _WORDS)
 
 
-def living_words(words: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """What `living` needs of the first hypotheses, copied: in one step, as it is done often."""
-    return words[:count].take(_COLUMNS, axis=1)
+def living_words(words: NDArray[np.int64], count: int, rows: int) -> NDArray[np.int64]:
+    """Copy what `living` needs of the hypotheses; rows behind them are parts of their weight."""
+    copied = words[:rows].take(_COLUMNS, axis=1)
+    if rows > count:
+        weight = copied.view(np.float64)[:, _WEIGHT]
+        origin = words[count:rows].view(np.float64)[:, _ORIGIN].astype(np.intp)
+        np.subtract.at(weight, origin, weight[count:])
+    return copied
 
 
 def living(copied: NDArray[np.int64]) -> Living:
@@ -235,6 +243,11 @@ class EpochFilter:
     def count(self) -> int:
         """How many hypotheses live."""
         return int(self._integers[_COUNT])
+
+    @property
+    def _rows(self) -> int:
+        """Hypotheses, and their parts across nodes."""
+        return max(int(self._integers[_ROWS]), self.count)
 
     @property
     def time(self) -> float:
@@ -345,7 +358,7 @@ class EpochFilter:
 
     def tables(self) -> dict[str, bytes]:
         """Copies of all tables by name; of the hypotheses those that live."""
-        count = self.count
+        count = self._rows
         return {
             name: (table[: count * size] if size else table).tobytes()
             for name, (table, size) in self._tables().items()
@@ -371,7 +384,7 @@ class EpochFilter:
 
     def living(self) -> NDArray[np.int64]:
         """What `living` needs of the living hypotheses, copied."""
-        return living_words(self.words, self.count)
+        return living_words(self.words, self.count, self._rows)
 
     def numbers(self) -> tuple[Sequence[float], Sequence[float]]:
         """Epoch and estimate, as `ConsistencyStatistics.accumulate` takes them."""
@@ -379,7 +392,7 @@ class EpochFilter:
 
     def copy_from(self, other: "EpochFilter") -> None:
         """Take over the epoch and the living hypotheses of another filter, not its past."""
-        count = other.count
+        count = other._rows
         self.epoch[:] = other.epoch
         self.estimate[:] = other.estimate
         self._state[:] = other._state

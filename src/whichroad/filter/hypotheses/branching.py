@@ -60,6 +60,7 @@ def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: f
     row = spawn(belief, i, share, edge, ctx.roads.edges[edge].first_vertex)
     child = belief.hyp[row]
     up = found[d].parent
+    child.before = parent.edge if up < 0 else found[up].edge
     if up >= 0 and parent.path_entry >= 0:  # edges that it crossed within this step
         chain = 0
         while up >= 0:
@@ -159,6 +160,7 @@ def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[
         s -= ctx.roads.edges[hyp.edge].length
         before = hyp.edge
         hyp.edge = after
+        hyp.before = before
         _take_lane(belief, ctx, i, before, 0.0)
         hyp.segment = ctx.roads.edges[after].first_vertex
         hyp.new_edge = 1

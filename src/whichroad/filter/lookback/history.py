@@ -75,6 +75,7 @@ NODE = np.dtype(
         ("end_link", "i8"),
         ("path_entry", "i8"),  # newest entry of the path tree
         ("edge", "i4"),
+        ("before", "i4"),  # see HYPOTHESIS
         ("segment", "i4"),
     ],
     align=True,
@@ -347,6 +348,7 @@ def _store_node(belief: Belief, history: History, i: int) -> None:
     hyp = belief.hyp[i]
     node = history.nodes[count.nodes]
     node.edge = hyp.edge
+    node.before = hyp.before
     node.segment = hyp.segment
     node.p = hyp.weight
     node.smoothed = hyp.weight

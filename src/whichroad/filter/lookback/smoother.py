@@ -274,7 +274,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
         filtered = history.nodes[then.first_node + i]
         hyp.weight = node.p
         hyp.log_weight = math.log(node.p)
-        hyp.edge = filtered.edge
+        hyp.edge, hyp.before = filtered.edge, filtered.before
         hyp.segment = filtered.segment
         hyp.path_entry = filtered.path_entry
         set_to(hyp.mu, node.mu)

@@ -17,6 +17,7 @@ from ..state import (
     MX,
     MY,
     NO_BOUND,
+    NO_EDGE,
     Belief,
     Context,
     D,
@@ -221,6 +222,7 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     _note_leg(hyp, state, transition, fix)
     hyp.log_weight -= pair.cost
     hyp.edge = edge
+    hyp.before = NO_EDGE
     hyp.p_not_passed = 1.0
     hyp.bound = NO_BOUND
     hyp.travel_variance = max(transition.variance - hyp.along_sigma**2, 1.0)

@@ -14,7 +14,7 @@ from ..gaussian import reshape_on_map
 from ..lookback.history import History, pack_state
 from ..road import track
 from ..speed_process import SpeedProcess, speed_process
-from ..state import CAPACITY, KEPT, Belief, Context, K, Path, enter, move_row
+from ..state import CAPACITY, KEPT, NO_EDGE, Belief, Context, K, Path, enter, move_row
 from .arrival import Foot, Transition, place_on_road, predict_transition
 from .candidates import SparseFix
 from .driver import SPEED_SIGMA, likely_excess
@@ -70,6 +70,7 @@ def _put_back(hyp: Record, state: Record, ctx: Context) -> None:
     predict_transition(hyp, ctx, taken, foot, before, SpeedProcess(0.0, 0.0, 0.0, 0.0, SPEED_SIGMA))
     place_on_road(hyp, state, ctx, taken, foot, edge)
     hyp.edge = edge
+    hyp.before = NO_EDGE
 
 
 @kernel
@@ -151,6 +152,7 @@ def _add_node(belief: Belief, history: History, row: int, like: int) -> None:
     node = history.nodes[count.nodes]
     hyp = belief.hyp[row]
     node.edge = hyp.edge
+    node.before = hyp.before
     node.segment = hyp.segment
     node.p = node.smoothed = 0.0
     node.path_entry = hyp.path_entry

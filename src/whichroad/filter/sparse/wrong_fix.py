@@ -20,6 +20,7 @@ from ..state import (
     MX,
     MY,
     NO_BOUND,
+    NO_EDGE,
     OFF_ROAD,
     WRONG,
     Belief,
@@ -163,6 +164,7 @@ def carry(
     place_on_road(hyp, belief.state[0], ctx, taken, foot, edge)
     forget_leg(hyp.leg)
     hyp.edge = edge
+    hyp.before = NO_EDGE
     hyp.p_not_passed = 1.0
     hyp.bound = NO_BOUND
     hyp.travel_variance = max(variance - hyp.along_sigma**2, 1.0)

@@ -1,6 +1,7 @@
-"""P(edge) about nodes where a road just runs on, for estimates.
+"""P(edge) about nodes, for estimates: a Gaussian may lie on both sides of a node.
 
-There hypotheses move on as a whole (`branching.run_on`), and lie on both sides of the node.
+Where a road just runs on, hypotheses move on as a whole (`branching.run_on`).  Elsewhere one that
+has passed a node may be drawn back over it by fixes, and is before it then, wherever it will turn.
 """
 
 import math
@@ -13,15 +14,16 @@ from ..hypotheses.successors import REACH
 from ..road import track
 from ..state import CAPACITY, OFF_ROAD, Belief, Context
 
-_ORIGIN = 4  # scratch of a part beyond a node: the row of its hypothesis
+ORIGIN = 4  # scratch of a part beyond a node: the row of its hypothesis
 _LIGHTEST = 1e-4  # weight of a hypothesis that is shared out beyond a node
 
 
 @kernel(inline=True)
 def share_out(belief: Belief, ctx: Context) -> None:
-    """Append, of hypotheses about a node where their road just runs on, the part beyond it.
+    """Append, of hypotheses about a node, the part on the other side of it.
 
-    They are moved on as a whole (`branching.run_on`); P(edge) is that of each side.
+    Before the start of its edge a hypothesis is on the edge from which it came, and where its road
+    just runs on it is on the next one beyond its end.  P(edge) is that of each side.
     """
     state = belief.state[0]
     for i in range(state.count):
@@ -29,7 +31,11 @@ def share_out(belief: Belief, ctx: Context) -> None:
         if hyp.edge == OFF_ROAD or hyp.weight < _LIGHTEST:
             continue
         after = onwards(ctx.roads, hyp.edge)
-        before = backwards(ctx.roads, hyp.edge)
+        before = int(hyp.before)
+        if before < 0:
+            before = backwards(ctx.roads, hyp.edge)
+        elif before == ctx.roads.edges[hyp.edge].opposite:
+            before = -1
         if after < 0 and before < 0:
             continue
         track(belief, ctx.roads, i)
@@ -54,14 +60,17 @@ def _append_part(belief: Belief, ctx: Context, i: int, edge: int, part: float) -
     hyp.segment = ctx.roads.edges[edge].first_vertex
     hyp.weight = part
     hyp.log_weight = math.log(max(part, 1e-300))
-    hyp.scratch[_ORIGIN] = i
+    hyp.scratch[ORIGIN] = i
     belief.hyp[i].weight -= part
     state.count += 1
+    track(belief, ctx.roads, int(state.count) - 1)
 
 
 @kernel
 def take_back(belief: Belief, count: int) -> None:
-    """Undo `share_out`, before which there were `count` hypotheses."""
-    for i in range(count, belief.state[0].count):
-        belief.hyp[int(belief.hyp[i].scratch[_ORIGIN])].weight += belief.hyp[i].weight
-    belief.state[0].count = count
+    """Undo `share_out`, before which there were `count` hypotheses; the parts stay behind them."""
+    state = belief.state[0]
+    state.rows = state.count
+    for i in range(count, state.count):
+        belief.hyp[int(belief.hyp[i].scratch[ORIGIN])].weight += belief.hyp[i].weight
+    state.count = count
