@@ -10,6 +10,7 @@ from scenes import On, belief_on, context, living, network
 from whichroad.filter.hypotheses.branching import branch
 from whichroad.filter.state import CLOCK, NO_EDGE, WHEELS, Belief, new_path
 from whichroad.filter.summary.estimate import new_output, summarise
+from whichroad.filter.summary.node_shares import AFTER
 
 # eastwards into a crossing: ahead (edge 2), left (4), right (6), each with its way back
 CROSS = network(
@@ -58,6 +59,19 @@ def test_who_turned_round_is_on_its_edge():
     belief = beyond(2, -3.0, 3.0)
     belief.hyp.before[0] = CROSS.edges.opposite[2]
     assert set(p_of_edges(belief)) == {2}
+
+
+@given(st.floats(290.0, 308.0), st.floats(1.0, 6.0))
+def test_with_wheels_both_sides_are_shared_out_in_hindsight_only(s, sigma):
+    belief = belief_on(CROSS, [On(0, s, 1.0, sigma=sigma)])
+    belief.state[0].mode = WHEELS
+    belief.hyp.scratch[0, AFTER] = 4
+    assert set(p_of_edges(belief)) == {0}
+    belief.state[0].hindsight = 1
+    p = p_of_edges(belief)
+    known = 1.0 - float(context(CROSS).par[0].unknown)
+    assert p.get(4, 0.0) == pytest.approx(known * NormalDist().cdf((s - 300.0) / sigma), abs=2e-4)
+    assert sum(p.values()) == pytest.approx(known)
 
 
 @pytest.mark.parametrize("mode", [CLOCK, WHEELS])

@@ -115,6 +115,7 @@ FILTER = np.dtype(
         ("map", MAP_ERROR),  # as learnt (filter.map_error)
         ("driver", DRIVER),  # as learnt (filter.sparse.driver)
         ("started", "u1"),
+        ("hindsight", "u1"),  # 1: of a smoothed step
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
@@ -354,8 +355,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
-    hyp.blames = NOTHING
-    hyp.ignores = 0
+    hyp.blames, hyp.ignores = NOTHING, 0
     forget_origin(hyp.origin)
     forget_leg(hyp.leg)
     hyp.path_entry, hyp.before = -1, NO_EDGE

@@ -17,31 +17,22 @@ x⁻, P⁻ and F are those of the process model of a link (`filter.lookback.link
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from ..._compile import Array, Record, Records, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import plane_scale, records
 from .._simd import N, add_times, new_row, scale_by, set_times, set_to
-from ..state import CLOCK, KEPT, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
+from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
+from ..summary.node_shares import AFTER
 from .history import History, load
 from .link_motion import LINK_MODEL, predict_link
 from .link_road import Link
+from .smoothed_weights import SMOOTHED, smooth_weights
 
 _NO_POSE = 1e-6  # weight of a link up to which it does not move the pose
 _LEAST = 1e-12  # probability up to which a node is left out of the estimate
 _UNSEEN = 0.5 * _LEAST  # the same before probabilities are made to sum to one
 _STANDS = 0.05  # m/s
-
-SMOOTHED = np.dtype(
-    [
-        ("mu", "f8", (N,)),
-        ("cov", "f8", (N, N)),
-        ("p", "f8"),  # smoothed probability
-    ],
-    align=True,
-)
 
 
 class SmootherBuffers(NamedTuple):
@@ -73,6 +64,7 @@ def begin(buffers: SmootherBuffers, history: History, step: int, slot: int) -> N
     for i in range(history.steps[step].end_node - first):
         node = buffers.nodes[slot, i]
         node.p = history.nodes[first + i].p
+        node.after = NO_EDGE
         load(history, first + i, node.mu, node.cov)
 
 
@@ -95,7 +87,7 @@ def step_back(
     then = history.steps[step - 1].first_node
     n = history.steps[step - 1].end_node - then
     other = 1 - slot
-    rest = _smooth_weights(buffers, history, step, slot)
+    rest = smooth_weights(buffers.nodes, history, step, slot)
     where = history.states[then].mu
     buffers.model[0].scale = plane_scale(ctx.roads, where[X], where[Y])
     sum_p = 0.0
@@ -106,30 +98,6 @@ def step_back(
             _smooth_pose(buffers, history, path, ctx, step, i, slot, rest)
     for i in range(n):
         buffers.nodes[other, i].p /= sum_p
-
-
-@kernel(inline=True)
-def _smooth_weights(buffers: SmootherBuffers, history: History, step: int, slot: int) -> float:
-    """The weights of the step before, γᵢ, not normalised; returns what no link accounts for."""
-    here = history.steps[step].first_node
-    after = history.steps[step].end_node
-    then = history.steps[step - 1].first_node
-    nodes = buffers.nodes
-    other = 1 - slot
-    known = 0.0
-    for j in range(here, after):
-        for at in range(history.nodes[j].first_link, history.nodes[j].end_link):
-            known += nodes[slot, j - here].p * history.links[at].share
-    rest = max(1.0 - known, 0.0)
-    if rest < 1e-6:
-        rest = 0.0
-    for i in range(here - then):
-        nodes[other, i].p = rest * history.nodes[then + i].p
-    for j in range(here, after):
-        for at in range(history.nodes[j].first_link, history.nodes[j].end_link):
-            link = history.links[at]
-            nodes[other, link.origin].p += nodes[slot, j - here].p * link.share
-    return rest
 
 
 @kernel(inline=True)
@@ -275,6 +243,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
         hyp.weight = node.p
         hyp.log_weight = math.log(node.p)
         hyp.edge, hyp.before = filtered.edge, filtered.before
+        hyp.scratch[AFTER] = node.after
         hyp.segment = filtered.segment
         hyp.path_entry = filtered.path_entry
         set_to(hyp.mu, node.mu)
@@ -284,6 +253,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
         state.count += 1
     state.time = then.time
     state.mode = then.motion.mode
+    state.hindsight = 1
     state.speed = max(speed, 0.0) if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
     state.misfits = then.misfits

@@ -136,7 +136,7 @@ def describe(
     out.map_scale = map_scale(state, ctx.par[0])
     out.live = state.count
     hypotheses = int(state.count)
-    shared = state.mode != WHEELS and not ctx.par[0].paper
+    shared = (state.mode != WHEELS or state.hindsight == 1) and not ctx.par[0].paper
     if shared:
         share_out(belief, ctx)
     if ranking.known == 0 or ranking.unknown != unknown:

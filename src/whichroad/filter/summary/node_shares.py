@@ -12,8 +12,9 @@ from .._simd import copy_record
 from ..gaussian import normal_cdf
 from ..hypotheses.successors import REACH
 from ..road import track
-from ..state import CAPACITY, OFF_ROAD, Belief, Context
+from ..state import CAPACITY, OFF_ROAD, WHEELS, Belief, Context
 
+AFTER = 6  # scratch of a smoothed hypothesis: the edge that followed, or NO_EDGE
 ORIGIN = 4  # scratch of a part beyond a node: the row of its hypothesis
 _LIGHTEST = 1e-4  # weight of a hypothesis that is shared out beyond a node
 
@@ -23,19 +24,25 @@ def share_out(belief: Belief, ctx: Context) -> None:
     """Append, of hypotheses about a node, the part on the other side of it.
 
     Before the start of its edge a hypothesis is on the edge from which it came, and where its road
-    just runs on it is on the next one beyond its end.  P(edge) is that of each side.
+    just runs on it is on the next one beyond its end.  P(edge) is that of each side.  With wheels
+    Gaussians are not cut at nodes, so that both sides need to be known: in hindsight they are.
     """
     state = belief.state[0]
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD or hyp.weight < _LIGHTEST:
             continue
+        opposite = ctx.roads.edges[hyp.edge].opposite
         after = onwards(ctx.roads, hyp.edge)
+        if state.mode == WHEELS:  # in hindsight
+            after = int(hyp.scratch[AFTER])
+            if after < 0:
+                continue
         before = int(hyp.before)
         if before < 0:
             before = backwards(ctx.roads, hyp.edge)
-        elif before == ctx.roads.edges[hyp.edge].opposite:
-            before = -1
+        after = -1 if after == opposite else after  # who turned round was not beyond the node
+        before = -1 if before == opposite else before
         if after < 0 and before < 0:
             continue
         track(belief, ctx.roads, i)
