@@ -49,6 +49,18 @@ def test_the_part_before_the_node_is_on_the_edge_before(edge, s, sigma):
     assert living(belief).weight.tolist() == [1.0]  # the belief is as it was
 
 
+def test_the_part_before_the_node_has_its_place_near_the_end_of_a_hairpin():
+    hairpin = network([[[0, 0], [100, 0], [100, 10], [0, 10]], [[0, 10], [-100, 10]]])
+    belief = belief_on(hairpin, [On(2, -3.0, 1.0, sigma=3.0)])
+    belief.state[0].mode = CLOCK
+    belief.hyp.before[0] = 0
+    output = new_output(1, True)
+    summarise(belief, context(hairpin), output, 0, 0.0)
+    row = output.rows[0]
+    assert row.edge == row.alt_edge[0] == 0
+    assert [row.s, output.alt_pose[0, 0, 6]] == pytest.approx([207.0, 207.0], abs=0.01)
+
+
 def test_who_came_from_nowhere_is_on_its_edge():
     belief = beyond(2, -3.0, 3.0)
     belief.hyp.before[0] = NO_EDGE

@@ -50,21 +50,27 @@ def share_out(belief: Belief, ctx: Context) -> None:
         left = ctx.roads.edges[hyp.edge].length - s
         weight = hyp.weight
         if left < REACH * sigma:
-            _append_part(belief, ctx, i, after, weight * normal_cdf(-left / sigma))
+            _append_part(belief, ctx, i, after, weight * normal_cdf(-left / sigma), False)
         if s < REACH * sigma:
-            _append_part(belief, ctx, i, before, weight * normal_cdf(-s / sigma))
+            _append_part(belief, ctx, i, before, weight * normal_cdf(-s / sigma), True)
 
 
 @kernel
-def _append_part(belief: Belief, ctx: Context, i: int, edge: int, part: float) -> None:
-    """Append a part of hypothesis i on an edge (-1: none) beyond a node, and take it from i."""
+def _append_part(
+    belief: Belief, ctx: Context, i: int, edge: int, part: float, at_end: bool
+) -> None:  # fmt: skip
+    """Append a part of hypothesis i near the start or end of another edge, and take it from i.
+
+    Nothing is done where there is no edge (-1).
+    """
     state = belief.state[0]
     if edge < 0 or state.count >= CAPACITY:
         return
     hyp = belief.hyp[state.count]
     copy_record(hyp, belief.hyp[i])
     hyp.edge = edge
-    hyp.segment = ctx.roads.edges[edge].first_vertex
+    road = ctx.roads.edges[edge]
+    hyp.segment = road.last_vertex - 1 if at_end else road.first_vertex
     hyp.weight = part
     hyp.log_weight = math.log(max(part, 1e-300))
     hyp.scratch[ORIGIN] = i
