@@ -174,7 +174,7 @@ def _columns() -> NDArray[np.intp]:
 
 
 _COLUMNS = _columns()
-_WEIGHT = len(Living._fields) - 3
+_WEIGHT = Living._fields.index("weight")
 _ORIGIN = at_word(HYPOTHESIS, "scratch") + ORIGIN
 
 
