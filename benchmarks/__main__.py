@@ -21,7 +21,7 @@ BENCHMARKS = {
     "pulled": ("scenes.parallel.pulled", "parallel roads, GNSS pulled to the wrong one"),
     "coldstart": ("scenes.parallel.coldstart", "starting on one of two parallel roads"),
     "lanes": ("scenes.lanes.run", "parallel roads with different numbers of lanes"),
-    "rates": ("scenes.rates.run", "fixes at 1 to 20 Hz, alone or with an odometer"),
+    "rates": ("scenes.rates.run", "fixes at 1 to 20 Hz, alone, with an odometer or wheels"),
     "rules": ("scenes.rules.run", "against one-ways, banned turns, closed streets"),
     "turns": ("scenes.dark.turns", "1.5 km without GNSS, a turn in every 500 m"),
     "long": ("scenes.dark.long", "10 km without GNSS"),

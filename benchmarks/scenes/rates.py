@@ -1,4 +1,4 @@
-"""GNSS alone or with an odometer, as often as receivers give it: one drive at 1 to 20 Hz.
+"""GNSS alone, with an odometer or with wheels, as often as receivers give it: 1 to 20 Hz.
 
 Every drive in Heidelberg is simulated once with fixes at 20 Hz.  Lower rates leave fixes out, so
 that the rates see the same receiver.  An answer is scored at
@@ -25,14 +25,14 @@ from .drives import Answer, Mask, Row, Table, answer, each, world
 SEEDS = range(10_000, 10_100)
 LENGTH_M = 3000.0
 RATES = (1, 2, 5, 10, 20)  # Hz
-COLUMNS = ("course and speed", "positions", "odometer, course and speed")
+COLUMNS = ("course and speed", "positions", "odometer, course and speed", "wheels")
 LAGS = {"filtered": None, "smoothed": Lag.of("full")}
 _FASTEST = 20  # Hz
 _LEAST_P = 1e-6
 
 
 def thinned(drive: SimulatedDrive, rate: int, columns: str) -> SimulatedDrive:
-    """The drive of a receiver that reports so often, without wheels, or with their distance."""
+    """The drive of a receiver that reports so often, alone, with a distance or with wheels."""
     fixes = drive.drive.fixes
     assert fixes is not None
     every = slice(None, None, _FASTEST // rate)
@@ -43,12 +43,14 @@ def thinned(drive: SimulatedDrive, rate: int, columns: str) -> SimulatedDrive:
         kept = replace(
             kept, speed=none, sigma_speed=never, bearing_deg=none, sigma_bearing_deg=never
         )
-    odometer = None
+    odometer: Odometer | WheelCounts | None = None
     if columns.startswith("odometer"):
         wheels, car = drive.drive.odometry, drive.vehicle
         assert isinstance(wheels, WheelCounts)
         left, right = car.metres_per_tick_left, car.metres_per_tick_right
         odometer = Odometer(wheels.time, 0.5 * (wheels.left * left + wheels.right * right))
+    elif columns == "wheels":
+        odometer = drive.drive.odometry
     return replace(drive, drive=Drive(drive.drive.drive_id, kept, odometer))
 
 
