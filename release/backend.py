@@ -16,7 +16,7 @@ from setuptools import build_meta
 from setuptools.build_meta import *  # noqa: F403 - what is not said here is setuptools' own
 
 ROOT = Path(__file__).resolve().parent.parent
-NUMBA = "numba>=0.61"
+LLVMLITE = "llvmlite>=0.45"
 
 Settings = dict[str, Any] | None
 
@@ -43,7 +43,7 @@ def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
         return needed
     if linking.own_linker() is None:
         needed.append("ziglang")
-    return [*needed, NUMBA]
+    return [*needed, LLVMLITE]
 
 
 def build_wheel(

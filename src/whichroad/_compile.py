@@ -42,6 +42,7 @@ R = TypeVar("R")
 
 _KERNELS: list[tuple[Callable[..., Any], bool]] = []  # every kernel, and whether it is inlined
 _ENTRIES: "dict[str, Entry[..., Any]]" = {}
+_OPERATIONS: list[Callable[..., Any]] = []  # functions that are vector instructions
 _TEACHERS: list[tuple[str, str]] = []  # who teaches numba which module, when numba is used
 _LOCK = threading.RLock()
 
@@ -168,6 +169,16 @@ def entries() -> "dict[str, Entry[..., Any]]":
     return dict(_ENTRIES)
 
 
+def inlined_kernels() -> list[Any]:
+    """The kernels that become part of their callers, as far as their modules are imported."""
+    return [function for function, inlined in _KERNELS if inlined]
+
+
+def operations() -> list[Any]:
+    """The functions that are vector instructions, as far as their modules are imported."""
+    return list(_OPERATIONS)
+
+
 @functools.cache
 def kernel_mode() -> str:
     """How entries run: "native", "jit" or "python"."""
@@ -182,6 +193,12 @@ def kernel_mode() -> str:
 
 
 # numba, where it is asked for
+
+
+def operation(function: Callable[P, R]) -> Callable[P, R]:
+    """A function on rows or records that is vector instructions where it is compiled."""
+    _OPERATIONS.append(function)
+    return function
 
 
 def lowered_by(teacher: str, module: str) -> None:

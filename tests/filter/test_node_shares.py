@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from scenes import On, belief_on, context, living, network
 from whichroad.filter.hypotheses.branching import branch
+from whichroad.filter.hypotheses.successors import REACH
 from whichroad.filter.state import CLOCK, NO_EDGE, WHEELS, Belief, new_path
 from whichroad.filter.summary.estimate import new_output, summarise
 from whichroad.filter.summary.node_shares import AFTER
@@ -31,6 +32,11 @@ def p_of_edges(belief: Belief) -> dict[int, float]:
     return {int(e): float(p) for e, p in zip(row.alt_edge, row.alt_p, strict=True) if e >= 0}
 
 
+def share(distance: float) -> float:
+    """The part of a Gaussian beyond a node that is given to that side, as far as it reaches."""
+    return NormalDist().cdf(distance) if distance > -REACH else 0.0
+
+
 def beyond(edge: int, s: float, sigma: float) -> Belief:
     """A vehicle without wheels that came over the crossing from edge 0, about s of an edge."""
     belief = belief_on(CROSS, [On(edge, s, 1.0, sigma=sigma)])
@@ -44,8 +50,8 @@ def test_the_part_before_the_node_is_on_the_edge_before(edge, s, sigma):
     belief = beyond(edge, s, sigma)
     p = p_of_edges(belief)
     known = 1.0 - float(context(CROSS).par[0].unknown)
-    assert p.get(0, 0.0) == pytest.approx(known * NormalDist().cdf(-s / sigma), abs=2e-4)
-    assert p.get(edge, 0.0) == pytest.approx(known * NormalDist().cdf(s / sigma), abs=2e-4)
+    assert p.get(0, 0.0) == pytest.approx(known * share(-s / sigma), abs=2e-4)
+    assert p.get(edge, 0.0) == pytest.approx(known * (1.0 - share(-s / sigma)), abs=2e-4)
     assert living(belief).weight.tolist() == [1.0]  # the belief is as it was
 
 
@@ -82,7 +88,7 @@ def test_with_wheels_both_sides_are_shared_out_in_hindsight_only(s, sigma):
     belief.state[0].hindsight = 1
     p = p_of_edges(belief)
     known = 1.0 - float(context(CROSS).par[0].unknown)
-    assert p.get(4, 0.0) == pytest.approx(known * NormalDist().cdf((s - 300.0) / sigma), abs=2e-4)
+    assert p.get(4, 0.0) == pytest.approx(known * share((s - 300.0) / sigma), abs=2e-4)
     assert sum(p.values()) == pytest.approx(known)
 
 

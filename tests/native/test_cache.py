@@ -54,7 +54,7 @@ def test_every_kernel_module_is_found():
 
 
 def test_a_kept_library_is_taken_by_any_environment(folder, monkeypatch):
-    """Without numba, and without a C compiler: as in an environment of users."""
+    """Without llvmlite, and without a C compiler: as in an environment of users."""
     path = folder / f"{cache.source_digest()}-other-{cache.own_target()}-own-O2"
     path = path.with_name(path.name + cache.suffix(cache.own_target()))
     cache.cache_folder()
@@ -112,15 +112,17 @@ def test_without_a_writable_place_nothing_is_kept(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("numba", "linker", "message"),
-    [(False, True, r"pip install .whichroad\[jit\]"), (True, False, "pip install ziglang")],
+    ("llvmlite", "linker", "message"),
+    [(False, True, "pip install llvmlite"), (True, False, "pip install ziglang")],
 )
 def test_a_build_that_cannot_work_says_in_one_line_what_to_install(
-    folder, monkeypatch, numba, linker, message
+    folder, monkeypatch, llvmlite, linker, message
 ):
     real = build.importlib.util.find_spec
     monkeypatch.setattr(
-        build.importlib.util, "find_spec", lambda n: real(n) if numba or n != "numba" else None
+        build.importlib.util,
+        "find_spec",
+        lambda n: real(n) if llvmlite or n != "llvmlite" else None,
     )
     if not linker:
         monkeypatch.setattr(linking, "linker", lambda target, portable: None)

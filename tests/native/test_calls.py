@@ -10,7 +10,6 @@ from whichroad.filter.state import new_belief, normalise
 from whichroad.native import library
 
 from . import toys
-from .conftest import lowered
 
 
 def call(toy_library, entry):
@@ -110,16 +109,6 @@ def test_a_wrong_array_is_refused_by_name(toy_library, cube):
 def test_a_wrong_number_of_arguments_is_refused(toy_library):
     with pytest.raises(TypeError, match="2 arguments; 3 were expected"):
         call(toy_library, toys.toy_numbers)(1, 2.0)
-
-
-@pytest.mark.slow
-def test_public_functions_of_numba_alone_compile_the_same(toy_library, tmp_path):
-    path, said = lowered(tmp_path, "plain")
-    assert "lowered toy_records" in said
-    plain = library.load(path)
-    cube = np.random.default_rng(3).normal(size=(2, 3, 4))
-    one, other = call(toy_library, toys.toy_tuples), call(plain, toys.toy_tuples)
-    assert one(outer(), cube, 3) == other(outer(), cube, 3)
 
 
 @pytest.mark.skipif(kernel_mode() != "native", reason="without a library")

@@ -19,25 +19,25 @@ from .linking import BuildError
 Report = Callable[[float], None]  # called with the part that is done, 0 to 1
 
 LEVEL = 3  # of optimisation
-# What `run` contains, in one process; all else in the other, in about the same time.
+# What `run` contains, by one process; all else by the other, in about the same time.
 _FIRST = (
     "run", "localize_each", "reduce", "observe_map", "cold_start", "normalise",
 )  # fmt: skip
-# Of what `run` contains the other has these: called seldom within an epoch, long to compile.
-_INNER = (
+# Of what `run` contains the other has these: called once an epoch or less, long to optimise.
+_SHARED = (
     "whichroad.filter.sparse.routing:transit", "whichroad.filter.summary.estimate:describe",
-    "whichroad.filter.evidence.observe:observe_evidence",
+    "whichroad.filter.evidence.observe:observe_evidence", "whichroad.filter.step:_observe_gnss",
 )  # fmt: skip
-_FUNCTIONS = 800  # that are lowered, both processes together, about; for the progress
-_LOWERING = 0.7  # share of the time
+_FUNCTIONS = 1200  # that are lowered, both processes together, about; for the progress
+_LOWERING = 0.3  # share of the time
 
 
 def why_not() -> str | None:
     """What is missing to build here, in one sentence; None: nothing.  Takes no second."""
-    if importlib.util.find_spec("numba") is None:
+    if importlib.util.find_spec("llvmlite") is None:
         return (
-            "kernels: numba is not installed, and no compiled kernels for this machine were "
-            'found; it was expected to compile them; pip install "whichroad[jit]"'
+            "kernels: llvmlite is not installed, and no compiled kernels for this machine were "
+            "found; it was expected to compile them; pip install llvmlite"
         )
     target = cache.own_target()
     if target not in linking.TARGETS:
@@ -149,14 +149,11 @@ def _objects(
         report: Called with the part that is done.
     """
     objects = {t: [folder / f"{t}-{part}.o" for part in "ab"] for t in targets}
-    environment = os.environ | {
-        "NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "",
-        "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
-    }  # fmt: skip
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     jobs = [
         json.dumps({
             "modules": cache.kernel_modules(), "entries": _FIRST, "others": part == "b",
-            "inner": _INNER, "source": what[0], "processor": what[1], "level": LEVEL,
+            "shared": _SHARED, "source": what[0], "processor": what[1], "level": LEVEL,
             "objects": {target: str(objects[target]["ab".index(part)]) for target in targets},
         })
         for part in "ab"
@@ -191,7 +188,7 @@ def _objects(
         if process.returncode:
             last = next((line for line in reversed(text) if line.strip()), "nothing")
             raise BuildError(
-                f"kernels: compiling them failed: {last}; a newer or older numba may do; "
+                f"kernels: compiling them failed: {last}; a newer or older llvmlite may do; "
                 f"what {' and '.join(cache.TOOLS)} said: {' | '.join(text[-12:])}"
             )
     return objects

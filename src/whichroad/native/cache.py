@@ -21,14 +21,12 @@ KERNELS = (
 )  # files that hold kernels, from the package's folder
 _COMPILER = (
     "_compile.py",
-    "native/inner.py",
+    "native/compiler/*.py",
     "native/layout.py",
     "native/lower.py",
-    "native/outer.py",
-    "native/rows.py",
 )  # also change what comes out
 _ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
-TOOLS = ("numba", "llvmlite")
+TOOLS = ("llvmlite",)
 _V3 = "avx avx2 bmi1 bmi2 f16c fma abm movbe xsave"
 _PROCESSORS = {  # better than those that wheels are for, best first: by what flags Linux tells them
     "x86-64-v4": f"{_V3} avx512f avx512bw avx512cd avx512dq avx512vl",
@@ -55,7 +53,8 @@ def kernel_modules() -> list[str]:
 def source_digest(package: Path = PACKAGE) -> str:
     """Digest of all that compiled code depends on in this package."""
     whole = hashlib.sha256()
-    for path in [*kernel_files(package), *(package / name for name in _COMPILER)]:
+    compiler = sorted(path for pattern in _COMPILER for path in package.glob(pattern))
+    for path in [*kernel_files(package), *compiler]:
         text = path.read_bytes().replace(b"\r\n", b"\n")
         name = path.relative_to(package).as_posix().encode()
         whole.update(b"%s\0%d\0%s" % (name, len(text), text))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from . import build
 
-_ABOUT = "whichroad: compiling the kernels for this machine, once; about a minute"
+_ABOUT = "whichroad: compiling the kernels for this machine, once; about 20 seconds"
 _EVERY = 0.25  # share between two lines
 
 
