@@ -16,7 +16,7 @@ from setuptools import build_meta
 from setuptools.build_meta import *  # noqa: F403 - what is not said here is setuptools' own
 
 ROOT = Path(__file__).resolve().parent.parent
-LLVMLITE = "llvmlite>=0.45"
+COMPILER = ["llvmlite>=0.45", "numpy>=2.0"]  # of kernels; they are imported with their records
 
 Settings = dict[str, Any] | None
 
@@ -43,7 +43,7 @@ def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
         return needed
     if linking.own_linker() is None:
         needed.append("ziglang")
-    return [*needed, LLVMLITE]
+    return [*needed, *COMPILER]
 
 
 def build_wheel(
