@@ -34,6 +34,8 @@ _MOST_TURNED = 1.5  # rad, more than a linear model bears
 _LASTING = 0.1  # by which a scale may be wrong for long (one sigma),
 _LASTS = 10.0  # and s, of which each says so anew
 _COUNTS = 0.2  # share of a fix's evidence that counts between sides
+_CHANGES, _CHANGE = 0.01, 15.0  # 1/s, m per axis: the error of a receiver that is alone
+_FREQUENT = 4.0  # s between fixes, up to which it is followed
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
 _BIASED_BY = 30.0  # and m, how far away on each axis
 
@@ -226,6 +228,45 @@ def fork_biased(belief: Belief) -> None:
         rescale(biased, _BIASED)
         rescale(hyp, 1.0 - _BIASED)
         state.count += 1
+
+
+@kernel(inline=True)
+def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
+    """Where nothing vouches for a receiver, its error may be another one since the last fix.
+
+    A receiver in a street finds and loses reflections, each of which moves it by metres to tens
+    of metres for seconds to minutes.  So with the rate of such changes the error's prior is the
+    usual one or one of 15 m more, whichever explains the fix better under a hypothesis (a sum of
+    two Gaussians, of which the heavier one is kept; Alspach and Sorenson, 1972).  A vehicle that
+    goes on beside its fixes costs ten nats at most, then, and not half of a chi-square.
+
+    Args:
+        belief: In place, with its innovations.
+        axes: Of the fix, and its white noise.
+        since: Seconds since the last fix.  Between sparse ones `sparse.wrong_fix` drives on.
+
+    Returns:
+        Whether an error has changed, so that innovations have to be found again.
+    """
+    if since <= 0.0 or since > _FREQUENT:
+        return False
+    state = belief.state[0]
+    root = state.bias_root
+    more = 2.0 * _CHANGE**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    price = math.log(_CHANGES * since)
+    changed = False
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        s0, s1 = hyp.scratch[V00] + axes.r0, hyp.scratch[V11] + axes.r1
+        wide0, wide1 = s0 + _CHANGE**2, s1 + _CHANGE**2
+        fits = hyp.scratch[NU0] ** 2 * (1.0 / s0 - 1.0 / wide0)
+        fits += hyp.scratch[NU1] ** 2 * (1.0 / s1 - 1.0 / wide1)
+        if 0.5 * (fits - math.log(wide0 / s0) - math.log(wide1 / s1)) > -price:
+            hyp.cov[GX, GX] += more
+            hyp.cov[GY, GY] += more
+            hyp.log_weight += price
+            changed = True
+    return changed
 
 
 @kernel

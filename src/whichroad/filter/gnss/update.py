@@ -39,6 +39,7 @@ from .sides import (
     blame_receiver,
     even_out,
     fork_biased,
+    let_jump,
     loosen,
     misfit,
     odds_of_sides,
@@ -246,6 +247,9 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     state = belief.state[0]
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     if jumps and second_misfits(belief, axes, par.gnss_gate, since):
+        innovations(belief, ctx, epoch.fix, axes)
+    alone = state.mode != WHEELS and not is_vouched(state, epoch)
+    if alone and state.learnt_time > _YOUNG and let_jump(belief, axes, since):
         innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1
