@@ -2,13 +2,14 @@
 
 import math
 
-from ..._compile import kernel
+from ..._compile import Record, kernel
 from ..state import (
     BIASED,
     CAPACITY,
     GX,
     GY,
     MOTION,
+    OFF_ROAD,
     RECEIVER,
     WHEELS,
     B,
@@ -22,7 +23,7 @@ from ..state import (
     move_row,
     rescale,
 )
-from .position import NU0, NU1, V00, V11, Axes
+from .position import NU0, NU1, V00, V01, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
 MOST_ODDS = 7.0  # logarithm of the odds up to which two sides live
@@ -34,7 +35,7 @@ _MOST_TURNED = 1.5  # rad, more than a linear model bears
 _LASTING = 0.1  # by which a scale may be wrong for long (one sigma),
 _LASTS = 10.0  # and s, of which each says so anew
 _COUNTS = 0.2  # share of a fix's evidence that counts between sides
-_CHANGES, _CHANGE = 0.01, 15.0  # 1/s, m per axis: the error of a receiver that is alone
+_CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
 _FREQUENT = 4.0  # s between fixes, up to which it is followed
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
 _BIASED_BY = 30.0  # and m, how far away on each axis
@@ -230,15 +231,27 @@ def fork_biased(belief: Belief) -> None:
         state.count += 1
 
 
+@kernel
+def _fix_log_density(hyp: Record, axes: Axes, more: float) -> float:
+    """Of a fix under a hypothesis, by its innovations and more variance of each axis, m²."""
+    s0 = hyp.scratch[V00] + axes.r0 + more
+    s1 = hyp.scratch[V11] + axes.r1 + more
+    v = hyp.scratch[V01]
+    nu0, nu1 = hyp.scratch[NU0], hyp.scratch[NU1]
+    det = s0 * s1 - v * v
+    return -0.5 * ((nu0 * nu0 * s1 - 2.0 * nu0 * nu1 * v + nu1 * nu1 * s0) / det + math.log(det))
+
+
 @kernel(inline=True)
 def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
     """Where nothing vouches for a receiver, its error may be another one since the last fix.
 
-    A receiver in a street finds and loses reflections, each of which moves it by metres to tens
-    of metres for seconds to minutes.  So with the rate of such changes the error's prior is the
-    usual one or one of 15 m more, whichever explains the fix better under a hypothesis (a sum of
-    two Gaussians, of which the heavier one is kept; Alspach and Sorenson, 1972).  A vehicle that
-    goes on beside its fixes costs ten nats at most, then, and not half of a chi-square.
+    A receiver in a street finds and loses reflections.  Each moves it by metres to tens of metres,
+    for seconds to minutes.  So the prior of the error is a sum of two Gaussians (Alspach and
+    Sorenson, 1972): the usual one, and with the rate of such changes one of 12 m more per axis.
+    Each hypothesis keeps the one that explains the fix better.  A vehicle that goes on beside
+    its fixes costs some ten nats then, and not half of a chi-square.  Where it is off the roads,
+    its own motion explains as much, and nothing is changed.
 
     Args:
         belief: In place, with its innovations.
@@ -251,17 +264,19 @@ def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
     if since <= 0.0 or since > _FREQUENT:
         return False
     state = belief.state[0]
+    off = 0.0
+    for i in range(state.count):
+        if belief.hyp[i].edge == OFF_ROAD:
+            off += belief.hyp[i].weight
+    if off > 0.5:
+        return False
     root = state.bias_root
     more = 2.0 * _CHANGE**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
     price = math.log(_CHANGES * since)
     changed = False
     for i in range(state.count):
         hyp = belief.hyp[i]
-        s0, s1 = hyp.scratch[V00] + axes.r0, hyp.scratch[V11] + axes.r1
-        wide0, wide1 = s0 + _CHANGE**2, s1 + _CHANGE**2
-        fits = hyp.scratch[NU0] ** 2 * (1.0 / s0 - 1.0 / wide0)
-        fits += hyp.scratch[NU1] ** 2 * (1.0 / s1 - 1.0 / wide1)
-        if 0.5 * (fits - math.log(wide0 / s0) - math.log(wide1 / s1)) > -price:
+        if _fix_log_density(hyp, axes, _CHANGE**2) + price > _fix_log_density(hyp, axes, 0.0):
             hyp.cov[GX, GX] += more
             hyp.cov[GY, GY] += more
             hyp.log_weight += price
