@@ -2,7 +2,7 @@
 
     python release/wheels.py dist [--target linux-x86_64 ...]
 
-needs pip, numpy, llvmlite and ziglang.  Prints what each library imports; a library that asks for more
+needs pip, numpy, llvmlite and ziglang.  Prints what each library imports; one that asks for more
 than the C library's functions, or a macOS one without a signature, is an error.
 """
 

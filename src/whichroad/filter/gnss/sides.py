@@ -239,7 +239,8 @@ def _fix_log_density(hyp: Record, axes: Axes, more: float) -> float:
     v = hyp.scratch[V01]
     nu0, nu1 = hyp.scratch[NU0], hyp.scratch[NU1]
     det = s0 * s1 - v * v
-    return -0.5 * ((nu0 * nu0 * s1 - 2.0 * nu0 * nu1 * v + nu1 * nu1 * s0) / det + math.log(det))
+    misfit = (nu0 * nu0 * s1 - 2.0 * nu0 * nu1 * v + nu1 * nu1 * s0) / det
+    return float(-0.5 * (misfit + math.log(det)))
 
 
 @kernel(inline=True)
