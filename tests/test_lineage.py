@@ -266,7 +266,10 @@ def test_after_an_hour_elsewhere_all_is_given_up_and_starts_anew():
 
 
 def mergers(past: Past, time: np.ndarray) -> list[tuple[float, int]]:
-    """Time and edge of all mergers, as the filter's history for smoothing links hypotheses."""
+    """Time and edge of all mergers, as the filter's history for smoothing links hypotheses.
+
+    Who goes on as its own child has not merged; that one was not there before.
+    """
     history, tree = past.history, past.path.entry.parent
     steps, nodes, links = history.steps, history.nodes, history.links
     found = []
@@ -280,7 +283,7 @@ def mergers(past: Past, time: np.ndarray) -> list[tuple[float, int]]:
                 node
                 for node in new[new.edge == edge]
                 if np.isin(links.origin[node.first_link : node.end_link], own).any()
-                and tree[node.path_entry] != entry
+                and (tree[node.path_entry] != entry or node.path_entry in old.path_entry)
             ]
             if takers:
                 found.append((float(time[now.epoch]), edge))
