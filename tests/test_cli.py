@@ -12,7 +12,17 @@ from whichroad import RoadMap, __version__, cli
 from whichroad.cli.arguments import read_window
 from whichroad.errors import DriveError
 
-HEAVY = {"numpy", "numba", "pandas", "geopandas", "pyarrow", "shapely", "pyproj", "osmium"}
+HEAVY = {
+    "numpy",
+    "numba",
+    "llvmlite",
+    "pandas",
+    "geopandas",
+    "pyarrow",
+    "shapely",
+    "pyproj",
+    "osmium",
+}
 HEAVY |= {"matplotlib", "can", "cantools", "rich", "starlette", "uvicorn", "websockets", "serial"}
 
 

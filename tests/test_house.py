@@ -56,6 +56,7 @@ PUBLIC = [
 HEAVY = [
     "numpy",
     "numba",
+    "llvmlite",
     "pandas",
     "geopandas",
     "pyarrow",

@@ -15,6 +15,7 @@ import functools
 import importlib
 import inspect
 import os
+import sys
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Generic, ParamSpec, TypeVar, overload
@@ -42,8 +43,8 @@ R = TypeVar("R")
 
 _KERNELS: list[tuple[Callable[..., Any], bool]] = []  # every kernel, and whether it is inlined
 _ENTRIES: "dict[str, Entry[..., Any]]" = {}
-_OPERATIONS: list[Callable[..., Any]] = []  # functions that are vector instructions
 _TEACHERS: list[tuple[str, str]] = []  # who teaches numba which module, when numba is used
+_TAUGHT: list[str] = []  # these modules
 _LOCK = threading.RLock()
 
 
@@ -169,14 +170,17 @@ def entries() -> "dict[str, Entry[..., Any]]":
     return dict(_ENTRIES)
 
 
-def inlined_kernels() -> list[Any]:
-    """The kernels that become part of their callers, as far as their modules are imported."""
-    return [function for function, inlined in _KERNELS if inlined]
+def kernels() -> list[tuple[Callable[..., Any], bool]]:
+    """All kernels, as far as their modules are imported, and whether each is inlined."""
+    return list(_KERNELS)
 
 
-def operations() -> list[Any]:
-    """The functions that are vector instructions, as far as their modules are imported."""
-    return list(_OPERATIONS)
+def operations() -> list[Callable[..., Any]]:
+    """The functions of modules that compilers are taught, see `lowered_by`."""
+    return [
+        one for name in _TAUGHT for one in vars(sys.modules[name]).values()
+        if inspect.isfunction(one) and one.__module__ == name
+    ]  # fmt: skip
 
 
 @functools.cache
@@ -195,15 +199,10 @@ def kernel_mode() -> str:
 # numba, where it is asked for
 
 
-def operation(function: Callable[P, R]) -> Callable[P, R]:
-    """A function on rows or records that is vector instructions where it is compiled."""
-    _OPERATIONS.append(function)
-    return function
-
-
 def lowered_by(teacher: str, module: str) -> None:
     """Say which module's `teach` tells numba what it cannot compile of a module by itself."""
     with _LOCK:
+        _TAUGHT.append(module)
         _TEACHERS.append((teacher, module))
         if _jit_is_on():
             _import_teachers()

@@ -1,7 +1,5 @@
 """A receiver that is alone: its error is another one from one fix to the next."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -39,7 +37,7 @@ def test_half_a_minute_of_reflections_beside_another_road_declares_nothing_wrong
         wrong = (np.abs(y - DRIVE.y[EVERY]) > 10.0) & (p >= 0.999)
         declared += wrong.any()
         back += bool(np.all(np.abs(y[TO + 60 :] - DRIVE.y[EVERY][TO + 60 :]) < 10.0))
-    assert declared <= 1
+    assert declared == 0
     assert back == 8
 
 
@@ -49,5 +47,4 @@ def test_what_was_sound_stays_declared():
         output = answer(CLOCK, seed)
         p = column(output, "p_edge")
         assert np.median(p[60:FROM]) > 0.999
-        assert math.isfinite(p.sum())
         assert np.median(p[TO + 120 :]) > 0.99

@@ -120,7 +120,9 @@ def toy_loops(n: int, values: Vector) -> tuple[int, float, int, int]:
 @entry
 def toy_constants(k: int, x: float) -> tuple[int, float, int, float]:
     """Tuples that are constants, values, and gone through."""
-    total = 0
+    left, right = k, k + 2
+    left, right = right, left
+    total = left - right
     for step in _STEPS:
         total += step * k
     a, (b, c) = k, (x, _sums(k, x))

@@ -1,15 +1,17 @@
 """The compiler of kernels: each construct does what Python does, and numba, to the bit."""
 
+import importlib
 import itertools
-import textwrap
+import sys
 
 import numpy as np
 import pytest
 
 from whichroad import _compile
 from whichroad.native import library
-from whichroad.native.compiler.kinds import NotInKernels
-from whichroad.native.compiler.module import Module
+from whichroad.native.compiler.kinds import NotInKernels, of_pointer
+from whichroad.native.compiler.module import Module, definitions
+from whichroad.native.layout import Layout
 
 from . import constructs
 from .conftest import lowered
@@ -77,29 +79,30 @@ def bits(value):
     return None if value is None else np.asarray(value).tobytes()
 
 
-def _flat(result):
+def flat(result):
     return result if isinstance(result, tuple) else (result,)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_construct_does_what_python_does(built, name):
-    """Functions of `math` and powers to 1e-15: NumPy and Python have some of their own."""
+    """To 1e-13, as NumPy and Python have functions of their own; numbers of 32 bits to 1e-6."""
     entry = getattr(constructs, name)
     compiled = library.call_of(entry.layout, built)
+    within = 1e-6 if name == "toy_fields" else 1e-13
     for arguments in CASES[name]:
         mine, its = copied(arguments), copied(arguments)
         with np.errstate(all="ignore"):
             expected = entry.function(*mine)
         answer = compiled(*its)
         for one, other in zip(
-            (*_flat(answer), *its),
-            (*_flat(expected), *mine),
+            (*flat(answer), *its),
+            (*flat(expected), *mine),
             strict=True,
         ):
             if isinstance(one, np.ndarray) and one.dtype.names:
-                assert str(one) == str(other), arguments
+                assert bits(one) == bits(other), arguments
             elif one is not None:
-                np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-15, err_msg=name)
+                np.testing.assert_allclose(one, other, rtol=within, atol=1e-15, err_msg=name)
 
 
 @pytest.mark.slow
@@ -115,6 +118,26 @@ def test_a_construct_gives_what_numba_gives_to_the_bit(built, name):
         assert [bits(one) for one in its] == [bits(one) for one in mine], arguments
 
 
+REFUSED_MODULE = """from typing import NamedTuple
+
+
+class Pair(NamedTuple):
+    a: int
+    b: int
+
+
+def unmarked(a: int) -> int:
+    return a
+
+
+def plus(a: int, b: int) -> int:
+    return a + b
+
+
+def broken(a: int) -> int:
+    # its body
+    {body}
+"""
 REFUSED = {
     "values = [a]": "List",
     "raise ValueError": "Raise is not for kernels",
@@ -129,6 +152,11 @@ REFUSED = {
     "b = (a, a)[a]": "a tuple that is no constant",
     "for b in range(1, 9, a): pass": "a range whose step is no constant",
     "a.b = 3": "an int has no b",
+    "b = unmarked(a)": "a call of unmarked, which is not marked as a kernel",
+    "b = plus(**{})": "a call with a dictionary of arguments",
+    "b = Pair(1)": "Pair takes a, b",
+    "b = Pair(1, 2, 3)": "Pair takes a, b",
+    "b = a & 1.5": "BitAnd of an int and a float",
 }
 
 
@@ -136,23 +164,43 @@ REFUSED = {
 def test_what_is_not_for_kernels_is_refused_with_file_and_line(
     line, message, tmp_path, monkeypatch
 ):
-    source = f"""
-    def plus(a: int, b: int) -> int:
-        return a + b
+    error = refusal(f"{line}\n    return a", tmp_path, monkeypatch)
+    assert error.startswith(f"{tmp_path / 'refused.py'}:19: ")
+    assert message in error
 
 
-    def broken(a: int) -> int:
-        {line}
-        return a
-    """
-    (tmp_path / "refused.py").write_text(textwrap.dedent(source))
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(__import__("sys").modules, "refused", raising=False)
-    import refused
+@pytest.mark.parametrize(
+    "body", ["if a > 0:\n        return a", "while a > 0:\n        return a"], ids=["if", "while"]
+)
+def test_a_kernel_that_may_end_without_its_result_is_refused(body, tmp_path, monkeypatch):
+    assert "broken may end without a result" in refusal(body, tmp_path, monkeypatch)
 
-    from whichroad.native.layout import Layout
 
-    with pytest.raises(NotInKernels) as error:
-        Module().entry(Layout.of(refused.broken), refused.broken)
-    assert str(error.value).startswith(f"{tmp_path / 'refused.py'}:7: ")
-    assert message in str(error.value)
+def test_all_ways_out_of_a_kernel_count_as_its_end(tmp_path, monkeypatch):
+    for body in (
+        "if a:\n        return 1\n    else:\n        return 2",
+        "while True:\n        return a",
+    ):
+        assert refusal(body, tmp_path, monkeypatch) == ""
+
+
+@pytest.mark.parametrize("kind", ["u8", "f2", "c16", ">f8", "M8[s]"])
+def test_a_number_in_memory_that_no_kernel_holds_is_refused(kind):
+    with pytest.raises(NotInKernels, match="a number in memory that is"):
+        of_pointer(np.dtype(kind))
+
+
+def refusal(body, folder, monkeypatch):
+    """What the compiler says of a kernel; nothing where it compiles it."""
+    (folder / "refused.py").write_text(REFUSED_MODULE.format(body=body))
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, "refused", raising=False)
+    importlib.invalidate_caches()
+    refused = importlib.import_module("refused")
+    definitions.cache_clear()
+    kernels = [(refused.plus, False), (refused.broken, False)]
+    try:
+        Module(kernels).entry(Layout.of(refused.broken), refused.broken)
+    except NotInKernels as error:
+        return str(error)
+    return ""

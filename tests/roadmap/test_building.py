@@ -171,12 +171,12 @@ LOADED = """
 import sys
 from whichroad import RoadMap
 RoadMap.from_osm(sys.argv[1]).save(sys.argv[2])
-print(len(RoadMap.open(sys.argv[2])), "numba" in sys.modules)
+print(len(RoadMap.open(sys.argv[2])), "llvmlite" in sys.modules)
 """
 
 
 def test_building_and_opening_a_map_needs_no_compiler(tmp_path, xml):
-    """A kernel costs a newcomer seconds of compiling; numba costs everyone 70 MiB."""
+    """A kernel costs a newcomer seconds of compiling; LLVM costs everyone 70 MiB."""
     source = tmp_path / "cross.osm"
     source.write_text(xml({1: (0, 0), 2: (100, 0)}, [(1, (1, 2), {})]))
     done = subprocess.run(

@@ -25,7 +25,7 @@ _COMPILER = (
     "native/layout.py",
     "native/lower.py",
 )  # also change what comes out
-_ALSO_BY_NUMBA = "simulate/vectorised/*.py"  # never ahead of time
+_BY_NUMBA = ("simulate/vectorised/*.py", "native/rows.py")  # never ahead of time
 TOOLS = ("llvmlite",)
 _V3 = "avx avx2 bmi1 bmi2 f16c fma abm movbe xsave"
 _PROCESSORS = {  # better than those that wheels are for, best first: by what flags Linux tells them
@@ -141,7 +141,8 @@ def jit_folder() -> Path | None:
     base = cache_folder()
     if base is None:
         return None
-    text = source_digest() + "".join(p.read_text("utf-8") for p in PACKAGE.glob(_ALSO_BY_NUMBA))
+    more = sorted(path for pattern in _BY_NUMBA for path in PACKAGE.glob(pattern))
+    text = source_digest() + "".join(path.read_text("utf-8") for path in more)
     folder = base / f"jit-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
     return folder if _writable(folder) else None
 

@@ -22,8 +22,6 @@ _SELDOM = (100_000, 50, 100)  # garbage collection: what is made lives on
 _SOURCE = """
 @whichroad_source = constant [{length} x i8] c"{digest}\\00"
 """
-
-
 _MARK = """
 @whichroad_layout_{name} = constant i64 {checksum}
 """
@@ -44,7 +42,7 @@ def lower(entries: Iterable[str], shared: Iterable[str], own: Iterable[str], mor
     from .. import _compile
 
     made = Module(
-        _compile.inlined_kernels(), _compile.operations(), map(_function_of, shared),
+        _compile.kernels(), _compile.operations(), map(_function_of, shared),
         lambda name: _print_line(f"lowered {name}"),
     )  # fmt: skip
     for one in _compile.entries().values():
@@ -90,9 +88,6 @@ def emit(module: Any, target: str, level: int, processor: str = "") -> bytes:
     own.triple, own.data_layout = triple, str(machine.target_data)
     tuning = llvm.create_pipeline_tuning_options(speed_level=level)
     builder = llvm.create_pass_builder(machine, tuning)
-    before = llvm.newpassmanagers.ModulePassManager()
-    before.add_global_dead_code_eliminate_pass()
-    before.run(own, builder)
     builder.getModulePassManager().run(own, builder)
     return machine.emit_object(own)  # type: ignore[no-any-return]
 

@@ -232,15 +232,29 @@ def fork_biased(belief: Belief) -> None:
 
 
 @kernel
-def _fix_log_density(hyp: Record, axes: Axes, more: float) -> float:
-    """Of a fix under a hypothesis, by its innovations and more variance of each axis, m²."""
-    s0 = hyp.scratch[V00] + axes.r0 + more
-    s1 = hyp.scratch[V11] + axes.r1 + more
-    v = hyp.scratch[V01]
-    nu0, nu1 = hyp.scratch[NU0], hyp.scratch[NU1]
+def weight_off_roads(belief: Belief) -> float:
+    """P of all hypotheses off the roads."""
+    off = 0.0
+    for i in range(belief.state[0].count):
+        if belief.hyp[i].edge == OFF_ROAD:
+            off += belief.hyp[i].weight
+    return off
+
+
+@kernel
+def _fit(hyp: Record, axes: Axes, more: float) -> tuple[float, float]:
+    """Chi-square of a fix under a hypothesis, and the determinant of its innovations, m⁴.
+
+    Args:
+        hyp: With its innovations.
+        axes: Of the fix, and its white noise.
+        more: Variance that is added to each axis, m².
+    """
+    to = hyp.scratch
+    s0, s1, v = to[V00] + axes.r0 + more, to[V11] + axes.r1 + more, to[V01]
     det = s0 * s1 - v * v
-    misfit = (nu0 * nu0 * s1 - 2.0 * nu0 * nu1 * v + nu1 * nu1 * s0) / det
-    return float(-0.5 * (misfit + math.log(det)))
+    misfit = (to[NU0] * (to[NU0] * s1 - 2.0 * to[NU1] * v) + to[NU1] * to[NU1] * s0) / det
+    return misfit, det
 
 
 @kernel(inline=True)
@@ -265,11 +279,7 @@ def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
     if since <= 0.0 or since > _FREQUENT:
         return False
     state = belief.state[0]
-    off = 0.0
-    for i in range(state.count):
-        if belief.hyp[i].edge == OFF_ROAD:
-            off += belief.hyp[i].weight
-    if off > 0.5:
+    if weight_off_roads(belief) > 0.5:
         return False
     root = state.bias_root
     more = 2.0 * _CHANGE**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
@@ -277,7 +287,11 @@ def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
     changed = False
     for i in range(state.count):
         hyp = belief.hyp[i]
-        if _fix_log_density(hyp, axes, _CHANGE**2) + price > _fix_log_density(hyp, axes, 0.0):
+        misfit, det = _fit(hyp, axes, 0.0)
+        if 0.5 * misfit < -price:  # no other error would pay
+            continue
+        wide, wide_det = _fit(hyp, axes, _CHANGE**2)
+        if 0.5 * (misfit - wide - math.log(wide_det / det)) > -price:
             hyp.cov[GX, GX] += more
             hyp.cov[GY, GY] += more
             hyp.log_weight += price

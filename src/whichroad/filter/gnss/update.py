@@ -7,7 +7,6 @@ from ..hypotheses.births import Start, cold_start
 from ..state import (
     CLOCK,
     NOTHING,
-    OFF_ROAD,
     WHEELS,
     Belief,
     Context,
@@ -23,6 +22,7 @@ from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
     is_alone,
+    is_inflated,
     is_unlikely,
     is_vouched,
     was_silent,
@@ -44,6 +44,7 @@ from .sides import (
     misfit,
     odds_of_sides,
     take_sides,
+    weight_off_roads,
 )
 from .start import forget_factor
 
@@ -110,10 +111,7 @@ def _is_lost(belief: Belief) -> bool:
     a belief that left them with a wrong position would stay wrong.
     """
     state = belief.state[0]
-    off = 0.0
-    for i in range(state.count):
-        if belief.hyp[i].edge == OFF_ROAD:
-            off += belief.hyp[i].weight
+    off = weight_off_roads(belief)
     lost = state.time > state.on_road_at + _LOST_TIME
     if off < 0.5 or lost:
         state.on_road_at = state.time
@@ -248,8 +246,8 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
     if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)
-    alone = state.mode != WHEELS and not is_vouched(state, epoch)
-    if alone and state.learnt_time > _YOUNG and let_jump(belief, axes, since):
+    alone = is_inflated(state, par, epoch) and state.learnt_time > _YOUNG
+    if alone and let_jump(belief, axes, since):
         innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1

@@ -19,7 +19,7 @@ from .kinds import (
     cast,
     of_pointer,
     text,
-)  # fmt: skip
+)
 
 COPY = "llvm.memcpy.p0.p0.i64"
 

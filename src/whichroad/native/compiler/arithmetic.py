@@ -21,7 +21,7 @@ from .kinds import (
     literal,
     text,
     unified,
-)  # fmt: skip
+)
 
 INTRINSICS = {math.exp: "exp", math.log: "log", math.sin: "sin", math.cos: "cos", math.fabs: "fabs"}
 LIBM = {  # and how many arguments; the system's mathematical library has them

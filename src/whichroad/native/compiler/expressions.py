@@ -21,11 +21,12 @@ from .kinds import (
     cast,
     joined,
     literal,
+    returned,
     scalars,
     split,
     text,
     unified,
-)  # fmt: skip
+)
 from .rows import Rows
 
 
@@ -131,13 +132,17 @@ class Expressions:
         if self.kinds.get(name) != kind:
             self.kinds[name] = kind
             self.changed = True
-        made = cast(value, kind, self.emit)
-        for leaf, scalar, slot in zip(made.leaves, scalars(kind), self.slots(name), strict=True):
+        self._keep(value, kind, self.slots(name))
+
+    def _keep(self, value: Value, kind: Kind, slots: list[str]) -> None:
+        """Store a value's leaves as those of a kind."""
+        leaves = cast(value, kind, self.emit).leaves
+        for leaf, scalar, slot in zip(leaves, scalars(kind), slots, strict=True):
             self.write(f"store {scalar} {leaf}, ptr {slot}")
 
-    def _variable(self, name: str) -> Value:
-        kind = self.kinds[name]
-        pairs = zip(scalars(kind), self.slots(name), strict=True)
+    def _kept(self, kind: Kind, slots: list[str]) -> Value:
+        """What `_keep` has stored."""
+        pairs = zip(scalars(kind), slots, strict=True)
         return Value(kind, tuple(self.emit(f"load {scalar}, ptr {slot}") for scalar, slot in pairs))
 
     # expressions
@@ -149,7 +154,7 @@ class Expressions:
                 return literal(value)
             case ast.Name(name):
                 if name in self.kinds:
-                    return self._variable(name)
+                    return self._kept(self.kinds[name], self.slots(name))
                 if name in self.globals:
                     return literal(self.globals[name])
                 if hasattr(builtins, name):
@@ -208,16 +213,11 @@ class Expressions:
         written = self.lines
         for value, at in reversed(made):
             self.lines = []
-            leaves = cast(value, kind, self.emit).leaves
-            for leaf, scalar, place in zip(leaves, scalars(kind), places, strict=True):
-                self.write(f"store {scalar} {leaf}, ptr {place}")
+            self._keep(value, kind, places)
             written[at:at] = self.lines
         self.lines = written
         self.block(end)
-        pairs = zip(scalars(kind), places, strict=True)
-        return Value(
-            kind, tuple(self.emit(f"load {scalar}, ptr {place}") for scalar, place in pairs)
-        )
+        return self._kept(kind, places)
 
     def place(self, node: ast.expr) -> Place | Value:
         """Where an attribute or an element stands, or its value where that is not in memory."""
@@ -290,10 +290,14 @@ class Expressions:
             raise NotInKernels(f"a call of {text(known)}")
         thing = known.thing
         arguments = [self.value(one) for one in node.args]
-        named = {one.arg: self.value(one.value) for one in node.keywords if one.arg}
+        if any(one.arg is None for one in node.keywords):
+            raise NotInKernels("a call with a dictionary of arguments")
+        named = {str(one.arg): self.value(one.value) for one in node.keywords}
         if isinstance(thing, type) and issubclass(thing, tuple) and hasattr(thing, "_fields"):
-            named = dict(zip(thing._fields, arguments, strict=False)) | named
-            return joined([named[name] for name in thing._fields], thing._fields)
+            given = dict(zip(thing._fields, arguments, strict=False)) | named
+            if len(arguments) > len(thing._fields) or set(given) != set(thing._fields):
+                raise NotInKernels(f"{thing.__name__} takes {', '.join(thing._fields)}")
+            return joined([given[name] for name in thing._fields], thing._fields)
         if thing is len and isinstance(arguments[0].kind, Grid):
             return Value(INT, (arguments[0].leaves[1],))
         if thing is len and isinstance(arguments[0].kind, Parts):
@@ -318,15 +322,12 @@ class Expressions:
             arguments: LLVM's types and the leaves.
         """
         given = ", ".join(f"{scalar} {leaf}" for scalar, leaf in arguments)
-        returned = scalars(kind)
-        if not returned:
+        whole, count = returned(kind), len(scalars(kind))
+        if not count:
             self.write(f"call void @{symbol}({given})")
             return Value(NOTHING)
-        if len(returned) == 1:
-            return Value(kind, (self.emit(f"call {returned[0]} @{symbol}({given})"),))
-        whole = f"{{ {', '.join(returned)} }}"
         made = self.emit(f"call {whole} @{symbol}({given})")
-        return Value(
-            kind,
-            tuple(self.emit(f"extractvalue {whole} {made}, {k}") for k in range(len(returned))),
-        )
+        if count == 1:
+            return Value(kind, (made,))
+        parts = (self.emit(f"extractvalue {whole} {made}, {k}") for k in range(count))
+        return Value(kind, tuple(parts))

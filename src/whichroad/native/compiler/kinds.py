@@ -19,6 +19,10 @@ class NotInKernels(TypeError):
     """Python that kernels cannot contain."""
 
 
+class Found(NotInKernels):
+    """The same, with its file and line."""
+
+
 @dataclass(frozen=True, slots=True)
 class Number:
     """A scalar, by LLVM's name of it."""
@@ -60,6 +64,11 @@ BOOL, INT, SINGLE, REAL = Number("i1"), Number("i64"), Number("float"), Number("
 NOTHING = Parts(())
 _RANK = {BOOL: 0, INT: 1, SINGLE: 2, REAL: 3}
 
+_STORED = {
+    "f8": REAL, "f4": SINGLE, "b1": BOOL, "i8": INT, "i4": INT, "i2": INT, "i1": INT,
+    "u4": INT, "u2": INT, "u1": INT,
+}  # fmt: skip
+
 Kind = Number | Record | Grid | Parts | Known
 
 
@@ -83,6 +92,12 @@ def scalars(kind: Kind) -> list[str]:
         case Parts(kinds):
             return [one for part in kinds for one in scalars(part)]
     return []
+
+
+def returned(kind: Kind) -> str:
+    """LLVM's type of a function's result."""
+    names = scalars(kind)
+    return "void" if not names else names[0] if len(names) == 1 else f"{{ {', '.join(names)} }}"
 
 
 def unified(a: Kind, b: Kind) -> Kind:
@@ -126,12 +141,19 @@ def of_annotation(kind: Annotated) -> Kind:
 
 
 def of_pointer(dtype: np.dtype[Any]) -> Kind:
-    """The kind of what stands in memory: records and arrays stay there."""
+    """The kind of what stands in memory: records and arrays stay there.
+
+    Raises:
+        NotInKernels: No number of kernels holds it.
+    """
     if dtype.subdtype is not None:
         return Grid(dtype.subdtype[0], len(dtype.subdtype[1]))
     if dtype.fields is not None:
         return Record(dtype)
-    return {"f8": REAL, "f4": SINGLE, "b1": BOOL}.get(dtype.str[1:], INT)
+    kind = _STORED.get(dtype.str[1:])
+    if kind is None or not dtype.isnative:
+        raise NotInKernels(f"a number in memory that is {dtype}")
+    return kind
 
 
 def split(kinds: tuple[Kind, ...], leaves: tuple[str, ...]) -> list[Value]:

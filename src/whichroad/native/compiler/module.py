@@ -28,10 +28,11 @@ from .kinds import (
     Value,
     cast,
     of_annotation,
+    returned,
     scalars,
     text,
-)  # fmt: skip
-from .statements import Statements, parameter_names, parameters
+)
+from .statements import Statements, always_returns, parameter_names, parameters
 
 ENTRY = "whichroad_"  # with this begins what C calls
 SMALL = Number("i32")  # of what C gets back
@@ -57,20 +58,20 @@ class Module:
     """Kernels and entries.
 
     Args:
-        inlined: Kernels that become parts of their callers.
+        kernels: All, and whether each becomes a part of its callers.
         operations: Functions on rows that are vector instructions.
         shared: Kernels whose code two parts of the module can share, each by its function.
         report: Called with each kernel that is done.
     """
 
     def __init__(
-        self, inlined: Iterable[Any] = (), operations: Iterable[Any] = (),
+        self, kernels: Iterable[tuple[Any, bool]], operations: Iterable[Any] = (),
         shared: Iterable[Any] = (), report: Report = lambda name: None,
     ) -> None:  # fmt: skip
         known = {one.__name__: one for one in operations}
         self.operations = {id(one) for one in known.values()}
         self.row_length = len(known["new_row"]()) if "new_row" in known else 0
-        self._inlined = {id(one) for one in inlined}
+        self._kernels = {id(one): inlined for one, inlined in kernels}
         self._shared = {id(one) for one in shared}
         self._report = report
         self._made: dict[tuple[int, tuple[Kind, ...]], _Unit] = {}
@@ -122,14 +123,14 @@ class Module:
 
     def _declaration(self, unit: _Unit) -> str:
         given = ", ".join(scalar for scalar, _ in unit.parameters)
-        return f'hidden {_returned(unit.result)} @"{unit.symbol}"({given})'
+        return f'hidden {returned(unit.result)} @"{unit.symbol}"({given})'
 
     def _definition(self, unit: _Unit) -> str:
         linkage = "hidden" if unit.symbol in self._visible else "internal"
         if unit.symbol.startswith(ENTRY):
             linkage = ""
         given = ", ".join(f"{scalar} {name}" for scalar, name in unit.parameters)
-        head = f'{linkage} {_returned(unit.result)} @"{unit.symbol}"({given}) {unit.attributes}'
+        head = f'{linkage} {returned(unit.result)} @"{unit.symbol}"({given}) {unit.attributes}'
         return f"define {head} {{\n" + "\n".join(unit.lines) + "\n}"
 
     def call(
@@ -140,6 +141,10 @@ class Module:
         if not inspect.isfunction(function):
             kinds = ", ".join(text(one.kind) for one in arguments)
             raise NotInKernels(f"a call of {thing!r} with {kinds}")
+        if id(function) not in self._kernels:
+            raise NotInKernels(
+                f"a call of {function.__qualname__}, which is not marked as a kernel"
+            )
         node = definition(function)
         values = parameters(node, arguments, named, list(function.__defaults__ or ()))
         return self._called(caller, function, values)
@@ -171,7 +176,7 @@ class Module:
                     raise NotInKernels(f"{path} is shared, and called with two kinds of arguments")
                 self._visible.add(symbol)
             body, given = self._body(function, kinds)
-            attributes = "alwaysinline nounwind" if id(function) in self._inlined else "nounwind"
+            attributes = "alwaysinline nounwind" if self._kernels[id(function)] else "nounwind"
             unit = _Unit(symbol, given, body.result or NOTHING, attributes, body.code(), calls)
             self._made[key] = self._units[symbol] = unit
             self._open.pop()
@@ -195,7 +200,14 @@ class Module:
             for name, value in arguments.items():
                 made.assign(name, value)
             made.body(node.body)
-            made.write("unreachable" if scalars(made.result or NOTHING) else "ret void")
+            if not scalars(made.result or NOTHING):
+                made.write("ret void")
+            elif always_returns(node.body):
+                made.write("unreachable")
+            else:
+                raise NotInKernels(
+                    f"{made.where}:{node.lineno}: {node.name} may end without a result"
+                )
             if not made.changed:
                 return made, given
         raise NotInKernels(f"{made.where}: {node.name}: the kinds of its variables do not settle")
@@ -254,21 +266,17 @@ class _Words:
             self.caller.write(f"store {scalar} {leaf}, ptr {self._next()}")
 
 
-def _returned(kind: Kind) -> str:
-    names = scalars(kind)
-    return "void" if not names else names[0] if len(names) == 1 else f"{{ {', '.join(names)} }}"
-
-
 def definition(function: Any) -> ast.FunctionDef:
     """A function's source, taken apart."""
-    found = _definitions(sys.modules[function.__module__].__file__).get(function.__name__)
+    found = definitions(sys.modules[function.__module__].__file__).get(function.__name__)
     if found is None:
         raise NotInKernels(f"{function.__module__}.{function.__name__}: it stands in no file")
     return found
 
 
 @functools.cache
-def _definitions(path: str) -> dict[str, ast.FunctionDef]:
+def definitions(path: str) -> dict[str, ast.FunctionDef]:
+    """All functions of a file, by name."""
     with open(path, encoding="utf-8") as file:
         tree = ast.parse(file.read())
     return {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}

@@ -1,6 +1,8 @@
 """Statements of kernels, as instructions."""
 
 import ast
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from .addresses import Place
@@ -8,6 +10,7 @@ from .expressions import Expressions
 from .kinds import (
     INT,
     NOTHING,
+    Found,
     Grid,
     Kind,
     Known,
@@ -16,11 +19,12 @@ from .kinds import (
     Value,
     cast,
     literal,
+    returned,
     scalars,
     split,
     text,
     unified,
-)  # fmt: skip
+)
 
 
 class Statements(Expressions):
@@ -47,17 +51,17 @@ class Statements(Expressions):
         for statement in statements:
             try:
                 self._statement(statement)
+            except Found:
+                raise
             except (NotInKernels, AttributeError, AssertionError, KeyError, IndexError) as error:
-                if isinstance(error, NotInKernels) and getattr(error, "placed", False):
-                    raise
-                wrong = NotInKernels(f"{self.where}:{statement.lineno}: {error}")
-                wrong.placed = True  # type: ignore[attr-defined]
-                raise wrong from error
+                raise Found(f"{self.where}:{statement.lineno}: {error}") from error
 
     def _statement(self, node: ast.stmt) -> None:
         match node:
             case ast.Assign(targets, value):
-                self._set_all(targets, self.value(value))
+                given = self.value(value)
+                for target in targets:
+                    self._set(target, given)
             case ast.AnnAssign(target, _, value) if value is not None:
                 self._set(target, self.value(value))
             case ast.AugAssign(target, operator, value):
@@ -84,10 +88,6 @@ class Statements(Expressions):
     def _leave(self, label: str) -> None:
         self.jump(label)
         self.block(self.label())  # what follows is never reached
-
-    def _set_all(self, targets: list[ast.expr], value: Value) -> None:
-        for target in targets:
-            self._set(target, value)
 
     def _set(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
@@ -116,23 +116,34 @@ class Statements(Expressions):
         at = [self.addresses.element(value, [literal(k)]) for k in range(int(value.leaves[1]))]
         return [self.addresses.load(one) if isinstance(one, Place) else one for one in at]
 
-    def _fill(self, array: Value, value: Value) -> None:
-        """Set all elements of an array of one dimension to a number."""
-        at, test, inside, end = self.reserve("i64"), self.label(), self.label(), self.label()
-        self.write(f"store i64 0, ptr {at}")
-        self.jump(test)
-        self.block(test)
+    @contextmanager
+    def _counted(self, first: str, last: str, step: int) -> Iterator[Value]:
+        """A loop over whole numbers; what is written inside is its body."""
+        at, again, inside, following, end = (self.reserve("i64"), *(self.label() for _ in range(4)))
+        self.write(f"store i64 {first}, ptr {at}")
+        self.jump(again)
+        self.block(again)
         index = self.emit(f"load i64, ptr {at}")
-        more = self.emit(f"icmp slt i64 {index}, {array.leaves[1]}")
+        more = self.emit(f"icmp {'slt' if step > 0 else 'sgt'} i64 {index}, {last}")
         self.write(f"br i1 {more}, label %{inside}, label %{end}")
         self.block(inside)
-        place = self.addresses.element(array, [Value(INT, (index,))])
-        if not isinstance(place, Place):
-            raise NotInKernels(f"{text(array.kind)} is set as a whole")
-        self.addresses.store(value, place)
-        self.write(f"store i64 {self.emit(f'add nsw i64 {index}, 1')}, ptr {at}")
-        self.jump(test)
+        self._loops.append((following, end))
+        yield Value(INT, (index,))
+        self._loops.pop()
+        self.jump(following)
+        self.block(following)
+        index = self.emit(f"load i64, ptr {at}")
+        self.write(f"store i64 {self.emit(f'add nsw i64 {index}, {step}')}, ptr {at}")
+        self.jump(again)
         self.block(end)
+
+    def _fill(self, array: Value, value: Value) -> None:
+        """Set all elements of an array of one dimension to a number."""
+        with self._counted("0", array.leaves[1], 1) as index:
+            place = self.addresses.element(array, [index])
+            if not isinstance(place, Place):
+                raise NotInKernels(f"{text(array.kind)} is set as a whole")
+            self.addresses.store(value, place)
 
     def _augment(self, target: ast.expr, operator: ast.operator, value: ast.expr) -> None:
         if isinstance(target, ast.Name):
@@ -183,31 +194,13 @@ class Statements(Expressions):
             bounds.insert(0, literal(0))
         if len(bounds) == 2:
             bounds.append(literal(1))
-        first, last, step = (cast(one, INT, self.emit).leaves[0] for one in bounds)
-        stride = bounds[2].constant
-        if not isinstance(stride, int) or stride == 0:
+        first, last = (cast(one, INT, self.emit).leaves[0] for one in bounds[:2])
+        step = bounds[2].constant
+        if not isinstance(step, int) or step == 0:
             raise NotInKernels("a range whose step is no constant")
-        at, again, inside, following, end = (self.reserve("i64"), *(self.label() for _ in range(4)))
-        self.write(f"store i64 {first}, ptr {at}")
-        self.jump(again)
-        self.block(again)
-        index = self.emit(f"load i64, ptr {at}")
-        more = self.emit(f"icmp {'slt' if stride > 0 else 'sgt'} i64 {index}, {last}")
-        self.write(f"br i1 {more}, label %{inside}, label %{end}")
-        self.block(inside)
-        self._set(target, self._element(elements, Value(INT, (index,))))
-        self._loops.append((following, end))
-        self.body(body)
-        self._loops.pop()
-        self.jump(following)
-        self.block(following)
-        index = self.emit(f"load i64, ptr {at}")
-        self.write(f"store i64 {self.emit(f'add nsw i64 {index}, {step}')}, ptr {at}")
-        self.jump(again)
-        self.block(end)
-
-    def _element(self, elements: Value | None, index: Value) -> Value:
-        return index if elements is None else self._part(elements, index)
+        with self._counted(first, last, step) as index:
+            self._set(target, index if elements is None else self._part(elements, index))
+            self.body(body)
 
     def _return(self, value: Value) -> None:
         kind = value.kind if self.result is None else unified(self.result, value.kind)
@@ -221,11 +214,23 @@ class Statements(Expressions):
         elif len(kinds) == 1:
             self.write(f"ret {kinds[0]} {made.leaves[0]}")
         else:
-            whole, name = f"{{ {', '.join(kinds)} }}", "poison"
+            whole, name = returned(kind), "poison"
             for k, (scalar, leaf) in enumerate(zip(kinds, made.leaves, strict=True)):
                 name = self.emit(f"insertvalue {whole} {name}, {scalar} {leaf}, {k}")
             self.write(f"ret {whole} {name}")
-        self.block(self.label())
+        self.block(self.label())  # what follows is never reached
+
+
+def always_returns(statements: list[ast.stmt]) -> bool:
+    """Whether a function's last statement leaves it, whatever came before."""
+    match statements[-1]:
+        case ast.Return():
+            return True
+        case ast.If(_, body, orelse):
+            return bool(orelse) and always_returns(body) and always_returns(orelse)
+        case ast.While(ast.Constant(True), body):
+            return not any(isinstance(one, ast.Break) for part in body for one in ast.walk(part))
+    return False
 
 
 def parameter_names(node: ast.FunctionDef) -> list[str]:
