@@ -89,6 +89,7 @@ HYPOTHESIS = np.dtype(
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("before", "i4"),  # edge from which it came over the start of its own, or NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
+        ("corner", "i4"),  # edge before whose end it has turned already, or NO_EDGE
         ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
@@ -242,7 +243,7 @@ class Context(NamedTuple):
 def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     """An empty belief; `lineage` where its history is stored (`filter.lookback.history`)."""
     hyp = records(capacity, HYPOTHESIS)
-    hyp.edge = hyp.before = NO_EDGE
+    hyp.edge = hyp.before = hyp.corner = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.bound = NO_BOUND
     hyp.path_entry = -1
@@ -358,7 +359,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
     hyp.blames, hyp.ignores = NOTHING, 0
     forget_origin(hyp.origin)
     forget_leg(hyp.leg)
-    hyp.path_entry, hyp.before = -1, NO_EDGE
+    hyp.path_entry, hyp.before, hyp.corner = -1, NO_EDGE, NO_EDGE
     hyp.edge, hyp.segment = edge, segment
     hyp.new_edge = 1
     forget_course(hyp)

@@ -40,6 +40,7 @@ from ..state import (
     rescale,
     spawn,
 )
+from .corners import BEFORE, list_corners
 from .lane_offset import change_lane, redraw_lane
 from .successors import REACH, successors
 
@@ -198,6 +199,30 @@ def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) ->
 
 
 @kernel(inline=True)
+def _cut_corner(belief: Belief, path: Path, ctx: Context, i: int) -> bool:
+    """Let hypothesis i, which turns before its road's end, be on the roads that turn so.
+
+    Once on each edge.  Returns whether there are such.
+    """
+    hyp = belief.hyp[i]
+    if hyp.corner == hyp.edge:
+        return False
+    count = list_corners(belief, ctx, i)
+    if count == 0:
+        return False
+    hyp.corner = hyp.edge
+    first = int(belief.state[0].count)
+    given = _give(belief, path, ctx, i, count, 1.0, _LEAST_CHILD * ctx.par[0].prune)
+    for row in range(first, belief.state[0].count):
+        child = belief.hyp[row]
+        track(belief, ctx.roads, row)
+        left = ctx.roads.edges[child.edge].length - child.along
+        child.p_not_passed = max(normal_cdf(left / child.along_sigma), 1e-6)
+    rescale(hyp, 1.0 - given)
+    return given > 0.0
+
+
+@kernel(inline=True)
 def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: float) -> bool:
     """Give the part of every hypothesis that has passed its edge's end to what follows.
 
@@ -224,6 +249,8 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
             changed = _back_up(belief, ctx, i, -arc) or changed
         length = ctx.roads.edges[hyp.edge].length
+        if belief.state[0].mode == WHEELS and arc > 0.0 and hyp.along + BEFORE > length:
+            changed = _cut_corner(belief, path, ctx, i) or changed
         if hyp.along + REACH * hyp.along_sigma < length:
             if belief.state[0].mode == WHEELS:
                 hyp.p_not_passed = 1.0
@@ -277,18 +304,37 @@ def pass_on(
         The share that the children got; what is below the limit, or finds the table full, stays.
     """
     hyp = belief.hyp[i]
-    p = hyp.weight
     bound = NO_BOUND if belief.state[0].mode == WHEELS else hyp.bound
-    count, total = successors(belief, ctx, i, s, sigma, share * p, bound)
+    count, total = successors(belief, ctx, i, s, sigma, share * hyp.weight, bound)
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
         spawn(belief, i, share, OFF_ROAD, hyp.segment)
         return share
+    return _give(belief, path, ctx, i, count, share / total, least)
+
+
+@kernel
+def _give(
+    belief: Belief, path: Path, ctx: Context, i: int, count: int, each: float, least: float
+) -> float:
+    """Spawn children of hypothesis i on the successors listed; returns the share that they got.
+
+    Args:
+        belief: In place.
+        path: The tree of edges entered.
+        ctx: Its buffer of successors is filled.
+        i: The hypothesis.
+        count: How many.
+        each: Share of the hypothesis per unit of a successor's mass.
+        least: Weight below which there is no child.
+    """
+    hyp = belief.hyp[i]
+    p = hyp.weight
     given = 0.0
     for d in range(count):
-        part = share * ctx.work.successor[d].mass / total
+        part = each * ctx.work.successor[d].mass
         rare = ctx.work.successor[d].prior < RARE
         lowest = RARE_FLOOR * least if rare else floor_of(hyp, least)
-        if part * p < lowest or belief.state[0].count >= CAPACITY:
+        if part <= 0.0 or part * p < lowest or belief.state[0].count >= CAPACITY:
             continue
         given += part
         child = belief.hyp[_spawn_on(belief, path, ctx, i, d, part)]

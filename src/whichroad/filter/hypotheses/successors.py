@@ -118,7 +118,7 @@ def _list(
 
 
 @kernel
-def _speed(belief: Belief, hyp: Record) -> tuple[float, float]:
+def driven_speed(belief: Belief, hyp: Record) -> tuple[float, float]:
     """Speed of a hypothesis and its standard deviation, m/s."""
     if belief.state[0].mode == CLOCK:
         return max(hyp.mu[K], 0.0), math.sqrt(hyp.cov[K, K])
@@ -146,7 +146,7 @@ def successors(
     hyp = belief.hyp[i]
     prune = ctx.par[0].prune
     least = min(0.1 * prune / max(weight, prune), 0.05)
-    count = _list(ctx, hyp.edge, s, sigma, least, bound, _speed(belief, hyp))
+    count = _list(ctx, hyp.edge, s, sigma, least, bound, driven_speed(belief, hyp))
     found = ctx.work.successor
     total = 0.0
     for d in range(count):
