@@ -89,7 +89,7 @@ HYPOTHESIS = np.dtype(
         ("edge", "i4"),  # directed edge, OFF_ROAD, NO_EDGE
         ("before", "i4"),  # edge from which it came over the start of its own, or NO_EDGE
         ("segment", "i4"),  # vertex at which the current segment starts
-        ("corner", "i4"),  # edge before whose end it has turned already, or NO_EDGE
+        ("corner", "i4"),  # edge along which it drove before it turns at its end, or NO_EDGE
         ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due

@@ -23,6 +23,7 @@ from ..state import (
     MX,
     MY,
     NO_BOUND,
+    NO_EDGE,
     OFF_ROAD,
     RARE,
     RARE_FLOOR,
@@ -40,7 +41,7 @@ from ..state import (
     rescale,
     spawn,
 )
-from .corners import BEFORE, list_corners
+from .corners import BEFORE, list_corners, turned_before_end
 from .lane_offset import change_lane, redraw_lane
 from .successors import REACH, successors
 
@@ -202,15 +203,14 @@ def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) ->
 def _cut_corner(belief: Belief, path: Path, ctx: Context, i: int) -> bool:
     """Let hypothesis i, which turns before its road's end, be on the roads that turn so.
 
-    Once on each edge.  Returns whether there are such.
+    Once.  Returns whether there are such.
     """
     hyp = belief.hyp[i]
-    if hyp.corner == hyp.edge:
+    turned = turned_before_end(hyp)
+    if turned == 0.0:
         return False
-    count = list_corners(belief, ctx, i)
-    if count == 0:
-        return False
-    hyp.corner = hyp.edge
+    hyp.corner = NO_EDGE
+    count = list_corners(belief, ctx, i, turned)
     first = int(belief.state[0].count)
     given = _give(belief, path, ctx, i, count, 1.0, _LEAST_CHILD * ctx.par[0].prune)
     for row in range(first, belief.state[0].count):

@@ -8,11 +8,11 @@ not have passed the node.  So who turns as a road behind the node does may be on
 
 import math
 
-from ..._compile import kernel
+from ..._compile import Record, kernel
 from ...graph.geometry import angle_of
 from ...graph.network import U_TURN
 from ..gaussian import normal_cdf
-from ..state import Belief, Context, D, H, lane_mean, lane_sigma
+from ..state import SUCCESSORS, Belief, Context, D, H, lane_mean, lane_sigma
 from .successors import driven_speed, speed_fit
 
 BEFORE = 25.0  # m before a node, from which on a corner is cut at most
@@ -54,51 +54,83 @@ def _passed_at(
 
 
 @kernel
-def list_corners(belief: Belief, ctx: Context, i: int) -> int:
-    """List the roads that turn at the end of its edge as hypothesis i does before it.
+def turned_before_end(hyp: Record) -> float:
+    """By how much a hypothesis has turned off its road, rad, since it drove along it; else 0.
 
-    The mass of each is its turn prior, by the speed, times P(the vehicle has passed the node), less
-    what it has passed already.
+    A vehicle that has just come round a corner is yet to drive along the road.
+    """
+    c, s = math.cos(hyp.mu[H]), math.sin(hyp.mu[H])
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    turned = angle_of(tx * c + ty * s, tx * s - ty * c)
+    if abs(turned) < _TURNED:
+        hyp.corner = hyp.edge
+        return 0.0
+    return turned if hyp.corner == hyp.edge else 0.0
+
+
+@kernel
+def list_corners(belief: Belief, ctx: Context, i: int, turned: float) -> int:
+    """List the roads that turn behind its edge's end as hypothesis i does before it.
+
+    Roads that run straight on are passed, as far as corners are cut.  The mass of each is its
+    turn prior, by the speed, times P(the vehicle has passed the node), less what it has passed
+    already.
 
     Args:
         belief: The hypothesis is tracked on its edge.
-        ctx: Its buffer of successors is filled.
+        ctx: Its buffer of successors is filled; those that are passed have no mass.
         i: The hypothesis.
+        turned: By how much it has turned, rad, counter-clockwise.
 
     Returns:
         How many.
     """
     hyp = belief.hyp[i]
-    c, s = math.cos(hyp.mu[H]), math.sin(hyp.mu[H])
-    tx, ty = hyp.tangent[0], hyp.tangent[1]
-    turned = angle_of(tx * c + ty * s, tx * s - ty * c)
-    if abs(turned) < _TURNED:
-        return 0
-    road = ctx.roads.edges[hyp.edge]
+    roads = ctx.roads
     driven = driven_speed(belief, hyp)
     found = ctx.work.successor
-    count = 0
-    total = 0.0
-    for t in range(road.first_turn, road.end_turn):
-        way = ctx.roads.turns[t]
-        angle = float(way.angle)
-        fit = float(way.prior) * speed_fit(float(road.speed), angle, driven)
-        total += fit
-        if abs(angle) < _CORNER or angle * turned < 0.0 or way.rule & U_TURN:
-            continue
-        if count >= len(found):
-            continue
-        lanes = hyp.mu[D], lane_mean(ctx, way.edge)
-        place, variance = _passed_at(
-            angle, abs(turned), lanes, (hyp.cov[D, D], lane_sigma(ctx, way.edge) ** 2)
-        )
-        z = (hyp.along - road.length - place) / math.sqrt(hyp.along_sigma**2 + variance)
-        more = max(normal_cdf(z) - 1.0 + hyp.p_not_passed, 0.0) / hyp.p_not_passed
-        new = found[count]
-        new.edge, new.parent, new.turn = way.edge, -1, angle
-        new.offset, new.prior = road.length, way.prior
-        new.mass = fit * more
-        count += 1
-    for d in range(count):
-        found[d].mass /= total
-    return count
+    count, k, current = 0, -1, hyp.edge
+    end, prior, weight, bent = float(roads.edges[current].length), 1.0, 1.0, 0.0
+    while True:
+        origin = roads.edges[current]
+        first, total = count, 0.0
+        for t in range(origin.first_turn, origin.end_turn):
+            way = roads.turns[t]
+            fit = float(way.prior) * speed_fit(float(origin.speed), float(way.angle), driven)
+            total += fit
+            angle = bent + float(way.angle)
+            turns = abs(angle) >= _CORNER
+            if way.rule & U_TURN or count >= SUCCESSORS or (turns and angle * turned < 0.0):
+                continue
+            new = found[count]
+            new.edge, new.parent, new.turn, new.offset = way.edge, k, angle, end
+            new.prior, new.weight, new.mass = prior * float(way.prior), weight * fit, 0.0
+            if turns:
+                new.mass = new.weight * _more_passed(hyp, ctx, way.edge, end, angle, turned)
+            count += 1
+        for d in range(first, count):
+            found[d].weight /= total
+            found[d].mass /= total
+        k += 1
+        while k < count and (
+            abs(found[k].turn) >= _CORNER
+            or found[k].offset + roads.edges[found[k].edge].length > hyp.along + BEFORE
+        ):
+            k += 1
+        if k >= count:
+            return count
+        current, bent = found[k].edge, found[k].turn
+        end = found[k].offset + roads.edges[current].length
+        prior, weight = found[k].prior, found[k].weight
+
+
+@kernel
+def _more_passed(
+    hyp: Record, ctx: Context, edge: int, end: float, angle: float, turned: float
+) -> float:
+    """P(it has passed the node at `end` onto an edge), beyond what it has passed already."""
+    lanes = hyp.mu[D], lane_mean(ctx, edge)
+    variances = hyp.cov[D, D], lane_sigma(ctx, edge) ** 2
+    place, variance = _passed_at(angle, abs(turned), lanes, variances)
+    passed = normal_cdf((hyp.along - end - place) / math.sqrt(hyp.along_sigma**2 + variance))
+    return max(passed - 1.0 + hyp.p_not_passed, 0.0) / hyp.p_not_passed
