@@ -11,8 +11,7 @@ hypothesis, in this order:
     D        offset from the road's centre line in the map's frame, m, right positive
     MX, MY   map-minus-world offset, m
     GX, GY   GNSS bias in units of the reported ellipse (zero mean, unit variance)
-    U        what was driven beyond what was extrapolated while wheels are silent, m, else zero
-             (`filter.silent_wheels`)
+    U        driven beyond what was extrapolated while wheels are silent, m (`silent_wheels`)
     V        a spare slow state: zero, with zero variance
 
 X and Y are in plane units and everything else, covariance included, in true metres: a

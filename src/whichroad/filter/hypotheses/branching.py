@@ -200,12 +200,16 @@ def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) ->
 
 
 @kernel(inline=True)
-def _cut_corner(belief: Belief, path: Path, ctx: Context, i: int) -> bool:
+def _round_corner(belief: Belief, path: Path, ctx: Context, i: int, arc: float) -> bool:
     """Let hypothesis i, which turns before its road's end, be on the roads that turn so.
 
-    Once.  Returns whether there are such.
+    Once, and beside wheels.  Returns whether there are such.
     """
     hyp = belief.hyp[i]
+    if belief.state[0].mode != WHEELS or arc <= 0.0:
+        return False
+    if hyp.along + BEFORE < ctx.roads.edges[hyp.edge].length:
+        return False
     turned = turned_before_end(hyp)
     if turned == 0.0:
         return False
@@ -249,8 +253,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
             changed = _back_up(belief, ctx, i, -arc) or changed
         length = ctx.roads.edges[hyp.edge].length
-        if belief.state[0].mode == WHEELS and arc > 0.0 and hyp.along + BEFORE > length:
-            changed = _cut_corner(belief, path, ctx, i) or changed
+        changed = _round_corner(belief, path, ctx, i, arc) or changed
         if hyp.along + REACH * hyp.along_sigma < length:
             if belief.state[0].mode == WHEELS:
                 hyp.p_not_passed = 1.0
@@ -275,8 +278,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
             continue
         changed = True
         given = _pass_end(belief, path, ctx, i, share)
-        hyp.p_not_passed = now
-        hyp.bound = length
+        hyp.p_not_passed, hyp.bound = now, length
         rescale(hyp, 1.0 - given)
     return changed
 

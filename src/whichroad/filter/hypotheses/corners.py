@@ -13,7 +13,7 @@ from ...graph.geometry import angle_of
 from ...graph.network import U_TURN
 from ..gaussian import normal_cdf
 from ..state import SUCCESSORS, Belief, Context, D, H, lane_mean, lane_sigma
-from .successors import driven_speed, speed_fit
+from .successors import driven_speed, normalise_turns, speed_fit
 
 BEFORE = 25.0  # m before a node, from which on a corner is cut at most
 _TURNED = 0.6  # rad, by which the vehicle has turned then
@@ -86,42 +86,47 @@ def list_corners(belief: Belief, ctx: Context, i: int, turned: float) -> int:
         How many.
     """
     hyp = belief.hyp[i]
-    roads = ctx.roads
     driven = driven_speed(belief, hyp)
     found = ctx.work.successor
-    count, k, current = 0, -1, hyp.edge
-    end, prior, weight, bent = float(roads.edges[current].length), 1.0, 1.0, 0.0
-    while True:
-        origin = roads.edges[current]
-        first, total = count, 0.0
-        for t in range(origin.first_turn, origin.end_turn):
-            way = roads.turns[t]
-            fit = float(way.prior) * speed_fit(float(origin.speed), float(way.angle), driven)
-            total += fit
-            angle = bent + float(way.angle)
-            turns = abs(angle) >= _CORNER
-            if way.rule & U_TURN or count >= SUCCESSORS or (turns and angle * turned < 0.0):
-                continue
-            new = found[count]
-            new.edge, new.parent, new.turn, new.offset = way.edge, k, angle, end
-            new.prior, new.weight, new.mass = prior * float(way.prior), weight * fit, 0.0
-            if turns:
-                new.mass = new.weight * _more_passed(hyp, ctx, way.edge, end, angle, turned)
-            count += 1
-        for d in range(first, count):
-            found[d].weight /= total
-            found[d].mass /= total
+    count = _add_turns(hyp, ctx, -1, 0, turned, driven)
+    k = 0
+    while k < count:
+        end = found[k].offset + ctx.roads.edges[found[k].edge].length
+        if abs(found[k].turn) < _CORNER and end < hyp.along + BEFORE:
+            count = _add_turns(hyp, ctx, k, count, turned, driven)
         k += 1
-        while k < count and (
-            abs(found[k].turn) >= _CORNER
-            or found[k].offset + roads.edges[found[k].edge].length > hyp.along + BEFORE
-        ):
-            k += 1
-        if k >= count:
-            return count
-        current, bent = found[k].edge, found[k].turn
-        end = found[k].offset + roads.edges[current].length
-        prior, weight = found[k].prior, found[k].weight
+    return count
+
+
+@kernel
+def _add_turns(
+    hyp: Record, ctx: Context, k: int, count: int, turned: float, driven: tuple[float, float]
+) -> int:
+    """Add the turns at the end of the hypothesis' edge, or of listed k >= 0; returns how many."""
+    found = ctx.work.successor
+    edge, end, prior, weight, bent = int(hyp.edge), 0.0, 1.0, 1.0, 0.0
+    if k >= 0:
+        edge, end, bent = int(found[k].edge), float(found[k].offset), float(found[k].turn)
+        prior, weight = float(found[k].prior), float(found[k].weight)
+    road = ctx.roads.edges[edge]
+    end += float(road.length)
+    first, total = count, 0.0
+    for t in range(road.first_turn, road.end_turn):
+        way = ctx.roads.turns[t]
+        fit = float(way.prior) * speed_fit(float(road.speed), float(way.angle), driven)
+        total += fit
+        angle = bent + float(way.angle)
+        turns = abs(angle) >= _CORNER
+        if way.rule & U_TURN or count >= SUCCESSORS or (turns and angle * turned < 0.0):
+            continue
+        new = found[count]
+        new.edge, new.parent, new.turn, new.offset = way.edge, k, angle, end
+        new.prior, new.weight, new.mass = prior * float(way.prior), weight * fit, 0.0
+        if turns:
+            new.mass = new.weight * _more_passed(hyp, ctx, way.edge, end, angle, turned)
+        count += 1
+    normalise_turns(found, first, count, total)
+    return count
 
 
 @kernel
@@ -133,4 +138,4 @@ def _more_passed(
     variances = hyp.cov[D, D], lane_sigma(ctx, edge) ** 2
     place, variance = _passed_at(angle, abs(turned), lanes, variances)
     passed = normal_cdf((hyp.along - end - place) / math.sqrt(hyp.along_sigma**2 + variance))
-    return max(passed - 1.0 + hyp.p_not_passed, 0.0) / hyp.p_not_passed
+    return float(max(passed - 1.0 + hyp.p_not_passed, 0.0) / hyp.p_not_passed)

@@ -46,7 +46,7 @@ def speed_fit(usual: float, angle: float, driven: tuple[float, float]) -> float:
 
 
 @kernel
-def _normalise(found: Records, first: int, end: int, total: float) -> None:
+def normalise_turns(found: Records, first: int, end: int, total: float) -> None:
     """Divide the weights of some successors by the sum over all turns at their node."""
     for d in range(first, end):
         found[d].weight /= total
@@ -104,7 +104,7 @@ def _list(
             new.mass = new.weight * (high - low)
             new.turn = turn + float(way.angle)
             count += 1
-        _normalise(found, first, count, total)
+        normalise_turns(found, first, count, total)
         k += 1
         while k < count and found[k].offset + roads.edges[found[k].edge].length > s + REACH * sigma:
             k += 1
