@@ -13,6 +13,7 @@ from ..motion import age_bias
 from ..state import (
     GX,
     GY,
+    NOTHING,
     OFF_ROAD,
     RECEIVER,
     WHEELS,
@@ -23,6 +24,7 @@ from ..state import (
 from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
+_USUAL = 2.0  # sigmas; an error that is within them again is a usual one
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed
 _FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost lock
 _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
@@ -64,6 +66,8 @@ def age_receiver(belief: Belief, ctx: Context, lasts: float) -> None:
             hyp.cov[GX, GX] += wanders
             hyp.cov[GY, GY] += wanders
         square = hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2
+        if belief.state[0].mode != WHEELS and square < _USUAL**2:
+            hyp.blames = NOTHING
         if square <= 9.0:
             age_bias(hyp.mu, hyp.cov, usual)
             continue

@@ -218,6 +218,7 @@ def fork_biased(belief: Belief) -> None:
         if hyp.ignores == BIASED:
             hyp.cov[GX, GX] += more
             hyp.cov[GY, GY] += more
+            hyp.blames = RECEIVER
             rescale(hyp, _BIASED)
             continue
         if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
@@ -226,6 +227,7 @@ def fork_biased(belief: Belief) -> None:
         biased = belief.hyp[state.count]
         biased.cov[GX, GX] += more
         biased.cov[GY, GY] += more
+        biased.blames = RECEIVER
         rescale(biased, _BIASED)
         rescale(hyp, 1.0 - _BIASED)
         state.count += 1
