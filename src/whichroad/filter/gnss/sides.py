@@ -38,6 +38,7 @@ _COUNTS = 0.2  # share of a fix's evidence that counts between sides
 _CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
 _FREQUENT = 4.0  # s between fixes, up to which it is followed
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
+_OF_BIASED = 1e-4  # of a hypothesis that is asked for that; and
 _BIASED_BY = 30.0  # and m, how far away on each axis
 
 
@@ -221,7 +222,7 @@ def fork_biased(belief: Belief) -> None:
             hyp.blames = RECEIVER
             rescale(hyp, _BIASED)
             continue
-        if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
+        if hyp.weight < _OF_BIASED or state.count + 1 > CAPACITY:
             continue
         move_row(belief, i, state.count)
         biased = belief.hyp[state.count]
