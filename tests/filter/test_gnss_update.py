@@ -12,7 +12,8 @@ from scenes import On, belief_on, context, living, network, straight_road
 from strategies import UNITS, random_gaussian, seeds
 from whichroad._compile import Matrix, Vector, jit, kernel
 from whichroad.filter.gaussian import condition
-from whichroad.filter.gnss.noise import _average_energy, age_receiver, update_root
+from whichroad.filter.gnss.bias import age_receiver
+from whichroad.filter.gnss.noise import _average_energy, update_root
 from whichroad.filter.gnss.position import Axes, innovations, observe_position, observe_rate
 from whichroad.filter.motion import age_bias
 from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, Context, K, N, X, Y, normalise
@@ -163,7 +164,7 @@ def _observe_stream(
     for k in range(len(fixes)):
         fix, white = fixes[k], 0.5 * math.sqrt(state.gnss_factor)
         state.moving = 1.0 if k > 0 else 0.0
-        age_receiver(belief, ctx, TIME)
+        age_receiver(belief, ctx, TIME, True)
         update_root(belief, fix, state.gnss_factor, 1.0 if k > 0 else -1.0)
         innovations(belief, ctx, fix, Axes(1.0, 0.0, 0.0, 0.0))
         _average_energy(belief, ctx, fix, white, 0.0, GAIN, BIAS_GAIN)
@@ -286,7 +287,7 @@ def test_within_the_gate_it_does_not_matter_who_would_be_blamed(ellipse, x, y):
 @np.errstate(divide="ignore", invalid="ignore")  # as in compiled code
 def grow_older(belief: Belief, time: float) -> None:
     belief.state[0].moving = time
-    age_receiver(belief, CTX, TIME)
+    age_receiver(belief, CTX, TIME, True)
 
 
 @given(seeds, st.floats(0.0, 3.0), st.floats(0.0, 300.0))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scenes.filter import steps
 from whichroad._compile import Record, Records, jit, kernel
 from whichroad.filter._simd import copy_record
+from whichroad.filter.gnss import bias as gnss_bias
 from whichroad.filter.gnss import noise as gnss_noise
 from whichroad.filter.gnss import position as gnss
 from whichroad.filter.gnss.position import Axes
@@ -107,7 +108,7 @@ def _return_children(crowd: Belief, one: Belief, i: int) -> bool:
     return True
 
 
-age_receiver = jit(gnss_noise.age_receiver)
+age_receiver = jit(gnss_bias.age_receiver)
 update_root = jit(gnss_noise.update_root)
 observe_position = jit(gnss.observe_position)
 predict, branch, exchange = jit(_predict), jit(_branch), jit(_exchange)
@@ -209,7 +210,7 @@ class Particles:
     def _observe_fix(self, epoch: Record) -> None:
         state, par, fix = self.crowd.state[0], self.par, epoch["fix"]
         interval = epoch.time - state.last_fix
-        age_receiver(self.crowd, self.ctx, self.ctx.par[0].gnss_time)
+        age_receiver(self.crowd, self.ctx, self.ctx.par[0].gnss_time, True)
         update_root(self.crowd, fix, state.gnss_factor, interval)
         state.moving = state.since_fix = 0.0
         state.last_fix = epoch.time

@@ -13,20 +13,16 @@ from ..motion import age_bias
 from ..state import (
     GX,
     GY,
-    NOTHING,
     OFF_ROAD,
-    RECEIVER,
     WHEELS,
     Belief,
     Context,
     most_probable,
 )
+from .bias import FAULT
 from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
-_USUAL = 2.0  # sigmas; an error that is within them again is a usual one
-_WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed
-_FAULT = 6.0  # sigmas; a bias beyond this is a receiver that has lost lock
 _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
 _SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
@@ -44,37 +40,6 @@ _WHITE_PRIOR = 0.5  # white variance over the reported one of sparse fixes, befo
 _PRIOR_COUNT = 4.0  # prior sample count, in differences of fixes
 _REMEMBERED = 15.0  # differences of fixes that are averaged at least
 _LEAST_BIAS = 0.1  # share of the bias in the variance of fixes, at least
-
-
-@kernel(inline=True)
-def age_receiver(belief: Belief, ctx: Context, lasts: float) -> None:
-    """Gauss-Markov step of every hypothesis' GNSS bias over the time spent moving.
-
-    A bias far beyond its sigma is a receiver that has lost lock: it recovers by
-    re-acquisition, and not as small errors do.  That it is still lost costs the hypothesis
-    exp(−time / fault_time).  The error of a receiver that is blamed for fixes that fitted nothing
-    may wander anywhere; its fixes then say little of the position.
-    """
-    par = ctx.par[0]
-    time = belief.state[0].moving
-    root = belief.state[0].bias_root
-    wanders = _WANDERS**2 * time / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-    usual = math.exp(-time / lasts)
-    for i in range(belief.state[0].count):
-        hyp = belief.hyp[i]
-        if hyp.blames == RECEIVER:
-            hyp.cov[GX, GX] += wanders
-            hyp.cov[GY, GY] += wanders
-        square = hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2
-        if belief.state[0].mode != WHEELS and square < _USUAL**2:
-            hyp.blames = NOTHING
-        if square <= 9.0:
-            age_bias(hyp.mu, hyp.cov, usual)
-            continue
-        size = math.sqrt(square)
-        age_bias(hyp.mu, hyp.cov, math.exp(-time / (lasts * size / 3.0)))
-        if size > _FAULT:
-            hyp.log_weight -= time / par.gnss_fault_time
 
 
 @kernel(inline=True)
@@ -244,7 +209,7 @@ def _average_energy(
         drift *= (1.0 + _PERSISTS) / (1.0 - _PERSISTS)
         mean = hyp.mu
         energy = mean[GX] ** 2 + hyp.cov[GX, GX] + mean[GY] ** 2 + hyp.cov[GY, GY]
-        lost = mean[GX] ** 2 + mean[GY] ** 2 > _FAULT**2
+        lost = mean[GX] ** 2 + mean[GY] ** 2 > FAULT**2
         total += weight
         if stands and chi2 < 9.0:  # the error is constant as well, and innovations vanish
             by_innovations += weight * state.innovation_factor / factor

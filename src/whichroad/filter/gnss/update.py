@@ -18,6 +18,7 @@ from ..state import (
     most_probable,
     normalise,
 )
+from .bias import age_receiver
 from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
@@ -27,7 +28,7 @@ from .inflation import (
     is_vouched,
     was_silent,
 )
-from .noise import age_receiver, learn_factor, observe_white, update_root
+from .noise import learn_factor, observe_white, update_root
 from .position import (
     Axes,
     innovations,
@@ -275,7 +276,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     interval = epoch.time - state.last_fix
     if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
-    age_receiver(belief, ctx, bias_time(state, par, epoch))
+    measured = state.mode != CLOCK or epoch.speed_sigma < _DOPPLER
+    age_receiver(belief, ctx, bias_time(state, par, epoch), measured)
     if state.vetting.elsewhere == 1:
         forget_factor(belief, par, epoch)
     factor = state.gnss_factor

@@ -1,0 +1,51 @@
+"""The receiver's slow error over time, of one that has lost lock too."""
+
+import math
+
+from ..._compile import kernel
+from ..motion import age_bias
+from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context
+
+FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
+_USUAL = 2.0  # sigmas within which an error is a usual one again
+_WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
+_WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much
+
+
+@kernel(inline=True)
+def age_receiver(belief: Belief, ctx: Context, lasts: float, measured: bool) -> None:
+    """Gauss-Markov step of every hypothesis' GNSS bias over the time spent moving.
+
+    A bias far beyond its sigma is a receiver that has lost lock: it recovers by
+    re-acquisition, and not as small errors do.  That it is still lost costs the hypothesis
+    exp(−time / fault_time).  The error of a receiver that is blamed for fixes that fitted nothing
+    may wander anywhere; its fixes then say little of the position.  Without wheels it is blamed
+    until its error is a usual one again.
+
+    Args:
+        belief: In place.
+        ctx: The drive's constants.
+        lasts: How long the error lasts, s.
+        measured: Whether the motion is, by odometry or reported speeds.
+    """
+    par = ctx.par[0]
+    state = belief.state[0]
+    time, root = state.moving, state.bias_root
+    wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 * time
+    wanders /= root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2
+    usual = math.exp(-time / lasts)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.blames == RECEIVER:
+            hyp.cov[GX, GX] += wanders
+            hyp.cov[GY, GY] += wanders
+        square = hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2
+        if state.mode != WHEELS and square < _USUAL**2:
+            hyp.blames = NOTHING
+        if square <= 9.0:
+            age_bias(hyp.mu, hyp.cov, usual)
+            continue
+        size = math.sqrt(square)
+        age_bias(hyp.mu, hyp.cov, math.exp(-time / (lasts * size / 3.0)))
+        if size > FAULT:
+            hyp.log_weight -= time / par.gnss_fault_time
