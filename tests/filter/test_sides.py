@@ -156,3 +156,24 @@ def test_satellites_found_again_in_a_wrong_place_are_doubted(
     output = localize(network(straight_road(9000.0)), epochs, mode=CLOCK).output
     error = np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
     assert (error <= output.rows.protection_level).mean() > 0.97
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("biased", [(0.0, 50.0), (35.0, -35.0)])
+def test_satellites_found_in_a_wrong_place_are_doubted_where_speeds_are_reported_too(
+    seed: int, biased: tuple[float, float]
+):
+    """Twenty metres beside, while the vehicle turns into a street: the map is not to blame."""
+    road = drive_along([[500.0, -1.75], [801.75, -1.75], [801.75, 850.0]])
+    fix = gnss(road, sigma=2.0, seed=seed)
+    faded = np.where(road.time > 22.0, np.exp((22.0 - road.time) / 12.0), 0.0)
+    fix[:, :2] += np.outer(faded, biased)
+    heard = np.flatnonzero((road.time < 14.0) | (road.time > 22.0))
+    epochs = epochs_of(road, fix, heard)[heard]
+    epochs.odometry_valid = 0
+    epochs.speed, epochs.speed_sigma = 10.0, 0.1
+    epochs.course_sigma = 0.02
+    output = localize(T_JUNCTION, epochs, mode=CLOCK).output
+    error = np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
+    assert (error <= output.rows.protection_level).mean() > 0.97
+    assert not ((output.rows.edge == OTHER) & (output.rows.p_edge >= 0.999)).any()
