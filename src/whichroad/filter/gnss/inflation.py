@@ -103,6 +103,12 @@ def is_inflated(state: Record, par: Record, epoch: Record) -> bool:
 
 
 @kernel
+def may_reflect(state: Record, par: Record, epoch: Record) -> bool:
+    """Whether no odometry is beside the receiver, or one that shows no error across the road."""
+    return bool(_may_inflate(state, par) and (state.mode == CLOCK or not is_vouched(state, epoch)))
+
+
+@kernel
 def is_alone(state: Record, par: Record, epoch: Record) -> bool:
     """The same, or its speeds may come out of a filter, so that nothing measured is beside it."""
     filtered = epoch.speed_sigma >= FILTERED

@@ -262,7 +262,7 @@ def _fit(hyp: Record, axes: Axes, more: float) -> tuple[float, float]:
 
 @kernel(inline=True)
 def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
-    """Where nothing vouches for a receiver, its error may be another one since the last fix.
+    """Without wheels a receiver's error may be another one since the last fix.
 
     A receiver in a street finds and loses reflections.  Each moves it by metres to tens of metres,
     for seconds to minutes.  So the prior of the error is a sum of two Gaussians (Alspach and

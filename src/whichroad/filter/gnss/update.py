@@ -26,6 +26,7 @@ from .inflation import (
     is_inflated,
     is_unlikely,
     is_vouched,
+    may_reflect,
     was_silent,
 )
 from .noise import learn_factor, observe_white, update_root
@@ -244,11 +245,11 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     """Condition on the position; between two sides it counts little.  Returns its chi-square."""
     par = ctx.par[0]
     state = belief.state[0]
-    jumps = is_vouched(state, epoch) and since < _RECENT and state.learnt_time > _YOUNG
-    if jumps and second_misfits(belief, axes, par.gnss_gate, since):
+    known = state.learnt_time > _YOUNG
+    if known and may_reflect(state, par, epoch) and let_jump(belief, axes, since):
         innovations(belief, ctx, epoch.fix, axes)
-    alone = is_inflated(state, par, epoch) and state.learnt_time > _YOUNG
-    if alone and let_jump(belief, axes, since):
+    jumps = is_vouched(state, epoch) and since < _RECENT and known
+    if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1
