@@ -38,8 +38,8 @@ _COUNTS = 0.2  # share of a fix's evidence that counts between sides
 _CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
 _FREQUENT = 4.0  # s between fixes, up to which it is followed
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
-_OF_BIASED = 1e-4  # of a hypothesis that is asked for that; and
 _BIASED_BY = 30.0  # and m, how far away on each axis
+_OF_BIASED = 1e-4  # of the weight, of a hypothesis for which that is considered
 
 
 @kernel
