@@ -159,9 +159,10 @@ def test_satellites_found_again_in_a_wrong_place_are_doubted(
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("lag", [None, "full"])
 @pytest.mark.parametrize("biased", [(0.0, 50.0), (35.0, -35.0)])
 def test_satellites_found_in_a_wrong_place_are_doubted_where_speeds_are_reported_too(
-    seed: int, biased: tuple[float, float]
+    seed: int, biased: tuple[float, float], lag: str | None
 ):
     """Twenty metres beside, while the vehicle turns into a street: the map is not to blame."""
     road = drive_along([[500.0, -1.75], [801.75, -1.75], [801.75, 850.0]])
@@ -173,7 +174,7 @@ def test_satellites_found_in_a_wrong_place_are_doubted_where_speeds_are_reported
     epochs.odometry_valid = 0
     epochs.speed, epochs.speed_sigma = 10.0, 0.1
     epochs.course_sigma = 0.02
-    output = localize(T_JUNCTION, epochs, mode=CLOCK).output
+    output = localize(T_JUNCTION, epochs, mode=CLOCK, lag=lag).output
     error = np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
     assert (error <= output.rows.protection_level).mean() > 0.97
     assert not ((output.rows.edge == OTHER) & (output.rows.p_edge >= 0.999)).any()

@@ -79,6 +79,7 @@ HYPOTHESIS = np.dtype(
         ("travel_variance", "f8"),  # of the distance to the last sparse fix, m²; 0: it stood
         ("stood", "f8"),  # s that it has stood, by sparse fixes; off the roads: it is parked there
         ("beside", "f8", (4,)),  # off the roads: filter.beside; zero: it has just left one
+        ("freed", "f8"),  # variance that the GNSS bias was given since the last stored step
         ("grace", "f8"),  # m to drive until the usual floors hold again, after a rare turn
         ("scratch", "f8", (8,)),  # of one observation; each module names its slots
         ("ground", "f8", (2, 3)),  # height (m), slope, sensor's error (m): filter.elevation
@@ -348,19 +349,18 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         for b in range(N):
             hyp.cov[a, b] = 0.0
     hyp.log_weight = hyp.weight = hyp.sinks = hyp.amiss = 0.0
-    hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = 0.0
+    hyp.along = hyp.lateral = hyp.travel_variance = hyp.grace = hyp.stood = hyp.freed = 0.0
     hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.bound = NO_BOUND
     for k in range(2):
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
-    hyp.blames, hyp.ignores = NOTHING, 0
+    hyp.blames, hyp.ignores, hyp.new_edge = NOTHING, 0, 1
     forget_origin(hyp.origin)
     forget_leg(hyp.leg)
     hyp.path_entry, hyp.before, hyp.corner = -1, NO_EDGE, NO_EDGE
     hyp.edge, hyp.segment = edge, segment
-    hyp.new_edge = 1
     forget_course(hyp)
 
 

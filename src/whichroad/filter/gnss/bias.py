@@ -2,7 +2,7 @@
 
 import math
 
-from ..._compile import kernel
+from ..._compile import Record, kernel
 from ..motion import age_bias
 from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context
 
@@ -10,6 +10,14 @@ FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
 _USUAL = 2.0  # sigmas within which an error is a usual one again
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
 _WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much
+
+
+@kernel
+def free_bias(hyp: Record, more: float) -> None:
+    """Let the error be another one: more variance on each axis, in units of the reported one."""
+    hyp.cov[GX, GX] += more
+    hyp.cov[GY, GY] += more
+    hyp.freed += more
 
 
 @kernel(inline=True)
@@ -37,8 +45,7 @@ def age_receiver(belief: Belief, ctx: Context, lasts: float, measured: bool) -> 
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.blames == RECEIVER:
-            hyp.cov[GX, GX] += wanders
-            hyp.cov[GY, GY] += wanders
+            free_bias(hyp, wanders)
         square = hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2
         if state.mode != WHEELS and square < _USUAL**2:
             hyp.blames = NOTHING

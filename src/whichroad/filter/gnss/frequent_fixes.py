@@ -7,7 +7,8 @@ badly where the receiver creeps away, though the second does.
 import math
 
 from ..._compile import Record, kernel
-from ..state import GX, GY, Belief
+from ..state import Belief
+from .bias import free_bias
 from .position import NU0, NU1, V00, V11, Axes
 from .sides import fits_best
 
@@ -57,7 +58,6 @@ def second_misfits(belief: Belief, axes: Axes, gate: float, since: float) -> boo
     square = hyp.scratch[V00] + hyp.scratch[V11] + since * (axes.r0 + axes.r1)  # a fix a second
     more = over * square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
     for i in range(state.count):
-        belief.hyp[i].cov[GX, GX] += more
-        belief.hyp[i].cov[GY, GY] += more
+        free_bias(belief.hyp[i], more)
     state.second_mean[0] = state.second_mean[1] = 0.0
     return True

@@ -34,6 +34,7 @@ from ..state import (
     most_probable,
     move_row,
 )
+from .bias import free_bias
 
 _WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
 _LOG_WRONG = -3.9  # and the logarithm of how often it is
@@ -239,8 +240,7 @@ def observe_given(
         root = state.bias_root
         more = (extra0 + extra1) / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
         for i in range(state.count):
-            belief.hyp[i].cov[GX, GX] += more
-            belief.hyp[i].cov[GY, GY] += more
+            free_bias(belief.hyp[i], more)
         innovations(belief, ctx, fix, axes)
         extra0 = 0.0
         extra1 = 0.0

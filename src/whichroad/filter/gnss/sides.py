@@ -23,6 +23,7 @@ from ..state import (
     move_row,
     rescale,
 )
+from .bias import free_bias
 from .position import NU0, NU1, V00, V01, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
@@ -97,8 +98,7 @@ def _explain(belief: Belief, square: float, side: int) -> None:
         if hyp.blames != side:
             continue
         if side == RECEIVER:
-            hyp.cov[GX, GX] += more
-            hyp.cov[GY, GY] += more
+            free_bias(hyp, more)
         else:
             hyp.cov[X, X] += square
             hyp.cov[Y, Y] += square
@@ -217,8 +217,7 @@ def fork_biased(belief: Belief) -> None:
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.ignores == BIASED:
-            hyp.cov[GX, GX] += more
-            hyp.cov[GY, GY] += more
+            free_bias(hyp, more)
             hyp.blames = RECEIVER
             rescale(hyp, _BIASED)
             continue
@@ -226,8 +225,7 @@ def fork_biased(belief: Belief) -> None:
             continue
         move_row(belief, i, state.count)
         biased = belief.hyp[state.count]
-        biased.cov[GX, GX] += more
-        biased.cov[GY, GY] += more
+        free_bias(biased, more)
         biased.blames = RECEIVER
         rescale(biased, _BIASED)
         rescale(hyp, 1.0 - _BIASED)
@@ -295,8 +293,7 @@ def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
             continue
         wide, wide_det = _fit(hyp, axes, _CHANGE**2)
         if 0.5 * (misfit - wide - math.log(wide_det / det)) > -price:
-            hyp.cov[GX, GX] += more
-            hyp.cov[GY, GY] += more
+            free_bias(hyp, more)
             hyp.log_weight += price
             changed = True
     return changed

@@ -23,7 +23,6 @@ from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
     is_alone,
-    is_inflated,
     is_unlikely,
     is_vouched,
     may_reflect,

@@ -154,6 +154,7 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
     merge_moments(a.mu, a.cov, b.mu, b.cov, share, state.scale)
     a.p_not_passed = share * a.p_not_passed + (1.0 - share) * b.p_not_passed
     a.bound = min(a.bound, b.bound)
+    a.freed = share * a.freed + (1.0 - share) * b.freed
     if state.mode != WHEELS and a.bound < NO_BOUND:
         _note_rest(a, b, share)
     a.beside[0] = merged_odds(a.beside[0], b.beside[0], share)

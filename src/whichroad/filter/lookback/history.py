@@ -74,6 +74,7 @@ NODE = np.dtype(
         ("first_link", "i8"),  # links: first_link ... end_link - 1
         ("end_link", "i8"),
         ("path_entry", "i8"),  # newest entry of the path tree
+        ("freed", "f8"),  # variance that the GNSS bias was given since the step before
         ("edge", "i4"),
         ("before", "i4"),  # see HYPOTHESIS
         ("segment", "i4"),
@@ -353,6 +354,8 @@ def _store_node(belief: Belief, history: History, i: int) -> None:
     node.p = hyp.weight
     node.smoothed = hyp.weight
     node.path_entry = hyp.path_entry
+    node.freed = hyp.freed
+    hyp.freed = 0.0
     node.first_link = count.links
     pack_state(history.states[count.nodes], hyp)
     for a in range(state.parents):

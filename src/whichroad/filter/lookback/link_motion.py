@@ -159,7 +159,7 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     for a in (GX, GY):
         f[a, a] = gnss_kept
         model.mu[a] = gnss_kept * mean[a]
-        q[a] = 1.0 - gnss_kept * gnss_kept
+        q[a] = 1.0 - gnss_kept * gnss_kept + history.nodes[link.j].freed
 
 
 @kernel
