@@ -11,7 +11,7 @@ import pytest
 
 from scenes import network
 from scenes.links import Link, Motion, Moved, motion
-from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
+from whichroad.filter.state import CLOCK, DISTANCE, GX, GY, WHEELS
 
 STRAIGHT = [[0.0, 0.0], [1000.0, 0.0]]
 BENT, SMOOTH = (  # radius 500 m, vertices 10 m apart; 1 m, so that its chord turns evenly
@@ -116,3 +116,11 @@ def test_q_of_a_link_is_what_the_filter_adds_over_it(name: str):
     sigma = np.sqrt(np.diag(filtered.q)) + 1e-6 * SIGMAS
     off = (retraced.q - filtered.q) / np.outer(sigma, sigma)
     assert np.abs(off).max() <= 0.05
+
+
+def test_what_the_error_of_a_receiver_was_given_is_process_noise():
+    link = Link(network([STRAIGHT]), motion(*AT_10_HZ), WHEELS, np.array(START))
+    more = link.retraced(0.05 * SIGMAS, freed=4.0).q - link.retraced(0.05 * SIGMAS).q
+    expected = np.zeros_like(more)
+    expected[GX, GX] = expected[GY, GY] = 4.0
+    np.testing.assert_allclose(more, expected, atol=1e-9)

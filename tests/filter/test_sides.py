@@ -62,6 +62,8 @@ def test_a_fix_that_fits_nothing_makes_three_of_which_one_keeps_its_place():
     assert hyp.weight.sum() == pytest.approx(1.0)
     assert abs(hyp["mu"][0, X] - 500.0) < 3.0
     assert hyp["mu"][0, GX] > 10.0
+    assert hyp.freed[0] > 50.0  # sigmas², for the smoother
+    assert hyp.freed[1] == 0.0
     assert (np.abs(hyp["mu"][1:, X] - 540.0) < 6.0).all()
     assert hyp["cov"][2, H, H] > hyp["cov"][1, H, H] + 0.05
     assert hyp["cov"][2, B, B] > hyp["cov"][1, B, B]

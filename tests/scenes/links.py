@@ -139,11 +139,17 @@ class Link:
         f = f * self.unit[None, :] / self.unit[:, None]
         return Moved(belief.hyp["mu"][0].copy(), f, belief.hyp["cov"][0].copy())
 
-    def retraced(self, step: Array) -> Moved:
-        """The smoother's process model of the link."""
+    def retraced(self, step: Array, freed: float = 0.0) -> Moved:
+        """The smoother's process model of the link.
+
+        Args:
+            step: See `filtered`.
+            freed: Variance that the GNSS bias was given meanwhile.
+        """
         cov = np.diag((1e-3 * step) ** 2)
         _, history, path = self._run(self.mean, cov)
         assert history.count[0].steps == 2
+        history.nodes.freed[1] += freed
         model = records(1, LINK_MODEL)[0]
         model.then_mean[:], model.then_cov[:] = history.states["mu"][0], cov
         model.scale = self.scale
