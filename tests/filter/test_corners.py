@@ -36,17 +36,19 @@ ROADS = network(
 ROADS.edges.lane[[MAIN, MAIN + 1]] = 3.5  # m, the middle of two lanes a direction
 ROADS.edges.lane_sigma[[MAIN, MAIN + 1]] = 1.8
 
-# two carriageways, westwards north of the other one, and a link of 14 m across
-LINK, BACK = 4, 6
+# two carriageways, westwards north of the other one; a link of 12 m across, with a road in its middle
+BACK = 4
 TURNING = network(
     [
         [[0.0, 0.0], [300.0, 0.0]],
         [[300.0, 0.0], [600.0, 0.0]],
-        [[300.0, 0.0], [300.0, 14.0]],
-        [[300.0, 14.0], [0.0, 14.0]],
-        [[600.0, 14.0], [300.0, 14.0]],
+        [[300.0, 12.0], [0.0, 12.0]],
+        [[600.0, 12.0], [300.0, 12.0]],
+        [[300.0, 0.0], [300.0, 6.0]],
+        [[300.0, 6.0], [300.0, 12.0]],
+        [[300.0, 6.0], [340.0, 6.0]],
     ],
-    one_way=(0, 1, 3, 4),
+    one_way=(0, 1, 2, 3),
 )
 
 
@@ -77,10 +79,10 @@ def test_the_service_road_is_found_too(seed: int):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_who_turns_round_by_a_short_link_is_on_the_other_carriageway(seed: int):
-    """Its circle, of 6 m, touches the link at one point."""
-    corners = [[30.0, -1.75], [299.0, -1.75], [299.0, 11.0], [20.0, 11.0]]
-    road, rows = answer(TURNING, corners, 6.0, seed)
-    back = (np.cos(road.heading) < -0.9) & (road.x < 270.0)
+    """It passes the link 4 m before it."""
+    corners = [[30.0, -1.75], [296.0, -1.75], [296.0, 9.0], [20.0, 9.0]]
+    road, rows = answer(TURNING, corners, 5.0, seed)
+    back = (np.cos(road.heading) < -0.9) & (road.x < 290.0)
     assert (rows.edge[back] == BACK).mean() > 0.95
     assert not ((rows.edge[back] != BACK) & (rows.p_edge[back] >= 0.999)).any()
 

@@ -140,6 +140,16 @@ def test_turns_that_go_the_other_way_lead_nowhere(seed: int):
     assert (output.rows.p_edge[output.rows.edge == OTHER] < 0.999).all()
 
 
+def found_again(
+    road: Truth, seed: int, biased: tuple[float, float], back: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fixes of a receiver that was silent for 8 s and is then drawn in, and which are heard."""
+    fix = gnss(road, sigma=2.0, seed=seed)
+    faded = np.where(road.time > back, np.exp((back - road.time) / 12.0), 0.0)
+    fix[:, :2] += np.outer(faded, biased)
+    return fix, np.flatnonzero((road.time < back - 8.0) | (road.time > back))
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("biased", [(40.0, 0.0), (-40.0, 0.0), (15.0, 25.0)])
 def test_satellites_found_again_in_a_wrong_place_are_doubted(
@@ -149,10 +159,7 @@ def test_satellites_found_again_in_a_wrong_place_are_doubted(
     road = drive_along([[500.0, -1.75], [1600.0, -1.75]])
     every = np.arange(0, len(road.time), 10)
     road = Truth(*(column[every] for column in road))
-    fix = gnss(road, sigma=2.0, seed=seed)
-    faded = np.where(road.time > 45.0, np.exp((45.0 - road.time) / 12.0), 0.0)
-    fix[:, :2] += np.outer(faded, biased)
-    heard = np.flatnonzero((road.time < 37.0) | (road.time > 45.0))
+    fix, heard = found_again(road, seed, biased, 45.0)
     epochs = epochs_of(road, fix, heard)[heard]
     epochs.odometry_valid = 0
     output = localize(network(straight_road(9000.0)), epochs, mode=CLOCK).output
@@ -160,23 +167,35 @@ def test_satellites_found_again_in_a_wrong_place_are_doubted(
     assert (error <= output.rows.protection_level).mean() > 0.97
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("lag", [None, "full"])
-@pytest.mark.parametrize("biased", [(0.0, 50.0), (35.0, -35.0)])
-def test_satellites_found_in_a_wrong_place_are_doubted_where_speeds_are_reported_too(
-    seed: int, biased: tuple[float, float], lag: str | None
-):
-    """Twenty metres beside, while the vehicle turns into a street: the map is not to blame."""
+def beside_speeds(
+    seed: int, biased: tuple[float, float], every: int, lag: str | None
+) -> tuple[Output, np.ndarray]:
+    """The same with reported speeds, in the main road and round a corner; errors, m."""
     road = drive_along([[500.0, -1.75], [801.75, -1.75], [801.75, 850.0]])
-    fix = gnss(road, sigma=2.0, seed=seed)
-    faded = np.where(road.time > 22.0, np.exp((22.0 - road.time) / 12.0), 0.0)
-    fix[:, :2] += np.outer(faded, biased)
-    heard = np.flatnonzero((road.time < 14.0) | (road.time > 22.0))
+    fix, heard = found_again(road, seed, biased, 22.0)
+    heard = heard[heard % every == 0]
     epochs = epochs_of(road, fix, heard)[heard]
     epochs.odometry_valid = 0
     epochs.speed, epochs.speed_sigma = 10.0, 0.1
     epochs.course_sigma = 0.02
     output = localize(T_JUNCTION, epochs, mode=CLOCK, lag=lag).output
-    error = np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
+    return output, np.hypot(output.rows.x - road.x[heard], output.rows.y - road.y[heard])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("biased", [(0.0, 50.0), (35.0, -35.0)])
+def test_satellites_found_in_a_wrong_place_are_doubted_where_speeds_are_reported_too(
+    seed: int, biased: tuple[float, float]
+):
+    """Ten fixes a second; the map is not to blame."""
+    output, error = beside_speeds(seed, biased, 1, None)
     assert (error <= output.rows.protection_level).mean() > 0.97
     assert not ((output.rows.edge == OTHER) & (output.rows.p_edge >= 0.999)).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("biased", [(60.0, 0.0), (35.0, -35.0)])
+def test_the_smoother_knows_that_the_error_was_another_one(seed: int, biased: tuple[float, float]):
+    output, error = beside_speeds(seed, biased, 10, "full")
+    assert (error <= output.rows.protection_level).mean() > 0.98
+    assert np.sqrt((error**2).mean()) < 5.0
