@@ -138,6 +138,7 @@ def parser() -> argparse.ArgumentParser:
         "--told", action="store_true", help="worlds: without the readings of what fails"
     )
     command.add_argument("--sensors", metavar="NAME", help="worlds: all drives have these")
+    command.add_argument("--lag", metavar="LAG", help="worlds: smoothed, as `match(lag=...)` is")
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
@@ -177,7 +178,7 @@ def main() -> int:
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
             *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "sensors"),
-            "out",
+            *("lag", "out"),
         )
     }
     if given["set"]:

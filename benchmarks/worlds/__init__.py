@@ -38,7 +38,7 @@ def run(options: Options) -> list[Figure]:
             options.say(f"faults: {name}")
             runs = run_worlds(
                 seeds, drives, chosen, folder, options.data, options.settings(), options.say,
-                bool(more.get("told")), _suite(more.get("sensors", "")),
+                bool(more.get("told")), _suite(more.get("sensors", "")), more.get("lag"),
             )  # fmt: skip
             classes[name] = _kept(name, runs, Path(more["out"]) if "out" in more else None)
             if "out" in more:

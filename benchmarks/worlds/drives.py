@@ -171,6 +171,7 @@ def run_drive(
     settings: Any = None,
     told: bool = False,
     sensors: str = "",
+    lag: str | None = None,
 ) -> Run | None:
     """Simulate the sensors of a drive, filter and score it; None where nothing was answered."""
     truth = world.truths[number]
@@ -178,7 +179,7 @@ def run_drive(
     if not len(fixes.time):
         return None
     table = table_of(truth, fixes, suite, odometry, world.chart)
-    result = whichroad.match(table, world.chart.roads, vehicle=CAR, settings=settings)
+    result = whichroad.match(table, world.chart.roads, vehicle=CAR, settings=settings, lag=lag)
     said, position = said_of(result.to_arrow(), truth, world.chart)
     if len(said.time) < 100:
         return None
@@ -230,6 +231,7 @@ def said_of(points: Any, truth: Truth, chart: Chart) -> tuple[scoring.Said, np.n
 def run_worlds(
     seeds: range, drives: int | None, chosen: list[str] | None, folder: Path, data: Path,
     settings: Any, say: Callable[[str], None], told: bool = False, sensors: str = "",
+    lag: str | None = None,
 ) -> Iterator[Run]:  # fmt: skip
     """All drives of some worlds, with progress."""
     done = declared = wrong = 0
@@ -237,7 +239,7 @@ def run_worlds(
         world = make_world(seed, chosen, folder, data)
         left = len(world.truths) if drives is None else drives - done
         for number in range(min(left, len(world.truths))):
-            run = run_drive(world, number, chosen, data, settings, told, sensors)
+            run = run_drive(world, number, chosen, data, settings, told, sensors, lag)
             done += 1
             if run is not None:
                 declared += sum(d.declared for d in run.scored.decisions)

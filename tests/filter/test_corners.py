@@ -36,7 +36,7 @@ ROADS = network(
 ROADS.edges.lane[[MAIN, MAIN + 1]] = 3.5  # m, the middle of two lanes a direction
 ROADS.edges.lane_sigma[[MAIN, MAIN + 1]] = 1.8
 
-# two carriageways, westwards north of the other one; a link of 12 m across, with a road in its middle
+# two carriageways, the one westwards north of the other; a link across, with a road in its middle
 BACK = 4
 TURNING = network(
     [
