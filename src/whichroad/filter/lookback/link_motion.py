@@ -18,6 +18,7 @@ from ...graph.geometry import locate, wrap
 from ...graph.network import Roads
 from .._simd import N, add_times, set_times
 from ..along import ACROSS, CORNER_SIGMA
+from ..hypotheses.lane_offset import kept_lane
 from ..motion import Increment, Noise, keep_lane
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed
@@ -171,7 +172,7 @@ def _kept_lane(ctx: Context, kept: float, then_edge: int, edge: int) -> float:
         return 0.0
     if edge == then_edge:
         return kept
-    return kept * max(math.cos(_turn_between(ctx.roads, then_edge, edge)), 0.0)
+    return kept * kept_lane(_turn_between(ctx.roads, then_edge, edge))
 
 
 @kernel
