@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from page.test_browser import browser  # noqa: F401
-from page.test_layout import SIZES, THEMES, violations
+from page.test_layout import SIZES, change_theme, open_at, violations
 from whichroad import cli
 from whichroad.cli.arguments import Scene
 from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
@@ -66,15 +66,13 @@ def test_the_report_stands_alone(done):
 
 
 def test_the_report_fits_and_can_be_read_at_every_size(done, browser):  # noqa: F811
-    for width, height in SIZES.values():
-        for theme in THEMES:
-            page = browser.new_page(
-                viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
-            )
-            page.goto((done[0] / REPORT).as_uri())
-            assert page.evaluate("() => document.documentElement.scrollWidth") <= width
-            assert violations(page) == []
-            page.close()
+    for size, (width, _) in SIZES.items():
+        page = open_at(browser, (done[0] / REPORT).as_uri(), size)
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        assert violations(page) == []
+        change_theme(page, size)
+        assert violations(page) == []
+        page.close()
 
 
 def test_the_json_has_a_row_for_every_number(done):

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from scenes import drive_along, epochs_of, gnss, localize, network
+from scenes import On, belief_on, drive_along, epochs_of, gnss, localize, network
 from whichroad.filter.hypotheses.lane_offset import kept_lane
 from whichroad.filter.road import fork_heading
+from whichroad.filter.state import H
 from whichroad.graph.network import Roads
 
 # an exit of a motorway: drawn at 18 degrees for 20 m, then almost beside it
@@ -23,37 +24,37 @@ ROADS = network(
 )
 
 
-def heading(roads: Roads, before: int, edge: int, s: float) -> float | None:
-    """In degrees, where the road forks off."""
-    forked, value = fork_heading(roads, before, edge, int(roads.edges[edge].first_vertex), s)
-    return math.degrees(value) if forked else None
+OWN = math.atan2(-6.0, 19.0)  # of the exit's first metres, rad
 
 
-def test_near_the_node_a_fork_s_heading_is_on_its_way_from_the_one_road_to_the_other():
-    first = heading(ROADS, 0, EXIT, 0.0)
-    later = heading(ROADS, 0, EXIT, 12.0)
-    assert first is not None
-    assert later is not None
-    reach = 5.0 / (6.0 / math.hypot(19.0, 6.0))  # from there on 5 m apart
-    assert reach == pytest.approx(16.6, abs=0.1)
-    chord = math.atan2(
-        -6.0 * reach / math.hypot(19.0, 6.0), reach * (1.0 + 19.0 / math.hypot(19.0, 6.0))
-    )
-    assert first == pytest.approx(math.degrees(chord))
-    assert first > later > math.degrees(math.atan2(-6.0, 19.0))
+def expected(roads: Roads, before: int, edge: int, s: float, heading: float) -> float | None:
+    """The heading that a vehicle of some heading (rad) is held against; None: its road's."""
+    belief = belief_on(roads, [On(edge, s, sigma=1.0)])
+    hyp = belief.hyp[0]
+    hyp.edge, hyp.before, hyp.along, hyp["mu"][H] = edge, before, s, heading
+    hyp.segment = roads.edges[edge].first_vertex
+    forked, value = fork_heading(roads, hyp, OWN)
+    return float(value) if forked else None
+
+
+@pytest.mark.parametrize("s", [0.5, 12.0, 25.0])
+def test_near_a_fork_a_vehicle_may_drive_as_either_road_does_or_between(s: float):
+    assert expected(ROADS, 0, EXIT, s, -0.1) == pytest.approx(-0.1)
+    assert expected(ROADS, 0, EXIT, s, 0.1) == pytest.approx(0.0)
+    assert expected(ROADS, 0, EXIT, s, -0.5) == pytest.approx(OWN)
 
 
 def test_where_the_roads_have_parted_each_has_its_own_heading():
-    assert heading(ROADS, 0, EXIT, 17.0) is None
+    assert expected(ROADS, 0, EXIT, 45.0, -0.1) is None
 
 
 def test_a_road_that_runs_on_forks_off_nowhere():
-    assert heading(ROADS, 0, MOTORWAY, 3.0) is None
+    assert expected(ROADS, 0, MOTORWAY, 3.0, -0.1) is None
 
 
 def test_a_corner_is_none_of_a_fork():
-    roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [100.0, 100.0]]])
-    assert heading(roads, 0, 2, 3.0) is None
+    roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [200.0, 60.0]]])
+    assert expected(roads, 0, 2, 3.0, -0.1) is None
 
 
 def test_the_lane_is_kept_straight_on_and_drawn_anew_at_a_fork():
@@ -64,11 +65,19 @@ def test_the_lane_is_kept_straight_on_and_drawn_anew_at_a_fork():
     assert kept_lane(2.0) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_who_leaves_by_an_exit_later_than_it_is_drawn_is_not_on_the_motorway():
+@pytest.mark.parametrize("late", [8.0, 15.0])
+def test_who_leaves_by_an_exit_later_than_it_is_drawn_is_not_on_the_motorway(late: float):
     """The vehicle drives in the right one of two lanes, and 2 m left of where the exit is drawn."""
     roads = ROADS._replace(edges=ROADS.edges.copy())
     roads.edges.lane_sigma[[0, MOTORWAY]] = 1.65
-    corners = [[20.0, -2.0], [AT + 8.0, -2.0], [AT + 25.0, -3.9], [AT + 35.0, -3.9], [680.0, -44.7]]
+    begin = AT + late
+    corners = [
+        [20.0, -2.0],
+        [begin, -2.0],
+        [begin + 17.0, -3.9],
+        [begin + 27.0, -3.9],
+        [680.0, -44.7],
+    ]
     road = drive_along(corners, radius=60.0, speed=14.0)
     after, at_last = road.x > AT + 2.0, road.x > AT + 200.0
     on_exit = []
@@ -78,4 +87,4 @@ def test_who_leaves_by_an_exit_later_than_it_is_drawn_is_not_on_the_motorway():
         rows = localize(roads, epochs).output.rows
         assert not ((rows.edge == MOTORWAY) & (rows.p_edge >= 0.999))[after].any()
         on_exit.append((rows.edge[at_last] == EXIT).mean())
-    assert np.mean(on_exit) > 0.8
+    assert np.mean(on_exit) > 0.9

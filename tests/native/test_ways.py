@@ -1,5 +1,11 @@
-"""Native, just in time, plain Python: three ways to run the same kernels."""
+"""Native, just in time, plain Python: three ways to run the same kernels.
 
+numba takes minutes to compile them all.  Kernels that were compared with it on this kind of
+machine are not compared again, by the same numba: COMPARED holds their digest.  The test below
+writes it where it passes outside of CI; it belongs into the commit that changes kernels.
+"""
+
+import importlib.metadata
 import os
 import subprocess
 import sys
@@ -8,6 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from whichroad.native.cache import own_target, source_digest
+
+COMPARED = Path(__file__).with_name("compared_with_numba.txt")
 TESTS = Path(__file__).parents[1]
 ANSWERS = """
 import gc
@@ -74,13 +83,22 @@ def test_plain_python_answers_the_same(native, tmp_path):
             assert np.array_equal(python[name], values), name
 
 
+def comparison() -> str:
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in ("numba", "llvmlite")]
+    return f"{own_target()}, {', '.join(versions)}: {source_digest()}\n"
+
+
 @pytest.mark.slow
 def test_numba_answers_the_same_to_the_bit(native, tmp_path):
     """Not optimised, which takes less time: nothing may be reordered at any level."""
     pytest.importorskip("numba")
+    if COMPARED.exists() and COMPARED.read_text("utf-8") == comparison():
+        pytest.skip(f"these kernels were compared already: {COMPARED.name}")
     jit, _ = answers(tmp_path / "here", "jit")
     for name, values in native[0].items():
         assert np.array_equal(jit[name], values, equal_nan=values.dtype.kind == "f"), name
+    if not os.environ.get("CI"):
+        COMPARED.write_text(comparison(), "utf-8")
 
 
 def test_an_unknown_way_is_refused(monkeypatch):

@@ -20,6 +20,7 @@ axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe i
 SIZES = {"320x568": (320, 568), "390x844": (390, 844), "844x390": (844, 390),
          "1440x900": (1440, 900)}  # fmt: skip
 THEMES = ("light", "dark")
+FIRST = dict(zip(SIZES, THEMES * 2, strict=True))  # the theme that a page of a size is opened with
 OUTSIDE = """() => [...document.querySelectorAll('button, summary, select, h1, .p, .status, dd')]
   .filter((e) => e.checkVisibility() && !e.closest('dialog') && !e.closest('ol.places'))
   .filter((e) => { const r = e.getBoundingClientRect();
@@ -64,14 +65,26 @@ def violations(page: Any) -> list[str]:
             for one in found for node in one["nodes"]]  # fmt: skip
 
 
-@pytest.mark.parametrize("theme", THEMES)
-@pytest.mark.parametrize("size", SIZES)
-def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, theme: str):  # noqa: F811
+def open_at(browser: Any, address: str, size: str) -> Any:  # noqa: F811
+    """A new page of a size, in its first theme."""
     width, height = SIZES[size]
     page = browser.new_page(
-        viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
+        viewport={"width": width, "height": height}, color_scheme=FIRST[size], bypass_csp=True
     )
-    page.goto(replayed)
+    page.goto(address)
+    return page
+
+
+def change_theme(page: Any, size: str) -> str:
+    """Give a page the other theme, as the system would; returns its name."""
+    (other,) = set(THEMES) - {FIRST[size]}
+    page.emulate_media(color_scheme=other)
+    return other
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str):  # noqa: F811
+    page = open_at(browser, replayed, size)
     page.wait_for_selector("html[data-drawn]")
     page.wait_for_selector("#drive:not([hidden])")
     for act in ("unmask", "mask"):
@@ -81,7 +94,7 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, t
         assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
         assert page.evaluate("() => document.getElementById('p').getClientRects().length") == 1
         assert page.evaluate("() => document.getElementById('p').offsetHeight") < 48
-    small = min(width, height) < 400
+    small = min(SIZES[size]) < 400
     assert page.evaluate(MAP_FREE) > (0.42 if small else 0.6)
     assert violations(page) == []
     if small:
@@ -92,21 +105,23 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str, t
         assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
         assert violations(page) == []
         assert max(free, page.evaluate(MAP_FREE)) > 0.5
+    page.wait_for_selector(f"html[data-theme={change_theme(page, size)}]")
+    assert violations(page) == []
+    if small:
+        page.click("#fold")
+        assert violations(page) == []
     page.evaluate(POST, {"action": "unmask"})
     page.close()
 
 
-@pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("size", SIZES)
-def test_the_report_fits_and_can_be_read(browser: Any, report: Path, size: str, theme: str):  # noqa: F811
-    width, height = SIZES[size]
-    page = browser.new_page(
-        viewport={"width": width, "height": height}, color_scheme=theme, bypass_csp=True
-    )
-    page.goto(report.as_uri())
+def test_the_report_fits_and_can_be_read(browser: Any, report: Path, size: str):  # noqa: F811
+    page = open_at(browser, report.as_uri(), size)
     page.wait_for_selector("html[data-ready]")
     assert page.evaluate(OUTSIDE) == []
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= SIZES[size][0]
+    assert violations(page) == []
+    page.wait_for_selector(f"html[data-theme={change_theme(page, size)}]")
     assert violations(page) == []
     page.close()
 

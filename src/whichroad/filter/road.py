@@ -31,9 +31,9 @@ _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
-_APART = 5.0  # m, between two roads from which on they are driven as they are drawn
-_FORK = 25.0  # m from a node, at most, until they are
-_FORKS = 0.1  # sine of an angle from which on a road forks off
+_FORKS = 0.1, 0.4  # sine of the angle at which a road forks off, and no corner is turned
+_APART = 8.0  # m, between two roads from which on they are driven as they are drawn
+_FORK = 60.0  # m from a node, at most, until they are
 _HEADING, _SLOPE = range(2)  # scratch of a hypothesis
 
 
@@ -147,7 +147,7 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
                 ctx.roads, edge, hyp.segment, s, hyp.along_sigma
             )
             if s < _FORK and hyp.before >= 0:
-                forked, heading = fork_heading(ctx.roads, hyp.before, edge, hyp.segment, s)
+                forked, heading = fork_heading(ctx.roads, hyp, hyp.scratch[_HEADING])
                 if forked:
                     hyp.scratch[_HEADING], slope = heading, 0.0
         elif p > _LIGHT:
@@ -266,39 +266,33 @@ def heading_regression(
 
 
 @kernel
-def fork_heading(
-    roads: Roads, before: int, edge: int, segment: int, s: float
-) -> tuple[bool, float]:
-    """Heading of a road that has just left another one at an angle θ, from 6 to 90 degrees.
+def fork_heading(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]:
+    """The heading that is expected where a road has just forked off another one.
 
-    A road that forks off is drawn from the middle of the one that is left, and driven from its
-    outer lane.  So until the two are a = 5 m apart the heading is that of the chord over the node:
-
-        from s − r to s + r,    r = a / sin θ,    at most 25 m
+    Exits are drawn from the middle of the road, and driven from its outer lane, earlier or later
+    than they are drawn.  Until the two lines are 8 m apart the vehicle's heading may be that of
+    either road, or between them: the one of these that is nearest to it is expected.
 
     Args:
         roads: The network.
-        before: Edge that was left.
-        edge: Edge that was entered.
-        segment: Vertex index near the abscissa.
-        s: Abscissa on it, m.
+        hyp: A hypothesis that is tracked on its edge, and came from another one.
+        heading: Of its road, rad.
 
     Returns:
-        Whether there is such an angle, and s < r, and r more than any chord's; heading, rad.
+        Whether its road forks off, by 6 to 24 degrees, and is near the other; heading, rad.
     """
-    end = roads.edges[before].length
-    last = roads.edges[before].last_vertex - 1
-    _, _, _, ax, ay = locate(roads, before, last, end)
-    _, _, _, bx, by = locate(roads, edge, roads.edges[edge].first_vertex, 0.0)
+    left = roads.edges[hyp.before]
+    _, ex, ey, ax, ay = locate(roads, hyp.before, left.last_vertex - 1, left.length)
+    _, _, _, bx, by = locate(roads, hyp.edge, roads.edges[hyp.edge].first_vertex, 0.0)
     sine = abs(ax * by - ay * bx)
-    if sine < _FORKS or ax * bx + ay * by < 0.0:
+    if sine < _FORKS[0] or sine > _FORKS[1] or ax * bx + ay * by < 0.0:
         return False, 0.0
-    reach = min(_APART / sine, _FORK)
-    if s >= reach or reach < HALF_CHORD:
+    _, px, py, _, _ = locate(roads, hyp.edge, hyp.segment, hyp.along)
+    if abs((px - ex) * ay - (py - ey) * ax) > _APART:
         return False, 0.0
-    _, px, py, _, _ = locate(roads, before, last, max(end - reach + s, 0.0))
-    _, qx, qy, _, _ = locate(roads, edge, segment, min(s + reach, roads.edges[edge].length))
-    return True, math.atan2(qy - py, qx - px)
+    straight = math.atan2(ay, ax)
+    turn, turned = wrap(heading - straight), wrap(hyp.mu[H] - straight)
+    return True, wrap(straight + min(max(turned, min(turn, 0.0)), max(turn, 0.0)))
 
 
 @kernel
