@@ -147,8 +147,8 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
                 ctx.roads, edge, hyp.segment, s, hyp.along_sigma
             )
             if s < _FORK and hyp.before >= 0:
-                forked, heading = fork_heading(ctx.roads, hyp, hyp.scratch[_HEADING])
-                if forked:
+                late, heading = leaves_late(ctx.roads, hyp, hyp.scratch[_HEADING])
+                if late:
                     hyp.scratch[_HEADING], slope = heading, 0.0
         elif p > _LIGHT:
             slope = heading_slope(ctx.roads, edge, hyp.segment, s, hyp.along_sigma)
@@ -266,12 +266,12 @@ def heading_regression(
 
 
 @kernel
-def fork_heading(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]:
-    """The heading that is expected where a road has just forked off another one.
+def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]:
+    """Whether a vehicle whose road has just forked off still drives as the road before.
 
     Exits are drawn from the middle of the road, and driven from its outer lane, earlier or later
-    than they are drawn.  Until the two lines are 8 m apart the vehicle's heading may be that of
-    either road, or between them: the one of these that is nearest to it is expected.
+    than they are drawn.  Until the two lines are 8 m apart the vehicle's heading is that of either
+    road: of the one that is nearer to it.
 
     Args:
         roads: The network.
@@ -279,7 +279,8 @@ def fork_heading(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float
         heading: Of its road, rad.
 
     Returns:
-        Whether its road forks off, by 6 to 24 degrees, and is near the other; heading, rad.
+        Whether its road forks off, by 6 to 24 degrees, is near the one before, and that one's
+        heading is nearer to the vehicle's; that heading, rad.
     """
     left = roads.edges[hyp.before]
     _, ex, ey, ax, ay = locate(roads, hyp.before, left.last_vertex - 1, left.length)
@@ -290,9 +291,8 @@ def fork_heading(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float
     _, px, py, _, _ = locate(roads, hyp.edge, hyp.segment, hyp.along)
     if abs((px - ex) * ay - (py - ey) * ax) > _APART:
         return False, 0.0
-    straight = math.atan2(ay, ax)
-    turn, turned = wrap(heading - straight), wrap(hyp.mu[H] - straight)
-    return True, wrap(straight + min(max(turned, min(turn, 0.0)), max(turn, 0.0)))
+    before = math.atan2(ay, ax)
+    return abs(wrap(hyp.mu[H] - before)) < abs(wrap(hyp.mu[H] - heading)), before
 
 
 @kernel
