@@ -19,6 +19,11 @@ _CODE = "from whichroad.cli import main; main()"
 _URGENT = f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; {_CODE}"
 
 
+def _in_the_foreground():
+    """Ctrl-C reaches a process also where the tests are a job that a script runs beside others."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Served:
     """`whichroad live` as a user starts it, but for the priority of its other processes."""
 
@@ -27,7 +32,7 @@ class Served:
         command = [sys.executable, "-c", code, "live", "--port", "0", "--no-page"]
         self.process = subprocess.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=_in_the_foreground,
         )  # fmt: skip
         self.lines = []
         line = self._line()
