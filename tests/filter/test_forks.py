@@ -59,12 +59,15 @@ def test_a_corner_is_none_of_a_fork():
     assert not late(roads, 0, 2, 3.0, 0.0)
 
 
+def test_a_fork_that_the_heading_does_not_tell_is_none():
+    roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [200.0, -19.0]]])
+    assert not late(roads, 0, 2, 3.0, 0.0)
+
+
 def test_the_lane_is_kept_straight_on_and_drawn_anew_at_a_fork():
-    assert kept_lane(0.0) == 1.0
-    assert kept_lane(0.03) == kept_lane(-0.03) == pytest.approx(0.99, abs=0.01)
-    assert 0.3 < kept_lane(math.radians(10.0)) < 0.9
-    assert kept_lane(math.radians(-18.0)) == pytest.approx(0.0, abs=1e-12)
-    assert kept_lane(2.0) == pytest.approx(0.0, abs=1e-12)
+    assert kept_lane(0.0) == kept_lane(0.19) == kept_lane(-0.19) == 1.0
+    assert kept_lane(0.25) == kept_lane(-0.25) == pytest.approx(0.5)
+    assert kept_lane(0.31) == kept_lane(-0.31) == kept_lane(2.0) == 0.0
 
 
 @pytest.mark.parametrize("metres", [8.0, 15.0])

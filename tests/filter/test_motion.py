@@ -280,7 +280,7 @@ def test_a_vehicle_that_follows_its_road_moves_across_it_with_its_lane(g, direct
     """P + n (d' − d), with d' = d̄ + c (d − d̄) + w: F and Q by hand."""
     tangent = (math.cos(direction), math.sin(direction))
     n = np.array([tangent[1], -tangent[0]])
-    kept = math.cos(min(5.0 * turn, 0.5 * math.pi))
+    kept = float(np.interp(turn, [0.2, 0.3], [1.0, 0.0]))
     f, q = np.eye(N), np.zeros((N, N))
     f[D, D] = kept
     f[[X, Y], D] = n * (kept - 1.0)

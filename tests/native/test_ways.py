@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from whichroad.native.cache import own_target, source_digest
+from whichroad.native.cache import own_target, processors, source_digest
 
 COMPARED = Path(__file__).with_name("compared_with_numba.txt")
 TESTS = Path(__file__).parents[1]
@@ -85,7 +85,8 @@ def test_plain_python_answers_the_same(native, tmp_path):
 
 def comparison() -> str:
     versions = [f"{name} {importlib.metadata.version(name)}" for name in ("numba", "llvmlite")]
-    return f"{own_target()}, {', '.join(versions)}: {source_digest()}\n"
+    kind = ", ".join([own_target(), *processors()[:1], *versions])
+    return f"{kind}: {source_digest()}\n"
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
-_FORKS = 0.1, 0.4  # sine of the angle at which a road forks off, and no corner is turned
+_FORKS = 0.2, 0.4  # sine of the angle at which a road forks off, and no corner is turned
 _APART = 8.0  # m, between two roads from which on they are driven as they are drawn
 _FORK = 60.0  # m from a node, at most, until they are
 _HEADING, _SLOPE = range(2)  # scratch of a hypothesis
@@ -271,7 +271,7 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]
 
     Exits are drawn from the middle of the road, and driven from its outer lane, earlier or later
     than they are drawn.  Until the two lines are 8 m apart the vehicle's heading is that of either
-    road: of the one that is nearer to it.
+    road: of the one that is nearer to it.  Below 0.2 rad, two `edge_heading_sigma`, it is noise.
 
     Args:
         roads: The network.
@@ -279,7 +279,7 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]
         heading: Of its road, rad.
 
     Returns:
-        Whether its road forks off, by 6 to 24 degrees, is near the one before, and that one's
+        Whether its road forks off, by 12 to 24 degrees, is near the one before, and that one's
         heading is nearer to the vehicle's; that heading, rad.
     """
     left = roads.edges[hyp.before]

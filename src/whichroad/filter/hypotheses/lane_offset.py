@@ -1,24 +1,21 @@
 """The lane offset where a road is left for another one."""
 
-import math
-
 from ..._compile import Matrix, Vector, kernel
 from ..motion import decay
 from ..state import D, N, X, Y
 
-_OFTEN = 5.0  # of a fork's angle; from 18 degrees on the lane is drawn anew
+_FORKS, _PARTS = 0.2, 0.3  # rad, turns up to which a road runs on, and from which it forks off
 
 
 @kernel
 def kept_lane(turn: float) -> float:
     """c, what is kept of the lane offset where a road is left with a turn (rad) for another one.
 
-        c = cos 5t,    0 from 18 degrees on
-
-    Straight on the lane stays.  A road that forks off is drawn from the middle of the one that is
-    left, and driven from its outer lane: its lanes are its own.
+    1 up to 0.2 rad, 0 from 0.3 rad on, linear between.  Straight on the lane stays.  A road that
+    forks off is drawn from the middle of the one that is left, and driven from its outer lane:
+    its lanes are its own.
     """
-    return math.cos(min(_OFTEN * abs(turn), 0.5 * math.pi))
+    return min(max((_PARTS - abs(turn)) / (_PARTS - _FORKS), 0.0), 1.0)
 
 
 @kernel
