@@ -1,5 +1,7 @@
 """Smoothing over the graph of hypotheses, against every chain counted one by one."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from oracles.chains import all_chains, random_history, shares_of
 from scenes import context, network
 from strategies import seeds
 from whichroad._compile import Record, Records
+from whichroad.filter.hypotheses.lane_offset import redraw_lane
 from whichroad.filter.hypotheses.reduction import reduce
 from whichroad.filter.lookback.best_path import best_path, edge_probability
 from whichroad.filter.lookback.history import (
@@ -31,6 +34,7 @@ from whichroad.filter.state import (
     WHEELS,
     B,
     Belief,
+    Context,
     D,
     H,
     K,
@@ -43,6 +47,7 @@ from whichroad.filter.state import (
 )  # fmt: skip
 from whichroad.filter.vetting.windows import BY_GYRO, BY_WHEELS
 from whichroad.graph.geometry import wrap
+from whichroad.settings import Settings
 
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)
 NO_PATH = new_path(1)
@@ -148,11 +153,11 @@ def put(belief: Belief, i: int, mean: np.ndarray, cov: np.ndarray, edge: int = 0
     belief.state[0].scale = 1.0
 
 
-def link_model(history: History, mean: np.ndarray, cov: np.ndarray) -> Record:
+def link_model(history: History, mean: np.ndarray, cov: np.ndarray, ctx: Context = CTX) -> Record:
     """The process model of the link from node 0 of step 0 to node 1 of step 1."""
     model = new_buffers().model[0]
     model.then_mean, model.then_cov, model.scale = mean, cov, 1.0
-    predict_link(model, history, NO_PATH, CTX, Link(1, 0, 1))
+    predict_link(model, history, NO_PATH, ctx, Link(1, 0, 1))
     return model
 
 
@@ -184,6 +189,23 @@ def test_the_motion_of_a_link_is_that_of_the_filter_over_its_epochs(gyro: int, s
     np.testing.assert_allclose(off / sigma, 0.0, atol=2e-3)
     square = np.outer(sigma, sigma)
     np.testing.assert_allclose(model["cov"] / square, hyp["cov"] / square, atol=1e-2)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.15, -0.22, 0.25, -0.29, 0.4, 1.6])
+def test_the_lane_of_a_link_to_another_road_is_kept_as_far_as_the_filter_keeps_it(turn: float):
+    far = [100.0 + 100.0 * math.cos(turn), 100.0 * math.sin(turn)]
+    roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], far]])
+    mean, cov = random_state(np.random.default_rng(0))
+    belief, history, epochs = new_belief(True), new_history(4), new_epochs(1)
+    put(belief, 0, mean, cov)
+    store(belief, history, 0, True, 0.0)
+    accumulate_motion(history, epochs[0], 0.5, 10.0, WHEELS)
+    redraw_lane(belief.hyp["mu"][0], belief.hyp["cov"][0], turn, 1.75, 1.75, Settings().lane_sigma)
+    belief.hyp.edge[0] = 2
+    store(belief, history, 0, True, 0.0)
+    model = link_model(history, mean, cov, context(roads))
+    assert model.mu[D] == pytest.approx(belief.hyp["mu"][0, D])
+    assert model["cov"][D, D] == pytest.approx(belief.hyp["cov"][0, D, D])
 
 
 @given(seeds, st.booleans())
