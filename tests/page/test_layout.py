@@ -37,6 +37,7 @@ PANELS = """(names) => { const found = names.map((n) => document.getElementById(
     if (wide > 1 && high > 1) {
       over.push(`${a.id || a.className} over ${b.id}: ${wide} x ${high}`); } }));
   return over; }"""
+FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
   document.getElementById(n).getBoundingClientRect());
   const area = panels.reduce((sum, r) => sum + r.width * r.height, 0);
@@ -76,7 +77,11 @@ def open_at(browser: Any, address: str, size: str) -> Any:  # noqa: F811
 
 
 def is_legible(page: Any) -> None:
-    """Assert that nothing is outside, no panel is over another one, and axe finds nothing."""
+    """Assert that nothing is outside, no panel is over another one, and axe finds nothing.
+
+    Panels are measured when a frame is laid out, so one is waited for.
+    """
+    page.evaluate(FRAME)
     assert page.evaluate(OUTSIDE) == []
     assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
     assert violations(page) == []
@@ -97,6 +102,7 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str): 
     for act in ("unmask", "mask"):
         page.evaluate(POST, {"action": act})
         page.wait_for_selector(f"#mask[aria-pressed={str(act == 'mask').lower()}]")
+        page.evaluate(FRAME)
         assert page.evaluate(OUTSIDE) == []
         assert page.evaluate(PANELS, ["card", "dock", "tools"]) == []
         assert page.evaluate("() => document.getElementById('p').getClientRects().length") == 1
@@ -107,6 +113,7 @@ def test_the_page_fits_and_can_be_read(browser: Any, replayed: str, size: str): 
     if small:
         free = page.evaluate(MAP_FREE)
         page.click("#fold")
+        page.evaluate(FRAME)
         assert abs(page.evaluate(MAP_FREE) - free) > 0.05
         is_legible(page)
         assert max(free, page.evaluate(MAP_FREE)) > 0.5
