@@ -8,9 +8,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oracles import textbook
+from oracles.compiled import compiled
 from scenes import On, belief_on, context, living, network, straight_road
 from strategies import UNITS, random_gaussian, seeds
-from whichroad._compile import Matrix, Vector, jit, kernel
+from whichroad._compile import Matrix, Vector, kernel
 from whichroad.filter.gaussian import condition
 from whichroad.filter.gnss.bias import age_receiver
 from whichroad.filter.gnss.noise import _average_energy, update_root
@@ -179,7 +180,7 @@ def _observe_stream(
         scale[k] = math.sqrt(state.gnss_factor)
 
 
-observe_stream = jit(_observe_stream)  # of 115,000 fixes
+observe_stream = compiled(_observe_stream)  # of 115,000 fixes
 
 
 def learnt(seed: int, under: float, anchored: bool) -> np.ndarray:

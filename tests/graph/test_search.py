@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oracles.cheapest import cheapest
+from oracles.compiled import compiled
 from scenes import grid_town, network
 from strategies import seeds
-from whichroad._compile import Records, jit
+from whichroad._compile import Records
 from whichroad.graph import route_search as search
 from whichroad.graph.index import CANDIDATE
 from whichroad.graph.labels import LABELS, new_search
@@ -26,12 +27,18 @@ from whichroad.graph.route_search import (
     turn_costs,
 )
 
-find_routes = jit(search.find_routes)
+find_routes = compiled(search.find_routes)
 
 TOWN = network(grid_town(6, 6, 90.0), one_way=(3, 11, 40))
 EDGES, VERTICES = TOWN.edges, TOWN.vertices
 EDGES.speed = np.random.default_rng(1).uniform(3.0, 30.0, len(EDGES))
 edge_costs(EDGES, VERTICES)
+COSTS, LENGTHS = EDGES.cost.tolist(), EDGES.route_length.tolist()
+TURN_COSTS: dict[tuple[int, int], float] = {}  # from one edge to another, the least
+for _edge, (_begin, _end) in enumerate(zip(EDGES.first_turn, EDGES.end_turn, strict=True)):
+    for _turn in TOWN.turns[_begin:_end]:
+        _way = _edge, int(_turn.edge)
+        TURN_COSTS[_way] = min(TURN_COSTS.get(_way, math.inf), float(_turn.cost))
 SEARCH = new_search()  # one for all: what a search leaves behind must not matter
 
 
@@ -98,7 +105,8 @@ def test_a_search_towards_a_place_finds_the_same_as_one_that_looks_everywhere(se
 @given(seeds)
 def test_goals_that_cost_more_than_is_allowed_are_not_found_and_all_others_are(seed: int):
     edge, s, goals = places(seed)
-    true = {g: cheapest(TOWN, edge, s, 0.02)[g][0] for g in goals.tolist()}
+    costs = cheapest(TOWN, edge, s, 0.02)
+    true = {g: costs[g][0] for g in goals.tolist()}
     limit = sorted(true.values())[2] + 1e-6
     assert found(TOWN, goals, edge, s, limit=limit).keys() == {g for g in true if true[g] <= limit}
     slack = limit - min(true.values())
@@ -173,17 +181,14 @@ def test_later_searches_of_a_step_find_what_they_would_have_found_alone(seed: in
         assert ours.keys() == alone[k].keys()
         for goal, (cost, _) in ours.items():
             assert cost == pytest.approx(alone[k][goal][0], abs=1e-5)
+        parent, edges = SEARCH.label.parent, SEARCH.label.edge
+        cost, length = SEARCH.label.cost, SEARCH.label.length
         for label in SEARCH.hit[: len(ours)].tolist():
-            while (up := int(SEARCH.label.parent[label])) >= 0:
-                last, on = int(SEARCH.label.edge[up]), int(SEARCH.label.edge[label])
-                turns = turns_of(TOWN, last)
-                step = 0.02 * EDGES.cost[last] + turns.cost[turns.edge == on].min()
-                assert SEARCH.label.cost[label] == pytest.approx(
-                    SEARCH.label.cost[up] + step, abs=1e-5
-                )
-                assert SEARCH.label.length[label] == pytest.approx(
-                    SEARCH.label.length[up] + EDGES.route_length[last], abs=1e-3
-                )
+            while (up := int(parent[label])) >= 0:
+                last = int(edges[up])
+                step = 0.02 * COSTS[last] + TURN_COSTS[last, int(edges[label])]
+                assert cost[label] == pytest.approx(cost[up] + step, abs=1e-5)
+                assert length[label] == pytest.approx(length[up] + LENGTHS[last], abs=1e-3)
                 label = up
 
 

@@ -16,8 +16,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from oracles.compiled import compiled
 from scenes.filter import steps
-from whichroad._compile import Record, Records, jit, kernel
+from whichroad._compile import Record, Records, kernel
 from whichroad.filter._simd import copy_record
 from whichroad.filter.gnss import bias as gnss_bias
 from whichroad.filter.gnss import noise as gnss_noise
@@ -33,6 +34,7 @@ from whichroad.filter.state import (
     WHEELS,
     Belief,
     Context,
+    Epochs,
     Path,
     X,
     Y,
@@ -52,10 +54,10 @@ _ROOM = 8  # rows for children, in units of the particles kept
 
 
 @kernel
-def _predict(crowd: Belief, ctx: Context, epoch: Record, pieces: int) -> None:
-    """Move all particles by one of equal pieces of an epoch."""
+def _predict(crowd: Belief, ctx: Context, epochs: Epochs, k: int, pieces: int) -> None:
+    """Move all particles by one of equal pieces of epoch k."""
     state = crowd.state[0]
-    move = increment_of(epoch, pieces, 0.0)
+    move = increment_of(epochs[k], pieces, 0.0)
     q = wheel_noise(ctx.par[0], abs(move.arc), move.turn)
     for i in range(state.count):
         predict_plane(crowd.hyp[i].mu, crowd.hyp[i].cov, move, state.scale, q)
@@ -108,10 +110,10 @@ def _return_children(crowd: Belief, one: Belief, i: int) -> bool:
     return True
 
 
-age_receiver = jit(gnss_bias.age_receiver)
-update_root = jit(gnss_noise.update_root)
-observe_position = jit(gnss.observe_position)
-predict, branch, exchange = jit(_predict), jit(_branch), jit(_exchange)
+age_receiver = compiled(gnss_bias.age_receiver)
+update_root = compiled(gnss_noise.update_root)
+observe_position = compiled(gnss.observe_position)
+predict, branch, exchange = compiled(_predict), compiled(_branch), compiled(_exchange)
 
 
 def thinned(weight: Array, most: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array]:
@@ -184,20 +186,22 @@ class Particles:
     def run(self) -> Iterator[dict[int, float]]:
         """P of each edge after every epoch, the first included."""
         yield self.probabilities()
-        for epoch in self.epochs[1:]:
+        for k in range(1, len(self.epochs)):
+            epoch = self.epochs[k]
             state, x = self.crowd.state[0], self.crowd.hyp["mu"][0]
             state.scale = plane_scale(self.roads, x[X], x[Y])
             dt = epoch.time - state.time
             state.time = epoch.time
             pieces = pieces_of(epoch.arc)
             for piece in range(pieces):
-                self._step(epoch, pieces, piece == pieces - 1, dt / pieces)
+                self._step(k, pieces, piece == pieces - 1, dt / pieces)
             yield self.probabilities()
 
-    def _step(self, epoch: Record, pieces: int, done: bool, dt: float) -> None:
-        """What `filter.step.run` does with one piece of an epoch, up to the reduction."""
+    def _step(self, k: int, pieces: int, done: bool, dt: float) -> None:
+        """What `filter.step.run` does with one piece of epoch k, up to the reduction."""
+        epoch = self.epochs[k]
         arc = epoch.arc / pieces
-        predict(self.crowd, self.ctx, epoch, pieces)
+        predict(self.crowd, self.ctx, self.epochs, k, pieces)
         _count_motion(self.crowd.state[0], abs(arc), dt)
         if done:
             follow_odometer(self.crowd.state[0], epoch.arc, dt * pieces)
