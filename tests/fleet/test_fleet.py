@@ -208,45 +208,69 @@ def test_what_comes_out_has_one_schema_and_names_its_map(tmp_path, town, table):
     assert whichroad.map_of(tmp_path / "out") == whichroad.map_of(files[0])
 
 
-def command(source: Path, town: Path, out: Path, *more: str) -> list[str]:
-    code = (
-        "import sys, whichroad.fleet.work_units as u, whichroad.fleet.run as r\n"
-        "r.run_fleet.__kwdefaults__['unit_rows'] = 79\n"
-        "from whichroad.cli import main\nif __name__ == '__main__': main()"
-    )
-    return [sys.executable, "-c", code, "fleet", str(source), "--map", str(town), "-o", str(out),
-            "--points", "all", "--workers", "2", "--resume", *more]  # fmt: skip
+RUNS = """
+import os
+import sys
+import duckdb, pandas, pyarrow.dataset, pyproj
+import whichroad.fleet.work
+from whichroad.fleet import run_fleet
+
+for workers in sys.stdin:
+    run = os.fork()
+    if not run:
+        how = {"points": "all", "unit_rows": 79, "workers": int(workers), "resume": True}
+        run_fleet(*sys.argv[1:], **how)
+        os._exit(0)
+    print(run, flush=True)
+    os.waitpid(run, 0)
+    print("ended", flush=True)
+"""  # each in a process of its own, which need not import again
+
+
+def is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 @pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_and_gives_the_same_bytes(tmp_path, town, table):
-    pq.write_table(table, tmp_path / "t.parquet")
+    """By itself and with workers in turn."""
+    source, cut = tmp_path / "t.parquet", tmp_path / "cut"
+    pq.write_table(table, source)
     chance = random.Random(5)
-    subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "whole"), check=True)
+    run_fleet(source, town, tmp_path / "whole", workers=2, points="all", unit_rows=79)
     killed, before = 0, []
-    for _ in range(6):
-        process = subprocess.Popen(
-            command(tmp_path / "t.parquet", town, tmp_path / "cut"), start_new_session=True,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        drives = tmp_path / "cut" / "drives"
-        enough = len(list(drives.glob("part-*"))) + chance.randint(0, 2)
-        while process.poll() is None and len(list(drives.glob("part-*"))) < enough:
-            time.sleep(0.002)
-        time.sleep(chance.uniform(0.0, 0.2 if enough else 1.0))
-        if process.poll() is None:
-            killed += 1
-            os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-        before.append(len(list(drives.glob("part-*"))))
-    subprocess.run(command(tmp_path / "t.parquet", town, tmp_path / "cut"), check=True)
+    with subprocess.Popen(
+        [sys.executable, "-c", RUNS, source, town, cut], text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+    ) as runs:  # fmt: skip
+        for turn in range(6):
+            print(1 + turn % 2, file=runs.stdin, flush=True)
+            process = int(runs.stdout.readline())
+            drives = cut / "drives"
+            enough = len(list(drives.glob("part-*"))) + chance.randint(0, 2)
+            while is_alive(process) and len(list(drives.glob("part-*"))) < enough:
+                time.sleep(0.002)
+            time.sleep(chance.uniform(0.0, 0.2 if enough else 1.0))
+            if is_alive(process):
+                killed += 1
+                os.kill(process, signal.SIGKILL)
+            assert runs.stdout.readline() == "ended\n"
+            before.append(len(list(drives.glob("part-*"))))
+        runs.stdin.close()
+    line = ["fleet", str(source), "--map", str(town), "-o", str(cut), "--points", "all"]
+    ran = CliRunner().invoke(app, [*line, "--workers", "2", "--resume"])
+    assert ran.exit_code == 0, ran.output
     assert killed
     assert len(set(before)) > 2  # several ends came between units
     files = sorted(p.relative_to(tmp_path / "whole") for p in (tmp_path / "whole").rglob("*.p*"))
     assert len(files) > 30
     for file in files:
-        assert (tmp_path / "cut" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
-    left = [p for p in (tmp_path / "cut").rglob("*") if p.is_file()]
+        assert (cut / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+    left = [p for p in cut.rglob("*") if p.is_file()]
     assert len([p for p in left if not p.name.startswith(".")]) == len(files) + 1  # the manifest
 
 
