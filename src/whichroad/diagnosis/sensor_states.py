@@ -60,51 +60,68 @@ def states_of(
     Returns:
         States of `gnss`, `distance` and `turn`, then one of each further sensor.
     """
-    state = belief.state[0]
-    refused = state.vetting.refused
-    rolls = bool(is_possible(state.vetting))
-    fixes = [("fixes", state.misfits > 0.0), ("speed", refused[SPEED]), ("course", refused[COURSE])]
+    state = belief.state.view(np.ndarray)  # (1,): records are slow to read
+    vetting = state["vetting"]
+    refused = vetting["refused"][0].tolist()
+    rolls = bool(is_possible(_Fields(vetting)))
+    fixes = [
+        ("fixes", state["misfits"][0] > 0.0), ("speed", refused[SPEED]), ("course", refused[COURSE])
+    ]  # fmt: skip
     further = [
         SensorState(
-            name, ("readings",) if one.refused else (), int(one.misfits), int(one.withheld)
+            name, ("readings",) if one["refused"] else (), int(one["misfits"]), int(one["withheld"])
         )
-        for name, one in zip(names, state.sensors, strict=False)
+        for name, one in zip(names, state["sensors"][0], strict=False)
     ]  # fmt: skip
     return (
         SensorState(GNSS, tuple(n for n, doubt in fixes if doubt), learnt=_errors(state)),
         SensorState(
-            DISTANCE, () if rolls and not refused[ARC] else ("distance",), learnt=_scale(belief)
+            DISTANCE, () if rolls and not refused[ARC] else ("distance",),
+            learnt=_scale(belief, state),
         ),
         SensorState(
             TURNS, () if rolls and not refused[TURN] else ("turn",),
-            learnt=_drift(belief, gyro != BY_WHEELS),
+            learnt=_drift(belief, state, gyro != BY_WHEELS),
         ),
         *further,
     )  # fmt: skip
 
 
+class _Fields:
+    """The first row of a structured array; its fields are attributes, as kernels read them."""
+
+    __slots__ = ("_rows",)
+
+    def __init__(self, rows: Any) -> None:
+        self._rows = rows
+
+    def __getattr__(self, name: str) -> Any:
+        values = self._rows[name]
+        return _Fields(values) if values.dtype.names else values[0]
+
+
 def _errors(state: Any) -> tuple[Learnt, ...]:
     """How large the receiver's errors are, over what it reports."""
-    if state.gnss_factor <= 0.0:
+    factor = float(state["gnss_factor"][0])
+    if factor <= 0.0:
         return ()
-    return (Learnt("errors", math.sqrt(float(state.gnss_factor)), None, "times what is reported"),)
+    return (Learnt("errors", math.sqrt(factor), None, "times what is reported"),)
 
 
-def _scale(belief: Belief) -> tuple[Learnt, ...]:
+def _scale(belief: Belief, state: Any) -> tuple[Learnt, ...]:
     """Metres for each metre of the odometer."""
-    state = belief.state[0]
-    if state.mode != CLOCK:
+    if state["mode"][0] != CLOCK:
         mean, variance = _moments(belief, K)
     else:  # the state is the speed now
-        mean, variance = (float(one) for one in state.known_rate)
+        mean, variance = (float(one) for one in state["known_rate"][0])
     if variance <= _NEVER:
         return ()
     return (Learnt("scale", mean, math.sqrt(variance), "m/m"),)
 
 
-def _drift(belief: Belief, by_gyro: bool) -> tuple[Learnt, ...]:
+def _drift(belief: Belief, state: Any, by_gyro: bool) -> tuple[Learnt, ...]:
     """What turns are measured too far to the left: by wheels per way, by a gyro in time."""
-    if belief.state[0].mode != WHEELS:
+    if state["mode"][0] != WHEELS:
         return ()
     mean, variance = _moments(belief, B)
     if variance <= _NEVER:
@@ -118,7 +135,7 @@ def _drift(belief: Belief, by_gyro: bool) -> tuple[Learnt, ...]:
 
 def _moments(belief: Belief, of: int) -> tuple[float, float]:
     """Mean and variance of one state over all hypotheses."""
-    hyp = belief.hyp.view(np.ndarray)[: int(belief.state[0].count)]  # records are slow to read
+    hyp = belief.hyp.view(np.ndarray)[: int(belief.state.view(np.ndarray)["count"][0])]
     if not len(hyp):
         return 0.0, 0.0
     weight, mu, cov = hyp["weight"].copy(), hyp["mu"][:, of], hyp["cov"][:, of, of]

@@ -75,21 +75,22 @@ def run_again(
 
     def epochs() -> Iterator[Gaussians]:
         nonlocal path
-        history, state, hyp = new_history(0), belief.state[0], belief.hyp
+        history, hyp = new_history(0), belief.hyp.view(np.ndarray)  # records are slow to read
+        state = belief.state.view(np.ndarray)  # (1,)
         step = run.bind(belief, path, history, timeline.epochs, output, ctx, ..., ...)
         for k in range(first, len(timeline.epochs)):
             b = _count_from_here(belief)
-            before: list[int] = hyp.path_entry[:b].tolist()
+            before: list[int] = hyp["path_entry"][:b].tolist()
             while step(k, k + 1) == k:
                 path = _larger(path)
                 step = run.bind(belief, path, history, timeline.epochs, output, ctx, ..., ...)
-            g = int(state.count)
-            p = known * hyp.weight[:g]
+            g = int(state["count"][0])
+            p = known * hyp["weight"][:g]
             if g:
                 yield Gaussians(
-                    k, hyp.path_entry[:g].tolist(), hyp.edge[:g].tolist(), p,
-                    hyp.along[:g].tolist(), before, p[:, None] * belief.lineage[:g, :b], path,
-                    int(state.motion) == START,
+                    k, hyp["path_entry"][:g].tolist(), hyp["edge"][:g].tolist(), p,
+                    hyp["along"][:g].tolist(), before, p[:, None] * belief.lineage[:g, :b], path,
+                    int(state["motion"][0]) == START,
                 )  # fmt: skip
 
     return Rerun(epochs(), output.rows)
@@ -97,11 +98,13 @@ def run_again(
 
 def _count_from_here(belief: Belief) -> int:
     """Let the kernels count shares of weight from the present hypotheses; returns how many."""
-    count = min(int(belief.state[0].count), KEPT)
-    belief.lineage[: belief.state[0].count] = 0.0
+    state = belief.state.view(np.ndarray)
+    used = int(state["count"][0])
+    count = min(used, KEPT)
+    belief.lineage[:used] = 0.0
     diagonal: NDArray[np.int64] = np.arange(count)
     belief.lineage[diagonal, diagonal] = 1.0
-    belief.state.parents = count
+    state["parents"] = count
     return count
 
 
