@@ -32,6 +32,7 @@ FLAGS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # the map alone is drawn by WebGL, which is slow in software
 ]
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 POST = "asked => fetch('control', {method: 'POST', body: JSON.stringify(asked)})"

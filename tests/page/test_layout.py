@@ -37,6 +37,7 @@ PANELS = """(names) => { const found = names.map((n) => document.getElementById(
     if (wide > 1 && high > 1) {
       over.push(`${a.id || a.className} over ${b.id}: ${wide} x ${high}`); } }));
   return over; }"""
+AXE = "() => axe.run({resultTypes: ['violations']}).then((found) => found.violations)"
 FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 MAP_FREE = """() => { const panels = ['card', 'dock', 'tools'].map((n) =>
   document.getElementById(n).getBoundingClientRect());
@@ -60,8 +61,10 @@ def report(tmp_path_factory: pytest.TempPathFactory, crowded: Remaking) -> Path:
 
 
 def violations(page: Any) -> list[str]:
-    """What axe finds, one line for each element."""
-    found = axe.Axe().run(page).response["violations"]
+    """What axe finds, one line for each element; a page is given axe once."""
+    if not page.evaluate("() => 'axe' in window"):
+        page.evaluate(axe.Axe().axe_script)
+    found = page.evaluate(AXE)
     return [f"{one['id']}: {node['target']} {node['html'][:90]}"
             for one in found for node in one["nodes"]]  # fmt: skip
 
