@@ -270,7 +270,7 @@ def test_a_drive_is_simulated_answered_and_evaluated(run, town, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_demo_answers_from_its_files_alone(run, tmp_path):
+def test_the_demo_answers_from_its_files_alone(run, tmp_path, monkeypatch):
     folder = tmp_path / "demo"
     code, out, _ = run("demo", "--out", folder)
     assert (code, str(folder / "drive.png") in out) == (0, True)
@@ -279,6 +279,8 @@ def test_the_demo_answers_from_its_files_alone(run, tmp_path):
         assert (folder / name).stat().st_size > 0
     assert summary["figures"]["right_edge"] > 0.95
     assert summary["figures"]["outage_right_edge"] > 0.95
+    monkeypatch.setattr("whichroad.demo.plot_drive", lambda *_, **__: [folder / "drive.png"])
+    monkeypatch.setattr("whichroad.demo.plot_methods", lambda *_, **__: [])
     assert run("demo", "--out", folder)[0] == 0  # an earlier demo's folder is used again
 
 
