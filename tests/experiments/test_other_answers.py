@@ -9,13 +9,22 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from matplotlib import image
 
 import whichroad
 from whichroad import cli
 from whichroad.errors import SettingError
 from whichroad.evaluate import evaluate_files
-from whichroad.experiments import NUMBERS, REPORT, SCENES, TABLE, run_experiments
+from whichroad.experiments import (
+    NUMBERS,
+    REPORT,
+    SCENES,
+    TABLE,
+    all_experiments,
+    run_experiments,
+)
 from whichroad.experiments.other_answers import OtherAnswers
+from whichroad.experiments.pictures import Picture
 from whichroad.experiments.runs import answer
 
 SEEDS = range(2)
@@ -29,8 +38,21 @@ def answer_to(scene: str, seed: int) -> pa.Table:
     return answer(SCENES[scene], drive, "default").to_arrow()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_dot():
+    """A picture of one dot for all of a scene, which are looked at elsewhere and take longest."""
+
+    def draw_scene(scene, runs, example, out):
+        image.imsave(out / f"{scene.name}.png", np.zeros((1, 1, 3)))
+        return [Picture(out / f"{scene.name}.png", "A dot.")]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(all_experiments, "draw_scene", draw_scene)
+        yield
+
+
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
+def done(one_dot, tmp_path_factory):
     """Kept drives, and answers to them: the same as ours, places alone, and as CSV with roads."""
     folder = tmp_path_factory.mktemp("others")
     for scene in CHOSEN:
