@@ -17,6 +17,7 @@ from fleet.test_own_columns import BERLIN, OWN, their_own
 from whichroad.batch import match_many
 from whichroad.errors import MapError, ReadError, SettingError
 
+BRIEF = "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"  # less compiling, for what ends soon
 SOURCE = Path(whichroad.__file__).parents[1]
 
 pytestmark = [
@@ -42,6 +43,8 @@ def spark():
         .config("spark.sql.shuffle.partitions", "4")
         .config("spark.sql.session.timeZone", "UTC")
         .config("spark.executorEnv.PYTHONPATH", python_path)
+        .config("spark.driver.extraJavaOptions", BRIEF)
+        .config("spark.executor.extraJavaOptions", BRIEF)
         .config("spark.driver.host", "127.0.0.1")
         .config("spark.driver.bindAddress", "127.0.0.1")
         .getOrCreate()
