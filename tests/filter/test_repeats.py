@@ -61,3 +61,33 @@ def test_places_that_were_left_once_are_left_again_as_long():
 def test_a_long_stop_of_a_receiver_that_repeats_places_is_a_stop():
     driven = [18.0 * (k // 3) for k in range(12)]
     assert not any(seen([*driven, *[driven[-1] + 18.0] * 30])[-20:])
+
+
+STANDS = [0.2 * np.sin(2.0 * k) for k in range(14)]  # its places are others while it stands
+
+
+def test_a_receiver_that_never_held_a_place_measures_none_that_repeats():
+    found = seen([*STANDS, 1.0, 3.0, 6.0, 6.0, 6.0, 6.0])
+    assert not any(found[:-3])
+    assert all(found[-3:])
+
+
+def test_a_receiver_that_has_held_a_place_at_a_stop_may_hold_the_next_one():
+    found = seen([*STANDS, 0.5, 0.5, 0.5, 1.0, 3.0, 6.0, 7.0, 7.0, 7.0])
+    assert found[15]  # the first time it is not known
+    assert not any(found[-3:])
+
+
+def test_a_report_of_no_speed_is_doubted_where_the_vehicle_was_too_fast_to_stop():
+    def told(before: float) -> list[bool]:
+        epochs: Records = new_epochs(6)
+        repeats = new_belief().state[0].vetting.repeats
+        epochs.has_fix = 1
+        epochs.fix[:, 0] = [0.0, before, 2.0 * before, *[3.0 * before] * 3]
+        epochs.fix[:, 1], epochs.fix[:, 2] = 7.0, SIGMA
+        epochs.time = 100.0 + np.arange(6)
+        epochs.speed, epochs.speed_sigma = [before] * 3 + [0.0] * 3, 0.2
+        return [is_repeated(repeats, epoch, 1.0, False) for epoch in epochs]
+
+    assert told(9.0) == [False] * 4 + [True] * 2
+    assert not any(told(5.0))

@@ -4,6 +4,7 @@ import math
 
 from .._compile import Record, kernel
 from ._simd import copy_record
+from .gnss.departure import p_departed
 from .gnss.silence import hear, is_pause, may_have_moved
 from .lookback.history import History
 from .motion import GYRO_PACE
@@ -29,6 +30,8 @@ _UNSURE = 3.0  # s for which odometry that changed as cars seldom do counts as n
 _LEAST_PACE = 3.0  # m/s
 _DISPUTED = 30.0  # s after a misfit, for which odometry that is found impossible has caused it
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
+_DEPARTED = 0.5  # P that it has driven off while its odometer stood, from which on it starts anew
+_ROLLS = 0.5  # m/s, from which on a vehicle does not stand
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
@@ -62,6 +65,8 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
             redraw(belief.hyp[i], K, speed, sigma * sigma)
             redraw(belief.hyp[i], B, 0.0, 0.0)
         state.speed = speed
+        if speed > _ROLLS:  # it was the odometer that stood
+            state.standing = 0.0
         return
     rate = (1.0, par.scale_sigma**2)
     drift = (0.0, par.drift_sigma**2)
@@ -106,12 +111,32 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
-def _start_elsewhere(belief: Belief, par: Record, epoch: Record) -> None:
-    """Start anew at a fix that is far away: what moved the vehicle until now was wrong."""
+def _start_elsewhere(belief: Belief, par: Record, epoch: Record, departed: bool) -> None:
+    """Start anew at a fix that is far away: what moved the vehicle until now was wrong.
+
+    Args:
+        belief: In place.
+        par: The model's numbers.
+        epoch: With the fix.
+        departed: Whether the vehicle has driven off while its odometer stood.
+    """
     state = belief.state[0]
-    if is_elsewhere(belief, epoch):
+    if departed or is_elsewhere(belief, epoch):
         state.misfits = par.lost_after
         state.gnss_factor = 0.0
+
+
+@kernel(inline=True)
+def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> None:
+    """A source of motion that is not believed from this fix on may have led the vehicle astray."""
+    vetting = belief.state[0].vetting
+    if vetting.exposed == 1:
+        vetting.exposed = 0
+        _start_elsewhere(belief, par, epoch, departed)
+    if vetting.news == TURNS and is_elsewhere(belief, epoch):
+        vetting.elsewhere = 1
+    elif vetting.news != NONE:
+        _start_elsewhere(belief, par, epoch, departed)
 
 
 @kernel
@@ -218,6 +243,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
+    departed = p_departed(state) > _DEPARTED
     mode = mode_of(vetting, sensors)
     if state.count == 0:
         state.mode = mode
@@ -226,13 +252,8 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         if state.mode == WHEELS and disputed and not is_possible(vetting):
             vetting.exposed = 1
         switch(belief, history, ctx, mode)
-    if vetting.exposed == 1 and reading.has_fix:
-        vetting.exposed = 0
-        _start_elsewhere(belief, par, epoch)
-    if vetting.news == TURNS and reading.has_fix and is_elsewhere(belief, epoch):
-        vetting.elsewhere = 1
-    elif vetting.news != NONE and reading.has_fix:
-        _start_elsewhere(belief, par, epoch)
+    if reading.has_fix:
+        _heed_news(belief, par, epoch, departed)
     return reading
 
 

@@ -62,9 +62,24 @@ RECKONED = np.dtype(  # one of them, see `gnss.separation`
     align=True,
 )
 
+DEPARTURE = np.dtype(  # a fix that has left a vehicle whose odometer stands, see `gnss.departure`
+    [
+        ("p", "f8"),  # P(the vehicle is there)
+        ("at", "f8", (2,)),  # its place by the fix, m, plane
+        ("pace", "f8"),  # m/s, of the fixes
+        ("time", "f8"),  # s, of the fix
+        ("since", "f8"),  # s, when the vehicle came to rest,
+        ("place", "f8", (2,)),  # its place then, m, plane
+        ("offset", "f8", (2,)),  # by which a fix was expected beside it, m, plane
+        ("variance", "f8"),  # of such a fix's place, m²
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
+        ("departure", DEPARTURE),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

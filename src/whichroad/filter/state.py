@@ -251,7 +251,7 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     state.course_time = state.heading_time = -math.inf
     state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
     state[0].still.age = -1.0
-    state[0].separation.begun = -math.inf
+    state[0].separation.begun = state[0].separation.departure.since = -math.inf
     state[0].separation.reckoned["begun"] = -math.inf
     clear(state[0].vetting)
     reports = state[0].reports

@@ -19,6 +19,7 @@ from ..state import (
     normalise,
 )
 from .bias import age_receiver
+from .departure import note_departure
 from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
@@ -99,6 +100,8 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
             return False
     update_root(belief, fix, state.gnss_factor, max(epoch.time - state.last_fix, 0.0))
     innovations(belief, ctx, fix, axes)
+    if state.mode != CLOCK:
+        note_departure(belief, epoch, axes)
     learn_factor(belief, ctx, epoch, white, 0.0)
     state.last_fix = epoch.time
     return True
@@ -289,6 +292,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     thin = max(1.0, 1.0 / max(interval, 0.01))
     axes = _axes(fix, white, thin)
     innovations(belief, ctx, fix, axes)
+    if state.mode != CLOCK:
+        note_departure(belief, epoch, axes)
     doubted = _learn(belief, ctx, epoch, white)
     state.moving = 0.0
     state.since_fix = 0.0

@@ -8,6 +8,7 @@ import numpy as np
 from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
+from ..gnss.departure import cover_departure, p_departed
 from ..gnss.separation import cover
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
@@ -35,6 +36,8 @@ ON_ROAD, AMBIGUOUS, OFF, OUTAGE, STOPPED, LOST = range(6)  # status
 POSE = 13  # numbers of the pose of one, see `Output`
 
 LOST_UNKNOWN = 0.9  # P of what no hypothesis knows where no fix fits any of them
+_MOST_DEPARTED = 0.3  # P that a vehicle whose odometer stands has left its road, at most
+_LEAST_DEPARTED = 0.01  # P from which on that is told
 _MISFITS = 3.0  # in a row, from which on that is so
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ANY_HEADING = math.pi**2 / 3.0  # rad², of a heading that is not known
@@ -127,6 +130,7 @@ def describe(
     off = _moments(belief, out)
     if not ctx.par[0].paper:
         cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
+        cover_departure(state, out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -177,7 +181,9 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     if state.elsewhere[0] > 0.0:
         _widen(out, state.elsewhere[0], state.elsewhere[1])
     lost = LOST_UNKNOWN if state.misfits >= _MISFITS else 0.0
-    return float(max(least, state.elsewhere[0], lost))
+    departed = min(p_departed(state), _MOST_DEPARTED)
+    departed = departed if departed > _LEAST_DEPARTED else 0.0
+    return float(max(least, state.elsewhere[0], lost, departed))
 
 
 @kernel

@@ -18,7 +18,9 @@ REPEATS = np.dtype(
         ("driven", "f8"),  # m since, by the odometer and by reported speeds
         ("sample", "f8", (3,)),  # a place about a second before, plane, and when, s
         ("speeds", "f8", (2,)),  # m/s, by reports or from place to place: the last two
+        ("apart", "f8"),  # s over which the last one is a mean; 0: it was reported
         ("longest", "f8"),  # s for which a place was repeated that the vehicle had left
+        ("restless", "f8"),  # s of standing, in which places were others; none was held since
         ("seconds", "f8"),  # for which fixes were withheld
     ],
     align=True,
@@ -29,9 +31,13 @@ _LEAST = 3.0  # m driven, or the fix's sigma if that is more, from which on a pl
 _LEAST_ALONE = 10.0  # and where nothing but places tells it, of receivers that never did
 _REPORTED = 1.0  # m/s, sigma from which on a speed says nothing
 _STANDS = 0.5  # m/s, of a receiver that says that the vehicle stands
-_BRAKES, _GAINS = 8.0, 4.0  # m/s², beyond which no vehicle brakes, or gains speed
+_BRAKES, _GAINS = 5.0, 4.0  # m/s², beyond which vehicles seldom brake, or gain speed
+_SLOWS = 3.0  # m/s², as most brake
 _SECOND = 0.95  # s between the places that tell a speed
 _AGAIN = 2.0  # times as long as before may a place be repeated
+_RESTS = 0.5  # m/s from place to place, of a vehicle that stands
+_RESTLESS, _MOST = 10.0, 60.0  # s of that, from which on a receiver holds no place; and at most
+_PAUSE = 5.0  # s between places that tell nothing
 
 
 @kernel
@@ -40,7 +46,8 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
 
     It has left it if the odometer says so, or reported speeds do.  Where nothing does, or the
     receiver says that the vehicle stands, it has if no braking could have kept it there.  Where
-    the receiver has repeated places before, the vehicle drives on.
+    the receiver has repeated places before, the vehicle drives on.  A receiver whose places have
+    never been the same while the vehicle stood measures none that is.
 
     Args:
         seen: In place, REPEATS.
@@ -59,6 +66,9 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
         _take(seen, epoch, reported)
         return False
     seen.last = epoch.time
+    if not measured and seen.restless >= _RESTLESS:
+        seen.seconds += dt
+        return True
     far = _least_way(seen, epoch.time)
     if measured or not (reported and epoch.speed < _STANDS):
         far = max(far, seen.driven)
@@ -73,17 +83,22 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
 def _take(seen: Record, epoch: Record, reported: bool) -> None:
     """Remember a place, and how fast the vehicle is there."""
     x, y = epoch.fix[0], epoch.fix[1]
+    far = math.hypot(x - seen.place[0], y - seen.place[1])
+    since = epoch.time - seen.last
     if seen.last > seen.begun:
-        far = math.hypot(x - seen.place[0], y - seen.place[1])
-        since = epoch.time - seen.last
         if far > _LEAST + epoch.fix[2] + 0.5 * _GAINS * since * since:
             seen.longest = max(seen.longest, seen.last - seen.begun)
+        else:
+            seen.restless = 0.0
+    elif far < _RESTS * since and since < _PAUSE:
+        seen.restless = min(seen.restless + since, _MOST)
     since = epoch.time - seen.sample[2]
     if reported or since >= _SECOND:
         speed = math.hypot(x - seen.sample[0], y - seen.sample[1]) / since if since > 0.0 else 0.0
         if reported:  # a report of 0 where a gap begins is none
             braked = max(seen.speeds[0] - _BRAKES * since, speed - 0.5 * _BRAKES * since)
             speed = max(epoch.speed, braked)
+        seen.apart = 0.0 if reported else since
         seen.speeds[1] = speed if reported else seen.speeds[0]
         seen.speeds[0] = speed
         seen.sample[0], seen.sample[1], seen.sample[2] = x, y, epoch.time
@@ -99,5 +114,6 @@ def _least_way(seen: Record, time: float) -> float:
     since = time - seen.begun
     if since <= _AGAIN * seen.longest:
         return float(speed * since)
+    speed = max(speed - 0.5 * _SLOWS * min(seen.apart, _PAUSE), 0.0)
     brakes = min(since, speed / _BRAKES)
     return float((speed - 0.5 * _BRAKES * brakes) * brakes)

@@ -1,0 +1,123 @@
+"""Fixes that leave a vehicle whose odometer stands: either the receiver drifts, or it drives.
+
+Counters that stand still while the vehicle drives off look like a stop.  Until fixes and odometer
+have been compared for long enough, the level covers the place of the fixes, too, and how far the
+vehicle has come since the last one.
+"""
+
+import math
+
+from ..._compile import Record, Vector, kernel
+from ..state import Belief, X, Y, heaviest
+from ..vetting.motion_sources import SPEED
+from .position import NU0, NU1, Axes
+
+_ANOTHER = 0.5  # s between the beginnings of two stops
+_PRIOR = 8.0  # nats for the odometer where a fix is as far away as expected,
+_DOPPLER, _STANDS = 1.0, 0.5  # m/s: sigma of a speed that was measured; a receiver that stands
+_DRIVES = 5.0  # nats less where the receiver says that the vehicle drives
+_LATE = 3.0  # s by which receivers' speeds may be late
+_SOFT = 1.5  # times: squared distances over their variances
+_RECENT = 5.0  # s, the age of a fix up to which it is covered
+_FASTEST = 30.0  # m/s
+
+
+@kernel
+def _begin(state: Record, hyp: Record, fix: Vector, dx: float, dy: float, since: float) -> None:
+    """Note where a vehicle has come to rest, and by what its fixes differ from its place."""
+    left = state.separation.departure
+    left.since = since
+    left.p = 0.0
+    left.variance = 0.5 * (hyp.cov[X, X] + hyp.cov[Y, Y])
+    left.variance += 2.0 * state.gnss_factor * fix[2] * fix[3]
+    left.place[0] = hyp.mu[X]
+    left.place[1] = hyp.mu[Y]
+    left.offset[0] = fix[0] - state.scale * dx - hyp.mu[X]
+    left.offset[1] = fix[1] - state.scale * dy - hyp.mu[Y]
+
+
+@kernel(inline=True)
+def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
+    """Where a fix of a standing vehicle is, and P(the vehicle is there).
+
+        S = P + 2 R,    P(departed) = 1 / (1 + exp(10 − d² / (3 S)))
+
+    with d how far the fix is from where it was expected when the vehicle came to rest, and R its
+    variance then, which counts twice as the receiver's error may be another one by now.
+
+    Args:
+        belief: With the innovations of the fix.
+        epoch: With the fix.
+        axes: Of the fix.
+    """
+    state = belief.state[0]
+    left = state.separation.departure
+    if state.standing <= 0.0:
+        return
+    fix = epoch.fix
+    since = epoch.time - state.standing
+    if abs(since - left.since) > _ANOTHER:
+        hyp = belief.hyp[heaviest(belief)]
+        along = hyp.scratch[NU0]
+        aside = hyp.scratch[NU1]
+        dx = axes.c * along - axes.s * aside
+        _begin(state, hyp, fix, dx, axes.s * along + axes.c * aside, since)
+        return
+    windows = state.vetting.windows
+    left.at[0] = fix[0] - left.offset[0]
+    left.at[1] = fix[1] - left.offset[1]
+    dx = (left.at[0] - left.place[0]) / state.scale
+    dy = (left.at[1] - left.place[1]) / state.scale
+    prior = _PRIOR
+    pace = math.hypot(windows.vx, windows.vy) if windows.moves == 1 else 0.0
+    if epoch.speed_sigma < _DOPPLER and state.vetting.refused[SPEED] == 0:
+        pace = epoch.speed
+        drives = epoch.speed > _STANDS + 3.0 * epoch.speed_sigma
+        if epoch.speed < _STANDS:
+            prior = math.inf
+        elif drives and state.standing > _LATE:
+            prior = _PRIOR - _DRIVES
+    left.p = 1.0 / (1.0 + math.exp(prior - 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)))
+    left.pace = min(pace, _FASTEST)
+    left.time = epoch.time
+
+
+@kernel
+def p_departed(state: Record) -> float:
+    """P(the vehicle has driven off, though its odometer stands)."""
+    left = state.separation.departure
+    another = abs(state.time - state.standing - left.since) > _ANOTHER
+    if state.standing <= 0.0 or another or state.time - left.time > _RECENT:
+        return 0.0
+    return float(left.p)
+
+
+@kernel
+def cover_departure(state: Record, out: Record, risk: float) -> None:
+    """Let an estimate cover where a vehicle is whose odometer stands while it drives.
+
+    A fix at a distance d with sigma a, the vehicle's place with the probability p, at the speed
+    v and t seconds ago is covered by r = d + v t + a √(2 log(p / risk)).
+
+    Args:
+        state: With the last fix.
+        out: The estimate, in place: levels and covariance.
+        risk: Of the level.
+    """
+    left = state.separation.departure
+    p = p_departed(state)
+    if p <= risk:
+        return
+    dx = (left.at[0] - out.x) / state.scale
+    dy = (left.at[1] - out.y) / state.scale
+    times = math.sqrt(2.0 * math.log(p / risk))
+    more = left.pace * (state.time - left.time) + times * math.sqrt(left.variance)
+    c = math.cos(out.heading)
+    s = math.sin(out.heading)
+    out.protection_level = max(out.protection_level, math.hypot(dx, dy) + more)
+    out.level_along = max(out.level_along, abs(c * dx + s * dy) + more)
+    out.level_across = max(out.level_across, abs(c * dy - s * dx) + more)
+    share = 0.5 * p
+    out.cov[0] += share * dx * dx
+    out.cov[1] += share * dx * dy
+    out.cov[3] += share * dy * dy

@@ -1,0 +1,69 @@
+"""Counters that stand still while the vehicle drives off: the level covers it until it is found."""
+
+import numpy as np
+import pytest
+
+from laws.drives import said
+from scenes import brake, columns, drive_along, epochs_of, gnss, network, straight_road
+from whichroad.filter.state import DISTANCE, WHEELS
+
+STOP, STOOD = 600, 200  # epochs, ten a second: when it comes to rest, and for how long
+OFF = STOP + STOOD  # when it drives off
+
+
+def at_a_stop(seed: int, *, stuck: bool, speeds: bool, drift: float = 0.0):
+    """A vehicle that stands for 20 s at 600 m and drives on; counters may be stuck from there on.
+
+    Args:
+        seed: Of the receiver.
+        stuck: Whether the counters never move again.
+        speeds: Whether the receiver reports speeds.
+        drift: m/s, of the fixes, along the road while it stands.
+    """
+    truth = drive_along([[0.0, -1.75], [1500.0, -1.75]])
+    stood, rows = brake(truth, STOP, STOOD, goes_on=True)
+    fix = gnss(truth, sigma=3.0, seed=seed)[rows]
+    fix[:, :2] += np.random.default_rng(seed).normal(0.0, 0.5, (len(rows), 2))
+    standing = np.clip(np.arange(len(rows)) - STOP, 0, STOOD) * 0.1
+    fix[:, 0] += drift * standing
+    epochs = epochs_of(stood, fix, np.arange(0, len(rows), 10), course=0.1)
+    if stuck:
+        for name in ("arc", "turn", "forward", "left"):
+            epochs[name][STOP + 20 :] = 0.0
+    if speeds:
+        epochs.speed, epochs.speed_sigma = np.gradient(stood.s, stood.time), 0.2
+    return stood, epochs
+
+
+def beyond(truth, epochs, mode: int):
+    """Whether each epoch's error exceeds its level, the levels, and the P of being off the map."""
+    output = said(network(straight_road()), epochs, mode=mode).output
+    x, y, level, off = columns(output, "x y protection_level p_off_road").T
+    return np.hypot(x - truth.x, y - truth.y) > level, level, off
+
+
+@pytest.mark.parametrize("speeds", [True, False])
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_level_covers_a_vehicle_that_has_driven_off(mode: int, seed: int, speeds: bool):
+    """It is 70 m away when the counters are found out: the level is exceeded for a second."""
+    exceeded, _, off = beyond(*at_a_stop(seed, stuck=True, speeds=speeds), mode)
+    assert exceeded[STOP:].sum() <= 10
+    assert off[OFF + 60] > 0.05
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_receiver_that_says_the_vehicle_stands_is_believed_where_its_fixes_drift(seed: int):
+    exceeded, level, off = beyond(*at_a_stop(seed, stuck=False, speeds=True, drift=1.5), WHEELS)
+    assert not exceeded.any()
+    assert level[OFF - 1] < 25.0  # its fixes are 30 m away
+    assert off[OFF - 1] < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_but_fixes_that_drift_says_that_they_may_be_right(seed: int):
+    exceeded, level, off = beyond(*at_a_stop(seed, stuck=False, speeds=False, drift=1.5), WHEELS)
+    assert level[OFF - 1] > 30.0
+    assert 0.01 < off[OFF - 1] < 0.5
+    assert off[OFF + 100] < 0.01  # its counters have moved on since
+    assert not exceeded.any()
