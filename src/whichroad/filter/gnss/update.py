@@ -20,6 +20,7 @@ from ..state import (
 )
 from .bias import age_receiver
 from .departure import note_departure
+from .diverging_track import follow_track, has_diverged, may_have_turned
 from .frequent_fixes import second_misfits
 from .inflation import (
     bias_time,
@@ -170,7 +171,7 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
     elif untried or returned:
         share = _BEGAN_SHARE
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
-    wrong_way = 2.0 * abs(vetting.bend) if untried else 0.0
+    wrong_way = max(2.0 * abs(vetting.bend) if untried else 0.0, may_have_turned(belief))
     changed, undecided = take_sides(belief, axes, gate, share, wrong_way)
     if undecided:
         if epoch.time - vetting.forked_at > _FORGOTTEN:
@@ -219,6 +220,8 @@ def _search(
     undecided = undecided and epoch.time > state.restarted_at + _TRIED
     if state.mode == WHEELS and vetting.untried == 1 and undecided:
         share = _UNTRIED_SHARE
+    if state.mode == WHEELS and has_diverged(belief):
+        share = _TURNS_SHARE
     if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
         share = _RESTARTED
     if share > 0.0:
@@ -299,6 +302,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.since_fix = 0.0
     state.unmeasured = 0.0
     state.last_fix = epoch.time
+    follow_track(belief, since)
     _settle(belief, ctx, epoch, axes, doubted, since)
     state.fix_interval += LATEST * (since - state.fix_interval)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)

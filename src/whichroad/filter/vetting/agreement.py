@@ -36,7 +36,7 @@ _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
 
 
 @kernel
-def _differ(a: float, b: float, sigma: float) -> int:
+def differ(a: float, b: float, sigma: float) -> int:
     """Whether two distances agree (−1), or do not (1), or nothing can be said (0)."""
     larger = max(a, b)
     apart = abs(a - b)
@@ -110,10 +110,10 @@ def weigh_distances(
         if rolls and now - vetting.impossible_at < _STOPPED:
             vetting.rolled = math.inf
         return
-    by_odometer = _differ(fixes, odometer, seen.sigma) if rolls else 0
-    by_speed = _differ(fixes, seen.receiver, seen.sigma) if reported else 0
-    both = _differ(odometer, seen.receiver, precise) if rolls and reported else 0
-    if sensors == WHEELS and by_odometer > 0 and _differ(fixes, abs(seen.arc), seen.sigma) <= 0:
+    by_odometer = differ(fixes, odometer, seen.sigma) if rolls else 0
+    by_speed = differ(fixes, seen.receiver, seen.sigma) if reported else 0
+    both = differ(odometer, seen.receiver, precise) if rolls and reported else 0
+    if sensors == WHEELS and by_odometer > 0 and differ(fixes, abs(seen.arc), seen.sigma) <= 0:
         by_odometer = 0  # its turns are wrong, and not its distance
     if by_odometer > 0 and by_speed > 0 and both < 0:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
@@ -198,8 +198,8 @@ def _turn_by_fixes(windows: Record, last: int, scale: float, times: float) -> Tu
     seen = between(windows, middle, last, scale)
     narrow = min(before.fixes, seen.fixes)
     least = max(before.sigma, seen.sigma)
-    same = _differ(before.fixes, before.odometer, least) <= 0
-    same = same and _differ(seen.fixes, seen.odometer, least) <= 0
+    same = differ(before.fixes, before.odometer, least) <= 0
+    same = same and differ(seen.fixes, seen.odometer, least) <= 0
     odometry = before.odometry and seen.odometry
     if narrow < times * needed(least) or not odometry or not same:
         return Turned(0.0, 0.0, 0.0, -1.0)

@@ -65,6 +65,10 @@ VETTING = np.dtype(
         ("drift", "f8"),  # rad/m that the odometry's turns are short of, as learnt
         ("wavers", "u1"),  # 1: with this epoch turns may be wrong
         ("odd", "i8"),  # receiver's speeds in a row that do not follow from the last one
+        ("track", "f8"),  # rad, direction of fixes that are as fast as the odometer,
+        ("track_sigma", "f8"),  # and its error, rad; infinite: they are not
+        ("diverged", "f8"),  # s for which the belief's heading has differed from it,
+        ("agreed_turn", "f8"),  # and the sum of turns when it last did not, rad
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
         ("repeats", REPEATS),  # fixes that only repeat a place
     ],
@@ -105,6 +109,7 @@ def clear(vetting: Record) -> None:
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0
+    vetting.track_sigma = math.inf
     vetting.forked_at = -math.inf
     vetting.undecided_at = -math.inf
     vetting.speed_sample.jitter = 0.3

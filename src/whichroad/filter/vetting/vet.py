@@ -10,7 +10,7 @@ alone, or by time.
 import math
 
 from ..._compile import Record, kernel
-from .agreement import weigh_courses, weigh_distances, weigh_turns
+from .agreement import differ, weigh_courses, weigh_distances, weigh_turns
 from .motion_sources import (
     ANYTHING,
     ARC,
@@ -35,6 +35,7 @@ from .windows import (
     between,
     course_between,
     far_enough,
+    needed,
 )
 
 _WINDOW = 4.0  # s, of what does not move
@@ -69,10 +70,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         scale: Plane metres per true metre.
     """
     windows = vetting.windows
-    vetting.news = NONE
-    vetting.elsewhere = 0
-    vetting.wavers = 0
-    vetting.runs = 0
+    _forget(vetting)
     measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
         vetting.silent = 0.0 if measured else vetting.silent + dt
@@ -99,6 +97,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     seen = between(windows, first, last, scale)
     steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
     vetting.bend = seen.turn
+    _set_track(vetting, seen)
     courses = course_between(windows, first, last)
     turn = weigh_courses(vetting, courses, seen, steered, since)
     if sensors == WHEELS and seen.odometry:
@@ -107,6 +106,26 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _forget(vetting: Record) -> None:
+    """Forget what only held for the epoch before."""
+    vetting.news = NONE
+    vetting.elsewhere = 0
+    vetting.wavers = 0
+    vetting.runs = 0
+    vetting.track_sigma = math.inf
+
+
+@kernel
+def _set_track(vetting: Record, seen: Seen) -> None:
+    """The direction of the fixes, where they are as fast as the odometer."""
+    if not seen.odometry or seen.fixes < needed(seen.sigma):
+        return
+    if differ(seen.fixes, abs(seen.odometer), seen.sigma) <= 0:
+        vetting.track = seen.heading + 0.5 * seen.turn
+        vetting.track_sigma = 2.0 * seen.sigma / seen.fixes + 0.5 * abs(seen.turn)
 
 
 @kernel
