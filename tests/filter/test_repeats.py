@@ -78,6 +78,19 @@ def test_a_receiver_that_has_held_a_place_at_a_stop_may_hold_the_next_one():
     assert not any(found[-3:])
 
 
+@pytest.mark.parametrize(("after", "told"), [(25.0, True), (0.5, False)])
+def test_what_may_be_a_stop_is_told_only_where_the_vehicle_had_left(after: float, told: bool):
+    epochs: Records = new_epochs(18)
+    repeats = new_belief().state[0].vetting.repeats
+    epochs.has_fix = 1
+    epochs.fix[:, 0] = [*STANDS, 0.3, 0.3, 0.3, after]
+    epochs.fix[:, 1], epochs.fix[:, 2] = 7.0, SIGMA
+    epochs.time, epochs.speed_sigma = 100.0 + np.arange(18), np.inf
+    found = [is_repeated(repeats, epoch, 1.0, False) for epoch in epochs]
+    assert found[-4:] == [False, True, True, False]
+    assert (repeats.seconds > 0.0) == told
+
+
 def test_a_report_of_no_speed_is_doubted_where_the_vehicle_was_too_fast_to_stop():
     def told(before: float) -> list[bool]:
         epochs: Records = new_epochs(6)

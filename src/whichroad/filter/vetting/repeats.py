@@ -21,6 +21,7 @@ REPEATS = np.dtype(
         ("apart", "f8"),  # s over which the last one is a mean; 0: it was reported
         ("longest", "f8"),  # s for which a place was repeated that the vehicle had left
         ("restless", "f8"),  # s of standing, in which places were others; none was held since
+        ("held", "f8"),  # s for which a place has been withheld that may be that of a stop
         ("seconds", "f8"),  # for which fixes were withheld
     ],
     align=True,
@@ -67,7 +68,7 @@ def is_repeated(seen: Record, epoch: Record, dt: float, measured: bool) -> bool:
         return False
     seen.last = epoch.time
     if not measured and seen.restless >= _RESTLESS:
-        seen.seconds += dt
+        seen.held += dt
         return True
     far = _least_way(seen, epoch.time)
     if measured or not (reported and epoch.speed < _STANDS):
@@ -88,6 +89,7 @@ def _take(seen: Record, epoch: Record, reported: bool) -> None:
     if seen.last > seen.begun:
         if far > _LEAST + epoch.fix[2] + 0.5 * _GAINS * since * since:
             seen.longest = max(seen.longest, seen.last - seen.begun)
+            seen.seconds += seen.held
         else:
             seen.restless = 0.0
     elif far < _RESTS * since and since < _PAUSE:
@@ -104,7 +106,7 @@ def _take(seen: Record, epoch: Record, reported: bool) -> None:
         seen.sample[0], seen.sample[1], seen.sample[2] = x, y, epoch.time
     seen.place[0], seen.place[1] = x, y
     seen.begun = seen.last = epoch.time
-    seen.driven = 0.0
+    seen.driven = seen.held = 0.0
 
 
 @kernel(inline=True)
