@@ -24,7 +24,12 @@ from .pages import NOTEBOOKS, PAGES, ROOT, title
 SOURCES = sorted((ROOT / "src" / "whichroad").rglob("*.py"))
 
 # Kept as they were written, with their dates; and pages that programs write.
-KEPT = {"docs/experiments-log.md", "docs/benchmarks.md", "docs/honesty.md", "docs/worlds-history.md"}
+KEPT = {
+    "docs/experiments-log.md",
+    "docs/benchmarks.md",
+    "docs/honesty.md",
+    "docs/worlds-history.md",
+}
 # For those who read equations: one sentence in twenty may be longer.
 TECHNICAL = {"docs/model.md", "docs/architecture.md", "docs/exact.md", "benchmarks/README.md"}
 READ = [p for p in PAGES if title(p) not in KEPT and "decisions" not in p.parts]
