@@ -11,15 +11,22 @@ from ..._compile import Record, Vector, kernel
 from ..state import Belief, X, Y, heaviest
 from ..vetting.motion_sources import SPEED
 from .position import NU0, NU1, Axes
+from .separation import cover_place
 
 _ANOTHER = 0.5  # s between the beginnings of two stops
 _PRIOR = 8.0  # nats for the odometer where a fix is as far away as expected,
 _DOPPLER, _STANDS = 1.0, 0.5  # m/s: sigma of a speed that was measured; a receiver that stands
-_DRIVES = 5.0  # nats less where the receiver says that the vehicle drives
+_REPORTED = 5.0  # nats less where the receiver says that the vehicle drives
 _LATE = 3.0  # s by which receivers' speeds may be late
 _SOFT = 1.5  # times: squared distances over their variances
 _RECENT = 5.0  # s, the age of a fix up to which it is covered
 _FASTEST = 30.0  # m/s
+
+
+@kernel
+def drives(epoch: Record) -> bool:
+    """Whether the receiver has measured that the vehicle drives."""
+    return bool(epoch.speed_sigma < _DOPPLER and epoch.speed > _STANDS + 3.0 * epoch.speed_sigma)
 
 
 @kernel
@@ -40,7 +47,7 @@ def _begin(state: Record, hyp: Record, fix: Vector, dx: float, dy: float, since:
 def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     """Where a fix of a standing vehicle is, and P(the vehicle is there).
 
-        S = P + 2 R,    P(departed) = 1 / (1 + exp(10 − d² / (3 S)))
+        S = P + 2 R,    P(departed) = 1 / (1 + exp(8 − d² / (3 S)))
 
     with d how far the fix is from where it was expected when the vehicle came to rest, and R its
     variance then, which counts twice as the receiver's error may be another one by now.
@@ -72,11 +79,10 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     pace = math.hypot(windows.vx, windows.vy) if windows.moves == 1 else 0.0
     if epoch.speed_sigma < _DOPPLER and state.vetting.refused[SPEED] == 0:
         pace = epoch.speed
-        drives = epoch.speed > _STANDS + 3.0 * epoch.speed_sigma
         if epoch.speed < _STANDS:
             prior = math.inf
-        elif drives and state.standing > _LATE:
-            prior = _PRIOR - _DRIVES
+        elif drives(epoch) and state.standing > _LATE:
+            prior = _PRIOR - _REPORTED
     left.p = 1.0 / (1.0 + math.exp(prior - 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)))
     left.pace = min(pace, _FASTEST)
     left.time = epoch.time
@@ -112,12 +118,4 @@ def cover_departure(state: Record, out: Record, risk: float) -> None:
     dy = (left.at[1] - out.y) / state.scale
     times = math.sqrt(2.0 * math.log(p / risk))
     more = left.pace * (state.time - left.time) + times * math.sqrt(left.variance)
-    c = math.cos(out.heading)
-    s = math.sin(out.heading)
-    out.protection_level = max(out.protection_level, math.hypot(dx, dy) + more)
-    out.level_along = max(out.level_along, abs(c * dx + s * dy) + more)
-    out.level_across = max(out.level_across, abs(c * dy - s * dx) + more)
-    share = 0.5 * p
-    out.cov[0] += share * dx * dx
-    out.cov[1] += share * dx * dy
-    out.cov[3] += share * dy * dy
+    cover_place(out, dx, dy, p, (more, more, more))

@@ -1,7 +1,7 @@
 """Fixes that are as fast as the odometer, on another track than the belief.
 
-Turns that were measured wrong lead to other roads, which happen to fit.  Its fixes
-then go another way at its speed, and further and further off.  A receiver that errs does not
+Turns that were measured wrong lead to other roads, which happen to fit.  The fixes then go
+another way at the vehicle's speed, and further and further off.  A receiver that errs does not
 keep the speed of the vehicle in another direction.
 """
 

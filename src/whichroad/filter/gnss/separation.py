@@ -265,6 +265,30 @@ def watch(belief: Belief, path: Path, ctx: Context, gyro: int) -> None:
 
 
 @kernel
+def cover_place(
+    out: Record, dx: float, dy: float, p: float, beyond: tuple[float, float, float]
+) -> None:
+    """Let an estimate cover a place that the vehicle is at with a probability.
+
+    Args:
+        out: The estimate, in place: levels and covariance.
+        dx: From the estimate to the place, m.
+        dy: The same of the other axis.
+        p: P(the vehicle is there).
+        beyond: What the levels reach beyond it, m: in its direction, along the heading, across it.
+    """
+    c = math.cos(out.heading)
+    s = math.sin(out.heading)
+    out.protection_level = max(out.protection_level, math.sqrt(dx * dx + dy * dy) + beyond[0])
+    out.level_along = max(out.level_along, abs(c * dx + s * dy) + beyond[1])
+    out.level_across = max(out.level_across, abs(c * dy - s * dx) + beyond[2])
+    share = 0.5 * p
+    out.cov[0] += share * dx * dx
+    out.cov[1] += share * dx * dy
+    out.cov[3] += share * dy * dy
+
+
+@kernel
 def cover(state: Record, top: Record, out: Record, risk: float) -> None:
     """Let an estimate cover the places by odometry that it differs from by a fault.
 
@@ -295,16 +319,9 @@ def cover(state: Record, top: Record, out: Record, risk: float) -> None:
         away = math.sqrt(dx * dx + dy * dy)
         times = math.sqrt(2.0 * math.log(copy.p / risk))
         ex, ey = (dx / away, dy / away) if away > 0.0 else (1.0, 0.0)
-        reach = away + times * _sigma(copy, ex, ey)
-        out.protection_level = max(out.protection_level, reach)
-        along = abs(c * dx + s * dy) + times * _sigma(copy, c, s)
-        out.level_along = max(out.level_along, along)
-        across = abs(c * dy - s * dx) + times * _sigma(copy, -s, c)
-        out.level_across = max(out.level_across, across)
-        share = 0.5 * copy.p
-        out.cov[0] += share * dx * dx
-        out.cov[1] += share * dx * dy
-        out.cov[3] += share * dy * dy
+        sigmas = (_sigma(copy, ex, ey), _sigma(copy, c, s), _sigma(copy, -s, c))
+        beyond = (times * sigmas[0], times * sigmas[1], times * sigmas[2])
+        cover_place(out, dx, dy, copy.p, beyond)
 
 
 @kernel

@@ -19,7 +19,7 @@ from ..state import (
     normalise,
 )
 from .bias import age_receiver
-from .departure import note_departure
+from .departure import drives, note_departure
 from .diverging_track import follow_track, has_diverged, may_have_turned
 from .frequent_fixes import second_misfits
 from .inflation import (
@@ -63,7 +63,7 @@ _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _BENT = 0.12  # rad by which odometry that was never seen to turn may have turned the wrong way
-_DOPPLER, _STANDS = 1.0, 0.5  # m/s: sigma of a speed that was measured; a receiver that stands
+_DOPPLER = 1.0  # m/s, sigma of a speed that was measured
 _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
 _SEARCHED = 20.0  # s for which it is
@@ -94,8 +94,7 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
     par = ctx.par[0]
     white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
     axes = _axes(fix, white, 1.0)
-    moves = epoch.speed_sigma < _DOPPLER and epoch.speed > _STANDS + 3.0 * epoch.speed_sigma
-    if state.mode == WHEELS and (state.vetting.runs == 1 or moves):
+    if state.mode == WHEELS and (state.vetting.runs == 1 or drives(epoch)):
         innovations(belief, ctx, fix, axes)
         if misfit(belief, axes) > _SIDES * par.gnss_gate:
             return False

@@ -123,7 +123,7 @@ def _set_track(vetting: Record, seen: Seen) -> None:
     """The direction of the fixes, where they are as fast as the odometer."""
     if not seen.odometry or seen.fixes < needed(seen.sigma):
         return
-    if differ(seen.fixes, abs(seen.odometer), seen.sigma) <= 0:
+    if differ(seen.fixes, seen.odometer, seen.sigma) <= 0:
         vetting.track = seen.heading + 0.5 * seen.turn
         vetting.track_sigma = 2.0 * seen.sigma / seen.fixes + 0.5 * abs(seen.turn)
 
