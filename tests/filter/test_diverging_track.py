@@ -71,3 +71,17 @@ def test_a_turn_that_was_none_leads_nowhere(speed: float, by: float):
     error = np.hypot(*(columns(told.output, "x y") - np.column_stack([truth.x, truth.y])).T)
     assert error[at + 100 :].max() < 15.0
     assert told.p[at + 100 :].min() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_is_on_another_track_at_its_speed_is_looked_for_there(seed: int):
+    """Its odometry turned right, and fixes followed; then they are on the road straight on."""
+    right = drive_along([[0.0, -1.75], [598.25, -1.75], [598.25, -900.0]])
+    straight = drive_along([[0.0, -1.75], [1500.0, -1.75]])
+    n, at = len(right.time), 700
+    fix = gnss(right, sigma=2.0, seed=seed)
+    fix[at:] = gnss(straight, sigma=2.0, seed=seed)[at:n]
+    told = said(network(CROSS), epochs_of(right, fix, np.arange(0, n, 10), course=0.1), [[2], [6]])
+    assert told.p[at - 10, 1] > 0.99
+    assert told.p[at + 80, 1] < 0.6
+    assert told.p[at + 150 :, 0].min() > 0.9
