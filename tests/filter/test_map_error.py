@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from scenes import column, drive_along, epochs_of, gnss, localize, network
+from scenes import column, drive_along, epochs_of, gnss, localize, network, steps
 from whichroad.filter.state import CLOCK, WHEELS
 from whichroad.filter.summary.estimate import Output
 from whichroad.settings import Settings
@@ -77,3 +77,48 @@ def test_smoothing_knows_what_was_learnt():
     output = answer(25.0, smooth=True)
     assert nees(output) < 1.6
     assert output.rows.map_scale[-1] == answer(25.0).rows.map_scale[-1]
+
+
+def bent(tilt: float) -> np.ndarray:
+    """A line of 3 km that is turned to and fro by so much, over 300 m."""
+    x = np.arange(0.0, 3001.0, 10.0)
+    return np.column_stack([x, tilt * 300.0 / (2.0 * np.pi) * np.sin(2.0 * np.pi * x / 300.0)])
+
+
+@functools.cache
+def turned(tilt: float, spacing: float = 5.0) -> float:
+    """The learnt factor on variances of headings, where the line is not driven as it is drawn."""
+    drive = drive_along(np.array([[1.75, -400.0], [1.75, -1.75], [2980.0, -1.75]]))
+    every = np.arange(0, len(drive.time), 10)
+    epochs = epochs_of(drive, gnss(drive, sigma=REPORTED, seed=5, constant=80.0), every)
+    roads = network([[[0.0, -420.0], [0.0, 0.0]], bent(tilt)])
+    *_, (_, belief, _) = steps(roads, epochs, settings=Settings(map_spacing=spacing))
+    return float(belief.state[0].map.heading_factor)
+
+
+def test_headings_of_lines_that_are_turned_for_long_are_believed_less():
+    assert turned(0.0) == 1.0
+    assert turned(0.03) < 1.5
+    assert turned(0.12) > 3.0
+
+
+@pytest.mark.parametrize("spacing", [1.25, 10.0])
+def test_how_far_lines_are_turned_does_not_depend_on_how_often_it_is_asked(spacing: float):
+    assert turned(0.12, spacing) == pytest.approx(turned(0.12), rel=0.15)
+
+
+def test_what_is_not_known_of_the_mean_lasts():
+    """While it is learnt that the map is 25 m off, most of the variance is that of the mean."""
+    roads = network([np.array(s) + 25.0 * np.array([0.6, 0.8]) for s in STREETS])
+    fix = gnss(DRIVE, sigma=REPORTED, seed=3, constant=80.0)
+    rate = [b.state[0].map.rate for _, b, _ in steps(roads, epochs_of(DRIVE, fix, EVERY))]
+    assert rate[0] == 1.0
+    assert min(rate) < 0.5
+
+
+def test_of_odometry_that_has_not_turned_with_the_fixes_no_headings_are_learnt():
+    drive = drive_along(np.array([[20.0, -1.75], [900.0, -1.75]]))
+    every = np.arange(0, len(drive.time), 10)
+    epochs = epochs_of(drive, gnss(drive, sigma=REPORTED, seed=5, constant=80.0), every)
+    *_, (_, belief, _) = steps(network([bent(0.12)]), epochs)
+    assert belief.state[0].map.heading_factor == 1.0

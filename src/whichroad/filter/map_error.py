@@ -9,6 +9,8 @@ import math
 
 from .._compile import Record, kernel
 from .gnss.inflation import NEVER
+from .motion import keep_map
+from .road import INNOVATION, VARIANCE
 from .state import GX, GY, MX, MY, OFF_ROAD, START, WHEELS, Belief, Context, most_probable
 
 _PRIOR_GROWING = 0.2  # weight of map_sigma against what makes it larger, in lengths of the error,
@@ -21,6 +23,9 @@ _PRIOR_GOOD = 0.3  # and the weight of that before, in lengths
 _TOO_SMALL = 2.0  # times that a reported sigma may be too small on a good map
 _LIGHT = 1e-3  # weight below which a hypothesis says nothing
 _SURE = 0.8  # P of one hypothesis, from which on the error is learnt
+_WINDOW = 50.0  # m, over which what lasts of the headings' innovations is seen
+_PRIOR_HEADING = 3.0  # weight of edge_heading_sigma, in windows
+_MOST_HEADING = 16.0  # times its variance
 _RECENT = 10.0  # s without a fix, or with a misfit, from which on nothing is learnt
 
 
@@ -60,9 +65,13 @@ def least_factor(state: Record, par: Record) -> float:
 @kernel
 def forget_map(state: Record) -> None:
     """Begin: nothing is known of the map's error but what is usual."""
-    _forget(state.map, 0.0)
-    state.map.factor = state.map.local = state.map.prior = 1.0
-    state.map.whole[0] = state.map.whole[1] = 0.0
+    learnt = state.map
+    _forget(learnt, 0.0)
+    learnt.factor = learnt.local = learnt.prior = learnt.rate = learnt.heading_factor = 1.0
+    for a in range(2):
+        learnt.whole[a] = learnt.heading_energy[a] = 0.0
+    for a in range(3):
+        learnt.heading_window[a] = 0.0
 
 
 @kernel
@@ -94,12 +103,14 @@ def learn_map(belief: Belief, ctx: Context) -> None:
         return
     learnt = state.map
     share = state.since_map / par.map_length
-    kept = math.exp(-2.0 * share)
+    kept = keep_map(par, learnt.rate, state.since_map) ** 2
     learnt.prior = learnt.factor + kept * (learnt.prior - learnt.factor)
     _forget(learnt, math.exp(-share / _REMEMBERED))
     _add_errors(belief, par, share)
     _add_offsets(belief, par, share)
     _fit(learnt, par)
+    _learn_headings(belief)
+    learnt.rate = learnt.local * learnt.heading_factor / learnt.factor
     more = (learnt.factor - learnt.prior) * par.map_sigma**2
     if more > 0.0:
         for i in range(state.count):
@@ -223,6 +234,33 @@ def _fit(learnt: Record, par: Record) -> None:
     learnt.whole[1] = gain * (xx * learnt.towards[1] - xy * learnt.towards[0])
     learnt.local = local
     learnt.factor = local + 0.5 * gain * (xx + yy) / square
+
+
+@kernel(inline=True)
+def _learn_headings(belief: Belief) -> None:
+    """Learn how far the map's lines are turned, from what lasts of the headings' innovations.
+
+    Lines of a distorted map are turned for a hundred metres.  Innovations ν of variance s then
+    keep their sign over a window:
+
+        factor = (a + Σ factor (Σ ν)² / Σ s) / (a + windows), at least 1
+    """
+    learnt = belief.state[0].map
+    hyp = belief.hyp[most_probable(belief)]
+    if hyp.edge == OFF_ROAD or belief.state[0].vetting.tried == 0:
+        return
+    window, energy = learnt.heading_window, learnt.heading_energy
+    window[0] += belief.state[0].since_map
+    window[1] += hyp.scratch[INNOVATION]
+    window[2] += hyp.scratch[VARIANCE]
+    if window[0] < _WINDOW:
+        return
+    energy[0] += learnt.heading_factor * window[1] ** 2 / window[2]
+    energy[1] += 1.0
+    factor = (_PRIOR_HEADING + energy[0]) / (_PRIOR_HEADING + energy[1])
+    learnt.heading_factor = min(max(factor, 1.0), _MOST_HEADING)
+    for a in range(3):
+        window[a] = 0.0
 
 
 @kernel(inline=True)

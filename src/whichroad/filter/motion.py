@@ -324,9 +324,19 @@ class MapDecay(NamedTuple):
 
 
 @kernel
-def map_decay(par: Record, metres: float) -> MapDecay:
-    """φ over a distance (m): exp(−distance / length)."""
-    return MapDecay(math.exp(-metres / par.lane_length), math.exp(-metres / par.map_length))
+def map_decay(par: Record, rate: float, metres: float) -> MapDecay:
+    """φ over a distance (m): exp(−distance / length); `rate` is that of the map's error."""
+    return MapDecay(math.exp(-metres / par.lane_length), keep_map(par, rate, metres))
+
+
+@kernel
+def keep_map(par: Record, rate: float, metres: float) -> float:
+    """What is kept of the map's error over a distance (m): exp(−rate distance / length).
+
+    Its local part alone varies.  What is not known of its mean lasts, so the rate is the local
+    part's share of the variance.
+    """
+    return math.exp(-rate * metres / par.map_length)
 
 
 @kernel
@@ -381,7 +391,7 @@ def age_map(
     lane_sigma: float,
 ) -> None:  # fmt: skip
     """`decay_map` over a distance (m)."""
-    decay_map(mean, cov, par, usual, map_decay(par, metres), lane, lane_sigma)
+    decay_map(mean, cov, par, usual, map_decay(par, usual.rate, metres), lane, lane_sigma)
 
 
 @kernel

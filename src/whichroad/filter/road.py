@@ -35,6 +35,7 @@ _FORKS = 0.2, 0.4  # sine of the angle at which a road forks off, and no corner 
 _APART = 8.0  # m, between two roads from which on they are driven as they are drawn
 _FORK = 60.0  # m from a node, at most, until they are
 _HEADING, _SLOPE = range(2)  # scratch of a hypothesis
+INNOVATION, VARIANCE = 3, 4  # the same: of the heading of its road
 
 
 class RoadNoise(NamedTuple):
@@ -123,8 +124,8 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
     all hypotheses alike, by the weighted share that is near one.
     """
     par = ctx.par[0]
-    kept = map_decay(par, metres)
     usual = belief.state[0].map
+    kept = map_decay(par, usual.rate, metres)
     on = 0.0
     more_lateral = 0.0
     more_heading = 0.0
@@ -167,7 +168,7 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
     thin = _CORRELATION / max(metres, _LEAST_SPACING) if metres > 0.0 else 1.0
     return RoadNoise(
         thin * (par.relative_sigma**2 + more_lateral),
-        thin * (par.edge_heading_sigma**2 + more_heading),
+        thin * (par.edge_heading_sigma**2 * usual.heading_factor + more_heading),
         on,
     )
 
@@ -201,6 +202,7 @@ def _observe_road(
             row[X] = row[MX] = -slope * tx
             row[Y] = row[MY] = -slope * ty
             s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
+        hyp.scratch[INNOVATION], hyp.scratch[VARIANCE] = nu, s_heading
         misfit += nu * nu / s_heading
         s *= s_heading
     return misfit, s, across

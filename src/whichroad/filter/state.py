@@ -245,11 +245,11 @@ def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     hyp = records(capacity, HYPOTHESIS)
     hyp.edge = hyp.before = hyp.corner = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0
-    hyp.bound = NO_BOUND
-    hyp.path_entry = -1
+    hyp.bound, hyp.path_entry = NO_BOUND, -1
     state = records(1, FILTER)
     state.course_time = state.heading_time = -math.inf
-    state[0].map.factor = state[0].map.local = state[0].map.prior = 1.0
+    usual = state[0].map
+    usual.factor = usual.local = usual.rate = usual.prior = usual.heading_factor = 1.0
     state[0].still.age = -1.0
     state[0].separation.begun = state[0].separation.departure.since = -math.inf
     state[0].separation.reckoned["begun"] = -math.inf

@@ -62,6 +62,7 @@ STEP = np.dtype(
         ("pace", "f8"),  # of the vehicle between sparse fixes,
         ("speed_sigma", "f8"),  # and its spread (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
+        ("map_rate", "f8"),  # of it, what is drawn anew over map_length,
         ("map_mean", "f8", (2,)),  # and how far the map is off as a whole, m
     ],
     align=True,
@@ -266,6 +267,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.gnss_factor = state.gnss_factor
     step.pace, step.speed_sigma = state.driver.pace, state.driver.speed_sigma
     step.map_factor = state.map.factor
+    step.map_rate = state.map.rate
     for a in range(2):
         step.map_mean[a] = state.map.whole[a]
     pack_noise(history.reference[0].cov, history.since[0].plane_noise)

@@ -19,7 +19,7 @@ from ...graph.network import Roads
 from .._simd import N, add_times, set_times
 from ..along import ACROSS, CORNER_SIGMA
 from ..hypotheses.lane_offset import kept_lane
-from ..motion import Increment, Noise, keep_lane
+from ..motion import Increment, Noise, keep_lane, keep_map
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed
 from ..speed_process import speed_process
@@ -150,7 +150,7 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     f[D, D] = kept
     model.mu[D] = lane_mean(ctx, edge) + kept * (mean[D] - then_lane)
     q[D] = (1.0 - kept * kept) * sigma * sigma
-    kept = math.exp(-motion.map_aged / par.map_length)
+    kept = keep_map(par, then.map_rate, motion.map_aged)
     slower = max(1.0, math.sqrt(mean[GX] ** 2 + mean[GY] ** 2) / 3.0)
     gnss_kept = math.exp(-motion.gnss_aged / (par.gnss_time * slower))
     for a in (MX, MY):

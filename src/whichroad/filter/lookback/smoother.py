@@ -262,6 +262,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
     state.map.factor = then.map_factor
+    state.map.rate = then.map_rate
     state.map.whole[0] = then.map_mean[0]
     state.map.whole[1] = then.map_mean[1]
 
