@@ -16,7 +16,7 @@ from whichroad.filter.gaussian import condition
 from whichroad.filter.gnss.bias import age_receiver
 from whichroad.filter.gnss.noise import _average_energy, update_root
 from whichroad.filter.gnss.position import Axes, innovations, observe_position, observe_rate
-from whichroad.filter.motion import age_bias
+from whichroad.filter.slow_states import age_bias
 from whichroad.filter.state import GX, GY, OFF_ROAD, Belief, Context, K, N, X, Y, normalise
 from whichroad.settings import Settings
 

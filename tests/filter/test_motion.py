@@ -13,10 +13,7 @@ from whichroad.filter.hypotheses.lane_offset import change_lane, redraw_lane
 from whichroad.filter.motion import (
     Increment,
     Noise,
-    age_bias,
-    age_map,
     arc_chord,
-    decay,
     extrapolated,
     increment_of,
     predict_plane,
@@ -24,6 +21,7 @@ from whichroad.filter.motion import (
     turn_by_road,
     wheel_noise,
 )
+from whichroad.filter.slow_states import age_bias, age_map, decay
 from whichroad.filter.state import (
     GX,
     GY,

@@ -21,8 +21,8 @@ from scenes import (
 )  # fmt: skip
 from strategies import UNITS, random_gaussian, seeds
 from whichroad.filter.gnss.position import Axes, observe_position
-from whichroad.filter.motion import age_map
 from whichroad.filter.road import observe_map
+from whichroad.filter.slow_states import age_map
 from whichroad.filter.state import (
     BESIDE_SIGMA,
     GX,

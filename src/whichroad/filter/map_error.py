@@ -9,8 +9,8 @@ import math
 
 from .._compile import Record, kernel
 from .gnss.inflation import NEVER
-from .motion import keep_map
 from .road import INNOVATION, VARIANCE
+from .slow_states import keep_map
 from .state import GX, GY, MX, MY, OFF_ROAD, START, WHEELS, Belief, Context, most_probable
 
 _PRIOR_GROWING = 0.2  # weight of map_sigma against what makes it larger, in lengths of the error,

@@ -21,8 +21,8 @@ from ..graph.geometry import (
 from ..graph.network import Roads, is_at_node
 from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
-from .motion import decay_map, map_decay
 from .one_course import ROWS, weigh_rows
+from .slow_states import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one

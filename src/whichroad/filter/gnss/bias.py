@@ -3,7 +3,7 @@
 import math
 
 from ..._compile import Record, kernel
-from ..motion import age_bias
+from ..slow_states import age_bias
 from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context
 
 FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..._compile import Record, Vector, kernel
 from ...graph.geometry import project, wrap
 from ..map_error import least_factor
-from ..motion import age_bias
+from ..slow_states import age_bias
 from ..state import (
     GX,
     GY,

@@ -1,7 +1,7 @@
 """The lane offset where a road is left for another one."""
 
 from ..._compile import Matrix, Vector, kernel
-from ..motion import decay
+from ..slow_states import decay
 from ..state import D, N, X, Y
 
 _FORKS, _PARTS = 0.2, 0.3  # rad, turns up to which a road runs on, and from which it forks off

@@ -19,7 +19,8 @@ from ...graph.network import Roads
 from .._simd import N, add_times, set_times
 from ..along import ACROSS, CORNER_SIGMA
 from ..hypotheses.lane_offset import kept_lane
-from ..motion import Increment, Noise, keep_lane, keep_map
+from ..motion import Increment, Noise
+from ..slow_states import keep_lane, keep_map
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed
 from ..speed_process import speed_process

@@ -10,8 +10,9 @@ from ...graph.labels import Search
 from .._simd import N
 from ..gaussian import condition
 from ..hypotheses.lane_offset import redraw_lane
-from ..motion import Noise, add_across, age_map, decay, predict_road
+from ..motion import Noise, add_across, predict_road
 from ..road import track
+from ..slow_states import age_map, decay
 from ..speed_process import SpeedProcess
 from ..state import (
     MX,

@@ -15,9 +15,9 @@ from ...graph.route_search import set_goals
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
 from ..hypotheses.branching import own_all
 from ..lookback.history import History
-from ..motion import decay
 from ..records import Epoch
 from ..road import track
+from ..slow_states import decay
 from ..state import (
     CAPACITY,
     MX,
