@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from laws.drives import said
-from scenes import brake, columns, drive_along, epochs_of, gnss, network, straight_road
+from scenes import (
+    brake,
+    columns,
+    drive_along,
+    epochs_of,
+    gnss,
+    localize,
+    network,
+    straight_road,
+)
 from whichroad.filter.state import DISTANCE, WHEELS
 
 STOP, STOOD = 600, 200  # epochs, ten a second: when it comes to rest, and for how long
@@ -35,9 +43,9 @@ def at_a_stop(seed: int, *, stuck: bool, speeds: bool, drift: float = 0.0):
     return stood, epochs
 
 
-def beyond(truth, epochs, mode: int):
+def beyond(truth, epochs, mode: int, lag: str | None = None):
     """Whether each epoch's error exceeds its level, the levels, and the P of being off the map."""
-    output = said(network(straight_road()), epochs, mode=mode).output
+    output = localize(network(straight_road()), epochs, mode=mode, lag=lag).output
     x, y, level, off = columns(output, "x y protection_level p_off_road").T
     return np.hypot(x - truth.x, y - truth.y) > level, level, off
 
@@ -48,6 +56,14 @@ def beyond(truth, epochs, mode: int):
 def test_the_level_covers_a_vehicle_that_has_driven_off(mode: int, seed: int, speeds: bool):
     """It is 70 m away when the counters are found out: the level is exceeded for a second."""
     exceeded, _, off = beyond(*at_a_stop(seed, stuck=True, speeds=speeds), mode)
+    assert exceeded[STOP:].sum() <= 10
+    assert off[OFF + 60] > 0.05
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@pytest.mark.parametrize("seed", range(4))
+def test_smoothing_covers_it_too(mode: int, seed: int):
+    exceeded, _, off = beyond(*at_a_stop(seed, stuck=True, speeds=True), mode, "full")
     assert exceeded[STOP:].sum() <= 10
     assert off[OFF + 60] > 0.05
 

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 from ..._compile import Array, Record, Records, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import plane_scale, records
-from .._simd import N, add_times, new_row, scale_by, set_times, set_to
+from .._simd import N, add_times, copy_record, new_row, scale_by, set_times, set_to
 from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
@@ -261,6 +261,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.elsewhere[1] = then.elsewhere[1]
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
+    copy_record(state.separation.departure, then.departure)
     state.map.factor = then.map_factor
     state.map.rate = then.map_rate
     state.map.whole[0] = then.map_mean[0]
