@@ -68,8 +68,7 @@ def forget_map(state: Record) -> None:
     learnt = state.map
     _forget(learnt, 0.0)
     learnt.factor = learnt.local = learnt.prior = learnt.rate = learnt.heading_factor = 1.0
-    for a in range(2):
-        learnt.whole[a] = learnt.heading_energy[a] = 0.0
+    learnt.whole[0] = learnt.whole[1] = 0.0
     for a in range(3):
         learnt.heading_window[a] = 0.0
 
@@ -125,6 +124,7 @@ def _forget(learnt: Record, kept: float) -> None:
     for a in range(2):
         learnt.energy[a] *= kept
         learnt.towards[a] *= kept
+        learnt.heading_energy[a] *= kept
     for a in range(3):
         learnt.information[a] *= kept
         learnt.moments[a] *= kept
@@ -243,7 +243,7 @@ def _learn_headings(belief: Belief) -> None:
     Lines of a distorted map are turned for a hundred metres.  Innovations ν of variance s then
     keep their sign over a window:
 
-        factor = (a + Σ factor (Σ ν)² / Σ s) / (a + windows), at least 1
+        factor = (a + Σ factor (Σ ν)² / Σ s) / (a + windows), from 1 to 16
     """
     learnt = belief.state[0].map
     hyp = belief.hyp[most_probable(belief)]
