@@ -80,10 +80,23 @@ DEPARTURE = np.dtype(  # a fix that has left a vehicle whose odometer stands, se
     align=True,
 )
 
+ROADS_LEFT = np.dtype(  # roads that were left while no fix came, see `filter.roads_left`
+    [
+        ("known", "u1"),  # 1: since the last fix the vehicle was on roads for sure
+        ("doubted", "u1"),  # 1: the motion may be wrong
+        ("odds", "f8"),  # log-odds that it is
+        ("place", "f8", (2,)),  # where it was so last, m, plane
+        ("metres", "f8"),  # driven since then
+        ("seen", "f8"),  # m since the last fix, until now
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
         ("departure", DEPARTURE),
+        ("roads", ROADS_LEFT),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

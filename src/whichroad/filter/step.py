@@ -33,6 +33,7 @@ from .motion import (
     wheel_noise,
 )
 from .road import observe_map
+from .roads_left import watch_roads
 from .silent_wheels import roam
 from .sparse.candidates import learn_driver
 from .sparse.routing import transit, truncate_to_edges
@@ -90,6 +91,7 @@ def step(
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
     watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
+    watch_roads(belief, ctx)
     _estimate_speed(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
         store(belief, history, k, state.changed == 1, ctx.par[0].off_road_leave)

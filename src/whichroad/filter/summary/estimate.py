@@ -12,6 +12,7 @@ from ..gnss.departure import cover_departure, p_departed
 from ..gnss.separation import cover
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
+from ..roads_left import cover_way, p_turned_wrong
 from ..state import (
     MX,
     MY,
@@ -131,6 +132,7 @@ def describe(
     if not ctx.par[0].paper:
         cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
         cover_departure(state, out, ctx.par[0].protection_risk)
+        cover_way(state, out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -183,7 +185,7 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     lost = LOST_UNKNOWN if state.misfits >= _MISFITS else 0.0
     departed = min(p_departed(state), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
-    return float(max(least, state.elsewhere[0], lost, departed))
+    return float(max(least, state.elsewhere[0], lost, departed, p_turned_wrong(state)))
 
 
 @kernel
