@@ -71,7 +71,6 @@ def run_again(
             roads, timeline, belief, path, ctx, output, vehicle=vehicle, settings=settings,
             start=start,
         )  # fmt: skip
-    known = 1.0 - float(par.unknown[0])
 
     def epochs() -> Iterator[Gaussians]:
         nonlocal path
@@ -85,6 +84,7 @@ def run_again(
                 path = _larger(path)
                 step = run.bind(belief, path, history, timeline.epochs, output, ctx, ..., ...)
             g = int(state["count"][0])
+            known = 1.0 - float(state["ranking"]["unknown"][0])
             p = known * hyp["weight"][:g]
             if g:
                 yield Gaussians(
