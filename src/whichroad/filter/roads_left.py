@@ -13,8 +13,8 @@ from .state import CLOCK, Belief, Context, X, Y, most_probable
 
 _SURE = 0.01  # P(off the roads) up to which their place is known
 _LEFT = 0.5  # and from which on they are left
-_EVEN = 0.0  # log-odds of wrong motion then
-_FORGOTTEN = -7.0  # and below which it is doubted no longer
+_FORGOTTEN = -7.0  # log-odds of wrong motion, below which it is doubted no longer
+_ANY_TURN = 1.0  # rad², of a heading by turns that may have been lost
 
 
 @kernel
@@ -49,7 +49,7 @@ def watch_roads(belief: Belief, ctx: Context) -> None:
         left.known = 1
     elif left.known == 1 and off > _LEFT and state.time - state.last_fix > ctx.par[0].outage_after:
         left.doubted = 1
-        left.odds = _EVEN
+        left.odds = 0.0
 
 
 @kernel
@@ -64,7 +64,7 @@ def cover_way(state: Record, out: Record, risk: float) -> None:
     """Let an estimate cover all places that the way since the roads could have led to.
 
     These are within the distance s driven from the place where they were left: with the variance
-    ¼ s² of each axis, as all over a disc.
+    ¼ s² of each axis, as all over a disc.  The heading may be off by a radian.
 
     Args:
         state: With the way.
@@ -82,4 +82,4 @@ def cover_way(state: Record, out: Record, risk: float) -> None:
     cover_place(out, dx, dy, p, beyond)
     out.cov[0] += 0.25 * p * way * way
     out.cov[3] += 0.25 * p * way * way
-    out.cov[5] += p
+    out.cov[5] += p * _ANY_TURN
