@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 UNITS = np.array([5.0, 5.0, 0.2, 0.02, 1e-3, 2.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0])
 
 angles = st.floats(-50.0, 50.0)
-seeds = st.integers(0, 2**32 - 1)
+# not `integers`: it also draws the constants of whatever modules are loaded, and so depends on
+# which tests run beside
+seeds = st.sampled_from(range(2**16))
 
 
 class Gaussian(NamedTuple):

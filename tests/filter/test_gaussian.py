@@ -134,7 +134,8 @@ def test_a_place_along_a_road_is_reshaped_as_by_its_row(seed: int):
 
 @given(st.floats(-50.0, 50.0))
 def test_the_distribution_function_is_scipy_s(z: float):
-    assert normal_cdf(z) == pytest.approx(stats.norm.cdf(z), abs=2e-16)
+    """To two units in the last place, of which either may have one."""
+    assert normal_cdf(z) == pytest.approx(stats.norm.cdf(z), abs=2.3e-16)
 
 
 @given(seeds, st.permutations(range(4)))

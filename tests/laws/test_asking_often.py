@@ -224,9 +224,10 @@ def test_a_junction_is_passed_by_as_much_at_1_hz_as_at_10_hz_by_fixes_alone():
         WHEELS,
         pytest.param(DISTANCE, marks=pytest.mark.xfail(
             strict=True, reason="sigma differs by 2 % in most drives, and by more than 5 in a "
-            "twentieth of them (up to 11; P by 0.003 on average)")),
+            "twelfth of them (up to 12; P by 0.003 on average)")),
     ],
 )  # fmt: skip
+@example(seed=7)  # the worst of 60
 @given(seed=seeds)
 @law
 def test_odometry_read_five_times_as_often_says_the_same_in_a_town(mode: int, seed: int):

@@ -63,6 +63,7 @@ def _save(figure: Figure, out: Path, name: str) -> list[Path]:
     """As PNG and as SVG; the same picture is the same file."""
     png, svg = out / f"{name}.png", out / f"{name}.svg"
     FigureCanvasAgg(figure).print_figure(png, dpi=DPI)
+    figure.set_layout_engine("none")  # what was laid out stays where it is
     figure.savefig(svg, format="svg", metadata={"Date": None})
     return [png, svg]
 
