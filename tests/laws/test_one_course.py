@@ -1,5 +1,7 @@
 """Lines above each other are drawings of one course: which of them fits better tells little."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -41,3 +43,26 @@ def test_lines_drawn_by_hand_above_each_other_are_seldom_told_apart():
 @pytest.mark.parametrize("mode", [WHEELS, CLOCK])
 def test_roads_that_lie_apart_are_told_apart(mode: int):
     assert min(p_first(10.0, BY_HAND, seed, mode) for seed in range(10)) > 0.9
+
+
+def p_behind_a_fork(degrees: float, metres: float, cuts: tuple[float, ...] = ()) -> float:
+    """P of the branch driven by wheels, so many metres behind a fork; cut where it runs on."""
+    side = np.radians(degrees)
+    ahead = [[FORK + s * np.cos(side), -s * np.sin(side)] for s in (0.0, *cuts, 400.0)]
+    roads = network(
+        [[[0.0, 0.0], [FORK, 0.0]], [[FORK, 0.0], [FORK + 400.0, 0.0]], *map(list, pairwise(ahead))]
+    )
+    truth = drive_along([[200.0, -1.75], [FORK, -1.75], [ahead[-1][0], ahead[-1][1] - 1.75]])
+    at = np.arange(0, len(truth.time), 10)
+    fix = gnss(truth, sigma=1.5, seed=1)
+    groups = [[2, 3], list(range(4, 4 + 2 * (1 + len(cuts))))]
+    answer = said(roads, sensed(truth, fix, at[truth.x[at] < FORK - 50.0], WHEELS), groups)
+    k = np.searchsorted(truth.s, FORK - 200.0 + metres)
+    return float(answer.p[k, 1] / answer.p[k].sum())
+
+
+def test_branches_of_a_fork_are_no_drawings_of_one_course():
+    """By the wheels' turn alone, 40 m behind a fork of 4 degrees, however its exit is cut."""
+    p = [p_behind_a_fork(4.0, 40.0, cuts) for cuts in ((), (12.0,), (10.0, 30.0))]
+    assert min(p) > 0.9
+    assert np.ptp(p) < 0.002

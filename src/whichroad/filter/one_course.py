@@ -7,13 +7,16 @@ Which of them fits better is chance then, and says nothing.
 
 import math
 
-from .._compile import kernel
-from ..graph.geometry import project
+from .._compile import Record, kernel
+from ..graph.geometry import locate, project
+from ..graph.network import Roads, backwards, onwards
 from .state import MX, MY, OFF_ROAD, Belief, Context, X, Y
 
 ROWS = 2  # scratch of a hypothesis: log-likelihood of its road's rows
 _ALIKE = 50.0  # prior odds of lines that are as good as equal: they are one course
 _POINTS = 50.0  # m, from point to point of a line that is drawn by hand
+_PART = 4.24  # relative_sigma, by which points of two roads are apart: three sigmas of it
+_FORK = 60.0  # m behind a node, for which roads that part there are near each other
 _FACES = 0.9  # cosine of the angle between lines, from which they may be
 _NEAR = 15.0  # m along the road, within which hypotheses are at one place
 
@@ -76,6 +79,9 @@ def _p_one_course(belief: Belief, ctx: Context, i: int, top: int) -> float:
 
         χ²            = (d² + ½ (50 m α)²) / 2σ²
         P(one course) = 1 / (1 + 0.02 e^(½ χ²))
+
+    Roads that have just parted at a node have a course each, if they are surely apart 50 m behind
+    it.  So have a road and the one before.
     """
     hyp, best = belief.hyp[i], belief.hyp[top]
     tx, ty = best.tangent
@@ -96,5 +102,58 @@ def _p_one_course(belief: Belief, ctx: Context, i: int, top: int) -> float:
     _, _, here, tx, ty = project(ctx.roads, best.edge, best.segment, x, y)
     across = (there - here) / scale
     turned = _POINTS * (tx * uy - ty * ux)
-    chi2 = 0.5 * (across * across + 0.5 * turned * turned) / ctx.par[0].relative_sigma ** 2
+    sigma = ctx.par[0].relative_sigma
+    chi2 = 0.5 * (across * across + 0.5 * turned * turned) / sigma**2
+    if _part(ctx.roads, hyp, best, _PART * sigma * scale):
+        return 0.0
     return 1.0 / (1.0 + math.exp(min(0.5 * chi2, 500.0)) / _ALIKE)
+
+
+@kernel
+def _part(roads: Roads, one: Record, other: Record, apart: float) -> bool:
+    """Whether two roads part at a node that is less than 60 m behind, or one begins at the other.
+
+    Args:
+        roads: The network.
+        one: A hypothesis.
+        other: Another one.
+        apart: Between points of them 50 m behind the node, from which on they part, plane m.
+    """
+    first, second = _first_edge(roads, one), _first_edge(roads, other)
+    if first >= 0 and roads.edges[first].from_node == roads.edges[other.edge].to_node:
+        return True
+    if second >= 0 and roads.edges[second].from_node == roads.edges[one.edge].to_node:
+        return True
+    if first < 0 or second < 0 or first == second:
+        return False
+    if roads.edges[first].from_node != roads.edges[second].from_node:
+        return False
+    ax, ay = _point_on(roads, first)
+    bx, by = _point_on(roads, second)
+    return math.hypot(ax - bx, ay - by) > apart
+
+
+@kernel
+def _first_edge(roads: Roads, hyp: Record) -> int:
+    """The edge with which the road of a hypothesis begins; -1: more than 60 m behind."""
+    edge, s = int(hyp.edge), hyp.along
+    before = backwards(roads, edge)
+    while before >= 0 and s <= _FORK:
+        edge = before
+        s += roads.edges[edge].length
+        before = backwards(roads, edge)
+    return edge if s <= _FORK else -1
+
+
+@kernel
+def _point_on(roads: Roads, edge: int) -> tuple[float, float]:
+    """The point of a road 50 m behind its begin, or its end, plane m."""
+    s = _POINTS
+    after = onwards(roads, edge)
+    while after >= 0 and s > roads.edges[edge].length:
+        s -= roads.edges[edge].length
+        edge = after
+        after = onwards(roads, edge)
+    road = roads.edges[edge]
+    _, x, y, _, _ = locate(roads, edge, road.first_vertex, min(s, road.length))
+    return x, y
