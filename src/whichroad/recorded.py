@@ -130,7 +130,7 @@ def localize_recorded(
     vetting = belief.state.vetting[0].copy()
     further = further_findings(timeline.sensors, belief.state.sensors[0])
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
-    off = map_error_of(belief, settings.map_sigma, roads.plane)
+    off = map_error_of(belief, settings, roads.plane)
     fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off)
 
     named = takeover_findings(timeline.takeover)

@@ -12,7 +12,7 @@ from ..filter.state import CLOCK
 from ..filter.summary.estimate import Output
 from ..settings import Settings, Vehicle
 from .finding import Finding as Finding
-from .map_offset import MapError, map_finding
+from .map_offset import MapError, headings_finding, offset_finding
 from .sensors import sensor_findings
 from .statistics import ConsistencyStatistics, rows_of
 
@@ -55,10 +55,14 @@ def findings(
     by those before, so that it is not judged as long as those do not fit.
     """
     withheld = () if vetting is None else sensor_findings(vetting)
-    if withheld or statistics.moving < _LEAST:
+    if withheld:
         return withheld
+    turned = headings_finding(map_error, statistics.settings)
+    if statistics.moving < _LEAST:
+        return turned
     found = _wheels(statistics) or _shift(statistics)
-    return tuple(found or map_finding(map_error) or _map(statistics) or _gnss(statistics))
+    of_map = offset_finding(map_error) + turned
+    return tuple(found or of_map or _map(statistics) or _gnss(statistics))
 
 
 def _wider(statistics: ConsistencyStatistics, band: float) -> float:

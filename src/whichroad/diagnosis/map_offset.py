@@ -1,14 +1,17 @@
-"""How far the map is off, as a drive with wheels has shown."""
+"""How far the map is off and its lines are turned, as a drive with wheels has shown."""
 
 import math
 from typing import NamedTuple
 
 from ..filter.state import WHEELS, Belief, X, Y, most_probable
+from ..geodesy.angles import degrees
 from ..geodesy.plane import Plane
+from ..settings import Settings
 from .finding import Finding
 
 _FAR = 8.0  # m off as a whole, from which on a map is named
 _SURE = 2.5  # and that in sigmas
+_TURNED = 2.0  # times `edge_heading_sigma`, from which on lines are named
 _SHORT = 0.01  # lengths of the local error, a way on which nothing of it averages out
 _QUARTERS = (
     "north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west",
@@ -22,6 +25,7 @@ class MapError(NamedTuple):
     north_m: float
     sigma_m: float  # of these
     local_m: float  # about these, 1 sigma of each axis
+    heading_deg: float  # of its lines, 1 sigma, as turns of the odometry show it
 
     @property
     def distance(self) -> float:
@@ -29,14 +33,14 @@ class MapError(NamedTuple):
         return math.hypot(self.east_m, self.north_m)
 
 
-def map_error_of(belief: Belief, map_sigma: float, plane: Plane) -> MapError | None:
+def map_error_of(belief: Belief, settings: Settings, plane: Plane) -> MapError | None:
     """What a filter has learnt of the map's error; None: without wheels nothing is.
 
     What is local does not average out over a short way, so the sigma of the whole has a part of it.
 
     Args:
         belief: The filter's.
-        map_sigma: Of the settings, m.
+        settings: The filter's.
         plane: The map's.
     """
     state = belief.state[0]
@@ -50,13 +54,15 @@ def map_error_of(belief: Belief, map_sigma: float, plane: Plane) -> MapError | N
     mean, local = max(float(learnt.factor - learnt.local), 0.0), float(learnt.local)
     way = float(learnt.moments[0])  # lengths for which a local error lasts
     left = 2.0 * (way - 1.0 + math.exp(-way)) / way**2 if way > _SHORT else 1.0
+    sigma = settings.map_sigma
     return MapError(
-        c * x + s * y, c * y - s * x, map_sigma * math.sqrt(mean + left * local),
-        map_sigma * math.sqrt(local),
+        c * x + s * y, c * y - s * x, sigma * math.sqrt(mean + left * local),
+        sigma * math.sqrt(local),
+        float(degrees(settings.edge_heading_sigma * math.sqrt(learnt.heading_factor))),
     )  # fmt: skip
 
 
-def map_finding(error: MapError | None) -> tuple[Finding, ...]:
+def offset_finding(error: MapError | None) -> tuple[Finding, ...]:
     """A map that is surely far off as a whole is named."""
     if error is None:
         return ()
@@ -71,5 +77,23 @@ def map_finding(error: MapError | None) -> tuple[Finding, ...]:
             f"the map lies {error.distance:.0f} m {where} of the fixes; this is learnt, and no "
             "setting is needed; if other drives say the same, correct the map, else the "
             "receiver's datum or its base station",
+        ),
+    )  # fmt: skip
+
+
+def headings_finding(error: MapError | None, settings: Settings) -> tuple[Finding, ...]:
+    """A map whose lines are turned against how the vehicle turns is named."""
+    if error is None:
+        return ()
+    usual = degrees(settings.edge_heading_sigma)
+    band = _TURNED * usual
+    if error.heading_deg <= band:
+        return ()
+    return (
+        Finding(
+            "map headings", "warning", error.heading_deg, 0.0, band,
+            f"roads turn by {error.heading_deg:.0f} degrees (1 sigma) other than the vehicle does, "
+            f"for tens of metres; {usual:.0f} are usual; this is learnt, and no setting is needed; "
+            "the map is distorted or drawn roughly there: compare it with imagery",
         ),
     )  # fmt: skip

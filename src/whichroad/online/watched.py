@@ -64,5 +64,5 @@ class Watched:
         named = takeover_findings(self._gyro.takeover)
         if named:  # settings are not judged by sensors that are wrong
             return (*further, *named, *sensor_findings(state.vetting))
-        off = map_error_of(belief, self._statistics.settings.map_sigma, self.roads.plane)
+        off = map_error_of(belief, self._statistics.settings, self.roads.plane)
         return (*further, *findings(self._statistics, state.vetting, off))
