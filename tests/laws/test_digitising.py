@@ -1,5 +1,6 @@
 """However a road is drawn, in few pieces or many, it is as probable as it is."""
 
+import functools
 from itertools import pairwise
 
 import numpy as np
@@ -130,12 +131,16 @@ def nodes_change(mode: int, par: Settings, seed: int) -> float:
 def test_nodes_along_one_of_two_parallel_roads_change_its_probability_by_a_hundredth(
     mode: int, par: Settings
 ):
-    """In 29 drives of 30, and in none by more than two."""
-    by = np.sort([nodes_change(mode, par, seed) for seed in range(30)])
-    assert by[-2] <= A_HUNDREDTH
-    assert by[-1] <= 2.0 * A_HUNDREDTH
+    assert max(nodes_change(mode, par, seed) for seed in range(33)) <= A_HUNDREDTH
 
 
+@pytest.mark.xfail(strict=True, reason="in one drive of a hundred by more: 0.0183 and 0.0102")
+@pytest.mark.parametrize(("mode", "seed"), [(WHEELS, 101), (DISTANCE, 808)])
+def test_nodes_change_the_probability_of_no_drive_by_more_than_a_hundredth(mode: int, seed: int):
+    assert nodes_change(mode, LEARNT, seed) <= A_HUNDREDTH
+
+
+@functools.cache
 def stubs_change(mode: int, seed: int) -> float:
     """By how much stubs along one of two parallel roads change the other's probability."""
     rng = np.random.default_rng(seed)
@@ -152,14 +157,17 @@ def stubs_change(mode: int, seed: int) -> float:
     return float(np.abs(with_them.p_of(full, 1) - without.p_of(bare, 1)).max())
 
 
+@pytest.mark.xfail(strict=True, reason="stubs are junctions, near which rows say less: 0.07")
 @MODES
 def test_stubs_along_one_of_two_parallel_roads_change_the_others_probability_by_a_hundredth(
     mode: int,
 ):
-    """In nine drives of ten, and by a tenth at most: near junctions rows say less."""
-    by = np.sort([stubs_change(mode, seed) for seed in range(30)])
-    assert by[-4] <= A_HUNDREDTH
-    assert by[-1] <= 10.0 * A_HUNDREDTH
+    assert max(stubs_change(mode, seed) for seed in range(30)) <= A_HUNDREDTH
+
+
+@MODES
+def test_stubs_do_so_in_all_drives_but_one_of_thirty(mode: int):
+    assert sorted(stubs_change(mode, seed) for seed in range(30))[-2] <= A_HUNDREDTH
 
 
 @pytest.mark.parametrize("node", [0.0, 2.0, 10.0, 40.0])

@@ -15,8 +15,8 @@ from .state import MX, MY, OFF_ROAD, Belief, Context, X, Y
 ROWS = 2  # scratch of a hypothesis: log-likelihood of its road's rows
 _ALIKE = 50.0  # prior odds of lines that are as good as equal: they are one course
 _POINTS = 50.0  # m, from point to point of a line that is drawn by hand
-_PART = 4.24  # relative_sigma, by which points of two roads are apart: three sigmas of it
-_FORK = 60.0  # m behind a node, for which roads that part there are near each other
+_PART = 4.24  # times relative_sigma: three sigmas of the distance between points of two lines
+_FORK = 60.0  # m past a node, for which roads that part there are near each other
 _FACES = 0.9  # cosine of the angle between lines, from which they may be
 _NEAR = 15.0  # m along the road, within which hypotheses are at one place
 
@@ -80,8 +80,8 @@ def _p_one_course(belief: Belief, ctx: Context, i: int, top: int) -> float:
         χ²            = (d² + ½ (50 m α)²) / 2σ²
         P(one course) = 1 / (1 + 0.02 e^(½ χ²))
 
-    Roads that have just parted at a node have a course each, if they are surely apart 50 m behind
-    it.  So have a road and the one before.
+    Roads that have just parted at a node have a course each, if they are surely apart 50 m past
+    it.  So have a road and the one that leads to it.
     """
     hyp, best = belief.hyp[i], belief.hyp[top]
     tx, ty = best.tangent
@@ -111,13 +111,13 @@ def _p_one_course(belief: Belief, ctx: Context, i: int, top: int) -> float:
 
 @kernel
 def _part(roads: Roads, one: Record, other: Record, apart: float) -> bool:
-    """Whether two roads part at a node that is less than 60 m behind, or one begins at the other.
+    """Whether two roads have parted at a node in the last 60 m, or one leads to the other.
 
     Args:
         roads: The network.
         one: A hypothesis.
         other: Another one.
-        apart: Between points of them 50 m behind the node, from which on they part, plane m.
+        apart: Distance between their points 50 m past the node, beyond which they part, plane m.
     """
     first, second = _first_edge(roads, one), _first_edge(roads, other)
     if first >= 0 and roads.edges[first].from_node == roads.edges[other.edge].to_node:
@@ -135,7 +135,7 @@ def _part(roads: Roads, one: Record, other: Record, apart: float) -> bool:
 
 @kernel
 def _first_edge(roads: Roads, hyp: Record) -> int:
-    """The edge with which the road of a hypothesis begins; -1: more than 60 m behind."""
+    """The edge with which the road of a hypothesis begins; -1: more than 60 m ago."""
     edge, s = int(hyp.edge), hyp.along
     before = backwards(roads, edge)
     while before >= 0 and s <= _FORK:
@@ -147,7 +147,7 @@ def _first_edge(roads: Roads, hyp: Record) -> int:
 
 @kernel
 def _point_on(roads: Roads, edge: int) -> tuple[float, float]:
-    """The point of a road 50 m behind its begin, or its end, plane m."""
+    """The point of a road 50 m past its start, or its end, plane m."""
     s = _POINTS
     after = onwards(roads, edge)
     while after >= 0 and s > roads.edges[edge].length:
