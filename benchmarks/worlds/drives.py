@@ -15,7 +15,7 @@ from whichroad import Vehicle
 
 from . import scoring
 from .drivers import Truth, make_drives
-from .faults import FAULTS, Event, draw_events, suite_of
+from .faults import FAULTS, Event, draw_events, has, suite_of
 from .maps import Chart, draw_map
 from .nets import EXTRACTS, PLACES, Net, make_net
 from .receivers import ANTENNA, Fixes, absent, receive
@@ -158,6 +158,8 @@ def sense(
         odometry = measure_yaw(truth, of_odometry, random)
     elif suite == "odometer":
         odometry = measure_distance(truth, of_odometry, random)
+    if not told and has(about[1], "zeros"):
+        fixes.speed[:] = 0.0
     if told:
         fixes, odometry = withhold(fixes, odometry, [*about[0], *about[1]])
     return suite, [*about[0], *about[1], *world.map_faults], fixes, odometry

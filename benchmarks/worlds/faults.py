@@ -72,6 +72,15 @@ FAULTS = {
     "gyro_bias": Fault("odometry", 0.1, WHOLE, 1, "bias of 1 to 6 mrad/s that walks", "yaw"),
     "yaw_sign": Fault("odometry", 0.01, WHOLE, 1, "yaw rate of the other sign", "yaw"),
     "yaw_degrees": Fault("odometry", 0.01, WHOLE, 1, "deg/s read as rad/s", "yaw"),
+    # tables that are filled wrongly
+    "zeros": Fault("odometry", 0.0, WHOLE, 1, "odometry and receiver's speed always 0", _ODOMETRY),
+    "backwards": Fault("odometry", 0.0, WHOLE, 1, "distances count backwards", _ODOMETRY),
+    "no_turn": Fault(
+        "odometry", 0.0, WHOLE, 1, "both wheels the same, or yaw rate 0", "wheels yaw"
+    ),
+    "odometry_kmh": Fault("odometry", 0.0, WHOLE, 1, "km/h read as m/s", _ODOMETRY),
+    "speed_10": Fault("receiver", 0.0, WHOLE, 1, "speed always 10 m/s", _DOPPLER),
+    "late": Fault("receiver", 0.0, WHOLE, 1, "times of fixes 1 s late", _ODOMETRY),
     # maps
     "shift": Fault("map", 0.1, WHOLE, 1, "10 to 30 m off as a whole"),
     "warp": Fault("map", 0.15, WHOLE, 1, "5 to 8 m over some 300 m"),

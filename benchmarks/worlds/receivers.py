@@ -72,8 +72,9 @@ def receive(
     silent = during(time, events, "outage") | _before_jump(time, events)
     silent |= random.random(len(time)) < 0.003
     keep = ~silent & ~np.isnan(measured[:, 0])
+    late = 1.0 if has(events, "late") else 0.0
     return Fixes(
-        fixes.time[keep], fixes.x[keep], fixes.y[keep], fixes.cov[keep], fixes.speed[keep],
+        fixes.time[keep] + late, fixes.x[keep], fixes.y[keep], fixes.cov[keep], fixes.speed[keep],
         fixes.bearing_deg[keep],
     )  # fmt: skip
 
@@ -247,7 +248,9 @@ def _columns(
 ) -> None:  # fmt: skip
     """Speed and course as the receiver writes them, or not at all."""
     doppler = random.random() < 0.5
-    about_speed = ("speed_spike", "speed_kmh", "speed_stuck", "course_stuck", "course_reversed")
+    about_speed = (
+        "speed_spike", "speed_kmh", "speed_stuck", "speed_10", "course_stuck", "course_reversed",
+    )  # fmt: skip
     if any(has(events, name) for name in about_speed):
         doppler = True
     if suite in ("yaw", "fixes") or (suite in ("wheels", "odometer") and not doppler):
@@ -261,6 +264,8 @@ def _columns(
         fixes.speed *= 3.6
     if has(events, "speed_stuck"):
         fixes.speed[:] = 0.0
+    if has(events, "speed_10"):
+        fixes.speed[:] = 10.0
     if has(events, "course_stuck"):
         fixes.bearing_deg[:] = 0.0
     if has(events, "course_reversed"):

@@ -14,11 +14,11 @@ from .receivers import Fixes
 from .wheels import Columns
 
 POSITIONS = ("canyon", "jump", "pulled")
-SPEEDS = ("speed_spike", "speed_kmh", "speed_stuck")
+SPEEDS = ("speed_spike", "speed_kmh", "speed_stuck", "speed_10")
 COURSES = ("course_stuck", "course_reversed")
 ODOMETRY = (
     *("slip", "tyre", "stand", "stuck", "dead", "dropped", "repeats", "swapped"),
-    *("yaw_sign", "yaw_degrees"),
+    *("yaw_sign", "yaw_degrees", "zeros", "backwards", "no_turn", "odometry_kmh"),
 )
 _SLACK = 0.1  # s, around a fault: a reading there may be of its inside
 

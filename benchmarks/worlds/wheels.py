@@ -39,7 +39,7 @@ def count_wheels(truth: Truth, events: list[Event], random: np.random.Generator)
         columns["left"], columns["right"] = columns["right"], columns["left"]
     if has(events, "dead"):
         columns["left"] = np.zeros(len(time))
-    return _without_gaps(columns, events)
+    return _as_logged(columns, events)
 
 
 def _factors(time: np.ndarray, events: list[Event], random: np.random.Generator) -> Columns:
@@ -90,7 +90,7 @@ def measure_yaw(truth: Truth, events: list[Event], random: np.random.Generator) 
     if has(events, "yaw_degrees"):
         yaw = np.degrees(yaw)
     columns = {"time": truth.time.copy(), "speed": np.round(speed, 2), "yaw": np.round(yaw, 5)}
-    return _without_gaps(columns, events)
+    return _as_logged(columns, events)
 
 
 def measure_distance(truth: Truth, events: list[Event], random: np.random.Generator) -> Columns:
@@ -99,9 +99,19 @@ def measure_distance(truth: Truth, events: list[Event], random: np.random.Genera
     metres = scale * np.abs(np.diff(truth.travel, prepend=truth.travel[0]))
     rolled = metres + np.sqrt(metres) * random.normal(0.0, 2.5e-3, len(truth))
     columns = {"time": truth.time.copy(), "odometer": np.floor(10.0 * np.cumsum(rolled)) / 10.0}
-    return _without_gaps(columns, events)
+    return _as_logged(columns, events)
 
 
-def _without_gaps(columns: Columns, events: list[Event]) -> Columns:
+def _as_logged(columns: Columns, events: list[Event]) -> Columns:
+    """Columns as they stand in a table: filled wrongly, or with gaps."""
+    for name in [name for name in columns if name != "time"]:
+        if has(events, "zeros") or (name == "yaw" and has(events, "no_turn")):
+            columns[name] = np.zeros(len(columns[name]))
+        elif name != "yaw" and has(events, "backwards"):
+            columns[name] = -columns[name]
+        elif name != "yaw" and has(events, "odometry_kmh"):
+            columns[name] = 3.6 * columns[name]
+    if "left" in columns and has(events, "no_turn"):
+        columns["left"] = columns["right"].copy()
     keep = ~during(columns["time"], events, GAP)
     return {name: column[keep] for name, column in columns.items()}

@@ -257,3 +257,29 @@ def test_told_of_a_bogus_speed_the_position_is_heard_and_the_speed_is_not(truth,
     assert np.array_equal(heard.x, fixes.x)
     assert np.isnan(heard.speed).all()
     assert np.array_equal(heard.bearing_deg, fixes.bearing_deg, equal_nan=True)
+
+
+def test_tables_that_are_filled_wrongly_say_what_they_are_named_for(truth):
+    def counted(measure, *names):
+        events = [Event(name, 0.0, 200.0) for name in names]
+        return measure(truth, events, np.random.default_rng(3))
+
+    right = counted(count_wheels)
+    for name, factor in (("zeros", 0.0), ("backwards", -1.0), ("odometry_kmh", 3.6)):
+        wrong = counted(count_wheels, name)
+        assert np.array_equal(wrong["left"], factor * right["left"])
+        assert np.array_equal(wrong["time"], right["time"])
+    same = counted(count_wheels, "no_turn")
+    assert np.array_equal(same["left"], right["right"])
+    yaw = counted(measure_yaw, "no_turn")
+    assert not yaw["yaw"].any()
+    assert np.array_equal(yaw["speed"], counted(measure_yaw)["speed"])
+    assert counted(measure_yaw, "backwards")["yaw"].any()
+
+
+def test_a_receiver_may_be_late_or_say_one_speed(truth, tmp_path):
+    right = fixes_of(truth, tmp_path)
+    late = fixes_of(truth, tmp_path, Event("late", 0.0, 200.0))
+    assert np.allclose(late.time, right.time + 1.0)
+    assert np.array_equal(late.x, right.x)
+    assert (fixes_of(truth, tmp_path, Event("speed_10", 0.0, 200.0)).speed == 10.0).all()
