@@ -83,3 +83,22 @@ def test_nothing_but_fixes_that_drift_says_that_they_may_be_right(seed: int):
     assert 0.01 < off[OFF - 1] < 0.5
     assert off[OFF + 100] < 0.01  # its counters have moved on since
     assert not exceeded.any()
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@pytest.mark.parametrize("seed", range(3))
+def test_columns_of_zeros_hold_a_vehicle_back_for_a_minute_only(mode: int, seed: int):
+    """Counters and the receiver's speed are 0 from the start, and the fixes drive off."""
+    truth = drive_along([[0.0, -1.75], [2500.0, -1.75]])
+    fix = gnss(truth, sigma=3.0, seed=seed)
+    epochs = epochs_of(truth, fix, np.arange(0, len(fix), 10), course=0.1)
+    for name in ("arc", "turn", "forward", "left"):
+        epochs[name] = 0.0
+    epochs.speed, epochs.speed_sigma = 0.0, 0.2
+    epochs.course_sigma = np.inf
+    exceeded, level, off = beyond(truth, epochs, mode)
+    assert exceeded[:200].mean() < 0.6  # until the fixes are further away than positions drift
+    assert not exceeded[200:].any()
+    assert (off[200:600] > 0.2).all()
+    assert level[-1] < 30.0
+    assert off[-1] < 0.01

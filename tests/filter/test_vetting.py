@@ -7,8 +7,8 @@ from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
-from whichroad.filter.vetting.motion_sources import COURSE, SOURCES, SPEED, TURN, is_borne_out
-from whichroad.filter.vetting.vet import mode_of, vet
+from whichroad.filter.vetting.motion_sources import ARC, COURSE, SOURCES, SPEED, TURN, is_borne_out
+from whichroad.filter.vetting.vet import mode_of, refuse_standing, vet
 
 RATE = 4  # epochs a second; a fix with every fourth
 BEGIN = 1_780_300_800.0
@@ -18,11 +18,14 @@ AT = 60 * RATE  # epoch of 60 s
 class Drive:
     """Two minutes through bends of 60 degrees, in sensors that can be spoilt."""
 
-    def __init__(self, seed: int = 1, seconds: int = 120, speed: float = 12.0) -> None:
+    def __init__(
+        self, seed: int = 1, seconds: int = 120, speed: float = 12.0, later: float = 1.0
+    ) -> None:
         random = np.random.default_rng(seed)
         n = seconds * RATE
         self.time = np.arange(n) / RATE
         self.speed = speed * np.minimum(1.0, self.time / 8.0)
+        self.speed *= np.interp(self.time, [100.0, 104.0], [1.0, later])
         phase = (self.time % 20.0) - 10.0
         self.rate = np.where(
             np.abs(phase) < 3.0, 0.18 * np.sign(np.sin(self.time / 20.0 * np.pi)), 0
@@ -36,6 +39,7 @@ class Drive:
         self.course = heading + random.normal(0.0, 0.03, n)
         self.odometer, self.turn = self.speed.copy(), self.rate.copy()
         self.columns = True  # whether the receiver tells speed and course
+        self.every = 1  # s between fixes
         self.valid = np.ones(n, bool)
 
     def vetted(self, sensors: int = WHEELS) -> Record:
@@ -48,7 +52,7 @@ class Drive:
             epoch.arc, epoch.turn = self.odometer[k] / RATE, self.turn[k] / RATE
             epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
             epoch.odometry_valid = self.valid[k] and sensors != CLOCK
-            epoch.has_fix = k % RATE == 0
+            epoch.has_fix = k % (self.every * RATE) == 0
             epoch.fix[:] = [*self.fix[k], 3.0, 3.0, 0.0]
             epoch.speed, epoch.course = self.told_speed[k], self.course[k]
             told = self.columns and self.speed[k] > 1.0
@@ -88,6 +92,45 @@ def test_counters_that_stand_still_while_fixes_move_on_are_withheld(columns: boo
     vetting = drive.vetted()
     assert mode_of(vetting, WHEELS) == CLOCK
     assert names(vetting)[0] == "odometry: stands still"
+
+
+@pytest.mark.parametrize("stood", [0, AT])
+def test_a_speed_that_is_not_believed_vouches_for_no_counters_that_stand(stood: int):
+    """It is always 0, which was found out while the counters still counted, or never."""
+    drive = Drive(seconds=240)
+    drive.told_speed[:] = 0.0
+    drive.odometer[stood:] = drive.turn[stood:] = 0.0
+    vetting = drive.vetted()
+    if stood > 0:
+        assert withheld(vetting) >= {ARC, SPEED}
+        assert mode_of(vetting, WHEELS) == CLOCK
+        return
+    assert withheld(vetting) == set()  # two that stand beside fixes that run
+    assert vetting.outrun > 200.0
+    refuse_standing(vetting)
+    assert withheld(vetting) == {ARC, SPEED}
+
+
+def test_a_counter_that_is_always_0_vouches_for_no_speed_that_is():
+    drive = Drive()
+    drive.told_speed[:] = 0.0
+    drive.odometer *= 0.5
+    drive.turn += 2.0 * drive.odometer / 1.5
+    vetting = drive.vetted()
+    assert vetting.refused[SPEED] == 1
+    assert mode_of(vetting, WHEELS) == CLOCK
+
+
+def test_fixes_that_run_away_from_a_vehicle_that_stands_are_not_believed_for_a_minute():
+    """Its counters and its receiver's speed stand, and did not before."""
+    drive = Drive(seconds=160)
+    brakes = np.interp(drive.time, [120.0, 124.0], [1.0, 0.0])
+    for log in (drive.odometer, drive.turn, drive.told_speed):
+        log *= brakes
+    vetting = drive.vetted()
+    assert 20.0 < vetting.outrun < 40.0
+    refuse_standing(vetting)
+    assert vetting.refused[SPEED] == 0
 
 
 def test_a_stop_that_no_brake_makes_is_withheld_at_once():
@@ -146,6 +189,92 @@ def test_a_speed_in_another_unit_is_named(sensors: int, factor: float, word: str
     (finding,) = sensor_findings(vetting)
     assert finding.what == "gnss speed"
     assert word in finding.advice
+
+
+@pytest.mark.parametrize("sensors", [WHEELS, CLOCK])
+def test_a_speed_that_never_changes_is_not_believed_where_it_happens_to_be_right(sensors: int):
+    """It is 3 m/s, and from 100 s on the vehicle is as fast; one that has changed is believed."""
+    drive = Drive(seconds=200, later=0.25)
+    drive.told_speed[:] = 3.0
+    assert withheld(drive.vetted(sensors)) == {SPEED}
+    drive = Drive(seconds=200, later=0.25)
+    drive.told_speed[: 90 * RATE] = 25.0
+    vetting = drive.vetted(sensors)
+    assert vetting.seconds[SPEED] > 60.0
+    assert withheld(vetting) == set()
+
+
+@pytest.mark.parametrize("sensors", [WHEELS, CLOCK])
+def test_a_speed_that_stays_the_same_while_fixes_become_slower_is_withheld(sensors: int):
+    """It is 10 m/s, and the vehicle drives at 12 and then at 7: neither is far from that."""
+    drive = Drive(seconds=160, later=0.6)
+    drive.told_speed[:] = 10.0
+    assert withheld(drive.vetted(sensors)) == {SPEED}
+    drive.told_speed[:] = np.round(drive.speed)
+    assert withheld(drive.vetted(sensors)) == set()
+
+
+@pytest.mark.parametrize("columns", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_turns_that_are_always_0_are_withheld_in_the_first_bend(columns: bool, seed: int):
+    drive = Drive(seed, seconds=180)
+    drive.columns = columns
+    drive.turn[:] = 0.0
+    vetting = drive.vetted()
+    assert vetting.since[TURN] < BEGIN + 20.0
+    assert mode_of(vetting, WHEELS) == DISTANCE
+    assert "odometry: no turns" in names(vetting)
+
+
+@pytest.mark.parametrize("factor", [3.0, 0.3])
+def test_distances_that_have_never_agreed_with_the_fixes_are_withheld(factor: float):
+    """No speed of the receiver is there to decide; what had agreed before is not withheld."""
+    drive = Drive()
+    drive.columns = False
+    drive.odometer *= factor
+    vetting = drive.vetted()
+    assert vetting.since[ARC] < BEGIN + 20.0
+    assert names(vetting) == ["odometry: distance"]
+    drive.odometer[:AT] /= factor
+    assert withheld(drive.vetted()) == set()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("every", [10, 20])
+def test_sound_odometry_beside_sparse_fixes_is_believed(every: int, seed: int):
+    drive = Drive(seed, seconds=600)
+    drive.every = every
+    vetting = drive.vetted()
+    assert withheld(vetting) == set()
+    assert vetting.compared == 1
+    assert names(vetting) == []
+
+
+@pytest.mark.parametrize("every", [10, 30])
+def test_counters_that_stand_are_withheld_after_three_sparse_fixes(every: int):
+    drive = Drive(seconds=300)
+    drive.every = every
+    drive.odometer[:] = drive.turn[:] = 0.0
+    vetting = drive.vetted()
+    assert vetting.since[ARC] <= BEGIN + 3.0 * every
+    assert mode_of(vetting, WHEELS) == CLOCK
+    assert names(vetting) == ["odometry: stands still"]
+
+
+def test_sparse_fixes_that_are_far_away_cost_a_standing_vehicle_nothing():
+    drive = Drive(seconds=300, speed=0.0)
+    drive.every = 10
+    for far in (8, 10, 15):
+        drive.fix[far * 10 * RATE] += 300.0
+    assert withheld(drive.vetted()) == set()
+
+
+@pytest.mark.parametrize("factor", [-1.0, 0.0])
+def test_turns_that_are_wrong_are_withheld_beside_sparse_fixes(factor: float):
+    drive = Drive(seconds=600)
+    drive.every = 10
+    drive.turn *= factor
+    assert mode_of(drive.vetted(), WHEELS) == DISTANCE
 
 
 @pytest.mark.parametrize("sensors", [WHEELS, CLOCK])

@@ -18,6 +18,7 @@ _STANDS = 0.1  # ratio below which a source stands still
 _OPPOSITE = -0.5  # ratio of turns below which they have the other sign
 _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
+_UNTURNED = 500.0  # m, the same
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
@@ -40,6 +41,23 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
                 f"it measured what no car can do{_when(vetting, _IMPOSSIBLE)}, and was withheld; "
                 "look for a counter that stands still, jumps or wraps (counter_bits), and for the "
                 "yaw rate's unit",
+            )
+        )  # fmt: skip
+    if vetting.turnabouts > 0:
+        found.append(
+            Finding(
+                "odometry: sign of distance", "warning", float(vetting.turnabouts), 0.0, 0.0,
+                "it counted backwards for longer than anybody drives so, and was taken the other "
+                "way round; check the sign of metres_per_tick, of the speed, or the gear",
+            )
+        )  # fmt: skip
+    if vetting.unturned >= _UNTURNED:
+        found.append(
+            Finding(
+                "odometry: no turns", "warning", float(vetting.unturned), 0.0, _UNTURNED,
+                f"in {vetting.unturned:,.0f} m it never measured any turn, which no sensor does; "
+                "its turns were not used; are both wheels the same column, or is the yaw rate "
+                "always 0?",
             )
         )  # fmt: skip
     if vetting.seconds[TURN] >= _LEAST:

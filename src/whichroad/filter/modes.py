@@ -9,6 +9,7 @@ from .gnss.silence import hear, is_pause, may_have_moved
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
+from .vetting.facing import face_forward
 from .vetting.motion_sources import (
     ARC,
     COURSE,
@@ -20,7 +21,7 @@ from .vetting.motion_sources import (
     is_possible,
 )
 from .vetting.repeats import is_repeated
-from .vetting.vet import mode_of, vet
+from .vetting.vet import mode_of, refuse_standing, vet
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
@@ -206,6 +207,14 @@ def _withhold_repeats(vetting: Record, reading: Record, dt: float, sensors: int)
         reading.speed_sigma = reading.course_sigma = math.inf
 
 
+@kernel
+def _turn_about(belief: Belief, par: Record) -> None:
+    """Start anew at this fix: the vehicle faces the other way."""
+    state = belief.state[0]
+    state.known_drift[0] = state.known_drift[1] = 0.0
+    state.misfits = par.lost_after
+
+
 @kernel(inline=True)
 def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> Record:
     """Vet an epoch, and let the vehicle be moved by what is believed.
@@ -235,15 +244,19 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         pass_calibration(belief, epoch.gyro)
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
+    if sensors != CLOCK and face_forward(vetting, reading, dt):
+        _turn_about(belief, par)
     vet(vetting, reading, dt, sensors, max(state.scale, 0.1))
     _heed_silence(belief, history, reading, sensors)
+    departed = p_departed(state) > _DEPARTED
+    if departed and reading.has_fix:
+        refuse_standing(vetting)
     if vetting.refused[SPEED] == 1 or vetting.odd > 0:
         reading.speed_sigma = math.inf
     if vetting.refused[COURSE] == 1 or not is_borne_out(vetting):
         reading.course_sigma = math.inf
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
-    departed = p_departed(state) > _DEPARTED
     mode = mode_of(vetting, sensors)
     if state.count == 0:
         state.mode = mode

@@ -15,6 +15,8 @@ from .separation import cover_place
 
 _ANOTHER = 0.5  # s between the beginnings of two stops
 _PRIOR = 8.0  # nats for the odometer where a fix is as far away as expected,
+_BOTH = 11.5  # and for odometer and receiver's speed that both stand,
+_DRIFTS = 10.0  # m, for each of which fixes of a standing vehicle drift off by a nat seldomer
 _DOPPLER, _STANDS = 1.0, 0.5  # m/s: sigma of a speed that was measured; a receiver that stands
 _REPORTED = 5.0  # nats less where the receiver says that the vehicle drives
 _LATE = 3.0  # s by which receivers' speeds may be late
@@ -50,7 +52,8 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
         S = P + 2 R,    P(departed) = 1 / (1 + exp(8 − d² / (3 S)))
 
     with d how far the fix is from where it was expected when the vehicle came to rest, and R its
-    variance then, which counts twice as the receiver's error may be another one by now.
+    variance then, which counts twice as the receiver's error may be another one by now.  Where
+    the receiver's speed is 0, too, it is 1 / (1 + exp(11.5 − d / 10 m)).
 
     Args:
         belief: With the innovations of the fix.
@@ -76,14 +79,17 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     dx = (left.at[0] - left.place[0]) / state.scale
     dy = (left.at[1] - left.place[1]) / state.scale
     prior = _PRIOR
+    odds = 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)
     pace = math.hypot(windows.vx, windows.vy) if windows.moves == 1 else 0.0
     if epoch.speed_sigma < _DOPPLER and state.vetting.refused[SPEED] == 0:
         pace = epoch.speed
         if epoch.speed < _STANDS:
-            prior = math.inf
+            prior = _BOTH
+            odds = min(odds, math.hypot(dx, dy) / _DRIFTS)
+            pace = math.hypot(windows.vx, windows.vy)
         elif drives(epoch) and state.standing > _LATE:
             prior = _PRIOR - _REPORTED
-    left.p = 1.0 / (1.0 + math.exp(prior - 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)))
+    left.p = 1.0 / (1.0 + math.exp(prior - odds))
     left.pace = min(pace, _FASTEST)
     left.time = epoch.time
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..._compile import Record, kernel
 from ...graph.geometry import wrap
-from .motion_sources import ARC, COURSE, SPEED, TURN
+from .motion_sources import ARC, COURSE, SPEED, TURN, is_possible
 from .windows import (
     CLOCK,
     WHEELS,
@@ -31,7 +31,9 @@ _TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are
 _ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
 _STANDS = 0.1  # m/s by the odometer
+NEVER = 50.0  # m, after which odometry that never turned does not measure turns
 _DISPUTED = 30.0  # s after a misfit, for which fixes that had run away before say nothing
+_FASTER = 1.0  # m/s by which fixes become faster than a speed that stays the same may be
 _RUNS = 2.0  # m/s of fixes, that no standing receiver feigns for long
 
 
@@ -48,31 +50,28 @@ def differ(a: float, b: float, sigma: float) -> int:
 
 
 @kernel
-def _score(vetting: Record, source: int, seconds: float) -> None:
+def count(vetting: Record, source: int, seconds: float) -> None:
     """Count seconds of disagreement, or, negative, of agreement."""
     vetting.score[source] = min(max(vetting.score[source] + seconds, _LEAST), _MOST)
 
 
 @kernel
-def _blame_one(vetting: Record, by_odometer: int, by_speed: int, both: int, since: float) -> None:
-    """Of fixes, odometer and receiver's speed the one that differs from both others loses.
+def _blame_one(vetting: Record, by_odometer: int, by_speed: int, since: float) -> None:
+    """Odometer and receiver's speed differ: the one that differs from the fixes as well loses.
 
     Args:
         vetting: In place.
         by_odometer: Whether fixes and odometer differ, see `_differ`.
         by_speed: Whether fixes and the receiver's speed do.
-        both: Whether the odometer and the receiver's speed do.
         since: s since they were compared last.
     """
-    if both <= 0:
-        return
     if by_odometer > 0 and by_speed <= 0:
-        _score(vetting, ARC, since)
+        count(vetting, ARC, since)
     elif by_speed > 0 and by_odometer <= 0:
-        _score(vetting, SPEED, since)
+        count(vetting, SPEED, since)
     elif by_odometer > 0:
-        _score(vetting, ARC, 0.5 * since)
-        _score(vetting, SPEED, 0.5 * since)
+        count(vetting, ARC, 0.5 * since)
+        count(vetting, SPEED, 0.5 * since)
 
 
 @kernel
@@ -83,6 +82,17 @@ def _is_disputed(vetting: Record, stands: bool, now: float, seconds: float) -> b
     elif vetting.stood_at == math.inf:
         vetting.stood_at = now - seconds
     return bool(vetting.undecided_at < vetting.stood_at and now - vetting.forked_at < _DISPUTED)
+
+
+class Compared(NamedTuple):
+    """Distances between two anchors; whether two of them differ is as of `differ`."""
+
+    by_odometer: int  # fixes and odometer
+    by_speed: int  # fixes and the receiver's speed
+    both: int  # odometer and the receiver's speed
+    fixes: float  # m
+    odometer: float  # m
+    seconds: float
 
 
 @kernel
@@ -110,26 +120,80 @@ def weigh_distances(
         if rolls and now - vetting.impossible_at < _STOPPED:
             vetting.rolled = math.inf
         return
+    if reported:
+        _weigh_same(vetting, seen, fixes)
     by_odometer = differ(fixes, odometer, seen.sigma) if rolls else 0
     by_speed = differ(fixes, seen.receiver, seen.sigma) if reported else 0
     both = differ(odometer, seen.receiver, precise) if rolls and reported else 0
     if sensors == WHEELS and by_odometer > 0 and differ(fixes, abs(seen.arc), seen.sigma) <= 0:
         by_odometer = 0  # its turns are wrong, and not its distance
-    if by_odometer > 0 and by_speed > 0 and both < 0:
+    compared = Compared(by_odometer, by_speed, both, fixes, odometer, seen.seconds)
+    _count_distances(vetting, compared, rolls, reported and vetting.refused[SPEED] == 0, since)
+
+
+@kernel
+def _count_distances(
+    vetting: Record, compared: Compared, rolls: bool, vouches: bool, since: float
+) -> None:
+    """Count distances for or against odometer and receiver's speed.
+
+    What is not believed vouches for nothing else: a speed that is always 0 agrees with counters
+    that stand, while the fixes move.  Odometry that has never agreed with the fixes is in another
+    unit.
+
+    Args:
+        vetting: In place.
+        compared: What was compared.
+        rolls: Whether odometry was measured.
+        vouches: Whether the receiver's speed was, and is believed.
+        since: s since they were compared last.
+    """
+    now = vetting.windows.now.time
+    by_odometer, by_speed, both = compared.by_odometer, compared.by_speed, compared.both
+    sound = rolls and vetting.refused[ARC] == 0 and is_possible(vetting)
+    if by_odometer > 0 and by_speed > 0 and both < 0 and vouches and sound:
         vetting.windows.jumped_at = now  # the positions differ from both others, which agree
-    stands = rolls and odometer < _STANDS * seen.seconds
-    disputed = _is_disputed(vetting, stands, now, seen.seconds)
-    vetting.runs = stands and by_odometer > 0 and fixes > _RUNS * seen.seconds and not disputed
-    if rolls and reported:
-        _blame_one(vetting, by_odometer, by_speed, both, since)
-    elif reported and by_speed > 0:
-        _score(vetting, SPEED, since)
-    elif vetting.runs == 1:
-        _score(vetting, ARC, since)
-    if by_odometer < 0 or both < 0:
-        _score(vetting, ARC, -since)
-    if by_speed < 0 or both < 0:
-        _score(vetting, SPEED, -since)
+    stands = rolls and compared.odometer < _STANDS * compared.seconds
+    runs = stands and by_odometer > 0 and compared.fixes > _RUNS * compared.seconds
+    disputed = _is_disputed(vetting, stands, now, compared.seconds)
+    vetting.runs = runs and not disputed
+    if not stands:
+        vetting.outrun = 0.0
+    elif runs and both < 0 and vouches:
+        vetting.outrun += since
+    if rolls and vouches and both > 0:
+        _blame_one(vetting, by_odometer, by_speed, since)
+    elif by_speed > 0 and (not sound or (both > 0 and by_odometer <= 0)):
+        count(vetting, SPEED, since)
+    never = vetting.compared == 0 and by_odometer > 0 and by_speed <= 0
+    if (vetting.runs == 1 or never) and not vouches:
+        count(vetting, ARC, since)
+    if by_odometer < 0:
+        vetting.compared = 1
+    if by_odometer < 0 or (both < 0 and vouches):
+        count(vetting, ARC, -since)
+    if by_speed < 0 or (both < 0 and sound and by_odometer <= 0):
+        count(vetting, SPEED, -since)
+
+
+@kernel
+def _weigh_same(vetting: Record, seen: Seen, fixes: float) -> None:
+    """A receiver's speed that is the same to the digit, while its fixes become faster or slower.
+
+    One that stands may be right, and its fixes be pulled away.
+    """
+    same = vetting.same
+    if vetting.windows.speed != same[0]:
+        same[0] = vetting.windows.speed
+        same[1], same[2] = math.inf, -math.inf
+        same[3] = vetting.windows.now.time
+    if same[0] < _RUNS or vetting.windows.now.time - same[3] < seen.seconds:
+        return
+    unsure = 2.0 * seen.sigma / seen.seconds
+    same[1] = min(same[1], fixes / seen.seconds + unsure)
+    same[2] = max(same[2], fixes / seen.seconds - unsure)
+    if same[2] - same[1] > _FASTER:
+        vetting.score[SPEED] = _MOST
 
 
 @kernel
@@ -171,9 +235,9 @@ def weigh_courses(
             vetting.offs[1] += math.sin(seen.heading - course)
             vetting.reported[COURSE] += 1.0
             vetting.seen[COURSE] += abs(wrap(turn))
-            _score(vetting, COURSE, since if off < 1.2 else 2.0 * since)
+            count(vetting, COURSE, since if off < 1.2 else 2.0 * since)
         elif off < 0.3 + 0.5 * wide:
-            _score(vetting, COURSE, -since)
+            count(vetting, COURSE, -since)
             _bear_out(vetting, course)
     return turn if vetting.refused[COURSE] == 0 else 0.0
 
@@ -214,16 +278,16 @@ def weigh_turns(
     """Turns by odometry against those of fixes, or of courses where they are reported."""
     windows = vetting.windows
     if courses.reported and vetting.refused[COURSE] == 0 and seen.fixes >= needed(seen.sigma):
-        _weigh_turn(vetting, Turned(seen.turn, wrap(courses.turn), seen.arc, 0.1), since)
+        weigh_turn(vetting, Turned(seen.turn, wrap(courses.turn), seen.arc, 0.1), since)
         return
     short = _turn_by_fixes(windows, last, scale, 1.0)
     long = _turn_by_fixes(windows, last, scale, _LONGER)
     if long.unsure > 0.0 and (
         short.unsure < 0.0 or _significance(vetting, long) > _significance(vetting, short)
     ):
-        _weigh_turn(vetting, long, since)
+        weigh_turn(vetting, long, since)
     elif short.unsure > 0.0:
-        _weigh_turn(vetting, short, since)
+        weigh_turn(vetting, short, since)
 
 
 @kernel
@@ -239,7 +303,7 @@ def _significance(vetting: Record, turned: Turned) -> float:
 
 
 @kernel
-def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
+def weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     """Count one comparison for or against the odometry's turns."""
     turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
     vetting.reported[TURN] += turn * turn
@@ -252,14 +316,17 @@ def _weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
         vetting.score[TURN] = _MOST  # all turns together go the other way
         vetting.wavers = 1
     off = abs(_off(vetting, turned))
+    if vetting.unturned > NEVER and off > _ALIKE + unsure:
+        vetting.score[TURN] = _MOST  # no sensor measures no turn at all
+        vetting.wavers = 1
     if off > _DIFFERS + 2.0 * unsure and abs(arc) > 1.0:
         vetting.wavers = 1
     if off > 1.0 + 3.0 * unsure:
-        _score(vetting, TURN, 3.0 * since)
+        count(vetting, TURN, 3.0 * since)
     elif off > 0.5 + 2.0 * unsure:
-        _score(vetting, TURN, since)
+        count(vetting, TURN, since)
     elif off < 0.25 + unsure and abs(turn) > 0.4 + unsure:
-        _score(vetting, TURN, -2.0 * since)
+        count(vetting, TURN, -2.0 * since)
         vetting.turned = 1
         vetting.tried = 1
         vetting.untried = 0

@@ -31,6 +31,12 @@ VETTING = np.dtype(
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
+        (
+            "stuck",
+            "f8",
+        ),  # m/s, the receiver's speed when it was last refused; negative: it has changed
+        # m/s, a receiver's speed that stays the same, of fixes meanwhile: least, and most; since, s
+        ("same", "f8", (4,)),
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
         ("turned", "u1"),  # 1: so has the odometry,
         ("tried", "u1"),  # and did so once, even if not now, or in many small turns
@@ -39,6 +45,18 @@ VETTING = np.dtype(
         ("returned_at", "f8"),  # s, when odometry was last believed again
         ("stood_at", "f8"),  # s, when odometry came to stand; infinite: it moves
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands
+        ("outrun", "f8"),  # s for which they do so beside odometry and speeds that stand
+        ("backed", "f8"),  # m by which it counts backwards (vetting.facing),
+        ("reversed", "u1"),  # 1: and is taken the other way round,
+        ("turnabouts", "i8"),  # how often that was found
+        ("compared", "u1"),  # 1: its distance has agreed with the fixes
+        ("unturned", "f8"),  # m driven before it ever measured a turn; negative: it has
+        (
+            "leg",
+            "f8",
+            (4,),
+        ),  # of sparse fixes: directions by fixes and odometry, rad; alike; length
+        ("leg_before", "f8", (4,)),  # and the last one: m by fixes, two axes, by odometry; s
         ("bend", "f8"),  # rad by which it has turned in the last seconds
         ("exposed", "u1"),  # 1: odometry was found impossible soon after a misfit, until a fix
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away

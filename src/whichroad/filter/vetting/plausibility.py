@@ -19,6 +19,7 @@ _CURVATURE = 0.4  # 1/m, more than a car's steering
 _ON_THE_SPOT = 2.0  # rad/s, as vehicles turn that can turn on the spot
 _TURN_ACCELERATION = 4.0  # rad/s²
 _RATE_SLACK = 0.6  # rad/s
+_NO_TURN = 1e-6  # rad in an epoch
 _ROLLS = 2.0  # m/s, below which a vehicle may turn as it likes
 _FASTEST = 90.0  # m/s
 _PAUSE_OF_SPEEDS = 6.0  # s, after which a speed may have become any other
@@ -53,6 +54,9 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
             if vetting.refused[ARC] == 0 and is_possible(vetting):
                 vetting.sound = sample.rate
     if sensors == WHEELS:
+        if vetting.unturned >= 0.0:
+            turns = abs(epoch.turn) > _NO_TURN
+            vetting.unturned = -1.0 if turns else vetting.unturned + abs(epoch.arc)
         possible = _check_turn(vetting, epoch, dt) and possible
     if not possible:
         if believed:  # else it has moved nothing

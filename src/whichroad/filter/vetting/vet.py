@@ -23,6 +23,7 @@ from .motion_sources import (
     is_possible,
 )
 from .plausibility import check_odometry, is_odd
+from .sparse_fixes import leg_of, weigh_leg
 from .windows import (
     ANCHORS,
     CLOCK,
@@ -40,6 +41,8 @@ from .windows import (
 
 _WINDOW = 4.0  # s, of what does not move
 _SILENT = 1.5  # s of silence, from which on a fix tells the motion better than that before it
+_OUTRUN = 60.0  # s for which fixes run away from a vehicle that stands by two sources
+_CHANGED = 1.0  # m/s
 _REFUSED, _BELIEVED = 3.0, -3.0  # scores from which on a source is not believed, and again is
 
 
@@ -71,24 +74,20 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     """
     windows = vetting.windows
     _forget(vetting)
-    measured = sensors != CLOCK and epoch.odometry_valid != 0
     if sensors != CLOCK:
-        vetting.silent = 0.0 if measured else vetting.silent + dt
-        if measured:
-            vetting.missed = 0
-        elif epoch.has_fix and vetting.silent > _SILENT:
-            vetting.missed = 1
-        advance(windows, epoch, dt, measured and epoch.gyro != UNTURNED)
-        if measured and dt > 0.0:
-            check_odometry(vetting, epoch, dt, sensors)
-        elif not measured:
-            _pause(vetting.speed_sample)
-            _pause(vetting.turn_sample)
+        _take_odometry(vetting, epoch, dt, sensors)
     if not epoch.has_fix:
         return
     odd = is_odd(vetting, epoch)
+    leg = leg_of(windows, epoch, scale)
     if not add_fix(windows, epoch, scale, not odd):
         return
+    if leg.seconds > 0.0:
+        seen = weigh_leg(vetting, leg, sensors)
+        _decide(vetting)
+        _record(vetting, seen, windows.now.time, leg.seconds)
+        return
+    vetting.leg[3] = vetting.leg_before[3] = 0.0
     last = windows.count - 1
     since = windows.anchors[last % ANCHORS].time - windows.anchors[(last - 1) % ANCHORS].time
     first = far_enough(windows, last, scale, _WINDOW)
@@ -106,6 +105,23 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _take_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> None:
+    """Sum up what odometry has measured, and hold it against what cars can do."""
+    measured = epoch.odometry_valid != 0
+    vetting.silent = 0.0 if measured else vetting.silent + dt
+    if measured:
+        vetting.missed = 0
+    elif epoch.has_fix and vetting.silent > _SILENT:
+        vetting.missed = 1
+    advance(vetting.windows, epoch, dt, measured and epoch.gyro != UNTURNED)
+    if measured and dt > 0.0:
+        check_odometry(vetting, epoch, dt, sensors)
+    elif not measured:
+        _pause(vetting.speed_sample)
+        _pause(vetting.turn_sample)
 
 
 @kernel
@@ -138,20 +154,37 @@ def _pause(sample: Record) -> None:
 
 @kernel
 def _decide(vetting: Record) -> None:
-    """Stop believing, or believe again."""
+    """Stop believing, or believe again; a receiver's speed not before it has changed."""
+    if abs(vetting.windows.speed - vetting.stuck) > _CHANGED:
+        vetting.stuck = -1.0
     for source in range(SOURCES):
         if vetting.score[source] >= _REFUSED:
             if vetting.refused[source] == 0:
                 agreed = source == TURN and vetting.turned == 1 and vetting.news == NONE
                 vetting.news = TURNS if agreed else ANYTHING
+                if source == SPEED:
+                    vetting.stuck = vetting.windows.speed
             vetting.refused[source] = 1
-        elif vetting.score[source] <= _BELIEVED:
+        elif vetting.score[source] <= _BELIEVED and (source != SPEED or vetting.stuck < 0.0):
             vetting.refused[source] = 0
     if vetting.refused[TURN] == 1:
         vetting.turned = 0
     if vetting.refused[COURSE] == 1:
         vetting.borne_out = 0
         vetting.agreed = math.inf
+
+
+@kernel
+def refuse_standing(vetting: Record) -> None:
+    """Stop believing odometry and speeds that stand, as fixes have run away for a minute."""
+    if vetting.outrun < _OUTRUN:
+        return
+    vetting.outrun = 0.0
+    vetting.news = ANYTHING
+    vetting.stuck = vetting.windows.speed
+    for source in (ARC, SPEED):
+        vetting.score[source] = _REFUSED
+        vetting.refused[source] = 1
 
 
 @kernel

@@ -22,7 +22,7 @@ BY_WHEELS, BY_GYRO, AT_REST, GYRO_ALONE, UNTURNED, HEARD_AGAIN = range(6)
 
 ANCHORS = 32
 _EVERY = 0.95  # s between anchors, at least
-_PAUSE = 6.0  # s without a fix, after which the windows begin anew
+PAUSE = 6.0  # s without a fix, after which the windows begin anew
 _BRAKES = 8.0  # m/s², with what is usual, beyond which positions have jumped, and not the car
 _USUAL = 4.0  # times the usual jitter
 _TIME_CONSTANT = 15.0  # s
@@ -140,7 +140,7 @@ def add_fix(windows: Record, epoch: Record, scale: float, speed: bool) -> bool:
         vy = (epoch.fix[1] - last.y) / (scale * since)
         if _jumps(windows, vx, vy, since):
             windows.jumped_at = epoch.time
-        elif since > _PAUSE:
+        elif since > PAUSE:
             windows.count = 0
     now.time = epoch.time
     now.x = epoch.fix[0]
@@ -162,7 +162,7 @@ def add_fix(windows: Record, epoch: Record, scale: float, speed: bool) -> bool:
 def _sum_speed(windows: Record, epoch: Record, reported: bool) -> None:
     """Integrate the receiver's speed, where it is reported."""
     since = epoch.time - windows.speed_time
-    if reported and since < _PAUSE:
+    if reported and since < PAUSE:
         windows.now.path += 0.5 * (epoch.speed + windows.speed) * since
     else:
         windows.now.speeds = 0

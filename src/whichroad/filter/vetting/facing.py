@@ -1,0 +1,53 @@
+"""Odometry that counts backwards for long: a vehicle faces where it drives.
+
+A sign that is wrong (of a counter, of a speed, or of the gear by which one is signed) looks like a
+vehicle that drives backwards on the opposite edges, and every fix agrees with that.  But nobody
+drives so for long, or fast.  A vehicle that can, as some shuttles do, is taken to face the other
+way from then on.
+"""
+
+from ..._compile import Record, kernel
+from .motion_sources import TURN
+
+_FAST = 4.0  # m/s backwards, beyond which
+_COUNTS = 5.0  # a metre counts as so many
+_FAR = 150.0  # m backwards, less those forwards since, from which on it faces the other way
+
+
+@kernel
+def face_forward(vetting: Record, reading: Record, dt: float) -> bool:
+    """Turn odometry about that counts backwards.
+
+    Args:
+        vetting: In place.
+        reading: What the sensors measured, in place.
+        dt: Since the epoch before, s.
+
+    Returns:
+        Whether the vehicle is found to face the other way with this epoch, which has a fix.
+    """
+    if vetting.reversed == 1:
+        _turn_about(reading)
+    if reading.odometry_valid != 1 or dt <= 0.0:
+        return False
+    fast = reading.arc < -_FAST * dt
+    vetting.backed = max(vetting.backed - reading.arc * (_COUNTS if fast else 1.0), 0.0)
+    if vetting.backed < _FAR or reading.has_fix == 0:
+        return False
+    _turn_about(reading)
+    vetting.reversed = 1 - vetting.reversed
+    vetting.turnabouts += 1
+    vetting.backed = 0.0
+    vetting.windows.count = 0  # what it has driven until now was the other way
+    vetting.score[TURN] = vetting.drift = 0.0
+    vetting.refused[TURN] = vetting.turned = vetting.tried = 0
+    vetting.reported[TURN] = vetting.seen[TURN] = 0.0
+    return True
+
+
+@kernel
+def _turn_about(reading: Record) -> None:
+    """The same motion of a vehicle that faces the other way; its turn is the same."""
+    reading.arc = -reading.arc
+    reading.forward = -reading.forward
+    reading.left = -reading.left
