@@ -22,6 +22,7 @@ from .observations import Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
+from .sensors.whole_columns import less_wrong
 from .settings import Vehicle
 from .wording import by_reason
 
@@ -40,6 +41,7 @@ class Timeline:
     evidence: Evidence = NO_EVIDENCE  # of further sensors, in the order of the epochs
     sensors: tuple[str, ...] = ()  # their names
     takeover: Takeover | None = None  # of a gyro beside wheels
+    wrong: tuple[str, ...] = ()  # what of the odometry is wrong throughout, see `whole_columns`
 
     @property
     def interval(self) -> float:
@@ -112,7 +114,7 @@ def build_timeline(
         DriveError: There is neither a fix nor odometry.
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
-    motion = _motion(drive, fixes, vehicle, mask)
+    motion, wrong = _motion(drive, fixes, vehicle, mask)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
         raise DriveError(
@@ -123,7 +125,7 @@ def build_timeline(
     if motion is None and fixes is not None and not mask and sensed is None:
         epochs, own = epochs_of_fixes(fixes, [0], plane)
         if own[0]:
-            return Timeline(epochs, CLOCK, 0)
+            return Timeline(epochs, CLOCK, 0, wrong=wrong)
     streams = [m.time for m in (motion, fixes) if m is not None]
     told = [] if sensed is None else sensed.within(drive.sensed, streams)
     if sensed is not None and motion is None and fixes is not None:
@@ -154,8 +156,9 @@ def build_timeline(
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     if sensed is None:
-        return Timeline(epochs, mode, masked, takeover=takeover)
-    return Timeline(epochs, mode, masked, _heard(epochs, told, sensed), sensed.names, takeover)
+        return Timeline(epochs, mode, masked, takeover=takeover, wrong=wrong)
+    heard = _heard(epochs, told, sensed)
+    return Timeline(epochs, mode, masked, heard, sensed.names, takeover, wrong)
 
 
 def _kept(
@@ -170,17 +173,20 @@ def _kept(
 
 def _motion(
     drive: Drive, fixes: Fixes | None, vehicle: Vehicle, mask: Sequence[tuple[float, float]]
-) -> Motion | None:
-    """What moves the vehicle; None where there are less than two readings."""
-    if drive.odometry is None:
-        return None
+) -> tuple[Motion | None, tuple[str, ...]]:
+    """What moves the vehicle, and what of that is wrong throughout.
+
+    None where there are less than two readings, or nothing of it is left.
+    """
+    if drive.odometry is None or len(drive.odometry.time) < 2:
+        return None, ()
     told = fixes
-    if isinstance(drive.odometry, WithGyro) and fixes is not None and len(drive.odometry.time):
+    if fixes is not None and (mask or isinstance(drive.odometry, WithGyro)):
         begin = min(float(fixes.time[0]), float(drive.odometry.time[0]))
         keep = _kept(fixes, mask, begin)
         told = Fixes(**{f.name: getattr(fixes, f.name)[keep] for f in fields(Fixes)})
     motion = motion_of(drive.odometry, vehicle, told)
-    return motion if len(motion.time) > 1 else None
+    return less_wrong(motion, told) if len(motion.time) > 1 else (None, ())
 
 
 def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:

@@ -12,7 +12,7 @@ from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.map_offset import MapError, map_error_of
 from .diagnosis.sensor_states import SensorTrack, states_of
-from .diagnosis.sensors import sensor_findings, takeover_findings
+from .diagnosis.sensors import column_findings, sensor_findings, takeover_findings
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.lookback.history import is_full, new_history
@@ -133,7 +133,7 @@ def localize_recorded(
     off = map_error_of(belief, settings, roads.plane)
     fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off)
 
-    named = takeover_findings(timeline.takeover)
+    named = (*column_findings(timeline.wrong), *takeover_findings(timeline.takeover))
 
     def diagnose() -> tuple[Finding, ...]:
         # settings are not judged by sensors that are wrong

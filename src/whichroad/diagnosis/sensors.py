@@ -1,12 +1,14 @@
 """Which sensor does not measure what it should, and how: what the filter withheld, by its name."""
 
 import math
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from .._compile import Record
 from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
 from ..geodesy.angles import degrees
 from ..sensors.takeover import GYRO, WHEELS, Takeover
+from ..sensors.whole_columns import BACKWARDS, STANDS, TURNLESS
 from .finding import Finding
 
 _LEAST = 3.0  # s for which a source was withheld, to be named
@@ -77,6 +79,27 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
             )
         )  # fmt: skip
     return tuple(found)
+
+
+_COLUMNS = {
+    STANDS: "it is 0 throughout, while the fixes move; it was not used; look at the counters (a "
+    "vehicle that is carried looks the same)",
+    BACKWARDS: "it counts backwards throughout, and was taken the other way round; check the sign "
+    "of metres_per_tick, of the speed, or the gear",
+    TURNLESS: "it never measured any turn, which no sensor does; its turns were not used; are both "
+    "wheels the same column, or is the yaw rate always 0?",
+}
+
+
+def column_findings(wrong: Sequence[str]) -> tuple[Finding, ...]:
+    """Odometry that was wrong throughout, named.
+
+    Args:
+        wrong: As of `sensors.whole_columns.less_wrong`.
+    """
+    return tuple(
+        Finding(f"odometry: {what}", "warning", 0.0, 0.9, 1.1, _COLUMNS[what]) for what in wrong
+    )
 
 
 def takeover_findings(takeover: Takeover | None) -> tuple[Finding, ...]:
