@@ -49,3 +49,10 @@ def test_who_backs_out_of_a_yard_is_not_turned_about():
     about(epochs, slice(None))
     said = localize(ROADS, epochs).output.rows
     assert len(np.unique(said.edge[5:])) == 1
+
+
+def test_a_counter_that_jumps_back_once_turns_nobody_about():
+    road, epochs = driven(2000.0)
+    epochs.arc[len(road.time) // 2] = epochs.forward[len(road.time) // 2] = -100.0
+    said = localize(ROADS, epochs).output.rows
+    assert len(np.unique(said.edge[50:])) == 1

@@ -43,6 +43,11 @@ def test_without_fixes_that_move_nothing_is_known(fixes: Fixes | None):
     assert less_wrong(motion, fixes) == (motion, ())
 
 
+def test_odometry_of_a_stop_alone_says_nothing_of_what_was_driven_before():
+    stop = Motion(np.arange(600.0, 700.0), np.zeros(100), np.zeros(100))
+    assert less_wrong(stop, fixes_of(3000.0)) == (stop, ())
+
+
 def test_distances_that_count_backwards_are_turned_about():
     right = motion_of(3000.0)
     motion, wrong = less_wrong(motion_of(-3000.0), fixes_of(3000.0))

@@ -39,10 +39,10 @@ def less_wrong(motion: Motion, fixes: Fixes | None) -> tuple[Motion | None, tupl
     way = float(np.abs(steps).sum())
     backwards = -steps.sum() > max(_BACK, _NET * way)
     turnless = motion.turn is not None and motion.by is None and _never(motion.turn)
-    if fixes is None or len(fixes) < _FEWEST or not (way == 0.0 or backwards or turnless):
+    if fixes is None or not (way == 0.0 or backwards or turnless):
         return motion, ()
-    place, sigma = _places(fixes)
-    if not _moves(place, sigma):
+    place, sigma = _places(fixes, motion.time[0], motion.time[-1])
+    if len(place) < _FEWEST or not _moves(place, sigma):
         return motion, ()
     if way == 0.0:
         return None, (STANDS,)
@@ -60,11 +60,14 @@ def _never(turn: Array) -> bool:
     return bool((np.abs(np.diff(turn)) < _NO_TURN).all())
 
 
-def _places(fixes: Fixes) -> tuple[Array, float]:
-    """Places, complex, east and i north of the first one, m, and the usual sigma, m."""
-    north = _METRES * (fixes.lat_deg - fixes.lat_deg[0])
-    east = _METRES * math.cos(radians(fixes.lat_deg[0])) * (fixes.lon_deg - fixes.lon_deg[0])
-    return east + 1j * north, float(np.sqrt(np.median(fixes.cov_ee + fixes.cov_nn)))
+def _places(fixes: Fixes, begin: float, end: float) -> tuple[Array, float]:
+    """Places between two times, complex, east and i north, m, and the usual sigma, m."""
+    part = slice(*np.searchsorted(fixes.time, (begin, end)))
+    lat, lon, variance = fixes.lat_deg[part], fixes.lon_deg[part], fixes.cov_ee + fixes.cov_nn
+    if not len(lat):
+        return np.zeros(0, complex), 0.0
+    east = math.cos(radians(lat[0])) * (lon - lon[0])
+    return _METRES * (east + 1j * (lat - lat[0])), float(np.sqrt(np.median(variance[part])))
 
 
 def _moves(place: Array, sigma: float) -> bool:

@@ -9,7 +9,7 @@ way from then on.
 from ..._compile import Record, kernel
 from .motion_sources import TURN
 
-_FAST = 4.0  # m/s backwards, beyond which
+_FAST, _MOST = 4.0, 20.0  # m/s backwards, beyond which, and up to which
 _COUNTS = 5.0  # a metre counts as so many
 _FAR = 150.0  # m backwards, less those forwards since, from which on it faces the other way
 
@@ -30,8 +30,8 @@ def face_forward(vetting: Record, reading: Record, dt: float) -> bool:
         _turn_about(reading)
     if reading.odometry_valid != 1 or dt <= 0.0:
         return False
-    fast = reading.arc < -_FAST * dt
-    vetting.backed = max(vetting.backed - reading.arc * (_COUNTS if fast else 1.0), 0.0)
+    back = min(-reading.arc, _MOST * dt)  # a counter that jumps back counts little
+    vetting.backed = max(vetting.backed + back * (_COUNTS if back > _FAST * dt else 1.0), 0.0)
     if vetting.backed < _FAR or reading.has_fix == 0:
         return False
     _turn_about(reading)

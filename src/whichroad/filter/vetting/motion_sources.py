@@ -31,10 +31,8 @@ VETTING = np.dtype(
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
-        (
-            "stuck",
-            "f8",
-        ),  # m/s, the receiver's speed when it was last refused; negative: it has changed
+        # m/s, the receiver's speed when it was last refused; negative: it has changed
+        ("stuck", "f8"),
         # m/s, a receiver's speed that stays the same, of fixes meanwhile: least, and most; since, s
         ("same", "f8", (4,)),
         ("borne_out", "u1"),  # 1: courses have turned with the fixes, and are used
@@ -51,12 +49,9 @@ VETTING = np.dtype(
         ("turnabouts", "i8"),  # how often that was found
         ("compared", "u1"),  # 1: its distance has agreed with the fixes
         ("unturned", "f8"),  # m driven before it ever measured a turn; negative: it has
-        (
-            "leg",
-            "f8",
-            (4,),
-        ),  # of sparse fixes: directions by fixes and odometry, rad; alike; length
-        ("leg_before", "f8", (4,)),  # and the last one: m by fixes, two axes, by odometry; s
+        # of the last leg of sparse fixes: directions by fixes and odometry, rad; alike; length, m;
+        ("leg", "f8", (4,)),
+        ("leg_before", "f8", (4,)),  # and m by fixes, two axes, and by odometry; s
         ("bend", "f8"),  # rad by which it has turned in the last seconds
         ("exposed", "u1"),  # 1: odometry was found impossible soon after a misfit, until a fix
         ("elsewhere", "u1"),  # 1: turns were refused with this epoch, and its fix is far away
