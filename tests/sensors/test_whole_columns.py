@@ -70,3 +70,10 @@ def test_turns_that_are_never_measured_are_no_turns():
     assert motion is not None
     assert motion.turn is None
     assert less_wrong(motion_of(3000.0, 0.0), fixes_of(3000.0))[1] == ()  # there are no bends
+
+
+def test_a_receiver_that_jumps_away_and_back_has_not_turned():
+    fixes = fixes_of(3000.0)
+    fixes.lon_deg[200:300] += 200.0 / 72_000.0
+    motion = motion_of(3000.0, 0.0)
+    assert less_wrong(motion, fixes) == (motion, ())

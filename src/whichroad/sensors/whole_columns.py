@@ -21,7 +21,8 @@ _MOST = (5.0, 95.0)  # per cent of them
 _BACK = 200.0  # m, net, backwards
 _NET = 0.8  # share of all distances that are, then
 _NO_TURN = 1e-6  # rad from reading to reading
-_LEG, _BENDS = 50.0, 0.6  # m, and rad between two such legs
+_LEG, _BENDS = 50.0, 0.6  # m, and rad between such a leg and the whole way
+_LEGS, _PART = 4, 0.1  # of them that bend, and of all
 _METRES = 111_000.0  # m in a degree of latitude
 
 
@@ -77,10 +78,15 @@ def _moves(place: Array, sigma: float) -> bool:
 
 
 def _turns(place: Array, sigma: float) -> bool:
-    """Whether the way of the fixes bends, in legs that are long beside their errors."""
+    """Whether the way of the fixes bends: several of its legs go another way than it does.
+
+    A receiver that jumps away and back makes two such legs.
+    """
     least, ends = max(_LEG, _SIGMAS * sigma), [place[0]]
     for one in place:
         if abs(one - ends[-1]) > least:
             ends.append(one)
     legs = np.diff(ends)
-    return bool(len(legs) > 1 and np.abs(np.angle(legs[1:] / legs[:-1])).max() > _BENDS)
+    legs /= np.abs(legs)
+    off = np.abs(np.angle(legs * legs.sum().conj())) > _BENDS
+    return bool(off.sum() >= _LEGS and off.mean() > _PART)
