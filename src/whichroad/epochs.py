@@ -114,7 +114,7 @@ def build_timeline(
         DriveError: There is neither a fix nor odometry.
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
-    motion, wrong = _motion(drive, fixes, vehicle, mask)
+    motion, wrong = _motion(drive, fixes, plane, vehicle, mask)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
         raise DriveError(
@@ -172,8 +172,9 @@ def _kept(
 
 
 def _motion(
-    drive: Drive, fixes: Fixes | None, vehicle: Vehicle, mask: Sequence[tuple[float, float]]
-) -> tuple[Motion | None, tuple[str, ...]]:
+    drive: Drive, fixes: Fixes | None, plane: Plane, vehicle: Vehicle,
+    mask: Sequence[tuple[float, float]],
+) -> tuple[Motion | None, tuple[str, ...]]:  # fmt: skip
     """What moves the vehicle, and what of that is wrong throughout.
 
     None where there are less than two readings, or nothing of it is left.
@@ -186,7 +187,7 @@ def _motion(
         keep = _kept(fixes, mask, begin)
         told = Fixes(**{f.name: getattr(fixes, f.name)[keep] for f in fields(Fixes)})
     motion = motion_of(drive.odometry, vehicle, told)
-    return less_wrong(motion, told) if len(motion.time) > 1 else (None, ())
+    return less_wrong(motion, told, plane) if len(motion.time) > 1 else (None, ())
 
 
 def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:

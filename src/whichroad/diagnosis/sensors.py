@@ -46,22 +46,9 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
             )
         )  # fmt: skip
     if vetting.turnabouts > 0:
-        found.append(
-            Finding(
-                "odometry: sign of distance", "warning", float(vetting.turnabouts), 0.0, 0.0,
-                "it counted backwards for longer than anybody drives so, and was taken the other "
-                "way round; check the sign of metres_per_tick, of the speed, or the gear",
-            )
-        )  # fmt: skip
+        found.append(_column(BACKWARDS))
     if vetting.unturned >= _UNTURNED:
-        found.append(
-            Finding(
-                "odometry: no turns", "warning", float(vetting.unturned), 0.0, _UNTURNED,
-                f"in {vetting.unturned:,.0f} m it never measured any turn, which no sensor does; "
-                "its turns were not used; are both wheels the same column, or is the yaw rate "
-                "always 0?",
-            )
-        )  # fmt: skip
+        found.append(_column(TURNLESS))
     if vetting.seconds[TURN] >= _LEAST:
         found.append(_turns(vetting))
     if vetting.seconds[SPEED] >= _LEAST:
@@ -81,14 +68,26 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
     return tuple(found)
 
 
+# what is wrong throughout: how much of the motion it measured, and what to do
 _COLUMNS = {
-    STANDS: "it is 0 throughout, while the fixes move; it was not used; look at the counters (a "
-    "vehicle that is carried looks the same)",
-    BACKWARDS: "it counts backwards throughout, and was taken the other way round; check the sign "
-    "of metres_per_tick, of the speed, or the gear",
-    TURNLESS: "it never measured any turn, which no sensor does; its turns were not used; are both "
-    "wheels the same column, or is the yaw rate always 0?",
-}
+    STANDS: (
+        0.0, "it was 0 throughout, while the fixes moved, and was not used; look at the counters "
+        "(a vehicle that is carried looks the same)",
+    ),
+    BACKWARDS: (
+        -1.0, "it counted backwards for longer than anybody drives so, and was taken the other way "
+        "round; check the sign of metres_per_tick, of the speed, or the gear",
+    ),
+    TURNLESS: (
+        0.0, "it never measured any turn, which no sensor does; its turns were not used; are both "
+        "wheels the same column, or is the yaw rate always 0?",
+    ),
+}  # fmt: skip
+
+
+def _column(what: str) -> Finding:
+    ratio, advice = _COLUMNS[what]
+    return Finding(f"odometry: {what}", "warning", ratio, 0.9, 1.1, advice)
 
 
 def column_findings(wrong: Sequence[str]) -> tuple[Finding, ...]:
@@ -97,9 +96,7 @@ def column_findings(wrong: Sequence[str]) -> tuple[Finding, ...]:
     Args:
         wrong: As of `sensors.whole_columns.less_wrong`.
     """
-    return tuple(
-        Finding(f"odometry: {what}", "warning", 0.0, 0.9, 1.1, _COLUMNS[what]) for what in wrong
-    )
+    return tuple(map(_column, wrong))
 
 
 def takeover_findings(takeover: Takeover | None) -> tuple[Finding, ...]:

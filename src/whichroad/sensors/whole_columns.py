@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..geodesy.angles import radians
+from ..geodesy.plane import Plane
 from ..observations import Array, Fixes
 from .odometry import Motion
 
@@ -23,15 +23,17 @@ _NET = 0.8  # share of all distances that are, then
 _NO_TURN = 1e-6  # rad from reading to reading
 _LEG, _BENDS = 50.0, 0.6  # m, and rad between such a leg and the whole way
 _LEGS, _PART = 4, 0.1  # of them that bend, and of all
-_METRES = 111_000.0  # m in a degree of latitude
 
 
-def less_wrong(motion: Motion, fixes: Fixes | None) -> tuple[Motion | None, tuple[str, ...]]:
+def less_wrong(
+    motion: Motion, fixes: Fixes | None, plane: Plane
+) -> tuple[Motion | None, tuple[str, ...]]:
     """Odometry without what is wrong throughout, and what that was.
 
     Args:
         motion: Of the whole drive.
         fixes: Of the same drive: where they do not move, nothing is known.
+        plane: The map's.
 
     Returns:
         None where nothing of it is left; and `STANDS`, `TURNLESS`, `BACKWARDS`.
@@ -42,7 +44,7 @@ def less_wrong(motion: Motion, fixes: Fixes | None) -> tuple[Motion | None, tupl
     turnless = motion.turn is not None and motion.by is None and _never(motion.turn)
     if fixes is None or not (way == 0.0 or backwards or turnless):
         return motion, ()
-    place, sigma = _places(fixes, motion.time[0], motion.time[-1])
+    place, sigma = _places(fixes, motion.time[0], motion.time[-1], plane)
     if len(place) < _FEWEST or not _moves(place, sigma):
         return motion, ()
     if way == 0.0:
@@ -61,14 +63,12 @@ def _never(turn: Array) -> bool:
     return bool((np.abs(np.diff(turn)) < _NO_TURN).all())
 
 
-def _places(fixes: Fixes, begin: float, end: float) -> tuple[Array, float]:
-    """Places between two times, complex, east and i north, m, and the usual sigma, m."""
+def _places(fixes: Fixes, begin: float, end: float, plane: Plane) -> tuple[Array, float]:
+    """Places between two times, complex, m, and the usual sigma, m."""
     part = slice(*np.searchsorted(fixes.time, (begin, end)))
-    lat, lon, variance = fixes.lat_deg[part], fixes.lon_deg[part], fixes.cov_ee + fixes.cov_nn
-    if not len(lat):
-        return np.zeros(0, complex), 0.0
-    east = math.cos(radians(lat[0])) * (lon - lon[0])
-    return _METRES * (east + 1j * (lat - lat[0])), float(np.sqrt(np.median(variance[part])))
+    x, y = plane.from_geodetic(fixes.lat_deg[part], fixes.lon_deg[part])
+    variance = (fixes.cov_ee + fixes.cov_nn)[part]
+    return x + 1j * y, math.sqrt(float(np.median(variance))) if len(x) else 0.0
 
 
 def _moves(place: Array, sigma: float) -> bool:

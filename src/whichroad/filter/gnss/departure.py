@@ -82,13 +82,13 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     odds = 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)
     pace = math.hypot(windows.vx, windows.vy) if windows.moves == 1 else 0.0
     if epoch.speed_sigma < _DOPPLER and state.vetting.refused[SPEED] == 0:
-        pace = epoch.speed
         if epoch.speed < _STANDS:
             prior = _BOTH
             odds = min(odds, math.hypot(dx, dy) / _DRIFTS)
-            pace = math.hypot(windows.vx, windows.vy)
-        elif drives(epoch) and state.standing > _LATE:
-            prior = _PRIOR - _REPORTED
+        else:
+            pace = epoch.speed
+            if drives(epoch) and state.standing > _LATE:
+                prior = _PRIOR - _REPORTED
     left.p = 1.0 / (1.0 + math.exp(prior - odds))
     left.pace = min(pace, _FASTEST)
     left.time = epoch.time

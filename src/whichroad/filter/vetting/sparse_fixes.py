@@ -7,10 +7,9 @@ show between the directions of two such legs.
 import math
 from typing import NamedTuple
 
-from ..._compile import Record, Vector, kernel
+from ..._compile import Record, kernel
 from ...graph.geometry import wrap
-from .agreement import NEVER, count, weigh_turn
-from .agreement import Turned as Turned
+from .agreement import NEVER, Turned, count, weigh_turn
 from .motion_sources import ARC
 from .windows import ANCHORS, CLOCK, PAUSE, WHEELS, Seen
 
@@ -70,39 +69,33 @@ def weigh_leg(vetting: Record, leg: Leg, sensors: int) -> Seen:
         vetting.leg[3] = vetting.leg_before[3] = 0.0
         return seen
     vetting.pace = leg.fixes / leg.seconds
-    _weigh_way(vetting, _two_legs(vetting.leg_before, leg))
+    _weigh_way(vetting, leg)
     if sensors == WHEELS:
         _weigh_turn(vetting, leg)
     return seen
 
 
 @kernel
-def _two_legs(before: Vector, leg: Leg) -> Leg:
-    """A leg and the one before: one fix that is far away ends neither of them."""
+def _weigh_way(vetting: Record, leg: Leg) -> None:
+    """The odometer's way over two legs: one fix that is far away ends neither of them."""
+    before = vetting.leg_before
     dx = leg.fixes * math.cos(leg.heading)
     dy = leg.fixes * math.sin(leg.heading)
-    whole = Leg(
-        leg.seconds + before[3], math.hypot(dx + before[0], dy + before[1]), leg.sigma,
-        leg.heading, leg.chord, leg.reckoned, leg.way + before[2], before[3] > 0.0,
-    )  # fmt: skip
+    fixes = math.hypot(dx + before[0], dy + before[1])
+    way = leg.way + before[2]
+    seconds = leg.seconds + before[3]
+    first = before[3] == 0.0
     before[0], before[1], before[2], before[3] = dx, dy, leg.way, leg.seconds
-    return whole
-
-
-@kernel
-def _weigh_way(vetting: Record, leg: Leg) -> None:
-    """The odometer's way over two legs, which may be longer than their distance."""
-    if not leg.measured:
+    if first:
         return
-    short = leg.way < 0.8 * leg.fixes - 4.0 * leg.sigma
-    long = leg.way > _TIMES * leg.fixes + 4.0 * leg.sigma + _LONG
-    runs = short and leg.way < _STANDS * leg.seconds and leg.fixes > _RUNS * leg.seconds
-    alike = abs(leg.way - leg.fixes) < 2.0 * leg.sigma + 0.12 * leg.way
+    short = way < 0.8 * fixes - 4.0 * leg.sigma
+    long = way > _TIMES * fixes + 4.0 * leg.sigma + _LONG
+    runs = short and way < _STANDS * seconds and fixes > _RUNS * seconds
     if runs or (vetting.compared == 0 and (short or long)):
         count(vetting, ARC, _COUNTS)
-    elif alike:
+    elif abs(way - fixes) < 2.0 * leg.sigma + 0.12 * way:
         count(vetting, ARC, -_COUNTS)
-        if leg.fixes > 5.0 * leg.sigma + _LONG:
+        if fixes > 5.0 * leg.sigma + _LONG:
             vetting.compared = 1
 
 
