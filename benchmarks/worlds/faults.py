@@ -81,6 +81,8 @@ FAULTS = {
     "odometry_kmh": Fault("odometry", 0.0, WHOLE, 1, "km/h read as m/s", _ODOMETRY),
     "speed_10": Fault("receiver", 0.0, WHOLE, 1, "speed always 10 m/s", _DOPPLER),
     "late": Fault("receiver", 0.0, WHOLE, 1, "times of fixes 1 s late", _ODOMETRY),
+    "odometry_late": Fault("odometry", 0.0, WHOLE, 1, "its times 1 s late", _ODOMETRY),
+    "odometry_18": Fault("odometry", 0.0, WHOLE, 1, "its times 18 s late", _ODOMETRY),
     # maps
     "shift": Fault("map", 0.1, WHOLE, 1, "10 to 30 m off as a whole"),
     "warp": Fault("map", 0.15, WHOLE, 1, "5 to 8 m over some 300 m"),

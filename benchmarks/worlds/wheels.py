@@ -114,4 +114,6 @@ def _as_logged(columns: Columns, events: list[Event]) -> Columns:
     if "left" in columns and has(events, "no_turn"):
         columns["left"] = columns["right"].copy()
     keep = ~during(columns["time"], events, GAP)
+    columns["time"] = columns["time"] + 1.0 * has(events, "odometry_late")
+    columns["time"] += 18.0 * has(events, "odometry_18")  # as leap seconds
     return {name: column[keep] for name, column in columns.items()}

@@ -16,9 +16,11 @@ from .errors import DriveError, SettingError
 from .evidence.sensed import Row, Sensed
 from .filter.evidence.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
+from .filter.vetting.latency import LONGEST
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes, SensorReading, WithGyro
+from .sensors.clocks import delay_of
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
@@ -42,6 +44,8 @@ class Timeline:
     sensors: tuple[str, ...] = ()  # their names
     takeover: Takeover | None = None  # of a gyro beside wheels
     wrong: tuple[str, ...] = ()  # what of the odometry is wrong throughout, see `whole_columns`
+    delay: float = 0.0  # s by which fixes are late against the odometry as it was recorded
+    late: float = 0.0  # s by which they still are in the epochs
 
     @property
     def interval(self) -> float:
@@ -96,7 +100,7 @@ def _union(times: list[Array]) -> Array:
 
 def build_timeline(
     drive: Drive, plane: Plane, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
-    sensed: Sensed | None = None,
+    sensed: Sensed | None = None, clocks: bool = True,
 ) -> Timeline:  # fmt: skip
     """Put the sensors of a drive on one clock.
 
@@ -106,6 +110,7 @@ def build_timeline(
         vehicle: For the odometry.
         mask: Time windows (s) in which fixes are withheld.
         sensed: Makes evidence of what further sensors say; None: there are none.
+        clocks: Whether clocks that differ are put right, as far as the drive tells.
 
     Returns:
         Epochs in time order and the mode of motion.
@@ -114,7 +119,7 @@ def build_timeline(
         DriveError: There is neither a fix nor odometry.
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
-    motion, wrong = _motion(drive, fixes, plane, vehicle, mask)
+    motion, wrong, delay = _motion(drive, fixes, plane, vehicle, mask)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
         raise DriveError(
@@ -126,6 +131,9 @@ def build_timeline(
         epochs, own = epochs_of_fixes(fixes, [0], plane)
         if own[0]:
             return Timeline(epochs, CLOCK, 0, wrong=wrong)
+    late = delay if 0.0 < delay <= LONGEST and clocks else 0.0
+    if motion is not None and clocks:  # late odometry, or a clock that was never set
+        motion = motion._replace(time=motion.time + (delay - late))
     streams = [m.time for m in (motion, fixes) if m is not None]
     told = [] if sensed is None else sensed.within(drive.sensed, streams)
     if sensed is not None and motion is None and fixes is not None:
@@ -156,9 +164,9 @@ def build_timeline(
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     if sensed is None:
-        return Timeline(epochs, mode, masked, takeover=takeover, wrong=wrong)
+        return Timeline(epochs, mode, masked, NO_EVIDENCE, (), takeover, wrong, delay, late)
     heard = _heard(epochs, told, sensed)
-    return Timeline(epochs, mode, masked, heard, sensed.names, takeover, wrong)
+    return Timeline(epochs, mode, masked, heard, sensed.names, takeover, wrong, delay, late)
 
 
 def _kept(
@@ -174,20 +182,23 @@ def _kept(
 def _motion(
     drive: Drive, fixes: Fixes | None, plane: Plane, vehicle: Vehicle,
     mask: Sequence[tuple[float, float]],
-) -> tuple[Motion | None, tuple[str, ...]]:  # fmt: skip
-    """What moves the vehicle, and what of that is wrong throughout.
+) -> tuple[Motion | None, tuple[str, ...], float]:  # fmt: skip
+    """What moves the vehicle, what of that is wrong throughout, and how late fixes are to it, s.
 
     None where there are less than two readings, or nothing of it is left.
     """
     if drive.odometry is None or len(drive.odometry.time) < 2:
-        return None, ()
+        return None, (), 0.0
     told = fixes
     if fixes is not None and (mask or isinstance(drive.odometry, WithGyro)):
         begin = min(float(fixes.time[0]), float(drive.odometry.time[0]))
         keep = _kept(fixes, mask, begin)
         told = Fixes(**{f.name: getattr(fixes, f.name)[keep] for f in fields(Fixes)})
     motion = motion_of(drive.odometry, vehicle, told)
-    return less_wrong(motion, told, plane) if len(motion.time) > 1 else (None, ())
+    if len(motion.time) < 2:
+        return None, (), 0.0
+    sound, wrong = less_wrong(motion, told, plane)
+    return sound, wrong, delay_of(sound, told, plane) if sound is not None else 0.0
 
 
 def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:

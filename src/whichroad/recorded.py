@@ -32,6 +32,7 @@ from .filter.state import (
 )
 from .filter.step import run
 from .filter.summary.estimate import Output, new_output
+from .filter.vetting.latency import assume_delay
 from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at
 from .lookback.path import Chain, best_chain, heaviest_chain, tidied
@@ -105,6 +106,8 @@ def localize_recorded(
     ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode, timeline.evidence)
     history, buffers = (new_history(0), None) if lag is None else workspace.smoothing()
     output = new_output(n, poses)
+    if timeline.late > 0.0:
+        assume_delay(belief.state[0].vetting.latency, timeline.late)
     done, path = begin(
         roads, timeline, belief, path, ctx, output, vehicle=vehicle, settings=settings,
         start=start, progress=progress,
@@ -131,13 +134,15 @@ def localize_recorded(
     further = further_findings(timeline.sensors, belief.state.sensors[0])
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
     off = map_error_of(belief, settings, roads.plane)
-    fit = partial(findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off)
-
+    shifted = timeline.delay - timeline.late
+    fit = partial(
+        findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off, shifted
+    )  # fmt: skip
     named = (*column_findings(timeline.wrong), *takeover_findings(timeline.takeover))
 
     def diagnose() -> tuple[Finding, ...]:
         # settings are not judged by sensors that are wrong
-        return (*further, *named, *(sensor_findings(vetting) if named else fit()))
+        return (*further, *named, *(sensor_findings(vetting, shifted) if named else fit()))
 
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:

@@ -283,3 +283,11 @@ def test_a_receiver_may_be_late_or_say_one_speed(truth, tmp_path):
     assert np.allclose(late.time, right.time + 1.0)
     assert np.array_equal(late.x, right.x)
     assert (fixes_of(truth, tmp_path, Event("speed_10", 0.0, 200.0)).speed == 10.0).all()
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("odometry_late", 1.0), ("odometry_18", 18.0)])
+def test_odometry_may_be_late(truth, name, seconds):
+    right = measure_yaw(truth, [], np.random.default_rng(1))
+    late = measure_yaw(truth, [Event(name, 0.0, 200.0)], np.random.default_rng(1))
+    assert np.allclose(late["time"], right["time"] + seconds)
+    assert np.array_equal(late["speed"], right["speed"])

@@ -20,6 +20,7 @@ from .across import across_of
 from .drives_run import Answer, Bench
 from .quantities import (
     ACROSS,
+    CLOCK,
     GNSS_SIGMA,
     GNSS_TIME,
     GNSS_WHITE,
@@ -69,6 +70,7 @@ def settle(
     assert log is not None
     known = values_of(start, start)
     values = {name: known[name] for name in known}
+    values[CLOCK] -= bench.delay(chosen)
     first: Values = {}
     answered = dict.fromkeys(names, _ANSWERED)
     for number in range(_MOST):

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from statistics import median
 from typing import NamedTuple
 
 from ..diagnosis.finding import Finding
@@ -53,7 +54,7 @@ class Bench:
             drive = self.drives[number]
             if drive.fixes is not None and late:
                 drive = replace(drive, fixes=replace(drive.fixes, time=drive.fixes.time + late))
-            timeline = build_timeline(drive, self.roads.plane, vehicle)
+            timeline = build_timeline(drive, self.roads.plane, vehicle, clocks=False)
             recorded = localize_recorded(self.roads, timeline, vehicle=vehicle, settings=tuned)
             log = drive.odometry
             by_time = isinstance(log, SpeedYawRate)
@@ -65,6 +66,11 @@ class Bench:
 
         with ThreadPoolExecutor(self.threads) as pool:
             return list(pool.map(one, chosen))
+
+    def delay(self, chosen: Sequence[int]) -> float:
+        """How late fixes are by the distances that both tell, s; the median of some drives."""
+        drives = (self.drives[number] for number in chosen)
+        return median(build_timeline(d, self.roads.plane, self.read_with).delay for d in drives)
 
     def evidence(self, vehicle: Vehicle, chosen: Sequence[int]) -> list[float]:
         """Log-likelihood of some drives, nats each."""

@@ -13,7 +13,7 @@ from ..filter.summary.estimate import Output
 from ..settings import Settings, Vehicle
 from .finding import Finding as Finding
 from .map_offset import MapError, headings_finding, offset_finding
-from .sensors import sensor_findings
+from .sensors import clock_finding, sensor_findings
 from .statistics import ConsistencyStatistics, rows_of
 
 _ENOUGH = 3000.0  # s of moving, from which on the bands below hold unwidened
@@ -47,14 +47,14 @@ def diagnose(answer: Any) -> list[Finding]:
 
 def findings(
     statistics: ConsistencyStatistics, vetting: Record | None = None,
-    map_error: MapError | None = None,
+    map_error: MapError | None = None, moved: float = 0.0,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """What does not fit, so far: sensors that the filter withheld, else settings.
 
     Wheels first, then clocks and antenna, the map, the fixes' own errors: each is judged
     by those before, so that it is not judged as long as those do not fit.
     """
-    withheld = () if vetting is None else sensor_findings(vetting)
+    withheld = () if vetting is None else sensor_findings(vetting, moved)
     if withheld:
         return withheld
     turned = headings_finding(map_error, statistics.settings)
@@ -116,13 +116,7 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
     late, antenna, sigma_late, sigma_antenna = statistics.shift()
     band = max(_LATE, _SURE * sigma_late)
     if abs(late) > band:
-        found.append(
-            Finding(
-                "clock", "warning", late, -band, band,
-                f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
-                f"odometer; add {-late:.1f} s to gnss under [clock] in vehicle.toml",
-            )
-        )  # fmt: skip
+        found.append(clock_finding(late, band))
     band = max(_ANTENNA, _SURE * sigma_antenna)
     if abs(antenna) > band:
         right = antenna + complex(
@@ -208,7 +202,7 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
 
 def findings_of(
     epochs: Records, output: Output, mode: int, settings: Settings, vehicle: Vehicle,
-    vetting: Record, map_error: MapError | None = None,
+    vetting: Record, map_error: MapError | None = None, moved: float = 0.0,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """What does not fit in a recorded drive; in clock mode the receiver's own columns alone.
 
@@ -220,9 +214,10 @@ def findings_of(
         vehicle: The car.
         vetting: What the filter withheld, `filter.vetting.motion_sources.VETTING`.
         map_error: What it has learnt of the map.
+        moved: s by which the odometry was put on the clock of the fixes.
     """
     if mode == CLOCK:
         return sensor_findings(vetting)
     statistics = ConsistencyStatistics(settings, vehicle)
     statistics.take(rows_of(epochs, output))
-    return findings(statistics, vetting, map_error)
+    return findings(statistics, vetting, map_error, moved)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from .._compile import Record
+from ..filter.vetting.latency import found_delay
 from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
 from ..geodesy.angles import degrees
 from ..sensors.takeover import GYRO, WHEELS, Takeover
@@ -21,18 +22,23 @@ _OPPOSITE = -0.5  # ratio of turns below which they have the other sign
 _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
+_LATE = 0.1  # s, to be named
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
 
 
-def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
-    """Sensors that were withheld, named.
+def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
+    """Sensors that were withheld or mended, named.
 
     Args:
         vetting: `filter.vetting.vet.VETTING` at the end of a drive, or now.
+        moved: s by which the odometry of a recorded drive was put on the clock of the fixes.
     """
     found = []
+    delay = moved + found_delay(vetting.latency)
+    if abs(delay) > _LATE:
+        found.append(clock_finding(delay, _LATE))
     if vetting.seconds[ARC] >= _LEAST:
         found.append(_distance(vetting))
     elif vetting.seconds[_IMPOSSIBLE] >= _LEAST_IMPOSSIBLE:
@@ -66,6 +72,15 @@ def sensor_findings(vetting: Record) -> tuple[Finding, ...]:
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def clock_finding(late: float, band: float) -> Finding:
+    """Fixes that come late against the odometry, s, or early."""
+    return Finding(
+        "clock", "warning", late, -band, band,
+        f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
+        f"odometer; add {-late:.1f} s to gnss under [clock] in vehicle.toml",
+    )  # fmt: skip
 
 
 # what is wrong throughout: how much of the motion it measured, and what to do

@@ -33,6 +33,7 @@ _DISPUTED = 30.0  # s after a misfit, for which odometry that is found impossibl
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _DEPARTED = 0.5  # P that it has driven off while its odometer stood, from which on it starts anew
 _ROLLS = 0.5  # m/s, from which on a vehicle does not stand
+_HEADED = 0.1  # rad², variance of a heading by which fixes and odometry are compared
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
 
@@ -131,6 +132,11 @@ def _start_elsewhere(belief: Belief, par: Record, epoch: Record, departed: bool)
 def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> None:
     """A source of motion that is not believed from this fix on may have led the vehicle astray."""
     vetting = belief.state[0].vetting
+    if vetting.latency.found == 1:
+        vetting.latency.found = 0
+        state = belief.state[0]
+        state.misfits = par.lost_after
+        state.gnss_factor = 0.0
     if vetting.exposed == 1:
         vetting.exposed = 0
         _start_elsewhere(belief, par, epoch, departed)
@@ -141,7 +147,7 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
 
 
 @kernel
-def pass_calibration(belief: Belief, gyro: int) -> None:
+def pass_calibration(belief: Belief, par: Record, gyro: int) -> None:
     """Tell the vetting what was learnt of the odometry's drift."""
     state = belief.state[0]
     if state.mode == WHEELS and state.count > 0:
@@ -149,6 +155,25 @@ def pass_calibration(belief: Belief, gyro: int) -> None:
         if gyro == BY_GYRO:  # a metre of its clock is a time
             drift *= GYRO_PACE / max(abs(state.odometer_speed), _LEAST_PACE)
         state.vetting.drift = drift
+    _pass_pose(belief, par)
+
+
+@kernel
+def _pass_pose(belief: Belief, par: Record) -> None:
+    """Tell the latency which way the vehicle heads, and the odometer's scale."""
+    state = belief.state[0]
+    latency = state.vetting.latency
+    latency.heading[1] = math.inf
+    if state.mode == CLOCK or state.count == 0:
+        return
+    top = belief.hyp[most_probable(belief)]
+    if top.cov[H, H] > _HEADED:
+        return
+    latency.heading[0] = top.mu[H]
+    latency.heading[1] = top.cov[H, H]
+    latency.rate = top.mu[K]
+    latency.antenna[0] = par.lever[0]
+    latency.antenna[1] = par.lever[1]
 
 
 @kernel
@@ -241,7 +266,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
     _withhold_repeats(vetting, reading, dt, sensors)
     if reading.has_fix:
-        pass_calibration(belief, epoch.gyro)
+        pass_calibration(belief, par, epoch.gyro)
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
     if sensors != CLOCK and face_forward(vetting, reading, dt):

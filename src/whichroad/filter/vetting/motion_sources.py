@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..._compile import Record, kernel
+from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
 from .windows import WINDOWS
 
@@ -83,6 +84,7 @@ VETTING = np.dtype(
         ("diverged", "f8"),  # s for which the belief's heading has differed from it,
         ("agreed_turn", "f8"),  # and the sum of turns when it last did not, rad
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
+        ("latency", LATENCY),
         ("repeats", REPEATS),  # fixes that only repeat a place
     ],
     align=True,
@@ -119,6 +121,7 @@ _SOUND_WAY = 2000.0  # m, after which relapses are forgotten
 @kernel
 def clear(vetting: Record) -> None:
     """Begin: nothing was seen, and everything is believed."""
+    clear_latency(vetting.latency)
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0

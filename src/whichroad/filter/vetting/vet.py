@@ -11,6 +11,8 @@ import math
 
 from ..._compile import Record, kernel
 from .agreement import differ, weigh_courses, weigh_distances, weigh_turns
+from .clocks import heed_clocks, mend_odometry
+from .latency import clear_latency, keep_place
 from .motion_sources import (
     ANYTHING,
     ARC,
@@ -76,8 +78,13 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     _forget(vetting)
     if sensors != CLOCK:
         _take_odometry(vetting, epoch, dt, sensors)
+        keep_place(vetting.latency, windows.now, epoch.time)
     if not epoch.has_fix:
         return
+    if sensors != CLOCK:
+        valid = is_possible(vetting) and vetting.missed == 0 and vetting.refused[ARC] == 0
+        valid = valid and (sensors == DISTANCE or vetting.refused[TURN] == 0)
+        heed_clocks(vetting.latency, epoch, scale, valid)
     odd = is_odd(vetting, epoch)
     leg = leg_of(windows, epoch, scale)
     if not add_fix(windows, epoch, scale, not odd):
@@ -116,10 +123,12 @@ def _take_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
         vetting.missed = 0
     elif epoch.has_fix and vetting.silent > _SILENT:
         vetting.missed = 1
-    advance(vetting.windows, epoch, dt, measured and epoch.gyro != UNTURNED)
     if measured and dt > 0.0:
         check_odometry(vetting, epoch, dt, sensors)
-    elif not measured:
+    if dt > 0.0:
+        mend_odometry(vetting.latency, epoch)
+    advance(vetting.windows, epoch, dt, measured and epoch.gyro != UNTURNED)
+    if not measured:
         _pause(vetting.speed_sample)
         _pause(vetting.turn_sample)
 
@@ -169,6 +178,7 @@ def _decide(vetting: Record) -> None:
             vetting.refused[source] = 0
     if vetting.refused[TURN] == 1:
         vetting.turned = 0
+        clear_latency(vetting.latency)
     if vetting.refused[COURSE] == 1:
         vetting.borne_out = 0
         vetting.agreed = math.inf

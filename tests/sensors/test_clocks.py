@@ -1,0 +1,179 @@
+"""Clocks that differ: late fixes and late odometry are found, mended and named."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import whichroad
+from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
+from whichroad.epochs import build_timeline
+from whichroad.geodesy.plane import Plane
+from whichroad.observations import Drive, Fixes, Observation
+from whichroad.roadmap import RoadMap
+from whichroad.sensors.clocks import delay_of
+from whichroad.sensors.odometry import Motion
+from whichroad.simulate import SimulatedDrive
+
+PLANE = Plane(49.4, 8.7)
+SECONDS = 600.0
+
+
+def speed_at(time: np.ndarray, seed: int = 0) -> np.ndarray:
+    """m/s of a car in a town: it stops now and then, and never twice alike."""
+    random = np.random.default_rng(seed)
+    at = np.cumsum(random.uniform(8.0, 25.0, 80))
+    return np.interp(time, at, random.choice([0.0, 8.0, 14.0], len(at)))
+
+
+def motion(seed: int = 0) -> Motion:
+    time = np.arange(0.0, SECONDS, 0.1)
+    speed = speed_at(time, seed)
+    steps = 0.05 * (speed[1:] + speed[:-1])
+    return Motion(time, np.concatenate([[0.0], np.cumsum(steps)]), 0.0 * time)
+
+
+def fixes_of(metres: np.ndarray, time: np.ndarray, seed: int = 0) -> Fixes:
+    """Fixes of a car that has driven so far towards the north."""
+    random = np.random.default_rng(seed)
+    n = len(time)
+    x, y = random.normal(0.0, 0.7, (2, n))
+    lat, lon = PLANE.to_geodetic(x, metres + y)
+    nan, cov = np.full(n, np.nan), np.full(n, 6.0)
+    return Fixes(time, lat, lon, cov, 0.0 * cov, cov, nan, nan, nan, nan, np.zeros(n, np.uint8))
+
+
+def late_fixes(delay: float, seed: int = 0) -> Fixes:
+    """Fixes that are stamped so much too late, or too early."""
+    driven = motion(seed)
+    time = np.arange(0.5, SECONDS - 1.0)
+    return fixes_of(np.interp(time, driven.time, driven.distance), time + delay, seed)
+
+
+@pytest.mark.parametrize("delay", [0.8, 1.0, 3.0, 18.0, 40.0, -0.7, -2.0, -18.0])
+def test_a_delay_is_found(delay: float):
+    for seed in range(4):
+        assert delay_of(motion(seed), late_fixes(delay, seed), PLANE) == pytest.approx(
+            delay, abs=0.15
+        )
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, -0.2])
+def test_clocks_that_agree_stay_as_they_are(delay: float):
+    assert all(delay_of(motion(k), late_fixes(delay, k), PLANE) == 0.0 for k in range(10))
+
+
+def test_too_little_tells_nothing():
+    none = late_fixes(1.0)
+    few = Fixes(*(getattr(none, name)[:20] for name in Fixes.__slots__))
+    steady = Motion(np.arange(0.0, SECONDS), 10.0 * np.arange(0.0, SECONDS), None)
+    for driven, fixes in ((motion(), None), (motion(), few), (steady, none)):
+        assert delay_of(driven, fixes, PLANE) == 0.0
+
+
+def test_a_minute_of_wrong_fixes_is_no_delay():
+    """For a minute they run away at 8 m/s while the car stands, or comes back."""
+    time = np.arange(0.5, SECONDS - 1.0)
+    driven = motion()
+    metres = np.interp(time, driven.time, driven.distance)
+    for begin in range(60, 500, 40):
+        pulled = metres + 8.0 * np.clip(time - begin, 0.0, 60.0)
+        assert delay_of(driven, fixes_of(pulled, time), PLANE) == 0.0
+
+
+@pytest.mark.parametrize("lag", [0.5, 1.0, 1.5])
+def test_a_receiver_that_smooths_is_not_late(lag: float):
+    """It believes in a constant velocity; it lags while that changes, and catches up."""
+    driven = motion()
+    time = np.arange(0.5, SECONDS - 1.0)
+    metres = np.interp(time, driven.time, driven.distance)
+    speed = speed_at(time)
+    kept = np.exp(-1.0 / lag)
+    place, going, out = metres[0], speed[0], []
+    for k in range(len(time)):
+        place = metres[k] + kept * (place + (going if k else 0.0) - metres[k])
+        going = speed[k] + kept * (going - speed[k])
+        out.append(place)
+    assert abs(delay_of(driven, fixes_of(np.array(out), time), PLANE)) < 0.5
+
+
+@pytest.fixture(scope="module")
+def ride(town):
+    """Eight kilometres of a car with wheels."""
+    return simulate_drive(town, seed=3, length_m=8000.0)
+
+
+def shifted(drive: Drive, fixes: float = 0.0, wheels: float = 0.0) -> Drive:
+    """The same with stamps that are so much too late."""
+    assert drive.fixes is not None
+    assert drive.odometry is not None
+    return replace(
+        drive, fixes=replace(drive.fixes, time=drive.fixes.time + fixes),
+        odometry=replace(drive.odometry, time=drive.odometry.time + wheels),
+    )  # fmt: skip
+
+
+def off(roads: RoadMap, ride: SimulatedDrive, time: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Errors of latitudes and longitudes, m."""
+    x, y = roads.plane.from_geodetic(*places)
+    truth = ride.truth
+    return np.hypot(
+        x - np.interp(time, truth.time, truth.x), y - np.interp(time, truth.time, truth.y)
+    )
+
+
+def errors(roads: RoadMap, answer: whichroad.Result, ride: SimulatedDrive) -> np.ndarray:
+    """m, of the points."""
+    table = answer.to_arrow()
+    time = table["time"].to_numpy().astype("datetime64[us]").astype(float) / 1e6
+    return off(roads, ride, time, np.array([table[name].to_numpy() for name in ("lat", "lon")]))
+
+
+@pytest.mark.parametrize(("late", "wheels"), [(1.5, 0.0), (4.0, 0.0), (0.0, 1.5), (0.0, 17.0)])
+def test_a_recorded_drive_is_answered_as_if_its_clocks_agreed(town, ride, late, wheels):
+    sound = whichroad.match(ride.drive, town, vehicle=ride.vehicle)
+    answer = whichroad.match(shifted(ride.drive, late, wheels), town, vehicle=ride.vehicle)
+    assert [one.what for one in sound.diagnosis] == []
+    [found] = answer.diagnosis
+    assert found.what == "clock"
+    assert found.statistic == pytest.approx(late - wheels, abs=0.15)
+    assert f"add {-found.statistic:.1f} s to gnss under [clock]" in found.advice
+    usual, now = (np.nanmedian(errors(town, one, ride)) for one in (sound, answer))
+    assert now < usual + 2.0  # a second is 10 m
+
+
+def test_late_fixes_of_many_trips_are_mended_in_each(town, ride):
+    late = build_timeline(shifted(ride.drive, 1.5), town.plane, ride.vehicle)
+    assert late.late == late.delay == pytest.approx(1.5, abs=0.1)
+    wheels = build_timeline(shifted(ride.drive, 0.0, 1.5), town.plane, ride.vehicle)
+    assert wheels.late == 0.0
+    assert wheels.delay == pytest.approx(-1.5, abs=0.1)
+    left = build_timeline(shifted(ride.drive, 1.5), town.plane, ride.vehicle, clocks=False)
+    assert left.late == 0.0
+    assert left.delay == late.delay
+
+
+def one_by_one(drive: Drive) -> Sequence[Observation]:
+    f, o = drive.fixes, drive.odometry
+    wheels = [WheelTicks(*map(float, row)) for row in zip(o.time, o.left, o.right, strict=True)]
+    fixes = [
+        GeoFix(float(t), float(a), float(b), float(c), 0.0, float(c))
+        for t, a, b, c in zip(f.time, f.lat_deg, f.lon_deg, f.cov_ee, strict=True)
+    ]
+    return sorted([*wheels, *fixes], key=lambda one: one.time)
+
+
+@pytest.mark.parametrize(("late", "wheels"), [(1.0, 0.0), (0.0, 1.0)])
+def test_on_line_a_delay_is_learnt_while_driving(town, ride, late, wheels):
+    """Within a minute; before, the car is a second's way off."""
+    error = {}
+    for name, drive in (("sound", ride.drive), ("late", shifted(ride.drive, late, wheels))):
+        online = Localizer(town, vehicle=ride.vehicle)
+        told = [online.update(one) for one in one_by_one(drive)]
+        rows = np.array([(one.time, one.pose.lat, one.pose.lon) for one in told if one.answered]).T
+        later = rows[:, rows[0] > rows[0, 0] + 120.0]
+        error[name] = np.median(off(town, ride, later[0], later[1:]))
+    assert error["late"] < error["sound"] + 1.5
+    names = {one.what: one.statistic for one in online.diagnosis}
+    assert names == {"clock": pytest.approx(late - wheels, abs=0.35)}
