@@ -15,7 +15,8 @@ from .odometry import Motion
 
 _FEWEST, _MOST = 30, 300  # pairs of fixes
 _APART, _PAIR, _LONGEST = 1.0, 2.0, 4.0  # s: between fixes that are used; of a pair
-_FIRST: Array = np.linspace(-1.0, 1.0, 5)  # s, delays that are tried first,
+_FIRST: Array = np.array([-0.7, 0.0, 0.7])  # s, delays that are tried first,
+_SOME = 3  # every so many pairs, by these,
 _NEAR: Array = np.linspace(-6.0, 6.0, 49)  # then,
 _FAR: Array = np.arange(-60.0, 61.0)  # and where none of these fits
 _PACE = 0.5  # s over which a speed is taken,
@@ -25,7 +26,8 @@ _OUTLIERS = 3.0  # sigmas, at which a difference counts no more
 _FITS = 0.1  # share of the variance of distances that is left where a delay fits
 _ALIKE, _BETTER = 2.5, 0.5  # s to either side; share of what is left by delays beyond
 _WORTH = 0.35  # s
-_SURE = 60.0  # mean squares by which a delay reduces their sum
+_SURE, _VERY_SURE = 60.0, 2500.0  # mean squares by which a delay reduces their sum; more where
+_LOOSE = 3.0  # these are larger than the variance of fixes, times this at most
 _PARTS, _OF_PARTS = 8, (-0.02, 0.5)  # of the drive; least and largest share of that reduction
 
 
@@ -62,7 +64,7 @@ def delay_of(motion: Motion, fixes: Fixes | None, plane: Plane) -> float:
         if not _is_clear(left, delays, pairs):
             return 0.0
     k = int(left.argmin())
-    if left[k] > pairs.variance or not _is_told(motion, pairs, float(delays[k])):
+    if not _is_told(motion, pairs, float(delays[k])):
         return 0.0
     a, b, c = left[k - 1 : k + 2]
     delay = float(delays[k] + 0.5 * (delays[1] - delays[0]) * (a - c) / (a - 2.0 * b + c))
@@ -84,9 +86,11 @@ def _pairs(fixes: Fixes, plane: Plane) -> _Pairs:
 
 
 def _is_punctual(motion: Motion, pairs: _Pairs) -> bool:
-    """Whether the fixes fit best as they are, at the first glance."""
-    left = _left(motion, pairs, _FIRST)
-    return bool(left[2] == left.min() and left[2] < _FITS * np.var(pairs.distance))
+    """Whether the fixes fit best as they are, by some of the pairs."""
+    distance, begin, end = (column[::_SOME] for column in pairs[:3])
+    some = _Pairs(distance, begin, end, pairs.variance)
+    left = _left(motion, some, _FIRST)
+    return bool(left[1] == left.min() and left[1] < _FITS * np.var(some.distance))
 
 
 def _left(motion: Motion, pairs: _Pairs, delays: Array) -> Array:
@@ -143,4 +147,6 @@ def _is_told(motion: Motion, pairs: _Pairs, delay: float) -> bool:
     gain = without - left
     least, most = (share * gain.sum() for share in _OF_PARTS)
     parts = [part.sum() for part in np.array_split(gain, _PARTS)]
-    return bool(gain.sum() > _SURE * left.mean() and min(parts) > least and max(parts) < most)
+    loose = float(left.mean()) / pairs.variance
+    sure = _SURE if loose < 1.0 else _VERY_SURE if loose < _LOOSE else np.inf
+    return bool(gain.sum() > sure * left.mean() and min(parts) > least and max(parts) < most)
