@@ -28,7 +28,7 @@ _ALIKE, _BETTER = 2.5, 0.5  # s to either side; share of what is left by delays 
 _WORTH = 0.35  # s
 _SURE, _VERY_SURE = 60.0, 2500.0  # mean squares by which a delay reduces their sum; more where
 _LOOSE = 3.0  # these are larger than the variance of fixes, times this at most
-_PARTS, _OF_PARTS = 8, (-0.02, 0.5)  # of the drive; least and largest share of that reduction
+_PARTS, _OF_PARTS = 8, (-0.01, 0.8)  # of the drive; least and largest share of that reduction
 
 
 class _Pairs(NamedTuple):
