@@ -64,6 +64,13 @@ def test_clocks_that_agree_stay_as_they_are(delay: float):
     assert all(delay_of(motion(k), late_fixes(delay, k), PLANE) == 0.0 for k in range(10))
 
 
+@pytest.mark.parametrize("cov", [0.0, np.inf, np.nan])
+def test_sigmas_that_say_nothing_do_no_harm(cov: float):
+    fixes = late_fixes(1.0)
+    fixes.cov_ee[:] = fixes.cov_nn[:] = cov
+    assert delay_of(motion(), fixes, PLANE) in (0.0, pytest.approx(1.0, abs=0.15))
+
+
 def test_too_little_tells_nothing():
     none = late_fixes(1.0)
     few = Fixes(*(getattr(none, name)[:20] for name in Fixes.__slots__))

@@ -147,6 +147,8 @@ def _is_told(motion: Motion, pairs: _Pairs, delay: float) -> bool:
     gain = without - left
     least, most = (share * gain.sum() for share in _OF_PARTS)
     parts = [part.sum() for part in np.array_split(gain, _PARTS)]
-    loose = float(left.mean()) / pairs.variance
-    sure = _SURE if loose < 1.0 else _VERY_SURE if loose < _LOOSE else np.inf
-    return bool(gain.sum() > sure * left.mean() and min(parts) > least and max(parts) < most)
+    rest = float(left.mean())
+    if rest > _LOOSE * pairs.variance:
+        return False
+    sure = _SURE if rest < pairs.variance else _VERY_SURE
+    return bool(gain.sum() > sure * rest and min(parts) > least and max(parts) < most)
