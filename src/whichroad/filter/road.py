@@ -18,7 +18,7 @@ from ..graph.geometry import (
     project,
     wrap,
 )
-from ..graph.network import Roads, is_at_node, parts
+from ..graph.network import Roads, is_at_node
 from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .one_course import ROWS, weigh_rows
@@ -31,8 +31,7 @@ _SPAN = 2.0 * (_NEAR + 4.0 * _FAR)  # Σ w x² / σ²
 _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
-_FORKS = 0.1, 0.4  # sine of the angle at which a road forks off, and no corner is turned
-_BENDS = 0.2  # sine below which a road that alone goes on only bends
+_FORKS = 0.2, 0.4  # sine of the angle at which a road forks off, and no corner is turned
 _APART = 8.0  # m, between two roads from which on they are driven as they are drawn
 _FORK = 60.0  # m from a node, at most, until they are
 _HEADING, _SLOPE = range(2)  # scratch of a hypothesis
@@ -274,7 +273,7 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]
 
     Exits are drawn from the middle of the road, and driven from its outer lane, earlier or later
     than they are drawn.  Until the two lines are 8 m apart the vehicle's heading is that of either
-    road: of the one that is nearer to it.  A road that alone goes on is a bend below 0.2 rad.
+    road: of the one that is nearer to it.  Below 0.2 rad, two `edge_heading_sigma`, it is noise.
 
     Args:
         roads: The network.
@@ -282,7 +281,7 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]
         heading: Of its road, rad.
 
     Returns:
-        Whether its road forks off, by 6 to 24 degrees, is near the one before, and that one's
+        Whether its road forks off, by 12 to 24 degrees, is near the one before, and that one's
         heading is nearer to the vehicle's; that heading, rad.
     """
     left = roads.edges[hyp.before]
@@ -290,8 +289,6 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]
     _, _, _, bx, by = locate(roads, hyp.edge, roads.edges[hyp.edge].first_vertex, 0.0)
     sine = abs(ax * by - ay * bx)
     if sine < _FORKS[0] or sine > _FORKS[1] or ax * bx + ay * by < 0.0:
-        return False, 0.0
-    if sine < _BENDS and not parts(roads, hyp.before):
         return False, 0.0
     _, px, py, _, _ = locate(roads, hyp.edge, hyp.segment, hyp.along)
     if abs((px - ex) * ay - (py - ey) * ax) > _APART:
