@@ -20,7 +20,7 @@ from .filter.vetting.latency import LONGEST
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes, SensorReading, WithGyro
-from .sensors.clocks import delay_of
+from .sensors.clock_delay import delay_of
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
@@ -110,7 +110,7 @@ def build_timeline(
         vehicle: For the odometry.
         mask: Time windows (s) in which fixes are withheld.
         sensed: Makes evidence of what further sensors say; None: there are none.
-        clocks: Whether clocks that differ are put right, as far as the drive tells.
+        clocks: Whether clocks that differ are looked for and put right.
 
     Returns:
         Epochs in time order and the mode of motion.
@@ -119,7 +119,7 @@ def build_timeline(
         DriveError: There is neither a fix nor odometry.
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
-    motion, wrong, delay = _motion(drive, fixes, plane, vehicle, mask)
+    motion, wrong, delay = _motion(drive, fixes, plane, vehicle, mask, clocks)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
         raise DriveError(
@@ -131,8 +131,8 @@ def build_timeline(
         epochs, own = epochs_of_fixes(fixes, [0], plane)
         if own[0]:
             return Timeline(epochs, CLOCK, 0, wrong=wrong)
-    late = delay if 0.0 < delay <= LONGEST and clocks else 0.0
-    if motion is not None and clocks:  # late odometry, or a clock that was never set
+    late = delay if 0.0 < delay <= LONGEST else 0.0
+    if motion is not None and delay != late:  # late odometry, or a clock that was never set
         motion = motion._replace(time=motion.time + (delay - late))
     streams = [m.time for m in (motion, fixes) if m is not None]
     told = [] if sensed is None else sensed.within(drive.sensed, streams)
@@ -181,7 +181,7 @@ def _kept(
 
 def _motion(
     drive: Drive, fixes: Fixes | None, plane: Plane, vehicle: Vehicle,
-    mask: Sequence[tuple[float, float]],
+    mask: Sequence[tuple[float, float]], clocks: bool,
 ) -> tuple[Motion | None, tuple[str, ...], float]:  # fmt: skip
     """What moves the vehicle, what of that is wrong throughout, and how late fixes are to it, s.
 
@@ -198,7 +198,7 @@ def _motion(
     if len(motion.time) < 2:
         return None, (), 0.0
     sound, wrong = less_wrong(motion, told, plane)
-    return sound, wrong, delay_of(sound, told, plane) if sound is not None else 0.0
+    return sound, wrong, delay_of(sound, told, plane) if clocks and sound is not None else 0.0
 
 
 def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:

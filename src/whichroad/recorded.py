@@ -106,8 +106,6 @@ def localize_recorded(
     ctx = workspace.context(roads.arrays, settings, vehicle, timeline.mode, timeline.evidence)
     history, buffers = (new_history(0), None) if lag is None else workspace.smoothing()
     output = new_output(n, poses)
-    if timeline.late > 0.0:
-        assume_delay(belief.state[0].vetting.latency, timeline.late)
     done, path = begin(
         roads, timeline, belief, path, ctx, output, vehicle=vehicle, settings=settings,
         start=start, progress=progress,
@@ -213,6 +211,8 @@ def begin(
 ) -> tuple[int, Path]:  # fmt: skip
     """Begin from a pose or by a search over the map, where no fix starts the filter.
 
+    How late fixes are is known from the beginning.
+
     Args:
         roads: The map.
         timeline: The drive in epochs.
@@ -228,6 +228,8 @@ def begin(
     Returns:
         The first epoch that is to be filtered, and the tree of edges entered.
     """
+    if timeline.late > 0.0:
+        assume_delay(belief.state[0].vetting.latency, timeline.late)
     if is_vague(start, timeline.mode):
         return search(
             roads, timeline, belief, output, vehicle=vehicle, settings=settings,

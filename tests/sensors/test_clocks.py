@@ -10,10 +10,13 @@ import whichroad
 from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.geodesy.plane import Plane
+from whichroad.lineage.epoch_by_epoch import run_again
 from whichroad.observations import Drive, Fixes, Observation
+from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
-from whichroad.sensors.clocks import delay_of
+from whichroad.sensors.clock_delay import delay_of
 from whichroad.sensors.odometry import Motion
+from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive
 
 PLANE = Plane(49.4, 8.7)
@@ -157,8 +160,18 @@ def test_late_fixes_of_many_trips_are_mended_in_each(town, ride):
     assert wheels.late == 0.0
     assert wheels.delay == pytest.approx(-1.5, abs=0.1)
     left = build_timeline(shifted(ride.drive, 1.5), town.plane, ride.vehicle, clocks=False)
-    assert left.late == 0.0
-    assert left.delay == late.delay
+    assert left.late == left.delay == 0.0
+
+
+def test_the_lineage_of_a_late_drive_is_that_of_its_points(town, ride):
+    late = build_timeline(shifted(ride.drive, 1.5), town.plane, ride.vehicle)
+    car = {"vehicle": ride.vehicle, "settings": Settings()}
+    again = run_again(town, late, start=None, model="default", **car)
+    for _ in again.epochs:
+        pass
+    rows = localize_recorded(town, late, **car).output.rows
+    assert np.array_equal(again.estimates.x, rows.x, equal_nan=True)
+    assert np.array_equal(again.estimates.p_edge, rows.p_edge, equal_nan=True)
 
 
 def one_by_one(drive: Drive) -> Sequence[Observation]:
