@@ -79,7 +79,8 @@ def clock_finding(late: float, band: float) -> Finding:
     return Finding(
         "clock", "warning", late, -band, band,
         f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
-        f"odometer; add {-late:.1f} s to gnss under [clock] in vehicle.toml",
+        f"odometer; add {-late:.1f} s to gnss, or {late:.1f} s to odometry, under [clock] in "
+        "vehicle.toml",
     )  # fmt: skip
 
 

@@ -113,17 +113,17 @@ def is_elsewhere(belief: Belief, epoch: Record) -> bool:
 
 
 @kernel
-def _start_elsewhere(belief: Belief, par: Record, epoch: Record, departed: bool) -> None:
+def _start_elsewhere(belief: Belief, par: Record, epoch: Record, surely: bool) -> None:
     """Start anew at a fix that is far away: what moved the vehicle until now was wrong.
 
     Args:
         belief: In place.
         par: The model's numbers.
         epoch: With the fix.
-        departed: Whether the vehicle has driven off while its odometer stood.
+        surely: Whatever its distance: the vehicle has driven off, or clocks are put right.
     """
     state = belief.state[0]
-    if departed or is_elsewhere(belief, epoch):
+    if surely or is_elsewhere(belief, epoch):
         state.misfits = par.lost_after
         state.gnss_factor = 0.0
 
@@ -134,9 +134,7 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     vetting = belief.state[0].vetting
     if vetting.latency.found == 1:
         vetting.latency.found = 0
-        state = belief.state[0]
-        state.misfits = par.lost_after
-        state.gnss_factor = 0.0
+        _start_elsewhere(belief, par, epoch, True)
     if vetting.exposed == 1:
         vetting.exposed = 0
         _start_elsewhere(belief, par, epoch, departed)
