@@ -33,7 +33,7 @@ def late(roads: Roads, before: int, edge: int, s: float, heading: float) -> bool
     hyp = belief.hyp[0]
     hyp.edge, hyp.before, hyp.along, hyp["mu"][H] = edge, before, s, heading
     hyp.segment = roads.edges[edge].first_vertex
-    found, value = leaves_late(roads, hyp, OWN)
+    found, value, _ = leaves_late(roads, hyp, OWN)
     assert not found or value == pytest.approx(0.0)  # eastwards
     return bool(found)
 
@@ -59,9 +59,24 @@ def test_a_corner_is_none_of_a_fork():
     assert not late(roads, 0, 2, 3.0, 0.0)
 
 
-def test_a_fork_that_the_heading_does_not_tell_is_none():
-    roads = network([[[0.0, 0.0], [100.0, 0.0]], [[100.0, 0.0], [200.0, -19.0]]])
-    assert not late(roads, 0, 2, 3.0, 0.0)
+def bend_of(degrees: float, *others: list) -> Roads:
+    """A road that turns by some degrees, and others that leave its node."""
+    a = math.radians(degrees)
+    turned = [[100.0, 0.0], [100.0 + 90.0 * math.cos(a), -90.0 * math.sin(a)]]
+    return network([[[0.0, 0.0], [100.0, 0.0]], turned, *others])
+
+
+AHEAD = [[100.0, 0.0], [200.0, 0.0]]
+
+
+@pytest.mark.parametrize(("degrees", "forks"), [(5.0, False), (10.0, True), (20.0, True)])
+def test_a_shallow_exit_is_left_late_as_well_unless_the_heading_does_not_tell(degrees, forks):
+    assert late(bend_of(degrees, AHEAD), 0, 2, 3.0, 0.0) == forks
+
+
+@pytest.mark.parametrize("degrees", [10.0, 20.0])
+def test_a_road_that_alone_goes_on_is_a_bend(degrees):
+    assert not late(bend_of(degrees), 0, 2, 3.0, 0.0)
 
 
 def test_the_lane_is_kept_straight_on_and_drawn_anew_at_a_fork():

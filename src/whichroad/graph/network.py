@@ -117,6 +117,17 @@ def lane_sigma_of(roads: Roads, edge: int, lane_sigma: float) -> float:
 
 
 @kernel
+def parts(roads: Roads, edge: int) -> bool:
+    """Whether more than one road goes on at the end of an edge, other than back."""
+    road = roads.edges[edge]
+    number = 0
+    for t in range(road.first_turn, road.end_turn):
+        if roads.turns[t].edge != road.opposite:
+            number += 1
+    return number > 1
+
+
+@kernel
 def onwards(roads: Roads, edge: int) -> int:
     """Where a road just runs on at the end of an edge, hardly bent, and no other ends; or -1."""
     road = roads.edges[edge]
