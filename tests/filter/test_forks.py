@@ -33,7 +33,7 @@ def late(roads: Roads, before: int, edge: int, s: float, heading: float) -> bool
     hyp = belief.hyp[0]
     hyp.edge, hyp.before, hyp.along, hyp["mu"][H] = edge, before, s, heading
     hyp.segment = roads.edges[edge].first_vertex
-    found, value, _ = leaves_late(roads, hyp, OWN)
+    found, value = leaves_late(roads, hyp, OWN)
     assert not found or value == pytest.approx(0.0)  # eastwards
     return bool(found)
 
@@ -69,9 +69,20 @@ def bend_of(degrees: float, *others: list) -> Roads:
 AHEAD = [[100.0, 0.0], [200.0, 0.0]]
 
 
-@pytest.mark.parametrize(("degrees", "forks"), [(5.0, False), (10.0, True), (20.0, True)])
-def test_a_shallow_exit_is_left_late_as_well_unless_the_heading_does_not_tell(degrees, forks):
-    assert late(bend_of(degrees, AHEAD), 0, 2, 3.0, 0.0) == forks
+def with_lanes(roads: Roads, edge: int) -> Roads:
+    """The same, where an edge has two lanes."""
+    roads = roads._replace(edges=roads.edges.copy())
+    roads.edges.lane_sigma[edge] = 1.65
+    return roads
+
+
+@pytest.mark.parametrize(("degrees", "of_one", "of_two"), [
+    (5.0, False, False), (10.0, False, True), (20.0, True, True),
+])  # fmt: skip
+def test_a_shallow_exit_is_left_late_from_a_road_of_several_lanes(degrees, of_one, of_two):
+    roads = bend_of(degrees, AHEAD)
+    assert late(roads, 0, 2, 3.0, 0.0) == of_one
+    assert late(with_lanes(roads, 0), 0, 2, 3.0, 0.0) == of_two
 
 
 @pytest.mark.parametrize("degrees", [10.0, 20.0])
@@ -88,8 +99,7 @@ def test_the_lane_is_kept_straight_on_and_drawn_anew_at_a_fork():
 @pytest.mark.parametrize("metres", [8.0, 15.0])
 def test_who_leaves_by_an_exit_later_than_it_is_drawn_is_seldom_put_on_the_motorway(metres: float):
     """The vehicle drives in the right one of two lanes, and 2 m left of where the exit is drawn."""
-    roads = ROADS._replace(edges=ROADS.edges.copy())
-    roads.edges.lane_sigma[[0, MOTORWAY]] = 1.65
+    roads = with_lanes(with_lanes(ROADS, 0), MOTORWAY)
     begin = AT + metres
     corners = [
         [20.0, -2.0],

@@ -32,11 +32,10 @@ _CORRELATION = 5.0  # m driven within which the errors of map rows are one error
 _LEAST_SPACING = 0.1  # m
 _LIGHT = 1e-3  # weight below which a hypothesis does not decide the rows' variance
 _FORKS = 0.1, 0.4  # sine of the angle at which a road forks off, and no corner is turned
-_SHALLOW, _LATE_COST = 0.2, 0.03  # sine below which leaving late costs, and nats a metre
+_SHALLOW = 0.2  # sine below which roads of one lane are left as they are drawn
 _APART = 8.0  # m, between two roads from which on they are driven as they are drawn
 _FORK = 60.0  # m from a node, at most, until they are
 _HEADING, _SLOPE = range(2)  # scratch of a hypothesis
-_LATE = 5  # the same: nats that leaving late costs
 INNOVATION, VARIANCE = 3, 4  # the same: of the heading of its road
 
 
@@ -145,16 +144,14 @@ def _road_noise(belief: Belief, ctx: Context, metres: float, with_heading: bool)
         on += p
         bow = 0.0
         slope = 0.0
-        hyp.scratch[_LATE] = 0.0
         if with_heading:
             hyp.scratch[_HEADING], slope, bow = heading_regression(
                 ctx.roads, edge, hyp.segment, s, hyp.along_sigma
             )
             if s < _FORK and hyp.before >= 0:
-                late, heading, cost = leaves_late(ctx.roads, hyp, hyp.scratch[_HEADING])
+                late, heading = leaves_late(ctx.roads, hyp, hyp.scratch[_HEADING])
                 if late:
                     hyp.scratch[_HEADING], slope = heading, 0.0
-                    hyp.scratch[_LATE] = cost * metres
         elif p > _LIGHT:
             slope = heading_slope(ctx.roads, edge, hyp.segment, s, hyp.along_sigma)
         hyp.scratch[_SLOPE] = slope
@@ -207,7 +204,7 @@ def _observe_road(
             row[Y] = row[MY] = -slope * ty
             s_heading = update(mean, hyp.cov, row, nu, noise.heading, scale)
         hyp.scratch[INNOVATION], hyp.scratch[VARIANCE] = nu, s_heading
-        misfit += nu * nu / s_heading + 2.0 * hyp.scratch[_LATE]
+        misfit += nu * nu / s_heading
         s *= s_heading
     return misfit, s, across
 
@@ -272,13 +269,13 @@ def heading_regression(
 
 
 @kernel
-def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float, float]:
+def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float]:
     """Whether a vehicle whose road has just forked off still drives as the road before.
 
     Exits are drawn from the middle of the road, and driven from its outer lane, earlier or later
     than they are drawn.  Until the two lines are 8 m apart the vehicle's heading is that of either
-    road: of the one that is nearer to it.  Below 0.2 rad rows would count the angle between
-    the two as new every 5 m, and yet it is one error: that costs about one row's misfit in all.
+    road: of the one that is nearer to it.  From a road of one lane, exits below 0.2 rad are left
+    as they are drawn.
 
     Args:
         roads: The network.
@@ -287,22 +284,21 @@ def leaves_late(roads: Roads, hyp: Record, heading: float) -> tuple[bool, float,
 
     Returns:
         Whether its road forks off, by 6 to 24 degrees, is near the one before, and that one's
-        heading is nearer to the vehicle's; that heading, rad; what that costs, nats a metre.
+        heading is nearer to the vehicle's; that heading, rad.
     """
-    if not parts(roads, hyp.before):
-        return False, 0.0, 0.0
     left = roads.edges[hyp.before]
     _, ex, ey, ax, ay = locate(roads, hyp.before, left.last_vertex - 1, left.length)
     _, _, _, bx, by = locate(roads, hyp.edge, roads.edges[hyp.edge].first_vertex, 0.0)
     sine = abs(ax * by - ay * bx)
     if sine < _FORKS[0] or sine > _FORKS[1] or ax * bx + ay * by < 0.0:
-        return False, 0.0, 0.0
+        return False, 0.0
+    if not parts(roads, hyp.before) or (sine < _SHALLOW and left.lane_sigma == 0.0):
+        return False, 0.0
     _, px, py, _, _ = locate(roads, hyp.edge, hyp.segment, hyp.along)
     if abs((px - ex) * ay - (py - ey) * ax) > _APART:
-        return False, 0.0, 0.0
+        return False, 0.0
     before = math.atan2(ay, ax)
-    late = abs(wrap(hyp.mu[H] - before)) < abs(wrap(hyp.mu[H] - heading))
-    return late, before, _LATE_COST if sine < _SHALLOW else 0.0
+    return abs(wrap(hyp.mu[H] - before)) < abs(wrap(hyp.mu[H] - heading)), before
 
 
 @kernel
