@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+_FEW = 1e-3  # weight of all hypotheses on roads, below which it tells nothing of the others
+
+
 def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
     """A pose in the plane, in degrees too."""
     return Pose(x, y, heading, *plane.pose(x, y, heading))
@@ -70,8 +73,15 @@ class Estimate:
 
     @property
     def _known_to_none(self) -> float:
-        """P(what no hypothesis knows), more where fixes fit none of them."""
-        return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
+        """P(what no hypothesis knows): that much less `p_road` is than their weights say.
+
+        More than usual where fixes fit none, or the vehicle may have driven off unmeasured.
+        """
+        known = self._living()
+        on_roads = float(known.weight[known.edge != OFF_ROAD].sum())
+        if on_roads < _FEW:
+            return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
+        return max(self._unknown, 1.0 - (1.0 - self.p_off_road) / on_roads)
 
     def __repr__(self) -> str:
         names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status",

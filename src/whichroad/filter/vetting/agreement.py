@@ -125,8 +125,10 @@ def weigh_distances(
     by_odometer = differ(fixes, odometer, seen.sigma) if rolls else 0
     by_speed = differ(fixes, seen.receiver, seen.sigma) if reported else 0
     both = differ(odometer, seen.receiver, precise) if rolls and reported else 0
-    if sensors == WHEELS and by_odometer > 0 and differ(fixes, abs(seen.arc), seen.sigma) <= 0:
-        by_odometer = 0  # its turns are wrong, and not its distance
+    if sensors == WHEELS and by_odometer != 0:
+        way = differ(fixes, abs(seen.arc), seen.sigma)
+        if (by_odometer > 0 and way <= 0) or (by_odometer < 0 and way > 0):
+            by_odometer = 0  # turns that are wrong make the chord differ, or agree by chance
     compared = Compared(by_odometer, by_speed, both, fixes, odometer, seen.seconds)
     _count_distances(vetting, compared, rolls, reported and vetting.refused[SPEED] == 0, since)
 
@@ -168,10 +170,10 @@ def _count_distances(
     never = vetting.compared == 0 and by_odometer > 0 and by_speed <= 0
     if (vetting.runs == 1 or never) and not vouches:
         count(vetting, ARC, since)
-    if by_odometer < 0:
-        vetting.compared = 1
     if by_odometer < 0 or (both < 0 and vouches):
         count(vetting, ARC, -since)
+    if by_odometer < 0 and vetting.score[ARC] <= _LEAST:  # once may be chance, in a bend
+        vetting.compared = 1
     if by_speed < 0 or (both < 0 and sound and by_odometer <= 0):
         count(vetting, SPEED, -since)
 

@@ -28,10 +28,9 @@ def face_forward(vetting: Record, reading: Record, dt: float) -> bool:
     """
     if vetting.reversed == 1:
         _turn_about(reading)
-    if reading.odometry_valid != 1 or dt <= 0.0:
-        return False
-    back = min(-reading.arc, _MOST * dt)  # a counter that jumps back counts little
-    vetting.backed = max(vetting.backed + back * (_COUNTS if back > _FAST * dt else 1.0), 0.0)
+    if reading.odometry_valid == 1 and dt > 0.0:  # a fix may be an epoch of its own
+        back = min(-reading.arc, _MOST * dt)  # a counter that jumps back counts little
+        vetting.backed = max(vetting.backed + back * (_COUNTS if back > _FAST * dt else 1.0), 0.0)
     if vetting.backed < _FAR or reading.has_fix == 0:
         return False
     _turn_about(reading)
