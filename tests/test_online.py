@@ -238,6 +238,26 @@ def test_hypotheses_are_no_surer_than_the_road_where_counters_may_stand_still():
     assert on_roads == pytest.approx(1.0 - said.p_off_road, abs=1e-9)
 
 
+def test_a_gyro_that_never_turns_is_none_before_the_first_bend():
+    bend = drive_along([[20.0, -1.75], [398.25, -1.75], [398.25, -95.0]])
+    speed = np.gradient(bend.s, bend.time).tolist()
+    place = dict(zip(bend.time.tolist(), zip(bend.x, bend.y, strict=True), strict=True))
+    readings: list[Observation] = [
+        SpeedYaw(t, v, 0.0) for t, v in zip(bend.time.tolist(), speed, strict=True)
+    ]
+    rows = gnss(bend, sigma=2.0)[::10]
+    readings += [
+        town_fix(x, y, t) for t, (x, y, *_) in zip(bend.time[::10].tolist(), rows, strict=True)
+    ]
+    online = Localizer(TOWN, vehicle=CAR)
+    for reading in sorted(readings, key=lambda r: r.time):
+        said = online.update(reading)
+        x, y = place[reading.time]
+        if said.answered:
+            assert math.hypot(said.pose.x - x, said.pose.y - y) < said.protection_level
+    assert said.pose.y < -60.0
+
+
 def test_a_fix_more_than_a_second_late_is_refused_and_counted():
     online = driven_to(100)
     before = online.predict(10.0)

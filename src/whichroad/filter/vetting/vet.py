@@ -10,7 +10,7 @@ alone, or by time.
 import math
 
 from ..._compile import Record, kernel
-from .agreement import differ, weigh_courses, weigh_distances, weigh_turns
+from .agreement import NEVER, differ, weigh_courses, weigh_distances, weigh_turns
 from .clocks import heed_clocks, mend_odometry
 from .latency import clear_latency, keep_place
 from .motion_sources import (
@@ -28,6 +28,7 @@ from .plausibility import check_odometry, is_odd
 from .sparse_fixes import leg_of, weigh_leg
 from .windows import (
     ANCHORS,
+    BY_GYRO,
     CLOCK,
     DISTANCE,
     UNTURNED,
@@ -58,7 +59,8 @@ def mode_of(vetting: Record, sensors: int) -> int:
         or not is_possible(vetting)
     ):
         return CLOCK
-    if sensors == WHEELS and vetting.refused[TURN] == 1:
+    silent = vetting.steered == BY_GYRO and vetting.unturned > NEVER  # and may not be a gyro
+    if sensors == WHEELS and (vetting.refused[TURN] == 1 or silent):
         return DISTANCE
     return sensors
 
