@@ -138,7 +138,10 @@ def parser() -> argparse.ArgumentParser:
         "--told", action="store_true", help="worlds: without the readings of what fails"
     )
     command.add_argument("--sensors", metavar="NAME", help="worlds: all drives have these")
-    command.add_argument("--lag", metavar="LAG", help="worlds: smoothed, as `match(lag=...)` is")
+    command.add_argument(
+        "--lag", metavar="LAG",
+        help="worlds: smoothed, as `match(lag=...)` is; online: as `Localizer` answers",
+    )  # fmt: skip
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 

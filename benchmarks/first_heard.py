@@ -13,7 +13,7 @@ from whichroad import Localizer, WheelTicks
 from whichroad.simulate import PRESETS, SimulatedDrive, simulate_drive
 
 from . import Figure, Options, interval, seeds_text, town
-from .speed import observations
+from .readings import observations
 
 SEEDS = range(7100, 7300)
 _OUTAGE = replace(PRESETS["good"], outage_length=5000.0, outage_every=20_000.0)

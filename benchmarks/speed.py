@@ -18,12 +18,13 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
-from whichroad.observations import Drive, GeoFix, WheelCounts, WheelTicks
+from whichroad.observations import Drive, GeoFix
 from whichroad.online import Localizer
 from whichroad.recorded import Recorded, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from . import Figure, Options, seeds_text
+from .readings import observations
 
 SEEDS = range(2000, 2008)
 LENGTH_M = 15_000.0
@@ -134,27 +135,6 @@ def _ask(localizer: Localizer) -> None:
     """What most users ask of an estimate, which is worked out then."""
     estimate = localizer.estimate()
     _ = estimate.pose, estimate.cov, estimate.edge, estimate.p_road, estimate.status
-
-
-def observations(drive: Drive) -> list[GeoFix | WheelTicks]:
-    """A recorded drive as single observations in time order."""
-    fixes, wheels = drive.fixes, drive.odometry
-    assert fixes is not None
-    assert isinstance(wheels, WheelCounts)
-    columns = (
-        fixes.time, fixes.lat_deg, fixes.lon_deg, fixes.cov_ee, fixes.cov_en, fixes.cov_nn,
-        fixes.speed, fixes.sigma_speed, fixes.bearing_deg, fixes.sigma_bearing_deg,
-    )  # fmt: skip
-    both: list[GeoFix | WheelTicks] = [
-        GeoFix(*row) for row in zip(*(c.tolist() for c in columns), strict=True)
-    ]
-    both += [
-        WheelTicks(*row)
-        for row in zip(
-            wheels.time.tolist(), wheels.left.tolist(), wheels.right.tolist(), strict=True
-        )
-    ]
-    return sorted(both, key=lambda o: (o.time, isinstance(o, GeoFix)))
 
 
 def map_files(options: Options) -> list[Figure]:

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import whichroad
 from whichroad import Vehicle
 
-from . import scoring
+from . import online, scoring
 from .drivers import Truth, make_drives
 from .faults import FAULTS, Event, draw_events, has, suite_of
 from .maps import Chart, draw_map
@@ -181,7 +181,10 @@ def run_drive(
     if not len(fixes.time):
         return None
     table = table_of(truth, fixes, suite, odometry, world.chart)
-    result = whichroad.match(table, world.chart.roads, vehicle=CAR, settings=settings, lag=lag)
+    if lag == online.ON_LINE:
+        result = online.answer(table, world.chart.roads, CAR, settings)
+    else:
+        result = whichroad.match(table, world.chart.roads, vehicle=CAR, settings=settings, lag=lag)
     said, position = said_of(result.to_arrow(), truth, world.chart)
     if len(said.time) < 100:
         return None

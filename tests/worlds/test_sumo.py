@@ -62,3 +62,16 @@ def test_the_same_seed_gives_the_same_score(world, tmp_path):
     assert b is not None
     assert a.scored.decisions == b.scored.decisions
     assert a.scored.all == b.scored.all
+
+
+@pytest.mark.parametrize("sensors", ["wheels", "yaw"])
+def test_on_line_a_sound_drive_is_answered_as_a_recorded_one(world, tmp_path, sensors):
+    whole, on_line = (
+        run_drive(world, 0, [], tmp_path, sensors=sensors, lag=lag) for lag in (None, "online")
+    )
+    assert whole is not None
+    assert on_line is not None
+    np.testing.assert_allclose(on_line.said.time, whole.said.time, atol=1e-5)
+    assert np.median(np.hypot(*(on_line.said.error - whole.said.error).T)) < 0.1
+    told = [[(d.declared, d.wrong) for d in r.scored.decisions] for r in (whole, on_line)]
+    assert told[0] == told[1]
