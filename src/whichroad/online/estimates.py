@@ -21,7 +21,6 @@ from .epoch_filter import Living, Row, living, row_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-
 _FEW = 1e-3  # weight of all hypotheses on roads, below which it tells nothing of the others
 
 
@@ -216,8 +215,9 @@ class Estimate:
         """
         known = self._living()
         found, pose, cov = list(self._each(known)), self.pose, self.cov
-        if found and self._known_to_none and pose is not None and cov is not None:
-            found.append(Hypothesis(self._known_to_none, None, pose, cov, 0.0, 0.0))
+        unknown = self._known_to_none
+        if found and unknown and pose is not None and cov is not None:
+            found.append(Hypothesis(unknown, None, pose, cov, 0.0, 0.0))
         return tuple(sorted(found, key=lambda one: -one.p))
 
     def attribute(self, name: str) -> list[tuple[Any, float]]:
@@ -313,7 +313,7 @@ class Estimate:
         return living(self._hypotheses)
 
     def _each(self, known: Living) -> "Iterator[Hypothesis]":
-        plane = self._roads.plane
+        plane, share = self._roads.plane, 1.0 - self._known_to_none
         for i in np.argsort(-known.weight):
             x, y, heading, lateral, xx, xy, xh, yy, yh, hh, weight, along = (
                 float(column[i]) for column in known[:-1]
@@ -321,7 +321,7 @@ class Estimate:
             edge = int(known.edge[i])
             on = edge != OFF_ROAD
             yield Hypothesis(
-                (1.0 - self._known_to_none) * weight,
+                share * weight,
                 edge if on else None,
                 pose_at(plane, x, y, heading),
                 np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]]),
