@@ -1,49 +1,43 @@
 """A recorded drive as single observations, as they come on line."""
 
 from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
 
 from whichroad import Distance, GeoFix, SpeedYaw, WheelSpeed, WheelTicks, YawRate
 from whichroad.observations import (
     Drive,
-    Fixes,
     Observation,
     Odometer,
-    OdometryLog,
     SpeedYawRate,
     WheelCounts,
+    WheelSpeeds,
     WithGyro,
+    YawRates,
 )
+from whichroad.readers.reported_fixes import as_records
 
-_FIX = (
-    "time", "lat_deg", "lon_deg", "cov_ee", "cov_en", "cov_nn", "speed", "sigma_speed",
-    "bearing_deg", "sigma_bearing_deg",
-)  # fmt: skip
+_ONE: dict[type, Any] = {  # of a log's readings; its columns are in the order of the log's
+    WheelCounts: WheelTicks,
+    WheelSpeeds: WheelSpeed,
+    Odometer: Distance,
+    SpeedYawRate: SpeedYaw,
+    YawRates: YawRate,
+}
 
 
 def observations(drive: Drive) -> list[Observation]:
     """All readings in time order; of one moment the odometry comes before the fix."""
-    return sorted(_readings(drive), key=lambda o: (o.time, isinstance(o, GeoFix)))
+    fixes = [] if drive.fixes is None else as_records(drive.fixes)
+    return sorted(
+        [*_readings(drive.odometry), *fixes], key=lambda o: (o.time, isinstance(o, GeoFix))
+    )
 
 
-def _readings(drive: Drive) -> Iterator[Observation]:
-    if drive.fixes is not None:
-        yield from (GeoFix(*row) for row in _rows(drive.fixes, *_FIX))
-    if drive.odometry is not None:
-        yield from _odometry(drive.odometry)
-
-
-def _odometry(log: OdometryLog) -> Iterator[Observation]:
+def _readings(log: Any) -> Iterator[Observation]:
     if isinstance(log, WithGyro):
-        yield from (YawRate(*row) for row in _rows(log.gyro, "time", "rate"))
-        yield from _odometry(log.distance)
-    elif isinstance(log, Odometer):
-        yield from (Distance(*row) for row in _rows(log, "time", "distance"))
-    elif isinstance(log, SpeedYawRate):
-        yield from (SpeedYaw(*row) for row in _rows(log, "time", "speed", "yaw_rate"))
-    else:
-        one = WheelTicks if isinstance(log, WheelCounts) else WheelSpeed
-        yield from (one(*row) for row in _rows(log, "time", "left", "right"))
-
-
-def _rows(log: Fixes | object, *names: str) -> Iterator[tuple[float, ...]]:
-    return zip(*(getattr(log, name).tolist() for name in names), strict=True)
+        yield from _readings(log.gyro)
+        yield from _readings(log.distance)
+    elif log is not None:
+        columns = (getattr(log, column.name).tolist() for column in fields(log))
+        yield from map(_ONE[type(log)], *columns)

@@ -53,6 +53,7 @@ class Estimate:
         "_far_fix",
         "_fields",
         "_hypotheses",
+        "_none",
         "_pose",
         "_record",
         "_roads",
@@ -69,6 +70,7 @@ class Estimate:
         self._about = about
         self._fields: Row | None = None
         self._pose: Pose | None = None
+        self._none: float | None = None
 
     @property
     def _known_to_none(self) -> float:
@@ -76,11 +78,14 @@ class Estimate:
 
         More than usual where fixes fit none, or the vehicle may have driven off unmeasured.
         """
-        known = self._living()
-        on_roads = float(known.weight[known.edge != OFF_ROAD].sum())
-        if on_roads < _FEW:
-            return max(self._unknown, LOST_UNKNOWN) if self.status == "lost" else self._unknown
-        return max(self._unknown, 1.0 - (1.0 - self.p_off_road) / on_roads)
+        if self._none is None:
+            known = self._living()
+            on_roads = float(known.weight[known.edge != OFF_ROAD].sum())
+            least = LOST_UNKNOWN if self.status == "lost" else 0.0
+            if on_roads >= _FEW:
+                least = 1.0 - (1.0 - self.p_off_road) / on_roads
+            self._none = max(self._unknown, least)
+        return self._none
 
     def __repr__(self) -> str:
         names = ("time", "pose", "cov", "edge", "p_road", "p_way", "p_off_road", "status",
