@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 
 from whichroad import Localizer, RoadMap, Settings, Vehicle
+from whichroad.diagnosis.finding import Finding
 from whichroad.online import Estimate
 from whichroad.readers import drive_from_table
 
@@ -17,7 +18,7 @@ class Answer(NamedTuple):
     """As much of an answer as is asked of the result of `match`."""
 
     points: pa.Table
-    diagnosis: tuple[Any, ...] = ()
+    diagnosis: tuple[Finding, ...]  # at the end of the drive
 
     def to_arrow(self) -> pa.Table:
         """Its points."""
@@ -40,7 +41,7 @@ def answer(table: Any, roads: RoadMap, vehicle: Vehicle, settings: Settings | No
         estimate = localizer.update(observation)
         if estimate.answered:
             rows[observation.time] = _row(estimate)
-    return Answer(pa.Table.from_pylist(list(rows.values())))
+    return Answer(pa.Table.from_pylist(list(rows.values())), localizer.diagnosis)
 
 
 def _row(estimate: Estimate) -> dict[str, Any]:
