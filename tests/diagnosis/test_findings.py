@@ -152,6 +152,13 @@ def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
     assert findings(statistics) == ()
 
 
+def test_fixes_judge_no_antenna_where_nothing_else_measures_turns():
+    """A heading that follows the fixes is late in turns, as if the antenna were ahead."""
+    rows = drive(1, sigma=3.0, antenna=15.0 + 0.0j)
+    rows[:, Row._fields.index("turn")] = 0.0
+    assert found(rows) == {}
+
+
 def test_a_map_farther_off_than_set_is_named():
     assert set(found(drive(1, map_error=8.0))) == {"map_sigma"}
 

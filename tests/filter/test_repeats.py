@@ -48,6 +48,16 @@ def test_an_odometer_says_whether_the_vehicle_has_left():
     assert not any(seen([0, 0.5, 0.5, 0.5, 0.5], arc=0.5))
 
 
+def test_steps_of_an_odometer_at_a_stop_are_no_way():
+    """It counts in steps of 5 m, and has just counted one."""
+    epochs: Records = new_epochs(4)
+    repeats = new_belief().state[0].vetting.repeats
+    epochs.has_fix = 1
+    epochs.fix[:, 0], epochs.fix[:, 2] = [0.0, 4.0, 4.0, 4.0], SIGMA
+    epochs.time, epochs.speed_sigma, epochs.arc = 100.0 + np.arange(4), np.inf, [5.0, 0.0, 5.0, 0.0]
+    assert not any(is_repeated(repeats, epoch, 1.0, True) for epoch in epochs)
+
+
 def test_an_odometer_is_believed_before_a_receiver_that_says_the_vehicle_stands():
     assert seen([0, 8, 8, 8, 32], arc=8.0, speed=0.0) == [False, False, True, True, False]
 
@@ -61,6 +71,22 @@ def test_places_that_were_left_once_are_left_again_as_long():
 def test_a_long_stop_of_a_receiver_that_repeats_places_is_a_stop():
     driven = [18.0 * (k // 3) for k in range(12)]
     assert not any(seen([*driven, *[driven[-1] + 18.0] * 30])[-20:])
+
+
+def test_a_stop_whose_place_is_held_while_the_vehicle_drives_off_poisons_no_later_one():
+    """The receiver lets the first place go 12 m late, as those of buses do."""
+    first = [0.0, 6.0, 11.0, 14.0, 15.5, *[15.5] * 9, 27.5, 32.0, 37.0, 43.0]
+    later = [48.0, 51.5, 53.0, 54.0, *[54.0] * 8]
+    assert not any(seen([*first, *later]))
+
+
+def test_stops_after_a_filled_gap_are_believed_again():
+    """A gap of 4 s at 12 m/s makes the next stop doubtful, and the third one no longer."""
+    filled = [12.0 * k for k in range(6)] + [60.0] * 4 + [120.0, 132.0, 144.0]
+    stops = [[x, x + 9.0, x + 14.0, x + 17.0, x + 18.0, *[x + 18.0] * 9] for x in (150, 175, 200)]
+    found = seen([*filled, *stops[0], *stops[1], *stops[2]])
+    assert any(found[len(filled) :][: len(stops[0])])
+    assert not any(found[-len(stops[2]) :])
 
 
 STANDS = [0.2 * np.sin(2.0 * k) for k in range(14)]  # its places are others while it stands

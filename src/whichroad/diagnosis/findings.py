@@ -118,7 +118,7 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
     if abs(late) > band:
         found.append(clock_finding(late, band))
     band = max(_ANTENNA, _SURE * sigma_antenna)
-    if abs(antenna) > band:
+    if statistics.steered and abs(antenna) > band:
         right = antenna + complex(
             statistics.vehicle.antenna_forward, statistics.vehicle.antenna_left
         )
@@ -162,7 +162,7 @@ def _chance(statistics: ConsistencyStatistics, time: float) -> float:
 
 def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
     found = []
-    if statistics.hidden:
+    if statistics.hidden or not statistics.steered:
         return []  # fixes as good as the wheels are not judged by them
     white, size, time, size_if_right = statistics.errors()
     band = _wider(statistics, _TIME)

@@ -318,6 +318,11 @@ class ConsistencyStatistics:
         return bool(tt >= _FEW_TURNS and tt * aa > ta * ta)
 
     @property
+    def steered(self) -> bool:
+        """Whether the odometry measures turns; else headings are the fixes' own, which lag."""
+        return bool(self._turning[0] > 0.0)
+
+    @property
     def counted(self) -> float:
         """Metres by the odometry alone."""
         return float(self._metres[1])

@@ -224,7 +224,7 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
 @kernel
 def _withhold_repeats(vetting: Record, reading: Record, dt: float, sensors: int) -> None:
     """Take a fix that only repeats a place out of a reading."""
-    measured = sensors != CLOCK and reading.odometry_valid == 1 and vetting.refused[ARC] == 0
+    measured = sensors != CLOCK and reading.odometry_valid > 0 and vetting.refused[ARC] == 0
     if is_repeated(vetting.repeats, reading, dt, measured):
         reading.has_fix = 0
         reading.speed_sigma = reading.course_sigma = math.inf
