@@ -29,6 +29,7 @@ from .settings import Vehicle
 from .wording import by_reason
 
 _SAME = 1e-4  # s, distance below which readings are one epoch
+_SHARED = 0.9  # share of the fixes that were read from rows of the odometry, from which all were
 _SLACK = 1.0  # s by which a mask may miss a drive
 _GAP = 2.0  # s without odometry after which it no longer counts as known
 
@@ -98,6 +99,12 @@ def _union(times: list[Array]) -> Array:
     return np.asarray(merged[apart])
 
 
+def _share_rows(streams: list[Array]) -> bool:
+    """Whether fixes were read from rows of the odometry, at whose times answers are expected."""
+    motion, *fixes = streams
+    return bool(fixes) and bool(np.isin(fixes[0], motion).mean() > _SHARED)
+
+
 def build_timeline(
     drive: Drive, plane: Plane, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
     sensed: Sensed | None = None, clocks: bool = True,
@@ -132,9 +139,11 @@ def build_timeline(
         if own[0]:
             return Timeline(epochs, CLOCK, 0, wrong=wrong)
     late = delay if 0.0 < delay <= LONGEST else 0.0
+    streams = [m.time for m in (motion, fixes) if m is not None]
     if motion is not None and delay != late:  # late odometry, or a clock that was never set
         motion = motion._replace(time=motion.time + (delay - late))
-    streams = [m.time for m in (motion, fixes) if m is not None]
+        if not _share_rows(streams):
+            streams[0] = motion.time
     told = [] if sensed is None else sensed.within(drive.sensed, streams)
     if sensed is not None and motion is None and fixes is not None:
         told = sensed.beside(told, fixes.time)

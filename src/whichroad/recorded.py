@@ -59,6 +59,7 @@ class Recorded(NamedTuple):
     sensors: Mapping[str, Mapping[str, int]] = {}
     track: SensorTrack | None = None  # of the sensors, where poses were asked for
     map_error: MapError | None = None  # as learnt
+    withheld: tuple[Finding, ...] = ()  # sensors that are wrong, as far as `diagnosis` names them
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -136,16 +137,19 @@ def localize_recorded(
     fit = partial(
         findings_of, epochs, output, timeline.mode, settings, vehicle, vetting, off, shifted
     )  # fmt: skip
-    named = (*column_findings(timeline.wrong), *takeover_findings(timeline.takeover))
+    withheld = (
+        *column_findings(timeline.wrong), *takeover_findings(timeline.takeover),
+        *sensor_findings(vetting, shifted),
+    )  # fmt: skip
 
     def diagnose() -> tuple[Finding, ...]:
         # settings are not judged by sensors that are wrong
-        return (*further, *named, *(sensor_findings(vetting, shifted) if named else fit()))
+        return (*further, *(withheld or fit()))
 
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose, None, evidence, counts, track, off)
+        return Recorded(output, heaviest, diagnose, None, evidence, counts, track, off, withheld)
     past = Past(roads, history, path, epochs, output, lag)
     whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
@@ -153,7 +157,7 @@ def localize_recorded(
     chain = heaviest if whole else best_chain(history, path, roads.arrays)
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track, off)
+    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track, off, withheld)
 
 
 def localize_by_paper(

@@ -11,11 +11,11 @@ from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.geodesy.plane import Plane
 from whichroad.lineage.epoch_by_epoch import run_again
-from whichroad.observations import Drive, Fixes, Observation
+from whichroad.observations import Drive, Fixes, Observation, Odometer
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.sensors.clock_delay import delay_of
-from whichroad.sensors.odometry import Motion
+from whichroad.sensors.odometry import Motion, motion_of
 from whichroad.settings import Settings
 from whichroad.simulate import SimulatedDrive
 
@@ -152,6 +152,19 @@ def test_a_recorded_drive_is_answered_as_if_its_clocks_agreed(town, ride, late, 
     assert f"add {-late_by:.1f} s to gnss, or {late_by:.1f} s to odometry," in found.advice
     usual, now = (np.nanmedian(errors(town, one, ride)) for one in (sound, answer))
     assert now < usual + 2.0  # a second is 10 m
+
+
+def test_a_late_odometer_in_rows_of_the_fixes_is_answered_at_the_rows(town, ride):
+    """One table: each row has a fix, and what the odometer said 1.5 s before."""
+    fixes, wheels = ride.drive.fixes, motion_of(ride.drive.odometry, ride.vehicle)
+    distance = np.interp(fixes.time - 1.5, wheels.time, wheels.distance)
+    one = replace(ride.drive, odometry=Odometer(fixes.time, distance))
+    line = build_timeline(one, town.plane, ride.vehicle)
+    assert line.delay == pytest.approx(-1.5, abs=0.2)
+    np.testing.assert_array_equal(line.epochs.time, fixes.time)
+    true = np.interp(fixes.time, wheels.time, wheels.distance)
+    inside = slice(10, -10)
+    assert np.abs(np.cumsum(line.epochs.arc) - true)[inside].std() < 2.0  # 5 m, not put right
 
 
 def test_late_fixes_of_many_trips_are_mended_in_each(town, ride):

@@ -282,7 +282,8 @@ class Job(NamedTuple):
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,
             )  # fmt: skip
-            notes = (*notes, *notes_of(recorded.sensors))
+            wrong = (f"{finding.what}: {finding.advice}" for finding in recorded.withheld)
+            notes = (*notes, *notes_of(recorded.sensors), *wrong)
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
             batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])
