@@ -182,6 +182,24 @@ def test_odometry_that_may_belong_to_two_drives_is_refused(tmp_path):
         read_drive(files(tmp_path, a=going(49.4), b=going(49.5), w=wheels()))
 
 
+def test_a_trip_without_places_refuses_no_others_of_its_file(tmp_path, street):
+    placed = going().assign(trip_id="a", speed=10.0)
+    blind = placed.assign(trip_id="b", lat=np.nan, lon=np.nan)
+    (path,) = files(tmp_path, trips=pd.concat([placed, blind]))
+    assert [drive.drive_id for drive in read_drive(path)] == ["a", "b"]
+    result = whichroad.match(path, street)
+    assert result.to_arrow()["drive_id"].unique().to_pylist() == ["a"]
+    (failed,) = result.summary["failed"]
+    assert "no usable GNSS fix" in failed
+
+
+def test_files_of_drives_that_share_no_id_are_refused(tmp_path):
+    fixes = pd.concat([going().assign(trip="a"), going(49.5).assign(trip="b")])
+    spun = pd.concat([wheels().assign(trip="c"), wheels().assign(trip="d")])
+    with pytest.raises(ReadError, match=r"fixes.csv: 2, wheels.csv: 2\) share no drive_id"):
+        read_drive(files(tmp_path, fixes=fixes, wheels=spun))
+
+
 def test_two_logs_of_wheels_at_one_time_are_refused(tmp_path):
     with pytest.raises(ReadError, match=r"two logs of odometry cover the same time.*--id"):
         read_drive(files(tmp_path, a=going(), v=wheels(), w=wheels(T0 + 0.5)))

@@ -230,7 +230,9 @@ def _share_time(group: Sequence[Drive], wheels: Drive) -> bool:
 
 
 def _check_pairs(groups: dict[str, list[Drive]], parts: Sequence[Part]) -> None:
-    """Refuse fixes and odometry of which no two have an id in common."""
+    """Refuse files of fixes and of odometry of which no two drives have an id in common."""
+    if all(any(map(_has_fixes, part.drives)) for part in parts):  # odometry has its fixes beside it
+        return
     fixes = {n for n, group in groups.items() if any(map(_has_fixes, group))}
     wheels = {n for n, group in groups.items() if any(d.odometry is not None for d in group)}
     if fixes - wheels and wheels - fixes and not fixes & wheels:
