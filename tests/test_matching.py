@@ -122,6 +122,33 @@ def test_a_result_says_what_it_is_of(fixes, roads):
     assert repr(whichroad.match(both, roads)) == "Result(2 drives, 80 epochs, 0.9 km)"
 
 
+def test_drives_that_fail_are_told_by_name_and_the_others_go_on(fixes, roads):
+    placed, blind = fixes.assign(trip="a", speed=12.0), fixes.assign(trip="b", speed=12.0)
+    far = fixes.assign(trip="c", lat=fixes.lat + 20.0)
+    result = whichroad.match(pd.concat([placed, blind.assign(lat=None, lon=None), far]), roads)
+    assert repr(result) == "Result(1 drive, 2 failed, 40 epochs, 0.5 km)"
+    first, second = result.summary["failed"]
+    assert first.startswith("b: the drive has no usable GNSS fix; ")
+    assert second.startswith("c: none of its 40 fixes is within 1 km")
+
+
+def test_the_figures_of_several_drives_are_those_of_one_over_all_epochs(fixes, roads):
+    short = fixes.head(10).assign(trip="b", lat=[91.0, *fixes.lat[1:10]])
+    both = pd.concat([fixes.assign(trip="a", accuracy=-1.0), short])
+    alone = whichroad.match(fixes, roads).summary
+    told = whichroad.match(both, roads).summary
+    points = whichroad.match(both, roads).points
+    assert alone.keys() - told.keys() <= {"drive_id", "sources", "diagnosis"}
+    assert told["epochs"] == len(points) == N + 9
+    for name in ("p_way", "p_road", "p_off_road"):
+        assert told[f"mean_{name}"] == pytest.approx(points[name].mean(), rel=1e-6)
+    assert told["status"] == pytest.approx(points.status.value_counts(normalize=True).to_dict())
+    each = told["each"]
+    assert told["path_m"] == pytest.approx(sum(one["path_m"] for one in each))
+    assert told["skipped"]["impossible position"] == 1
+    assert sum(told["skipped"].values()) == sum(n for d in each for n in d["skipped"].values())
+
+
 def test_points_and_path_are_the_same_frames_at_each_access(fixes, roads):
     result = whichroad.match(fixes, roads)
     result.points["x"] = 1

@@ -1,6 +1,5 @@
 """One call from files to tables: read, localize, make tables."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -37,7 +36,7 @@ from .roadmap.extent import are_near as are_near
 from .roadmap.extent import check_start, fixes_outside, start_note
 from .sensors import Sensor
 from .settings import Settings, Vehicle
-from .tables.export import path_table, points_table, summary_of
+from .tables.export import path_table, points_table, summary_of, summary_of_several
 from .tables.provenance import with_map
 from .tables.relative_places import Surroundings
 from .tables.result import Result
@@ -172,7 +171,8 @@ def match(
         progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:
-        Tables of points and path, and a summary.
+        Tables of points and path, and a summary.  Of several drives those that cannot be matched
+        are in `summary["failed"]`, each by its name and why; the others go on.
 
     Raises:
         ReadError: A file could not be understood.
@@ -221,7 +221,7 @@ def match(
         except (DriveError, MapError) as error:
             if len(drives) == 1:
                 raise
-            failed.append(str(error))
+            failed.append(f"{one.drive_id}: {str(error).removeprefix(f'{one.drive_id}: ')}")
     if not parts:
         raise DriveError(
             failed[0] if failed else "drive: the input holds no drive; at least one was expected"
@@ -362,7 +362,7 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
     return Result(
         lambda: pa.concat_tables([p.to_arrow() for p in parts]),
         lambda: pa.concat_tables([p.path_arrow() for p in parts]),
-        lambda: _pooled([p.summary for p in parts], failed),
+        lambda: summary_of_several([p.summary for p in parts], failed),
         parts[0].hypotheses if len(parts) == 1 else None,
         lambda: tuple(finding for p in parts for finding in p.diagnosis),
         parts[0]._find_alternatives if len(parts) == 1 else None,
@@ -370,14 +370,3 @@ def _pooled_result(parts: list[Result], failed: list[str]) -> Result:
         parts[0]._find_lineage if len(parts) == 1 else None,
         [one for p in parts for one in p.surroundings],
     )
-
-
-def _pooled(summaries: list[dict[str, Any]], failed: list[str]) -> dict[str, Any]:
-    return {
-        "drives": len(summaries),
-        "failed": failed,
-        "epochs": sum(s["epochs"] for s in summaries),
-        "epochs_without_answer": sum(s["epochs_without_answer"] for s in summaries),
-        "path_m": math.fsum(s["path_m"] for s in summaries),
-        "each": summaries,
-    }

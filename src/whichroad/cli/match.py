@@ -1,6 +1,5 @@
 """`whichroad match`."""
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -256,12 +255,9 @@ def print_summary(result: "Result") -> None:
     from ..roadmap.extent import outside_note
 
     each = result.summary.get("each", [result.summary])
-    skipped: Counter[str] = Counter()
-    for one in each:
-        skipped.update(one.get("skipped", {}))
-    for reason, count in skipped.items():
+    for reason, count in result.summary.get("skipped", {}).items():
         typer.echo(f"skipped: {reason}: {count:,}", err=True)
-    for note in dict.fromkeys(note for one in each for note in one.get("notes", ())):
+    for note in dict.fromkeys(result.summary.get("notes", ())):
         typer.echo(f"note: {note}", err=True)
     for one in each:
         if outside := one.get("fixes_outside_map"):

@@ -1,5 +1,7 @@
 """What was found of drives, as columns: points, path, summary."""
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -28,6 +30,9 @@ _RULES = (
     (NO_ACCESS, "no_access"),
     (U_TURN, "u_turn"),
 )
+_SUMS = ("epochs", "fixes", "epochs_without_answer", "duration_s", "path_m", "edges", "gaps",
+         "fixes_masked", "off_road_epochs")  # figures of drives that add up  # fmt: skip
+_MEANS = ("mean_p_road", "mean_p_off_road", "mean_p_way", "mean_live_hypotheses")  # of answers
 _GAP = 1 << 20  # flag of a gap, above all rules
 
 
@@ -294,3 +299,34 @@ def summary_of(epochs: Records, output: Output, driven: Traversals, masked: int)
         "status": {k: v for k, v in shares.items() if v > 0},
         "off_road_epochs": int((rows.alt_edge[:, 0] == OFF_ROAD).sum()),
     }
+
+
+def summary_of_several(summaries: Sequence[dict[str, Any]], failed: list[str]) -> dict[str, Any]:
+    """The figures of several drives as of one, over all their epochs.
+
+    Args:
+        summaries: Of each that was answered; kept as `each`.
+        failed: The names of the others, each with the reason.
+    """
+    epochs = [one["epochs"] for one in summaries]
+    answered = [one["epochs"] - one["epochs_without_answer"] for one in summaries]
+    skipped: Counter[str] = Counter()
+    for one in summaries:
+        skipped.update(one["skipped"])
+    figures: dict[str, Any] = {"drives": len(summaries), "failed": failed}
+    for name in _SUMS:
+        values = [one[name] for one in summaries]
+        figures[name] = math.fsum(values) if isinstance(values[0], float) else sum(values)
+    for name in _MEANS:
+        figures[name] = _shared([one[name] for one in summaries], answered)
+    words = [word for word in STATUS if any(word in one["status"] for one in summaries)]
+    figures["status"] = {
+        word: _shared([one["status"].get(word, 0.0) for one in summaries], epochs) for word in words
+    }
+    notes = dict.fromkeys(note for one in summaries for note in one["notes"])
+    return figures | {"skipped": dict(skipped), "notes": list(notes), "each": list(summaries)}
+
+
+def _shared(means: Sequence[float], counts: Sequence[int]) -> float:
+    """The mean of parts as one, each with its mean and its count."""
+    return math.fsum(m * n for m, n in zip(means, counts, strict=True)) / max(sum(counts), 1)

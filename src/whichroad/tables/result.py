@@ -83,6 +83,8 @@ class Result:
             if "drive_id" in figures
             else counted(figures.get("drives", 0), "drive")
         )
+        if failed := figures.get("failed"):
+            name += f", {len(failed):,} failed"
         epochs, metres = figures.get("epochs", 0), figures.get("path_m", 0.0)
         return f"Result({name}, {counted(epochs, 'epoch')}, {metres / 1e3:.1f} km)"
 
