@@ -53,11 +53,11 @@ def _drives(drive: Any, settings: Settings, can: Any, dbc: Any, **reading: Any) 
     Raises:
         SettingError: A CAN log is given beside something else than paths.
     """
-    if is_file(drive):
-        return read_drive([drive], settings=settings, can=can, dbc=dbc, **reading)
     several = isinstance(drive, list | tuple)
-    if several and drive and all(is_file(d) for d in drive):
-        return read_drive(list(drive), settings=settings, can=can, dbc=dbc, **reading)
+    if is_file(drive) or (several and drive and all(is_file(d) for d in drive)):
+        return read_drive(
+            drive, settings=settings, can=can, dbc=dbc, skip_unreadable=True, **reading
+        )
     if can is not None or dbc is not None:
         raise SettingError(
             f"can, dbc: given beside a {type(drive).__name__}; paths of the drive's files were "
@@ -239,14 +239,14 @@ def _match_one(
     places: Places | None, sensed: Sensed | None,
 ) -> Result:  # fmt: skip
     outside, drive = _outside(drive, roads), _with_start_note(drive, start)
-    timeline = build_timeline(drive, roads.plane, vehicle, mask, sensed)
-    if sensed is not None:
-        drive = sensed.reported(drive)
-    n = len(timeline.epochs)
     localize: Callable[..., Recorded] = (
         localize_by_paper if model == "paper" else partial(localize_recorded, lag=lag)
     )
     try:
+        timeline = build_timeline(drive, roads.plane, vehicle, mask, sensed)
+        if sensed is not None:
+            drive = sensed.reported(drive)
+        n = len(timeline.epochs)
         recorded = localize(
             roads, timeline, vehicle=vehicle, settings=settings, start=start,
             poses=hypotheses or places is not None,

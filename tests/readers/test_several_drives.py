@@ -237,3 +237,46 @@ def test_a_stream_splits_trips_of_several_vehicles_too(street):
     parts = whichroad.match_many(table.to_batches(max_chunksize=7), street)
     assert whole.drives["drive_id"].to_pylist() == ["x/1", "y/1"]
     assert whole.points.equals(parts.points)
+
+
+def odd():
+    """A table none of whose columns is known."""
+    return going().rename(columns={"time": "Zeitx", "lat": "Breitex", "lon": "Laengex"})
+
+
+def test_a_file_that_cannot_be_understood_stops_no_others(tmp_path, street):
+    (tmp_path / "dir").mkdir()
+    paths = files(tmp_path / "dir", good=going(), odd=odd(), late=going(49.45, T0 + 86_400))
+    for given in (tmp_path / "dir", paths):
+        result = whichroad.match(given, street)
+        assert result.to_arrow()["drive_id"].unique().to_pylist() == ["good", "late"]
+        (failed,) = result.summary["failed"]
+        assert failed.startswith("odd: it holds neither fixes nor odometry; ")
+        assert "; odd.csv: no known column among the columns (Zeitx, Breitex" in failed
+        with pytest.raises(ReadError, match=r"^odd.csv: no known column"):
+            read_drive(given)
+    assert repr(whichroad.match(paths[:2], street)).startswith("Result(1 drive, 1 failed, ")
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"odd": odd(), "odder": odd()}, "odd.csv: no known column"),
+        ({"fixes": odd(), "wheels": wheels()}, "fixes.csv: no known column"),
+        ({"fixes": going(), "wheels": wheels().drop(columns="time")}, "wheels.csv: no time"),
+        ({"a": going(), "b": going(49.4 + 10 * N * METRES, T0 + N), "c": odd()},
+         "c.csv: no known column"),
+    ],
+)  # fmt: skip
+def test_a_part_of_a_drive_that_cannot_be_understood_is_refused(tmp_path, street, tables, said):
+    with pytest.raises(ReadError, match=said):
+        whichroad.match(files(tmp_path, **tables), street)
+
+
+def test_a_file_that_is_missing_or_of_a_drives_name_is_refused(tmp_path, street):
+    (good,) = files(tmp_path, good=going())
+    with pytest.raises(ReadError, match="cannot be read"):
+        whichroad.match([good, tmp_path / "god.csv"], street)
+    (tmp_path / "good.gpx").write_text("<gpx")
+    with pytest.raises(ReadError, match=r"good\.gpx"):
+        whichroad.match([good, tmp_path / "good.gpx"], street)

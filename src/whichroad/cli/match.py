@@ -192,6 +192,7 @@ def match(
             id=id_,
             columns=own | columns_of(more),
             tz=tz,
+            skip_unreadable=True,
         )
         if (report or lineage) is not None and len(drives) > 1:
             raise DriveError(

@@ -131,7 +131,7 @@ class _Files:
         with_can = any(format_of(one) == "can" for one in inside.files)
         drives = read_drive(
             [path], vehicle=self.car, dbc=self.dbc if with_can else None,
-            settings=self.settings, **self.reading,
+            settings=self.settings, skip_unreadable=True, **self.reading,
         )  # fmt: skip
         self.drives.append(path)
         files = ", ".join(one.name for one in inside.files)

@@ -37,6 +37,7 @@ from .ros import is_bag, read_bag
 from .rtklib import read_pos
 from .source import STDIN, Source, is_file, is_file_object
 from .ubx import read_ubx
+from .unread import Unread, check_apart
 
 AnyPath = str | PathLike[str]
 
@@ -65,6 +66,7 @@ def read_drive(
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
     tz: str | None = None,
+    skip_unreadable: bool = False,
 ) -> list[Drive]:
     """Read the files of a drive, or of several drives, and put them on one clock.
 
@@ -86,13 +88,15 @@ def read_drive(
         columns: Own names of columns in tables: {"time": "ts", "speed_kmh": "v"}; of tables
             without a line of names the numbers of columns, from 1.
         tz: Zone of times in tables that name none, such as Europe/Berlin; None: UTC.
+        skip_unreadable: Whether a file that cannot be understood, beside files that are drives
+            of their own, becomes a drive without contents, whose note says why.
 
     Returns:
         One drive, or one for each id of a table, track of a GPX file or file of its own.
 
     Raises:
-        ReadError: A file could not be understood, holds nothing that locates a vehicle, or
-            the files share no time.
+        ReadError: A file could not be understood and may not be skipped, holds nothing that
+            locates a vehicle, or the files share no time.
     """
     paths = [paths] if is_file(paths) else list(paths)
     vehicle = vehicle_beside(paths) if vehicle is None else vehicle
@@ -100,14 +104,18 @@ def read_drive(
     files, folders, notes, bases = _files(paths, reading.vehicle, dbc, can)
     if not files and not folders and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")
-    parts = _parts(files, reading, dbc, bases)
+    unread: list[Unread] | None = [] if skip_unreadable and len(files) > 1 else None
+    parts = _parts(files, reading, dbc, bases, unread)
     if can is not None:
         parts.append(_can_part(can, reading, dbc))
-    _check_used(parts, dbc, crs)
+    if not unread:
+        _check_used(parts, dbc, crs)
     parts = [_on_our_clock(part, reading.vehicle) for part in parts]
     for folder in folders:
         parts += _recording(folder, reading)
     drives = _drives_of(parts, reading.vehicle)
+    if unread:
+        check_apart(unread, parts, drives)
     if not any(_holds_anything(drive) for drive in drives):
         reasons = ", ".join(by_reason(d.skipped) for d in drives if d.skipped)
         names = ", ".join(part.name for part in parts)
@@ -115,7 +123,8 @@ def read_drive(
             f"{names}: neither fixes nor odometry ({reasons or 'nothing was skipped'}); "
             "at least one was expected"
         )
-    return [replace(d, notes=(*notes, *d.notes)) for d in drives] if notes else drives
+    drives = [replace(d, notes=(*notes, *d.notes)) for d in drives] if notes else drives
+    return [*drives, *(file.drive for file in unread or ())]
 
 
 def _drives_of(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
@@ -214,9 +223,21 @@ def _take(given: _Given, inside: Folder, name: str, vehicle: Vehicle, can: AnyPa
 
 
 def _parts(
-    files: Sequence[Any], reading: Reading, dbc: AnyPath | None, bases: Mapping[Path, Path]
+    files: Sequence[Any],
+    reading: Reading,
+    dbc: AnyPath | None,
+    bases: Mapping[Path, Path],
+    unread: list[Unread] | None = None,
 ) -> list[Part]:
-    """What the files hold; own names of columns are those of at least one of several tables."""
+    """What the files hold; own names of columns are those of at least one of several tables.
+
+    Args:
+        files: Paths, sources and open files.
+        reading: What the caller says of them.
+        dbc: What CAN frames mean.
+        bases: The same of some logs.
+        unread: Where files are put that cannot be understood; None: they are refused.
+    """
     parts, found, missing = [], set[str](), dict[str, NoSuchColumn]()
     for file in files:
         here, file = reading, _kept(file)
@@ -224,6 +245,8 @@ def _parts(
             try:
                 base = bases.get(file, dbc) if isinstance(file, Path) else dbc
                 parts.append(_part(file, here, base))
+                if parts[-1].kind == "table":
+                    found |= here.columns.keys()
                 break
             except NoSuchColumn as error:
                 if len(files) == 1:
@@ -233,8 +256,11 @@ def _parts(
                 missing[error.alias] = error
                 own = {name: column for name, column in here.columns.items() if name != error.alias}
                 here = replace(here, columns=own, id=here.id if "drive_id" in own else None)
-        if parts[-1].kind == "table":
-            found |= here.columns.keys()
+            except ReadError as error:
+                if unread is None or not (isinstance(file, Source) or Path(file).exists()):
+                    raise
+                unread.append(Unread.of(file, here, error))
+                break
     for alias in missing.keys() - found:
         raise missing[alias]
     return parts
