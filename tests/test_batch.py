@@ -13,7 +13,7 @@ from whichroad.batch import Tables, filtering, match_many, match_stream, trips
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
-from whichroad.readers import many_trips
+from whichroad.readers import many_trips, table_units, trip_units
 from whichroad.recorded import localize_recorded
 from whichroad.tables import export
 from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
@@ -403,12 +403,75 @@ def test_fixes_off_the_map_are_counted_for_each_trip(roads, fleet):
 
 
 def test_a_speed_whose_unit_cannot_be_told_is_noted(roads, fleet):
-    table = fleet.slice(0, 64).append_column("speed", pa.array([43.2] * 32 + [0.5] * 32))
+    few = pa.concat_tables([fleet.slice(0, 32), fleet.slice(32, 5)])
+    table = few.append_column("speed", pa.array([43.2] * 32 + [0.5] * 5))
     moving, standing = match_many(table, roads).drives["notes"].to_pylist()
     assert "'speed' taken in m/s" in moving[0]
     assert "too short" in moving[0]
     assert standing == []  # whatever the unit, it stands
-    alone = whichroad.match(table.slice(0, 32), roads)
-    assert alone.summary["notes"] == moving
+    assert [one["notes"] for one in whichroad.match(table, roads).summary["each"]] == [moving, []]
     kmh = table.rename_columns([*table.column_names[:-1], "speed_kmh"])
     assert match_many(kmh, roads).drives["notes"].to_pylist() == [[], []]
+
+
+def with_speed(fleet: pa.Table, factor: float = 3.6) -> pa.Table:
+    """Trips of 32, 5, 9, 32, ... fixes whose speed, 12 m/s, is in a unit that no name tells."""
+    lengths = (32, 5, 9, 32, 5, 9, 32)
+    table = pa.concat_tables([fleet.slice(32 * i, n) for i, n in enumerate(lengths)])
+    return table.append_column("speed", pa.array(np.full(len(table), 12.0 * factor)))
+
+
+KMH = "column 'speed' taken in km/h, which fits the places"
+
+
+def test_a_column_has_one_unit_for_all_trips_of_a_table_as_of_match(roads, fleet, tmp_path):
+    table = with_speed(fleet)
+    one = whichroad.match(table, roads)
+    many = match_many(table, roads)
+    assert many.points.equals(one.to_arrow())
+    assert many.path.equals(one.path_arrow())
+    assert many.drives["notes"].to_pylist() == [[KMH]] * 7
+    assert [drive["notes"] for drive in one.summary["each"]] == [[KMH]] * 7
+    named = table.rename_columns([*table.column_names[:-1], "speed_kmh"])
+    assert many.points.equals(match_many(named, roads).points)
+    pq.write_table(table, tmp_path / "t.parquet", row_group_size=40)
+    for source in (iter(table.to_batches(max_chunksize=11)), tmp_path / "t.parquet"):
+        assert same(many, match_many(source, roads))
+    parts = whichroad.fleet.match_batches(table.to_batches(max_chunksize=11), roads, ordered=True)
+    assert pa.Table.from_batches(parts).equals(many.path)
+
+
+@pytest.mark.parametrize("kind", ["text", "odometry", "odd"])
+def test_trips_that_are_read_alone_have_the_unit_of_their_table(roads, fleet, kind):
+    table = with_speed(fleet, 6.0 if kind == "odd" else 3.6)  # 6.0 fits no unit
+    if kind == "text":
+        table = table.set_column(4, "speed", table["speed"].cast(pa.string()))
+    elif kind == "odometry":
+        table = table.append_column("yaw_rate", pa.array(np.zeros(len(table))))
+    one, many = whichroad.match(table, roads), match_many(table, roads)
+    assert many.points.equals(one.to_arrow())
+    notes = many.drives["notes"].to_pylist()
+    assert notes == [drive["notes"] for drive in one.summary["each"]]
+    said = "column 'speed' not used: as m/s it is " if kind == "odd" else KMH
+    assert all(note[0].startswith(said) for note in notes)
+
+
+def test_the_trips_that_tell_the_unit_are_the_same_however_they_come(roads, fleet, monkeypatch):
+    table = with_speed(fleet)
+    speed = np.where(np.arange(len(table)) < 46, 43.2, 12.0)  # those behind would say m/s
+    table = table.set_column(4, "speed", pa.array(speed))
+    monkeypatch.setattr(table_units, "MOST_ROWS", 78)  # those of four trips
+    monkeypatch.setattr(trip_units, "MOST_ROWS", 78)
+    monkeypatch.setattr(many_trips, "BATCH_ROWS", 40)
+    one, many = whichroad.match(table, roads), match_many(table, roads)
+    assert many.points.equals(one.to_arrow())
+    assert same(many, match_many(iter(table.to_batches(max_chunksize=7)), roads))
+    monkeypatch.setattr(table_units, "MOST_ROWS", 46)
+    other = whichroad.match(table, roads)
+    assert not many.points.equals(other.to_arrow())
+
+
+def test_columns_that_come_later_in_a_stream_are_asked_for_their_unit(roads, fleet):
+    first, then = fleet.slice(0, 32), with_speed(fleet).slice(32)
+    notes = match_many(iter([first, then]), roads).drives["notes"].to_pylist()
+    assert notes == [[], *[[KMH]] * 6]

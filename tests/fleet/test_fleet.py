@@ -97,6 +97,24 @@ def test_processes_give_what_one_gives(tmp_path, town, table, usual):
     assert told[-1].done.rows == told[-1].rows == table.num_rows
 
 
+@pytest.mark.parametrize("order", ["any", "sorted"])
+def test_all_units_of_work_have_the_unit_of_speed_that_the_first_trips_tell(tmp_path, town, order):
+    trips = [trip(f"car {i:02}", i, 1.6e9 + 50 * i, i).slice(0, 80 if i < 2 else 9)
+             for i in range(20)]  # fmt: skip
+    table = pa.concat_tables(trips)
+    table = table.append_column("speed", pa.array(np.full(len(table), 43.2)))
+    pq.write_table(table, tmp_path / "t.parquet")
+    run_fleet(
+        tmp_path / "t.parquet", town, tmp_path / "out", workers=2, unit_rows=40, order=order,
+        points="all",
+    )  # fmt: skip
+    usual = match_many(table, town)
+    assert usual.drives["notes"].to_pylist() == [
+        ["column 'speed' taken in km/h, which fits the places"]
+    ] * len(trips)
+    same(tmp_path / "out", usual, "all")
+
+
 def test_trips_in_the_order_of_time_of_more_vehicles_than_a_stream_holds(
     tmp_path, town, monkeypatch
 ):

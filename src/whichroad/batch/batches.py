@@ -16,6 +16,7 @@ from ..readers.dates import zone_of
 from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
+from ..readers.trip_units import KnownUnits, with_units
 from ..roadmap import RoadMap, RoadMaps, shared_map, shared_maps
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
@@ -23,6 +24,7 @@ from ..tables.schema import DRIVES, MAP, PATH, POINTS, SLIM
 from .by_map import MapsJob
 from .trips import ALL, Job, Tables, joined
 
+_NONE: KnownUnits = {}
 Progress = Callable[[str, int, int], None]
 Give = Literal["path", "points", "slim", "drives"]
 
@@ -135,6 +137,7 @@ def match_stream(
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
         chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own, zone=job.zone)
+        chunks = with_units(chunks, job.reading)
         for tables in _in_order(pool, job.tables, chunks, 2 * workers):
             done += tables.drives.num_rows
             if progress:
@@ -207,15 +210,19 @@ def match_batches(
 
 
 def match_tables(
-    batches: Any, job: Job | MapsJob, trip_id: str, split: float | None, *, ordered: bool
-) -> Iterator[Tables]:
-    """As `match_batches`, but all tables of the same trips that the job gives."""
+    batches: Any, job: Job | MapsJob, trip_id: str, split: float | None, *, ordered: bool,
+    units: KnownUnits = _NONE,
+) -> Iterator[Tables]:  # fmt: skip
+    """As `match_batches`, but all tables of the same trips that the job gives.
+
+    `units` are those that a larger table has told.
+    """
     own, zone = job.own_columns(), job.zone
     if ordered:
         chunks = ordered_batches(batches, trip_id, split=split, own=own, zone=zone)
     else:
         chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own, zone=zone)
-    for chunk in chunks:
+    for chunk in with_units(chunks, job.reading, units):
         yield job.tables(chunk)
 
 

@@ -15,6 +15,7 @@ from ..observations import Array
 from ..readers import drive_from_table
 from ..readers.many_trips import TripBatch
 from ..readers.names import find
+from ..readers.reading import Reading
 from ..readers.reported_fixes import is_place
 from ..readers.splitting import degrees_of, in_time_order
 from ..roadmap import RoadMaps, Share
@@ -63,6 +64,11 @@ class MapsJob(NamedTuple):
                 "pass the path of one map"
             )
         return self._replace(job=self.job.with_more(sensors, None))
+
+    @property
+    def reading(self) -> Reading:
+        """As of `Job`."""
+        return self.job.reading
 
     def own_columns(self) -> dict[str, str | int]:
         """As `Job.own_columns`."""
@@ -156,7 +162,7 @@ def _batch(parts: Sequence[_Part], chunk: TripBatch) -> TripBatch:
     again = tuple(row for row, part in enumerate(parts) if part.trip in chunk.again)
     first = np.cumsum([0, *(len(part.table) for part in parts)]).tolist()
     table = pa.concat_tables([part.table for part in parts])
-    return TripBatch(table, [part.name for part in parts], first, again, standing)
+    return TripBatch(table, [part.name for part in parts], first, again, standing, chunk.units)
 
 
 def _named(table: pa.Table, name: str) -> pa.Table:

@@ -28,6 +28,7 @@ from ..places import Places, places_on
 from ..readers import drive_from_table
 from ..readers.dates import zone_of
 from ..readers.many_trips import APART, TripBatch
+from ..readers.reading import Reading
 from ..readers.regular_trips import batched_fixes
 from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
@@ -175,6 +176,13 @@ class Job(NamedTuple):
         """
         return self._replace(sensors=checked(sensors), places=places_on(places, self.roads))
 
+    @property
+    def reading(self) -> Reading:
+        """How tables of its trips are to be read."""
+        return Reading.of(
+            self.vehicle, self.settings, crs=self.crs, columns=self.own_columns(), tz=self.tz
+        )
+
     def own_columns(self) -> dict[str, str | int]:
         """Own names of columns, and the columns that the sensors read by the alias they need."""
         return {**self.columns, **columns_of(self.sensors)}
@@ -218,8 +226,9 @@ class Job(NamedTuple):
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
         outside = np.zeros(len(chunk.names), np.int64)
         read = batched_fixes(
-            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.zone
-        )
+            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.zone,
+            chunk.units,
+        )  # fmt: skip
         if read is None or not len(read.fixes):
             return _Regular(new_epochs(0), np.zeros(len(first), np.int64), usable, outside, {})
         fixes, regular, notes = read
@@ -273,6 +282,7 @@ class Job(NamedTuple):
                 drive = drive_from_table(
                     rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs,
                     columns={**self.columns, **(sensed.columns if sensed else {})}, tz=self.tz,
+                    units=chunk.units,
                 )[0]  # fmt: skip
                 timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:

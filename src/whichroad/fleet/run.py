@@ -23,7 +23,12 @@ from ..places.place_table import read_places
 from ..readers import read_vehicle
 from ..readers.dates import zone_of
 from ..readers.many_trips import own_names, zone_note_of
+from ..readers.names import find
+from ..readers.ordered_trips import ordered_batches
+from ..readers.reading import Reading
 from ..readers.splitting import seconds_of
+from ..readers.table_units import open_columns
+from ..readers.trip_units import KnownUnits, first_units
 from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
 from ..sensors import Sensor
@@ -153,6 +158,7 @@ def run_fleet(
     units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
     waiting = [unit for unit in units if not task.is_done(unit)]
     note = _zone_note(task, waiting)
+    task = task._replace(units=_column_units(task, units)) if waiting else task
     done = NOTHING
     for unit in units:
         if task.is_done(unit):
@@ -252,6 +258,18 @@ def _zone_note(task: Task, waiting: list[Unit]) -> str | None:
         return None
     own = task.own_columns()
     return zone_note_of(batches_of(waiting[0], task.trip_id, own), own)
+
+
+def _column_units(task: Task, units: list[Unit]) -> KnownUnits:
+    """The units of columns that name none, by the first trips of all."""
+    own = task.own_columns()
+    first = next(batches_of(units[0], task.trip_id, own), None)
+    if first is None or not open_columns(find(first.schema.names, own)):
+        return {}
+    reading = Reading.of(task.vehicle, task.settings, crs=task.crs, columns=own, tz=task.tz)
+    rows = (batch for unit in units for batch in batches_of(unit, task.trip_id, own))
+    trips = ordered_batches(rows, task.trip_id, split=task.split, own=own, zone=zone_of(task.tz))
+    return first_units(trips, reading)
 
 
 def _all(

@@ -15,6 +15,7 @@ from ..batch.batches import MAPS_SCHEMAS, SCHEMAS, is_folder, job_of, match_tabl
 from ..errors import WriteError
 from ..evidence.sensed import columns_of
 from ..places import Places
+from ..readers.trip_units import KnownUnits
 from ..roadmap import shared_map
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
@@ -44,6 +45,7 @@ class Task(NamedTuple):
     places: str | None = None  # path of a table of point objects
     columns: Mapping[str, str | int] = {}  # own names
     tz: str | None = None  # of times that name no zone
+    units: KnownUnits = {}  # noqa: RUF012 - of columns that name none
 
     def folder(self, table: str) -> Path:
         """Where the files of a table go."""
@@ -115,7 +117,9 @@ def run_unit(task: Task, unit: Unit) -> Done:
         points = None
         if "points" in task.tables:
             points = files.enter_context(_growing(task, "points", unit.name, identity))
-        for tables in match_tables(rows, job, task.trip_id, task.split, ordered=True):
+        for tables in match_tables(
+            rows, job, task.trip_id, task.split, ordered=True, units=task.units
+        ):
             if points is not None:
                 points(slim(tables.points) if task.points == "slim" else tables.points)
             for name in last:

@@ -241,13 +241,13 @@ def _series(
         values = values * unit_factor(role.removeprefix(SENSED), unit)
     elif role not in _PLAIN:
         factor = si_factor(unit)
+        values = values * (factor or 1.0)
         if role == "yaw_rate":
             said = f"signal {signal.name} (unit {unit!r})"
-            values, more = possible_yaw_rate(values * (factor or 1.0), None, said, factor is None)
+            turns, more = possible_yaw_rate(values, None, said, factor is None)
+            values = values * turns
             notes += more
             factor = 1.0 if more or factor else None
-        else:
-            values = values * (factor or 1.0)
         if factor is None:
             notes.append(f"signal {signal.name}: unit {unit!r} taken as SI")
     order = in_order(time, skipped)

@@ -6,7 +6,9 @@ no value; what cannot be understood is skipped and counted.
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,7 @@ from .reading import Reading
 from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of
-from .table_units import in_seconds, in_si
+from .table_units import Units, in_seconds, units_of
 from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
@@ -75,6 +77,7 @@ def drive_from_table(
     id: str | None = None,
     columns: Any = None,
     tz: str | None = None,
+    units: Units | None = None,
 ) -> list[Drive]:
     """The drives of a table in memory.
 
@@ -88,6 +91,7 @@ def drive_from_table(
         id: The column whose values tell drives apart.
         columns: Own names of columns: {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none; None: UTC.
+        units: Of columns that name none, where a table that this is a part of has told them.
 
     Returns:
         One drive, or one for each value of the columns that tell drives apart.
@@ -95,7 +99,7 @@ def drive_from_table(
     Raises:
         ReadError: It is no table, or holds nothing that locates a drive.
     """
-    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
+    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz, units=units)
     frames = frames_of(table)
     if is_gpx(table):
         drives = read_gpx(Source("drive", "", table.to_xml().encode()), reading.settings)
@@ -134,27 +138,16 @@ def drives_of(
             raise ReadError(no_column(where, "no time", seen.names, ("time",)))
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
     notes: list[str] = []
-    columns = _values(seen, skipped, notes)
-    if reading.crs is not None and {"lat", "lon"} <= columns.keys():
-        notes.append(
-            f"crs (--crs) {reading.crs} not used: columns lat, lon give the places, in degrees"
-        )
-    _locate(seen, columns, reading.crs, where)
-    _usable(columns, seen, where, reading.crs)
     trips = trips_of(seen, np.arange(seen.table.num_rows), stem, reading.id is not None)
-    if "time" in seen.found:
-        read = _times(seen, reading, skipped, where, notes, paths)
-        with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
-            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
-    else:
-        columns["time"] = _invented(seen, columns, trips, notes, where)
+    columns = _placed(seen, trips, reading, skipped, notes, where, paths)
+    with np.errstate(over="ignore", invalid="ignore"):
+        units = reading.units or units_of(columns, seen.found, trips)
+    units.in_si(columns)
     good = keep(np.abs(columns["time"]) < LAST, NO_TIME, skipped)
     if not good.any():
         raise ReadError(_no_time(seen, where))
     trips = [Trip(t.name, t.rows[good[t.rows]]) for t in trips]
     trips = sorted((t for t in trips if len(t.rows)), key=lambda t: int(t.rows[0]))
-    with np.errstate(over="ignore", invalid="ignore"):
-        in_si(columns, seen.found, trips, notes)
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
         notes.append("columns x, y not used: no crs (--crs) was given for them")
     drives: list[Drive] = []
@@ -162,10 +155,49 @@ def drives_of(
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
         drive = drive_of(part, reading.vehicle, reading.settings, here)
-        told = (*notes, *drive.notes)
+        told = (*notes, *units.notes_on(part), *drive.notes)
         sensed = sensed_by(part)
         drives.append(Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed))
     return drives
+
+
+def units_in(table: Any, first: Sequence[int], reading: Reading) -> Units:
+    """The units of columns of many trips whose names say none, by the first trips.
+
+    Args:
+        table: In memory, trip after trip.
+        first: Where each begins, and the number of rows.
+        reading: What the caller says of it.
+    """
+    seen = in_memory(table, reading)
+    trips = [Trip("", np.arange(low, high)) for low, high in pairwise(first)]
+    try:
+        columns = _placed(seen, trips, reading, Counter(), [], "table", ())
+    except ReadError:  # each trip will say why
+        return Units()
+    with np.errstate(over="ignore", invalid="ignore"):
+        return units_of(columns, seen.found, trips)
+
+
+def _placed(
+    seen: Seen, trips: list[Trip], reading: Reading, skipped: Skipped, notes: list[str],
+    where: str, paths: tuple[str, ...],
+) -> Columns:  # fmt: skip
+    """All quantities, in the units of the columns' names, with places in degrees and times in s."""
+    columns = _values(seen, skipped, notes)
+    if reading.crs is not None and {"lat", "lon"} <= columns.keys():
+        notes.append(
+            f"crs (--crs) {reading.crs} not used: columns lat, lon give the places, in degrees"
+        )
+    _locate(seen, columns, reading.crs, where)
+    _usable(columns, seen, where, reading.crs)
+    if "time" in seen.found:
+        read = _times(seen, reading, skipped, where, notes, paths)
+        with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
+            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
+    else:
+        columns["time"] = _invented(seen, columns, trips, notes, where)
+    return columns
 
 
 def sensed_by(columns: Columns) -> tuple[SensorReading, ...]:

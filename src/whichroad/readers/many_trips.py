@@ -22,6 +22,7 @@ from .names import NAMES, find, quantity_of
 from .reading import Reading
 from .splitting import split_trips
 from .table_drives import paired
+from .table_units import Units
 from .tables_in_memory import in_memory
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class TripBatch(NamedTuple):
     first: list[int]  # where each begins, and the number of rows
     again: tuple[int, ...] = ()  # trips whose name a trip before them had
     standing: dict[int, int] = {}  # noqa: RUF012 - rows behind trips that belong to none
+    units: Units | None = None  # of columns that name none, by `trip_units.with_units`
 
 
 class Trip(NamedTuple):

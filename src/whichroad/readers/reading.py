@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..settings import Settings, Vehicle
 from .names import SENSED, quantity_of
+
+if TYPE_CHECKING:
+    from .table_units import Units
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,7 @@ class Reading:
     id: str | None = None  # the column whose values tell drives apart
     columns: Mapping[str, str | int] = field(default_factory=dict)  # documented name -> own column
     tz: str | None = None  # zone of times that name none, such as Europe/Berlin
+    units: "Units | None" = None  # of columns that name none; None: the values tell
 
     @classmethod
     def of(

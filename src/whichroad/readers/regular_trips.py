@@ -7,6 +7,7 @@ Trips are regular that are sorted, valid and without odometry; the result is tha
 from collections import Counter
 from collections.abc import Mapping
 from datetime import tzinfo
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from .dates import tick_of
 from .drive_columns import Columns, reported
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place
-from .table_units import in_metres_per_second, undecided
+from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class RegularTrips(NamedTuple):
 def batched_fixes(
     table: "pa.Table", first: Ints, settings: Settings,
     own: Mapping[str, str | int] | None = None, zone: tzinfo | None = None,
+    units: Units | None = None,
 ) -> RegularTrips | None:  # fmt: skip
     """Read the fixes of the regular trips of a batch.
 
@@ -60,6 +62,7 @@ def batched_fixes(
         settings: Gives the sigma of fixes that report none.
         own: Own names of columns, as `names.find` takes them.
         zone: Of times that name none; None: UTC.
+        units: Of columns that name none.
 
     Returns:
         The trips of which nothing is skipped.  None: no trip can be read so.
@@ -87,16 +90,25 @@ def batched_fixes(
     possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
     possible[first] = True
     regular = np.logical_and.reduceat(good & later & possible, first)
-    notes: dict[int, tuple[str, ...]] = {}
-    if "speed" in found and found["speed"].bare:
-        metres, unknown = in_metres_per_second(columns, first)
-        regular &= metres
-        notes = dict.fromkeys(np.flatnonzero(unknown).tolist(), (undecided(found["speed"]),))
+    units = units or Units()
+    units.in_si(columns)
+    notes = _notes(units, columns, first)
     if not regular.all():
         rows = np.repeat(regular, np.diff(first, append=len(time)))
         columns = {quantity: values[rows] for quantity, values in columns.items()}
     fixes = completed(reported(columns), settings, skipped)
     return None if skipped else RegularTrips(fixes, regular, notes)
+
+
+def _notes(units: Units, columns: Columns, first: Ints) -> dict[int, tuple[str, ...]]:
+    """What is said of the units of each trip, where there is something to say."""
+    if not units.notes and not units.unsure:
+        return {}
+    bounds = [*first.tolist(), len(columns["time"])]
+    return {
+        trip: units.notes_on({q: columns[q][low:high] for q in units.unsure if q in columns})
+        for trip, (low, high) in enumerate(pairwise(bounds))
+    }
 
 
 def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:

@@ -1,8 +1,12 @@
-"""The units of a table's times, speeds, odometers and yaw rates, where names leave them open."""
+"""The units of a table's times, speeds, odometers and yaw rates, where names leave them open.
 
-from collections.abc import Sequence
+Those of all but times are decided once for a table, by its first drives.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
 from datetime import tzinfo
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,17 +15,44 @@ from ..geodesy.angles import DEGREE
 from ..observations import Array
 from . import units_by_places as fit
 from .arrow_columns import Times
-from .checks import Bools, Ints
+from .checks import LAST
 from .dates import EARLIEST, from_serial
 from .drive_columns import Columns
 from .names import Column
 from .table_drives import Trip
 
-_MOST = 50  # drives of a table that are asked for its units
+MOST = 50  # drives of a table that are asked for its units
+MOST_ROWS = 1 << 14  # of these drives, unless the first has more
 _FEWEST = 5  # steps from place to place that are judged
 _JUMPING = 0.3  # share of them that is impossible, from which rows are of several vehicles
 _MOVING = 2.0  # in any unit, from which on it matters which one a speed has
 _SPEEDS = ("speed", "wheel_rl", "wheel_rr")
+
+
+class Units(NamedTuple):
+    """What the columns of a table are in that name no unit."""
+
+    factors: Mapping[str, float] = {}  # to SI, by quantity; NaN: not used
+    notes: tuple[str, ...] = ()  # on what was decided
+    unsure: Mapping[str, str] = {}  # quantity -> note on drives that move
+
+    def in_si(self, columns: Columns) -> None:
+        """Bring columns, in the units of their names, to SI in place."""
+        with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
+            for quantity in self.factors.keys() & columns.keys():
+                columns[quantity] = columns[quantity] * self.factors[quantity]
+
+    def notes_on(self, columns: Columns) -> tuple[str, ...]:
+        """What is said of a drive with these columns."""
+        more = [note for q, note in self.unsure.items() if q in columns and is_moving(columns[q])]
+        return (*self.notes, *more)
+
+
+def open_columns(found: Mapping[str, Column]) -> tuple[str, ...]:
+    """Names of the columns whose unit the values are asked for."""
+    asked = (*_SPEEDS, "odometer")
+    names = [c.name for q, c in found.items() if (c.bare and q in asked) or q == "yaw_rate"]
+    return tuple(sorted(names))
 
 
 def in_seconds(
@@ -77,7 +108,7 @@ def _check_jumps(
     """Refuse rows of several vehicles as one drive; of several drives name those."""
     if not {"lat", "lon"} <= columns.keys():
         return
-    for name, rows in trips[:_MOST]:
+    for name, rows in trips[:MOST]:
         found = fit.jumps(time[rows], columns["lat"][rows], columns["lon"][rows])
         if len(found) < _FEWEST or np.mean(found) < _JUMPING:
             continue
@@ -95,42 +126,100 @@ def _tracks(time: Array, columns: Columns, trips: Sequence[Trip]) -> list[fit.Tr
     if not {"lat", "lon"} <= columns.keys():
         return []
     lat, lon = columns["lat"], columns["lon"]
-    return [fit.Track.of(time[t.rows], lat[t.rows], lon[t.rows]) for t in trips[:_MOST]]
+    return [fit.Track.of(time[t.rows], lat[t.rows], lon[t.rows]) for t in trips[:MOST]]
 
 
-def in_si(
-    columns: Columns, found: dict[str, Column], trips: Sequence[Trip], notes: list[str]
-) -> None:
-    """Bring columns whose names say no unit to SI, by what the places and physics allow.
+def units_of(columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip]) -> Units:
+    """The units of columns whose names say none, by what the places and physics allow.
 
     Args:
-        columns: Changed in place.
+        columns: In the units of their names, with times.
         found: What the columns are.
-        trips: The drives of the table.
-        notes: Where to say what was decided.
+        trips: The drives of the table; the first `MOST`, as far as they have `MOST_ROWS`, decide.
     """
+    ends = np.cumsum([len(trip.rows) for trip in trips[:MOST]])
+    few = trips[: max(int(np.searchsorted(ends, MOST_ROWS, "right")), 1)]
+    few = [Trip(t.name, t.rows[np.abs(columns["time"][t.rows]) < LAST]) for t in few]
+    asked = _Asked(columns, found, few)
     bare = [q for q, column in found.items() if column.bare and q in columns]
     if {"lat", "lon"} <= columns.keys() and any(q in (*_SPEEDS, "odometer") for q in bare):
-        tracks = _tracks(columns["time"], columns, trips)
-        windows = [fit.windows_of(track) for track in tracks]
+        windows = [fit.windows_of(track) for track in _tracks(columns["time"], columns, few)]
         for quantity in bare:
             if quantity in _SPEEDS:
-                _speed(quantity, columns, found, trips, windows, notes)
+                asked.speed(quantity, windows)
             elif quantity == "odometer":
-                _odometer(columns, found, trips, windows, notes)
+                asked.odometer(windows)
     if "yaw_rate" in columns:
-        yaw_rate, said = possible_yaw_rate(
-            columns["yaw_rate"], columns.get("speed"), f"column {found['yaw_rate'].name!r}",
-            "yaw_rate" in bare,
-        )  # fmt: skip
-        columns["yaw_rate"] = yaw_rate
-        notes += said
+        asked.yaw_rate("yaw_rate" in bare)
+    return Units(asked.factors, tuple(asked.notes), asked.unsure)
+
+
+class _Asked:
+    """The first drives of a table, and what they tell of its units."""
+
+    def __init__(
+        self, columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip]
+    ) -> None:
+        self.columns, self.found, self.trips = columns, found, trips
+        self.factors: dict[str, float] = {}
+        self.notes: list[str] = []
+        self.unsure: dict[str, str] = {}
+
+    def speed(self, quantity: str, windows: Sequence[fit.Windows]) -> None:
+        """The unit of a speed, by the ways between places."""
+        time, speed, column = self.columns["time"], self.columns[quantity], self.found[quantity]
+        pairs = zip(windows, self.trips, strict=True)
+        each = [fit.speed_ratios(w, time[t.rows], speed[t.rows]) for w, t in pairs]
+        ratios = np.concatenate(each) if each else np.empty(0)
+        if not fit.is_telling(ratios):
+            self.unsure[quantity] = _undecided(column)
+            return
+        sparse = any(w.sparse for w in windows)
+        ratio = float(np.median(ratios))
+        if fit.speed_unit(ratios, sparse) == "m/s":  # as it is, or as its tool writes it
+            return
+        unit = fit.speed_unit(ratios / column.factor, sparse)
+        if unit is not None:
+            self.factors[quantity] = fit.SPEED_UNITS[unit] / column.factor
+            self.notes.append(f"column {column.name!r} taken in {unit}, which fits the places")
+        elif quantity == "speed" and ratio > 0.0:
+            self.factors[quantity] = math.nan
+            self.notes.append(
+                f"column {column.name!r} not used: as m/s it is {ratio:.2g} times the speed "
+                "between places, which fits no unit for sure; name it in its unit, such as "
+                "speed_kmh"
+            )
+
+    def odometer(self, windows: Sequence[fit.Windows]) -> None:
+        """The unit of an odometer, by the first drive that tells it."""
+        time, distance = self.columns["time"], self.columns["odometer"]
+        for window, trip in zip(windows, self.trips, strict=True):
+            unit = fit.distance_unit(window, time[trip.rows], distance[trip.rows])
+            if unit is None:
+                continue
+            if unit != "m":
+                self.factors["odometer"] = fit.DISTANCE_UNITS[unit]
+                name = self.found["odometer"].name
+                self.notes.append(f"column {name!r} taken in {unit}, which fits the places")
+            return
+
+    def yaw_rate(self, bare: bool) -> None:
+        """The unit of a yaw rate, by what cars and their tyres reach."""
+        rows = np.concatenate([trip.rows for trip in self.trips])
+        speed = self.columns.get("speed")
+        if speed is not None:
+            speed = speed[rows] * self.factors.get("speed", 1.0)
+        name = f"column {self.found['yaw_rate'].name!r}"
+        factor, said = possible_yaw_rate(self.columns["yaw_rate"][rows], speed, name, bare)
+        if factor != 1.0:
+            self.factors["yaw_rate"] = factor
+        self.notes += said
 
 
 def possible_yaw_rate(
     yaw_rate: Array, speed: Array | None, name: str, bare: bool
-) -> tuple[Array, list[str]]:
-    """A yaw rate in rad/s, and notes on it where no car could turn so.
+) -> tuple[float, list[str]]:
+    """What brings a yaw rate to rad/s, and notes on it where no car could turn so.
 
     Args:
         yaw_rate: (n,) rad/s, as far as is known.
@@ -139,64 +228,13 @@ def possible_yaw_rate(
         bare: Whether no unit was named, so that it may be in degrees.
     """
     if not fit.is_in_degrees(yaw_rate, speed):
-        return yaw_rate, []
+        return 1.0, []
     if bare:
-        return yaw_rate * DEGREE, [f"{name} taken in degrees/s: no car turns that fast in rad/s"]
-    return yaw_rate, [f"{name} is faster than any car turns; is it in degrees/s?"]
+        return DEGREE, [f"{name} taken in degrees/s: no car turns that fast in rad/s"]
+    return 1.0, [f"{name} is faster than any car turns; is it in degrees/s?"]
 
 
-def _speed(
-    quantity: str,
-    columns: Columns,
-    found: dict[str, Column],
-    trips: Sequence[Trip],
-    windows: Sequence[fit.Windows],
-    notes: list[str],
-) -> None:
-    time, speed, name = columns["time"], columns[quantity], found[quantity].name
-    pairs = zip(windows, trips, strict=False)
-    each = [fit.speed_ratios(w, time[t.rows], speed[t.rows]) for w, t in pairs]
-    ratios = np.concatenate(each) if each else np.empty(0)
-    if not fit.is_telling(ratios):
-        if _is_moving(speed):
-            notes.append(undecided(found[quantity]))
-        return
-    sparse = any(w.sparse for w in windows)
-    ratio = float(np.median(ratios))
-    if fit.speed_unit(ratios, sparse) == "m/s":  # as it is, or as its tool writes it
-        return
-    unit = fit.speed_unit(ratios / found[quantity].factor, sparse)
-    if unit is not None:
-        columns[quantity] = speed * (fit.SPEED_UNITS[unit] / found[quantity].factor)
-        notes.append(f"column {name!r} taken in {unit}, which fits the places")
-    elif quantity == "speed" and ratio > 0.0:
-        columns[quantity] = np.full(len(speed), np.nan)
-        notes.append(
-            f"column {name!r} not used: as m/s it is {ratio:.2g} times the speed between places, "
-            "which fits no unit for sure; name it in its unit, such as speed_kmh"
-        )
-
-
-def _odometer(
-    columns: Columns,
-    found: dict[str, Column],
-    trips: Sequence[Trip],
-    windows: Sequence[fit.Windows],
-    notes: list[str],
-) -> None:
-    time, distance = columns["time"], columns["odometer"]
-    for window, trip in zip(windows, trips, strict=False):
-        unit = fit.distance_unit(window, time[trip.rows], distance[trip.rows])
-        if unit not in (None, "m"):
-            columns["odometer"] = distance * fit.DISTANCE_UNITS[unit or "m"]
-            notes.append(
-                f"column {found['odometer'].name!r} taken in {unit}, which fits the places"
-            )
-        if unit is not None:
-            return
-
-
-def undecided(column: Column) -> str:
+def _undecided(column: Column) -> str:
     """That the unit of a speed is not known for sure."""
     unit = next((u for u, f in fit.SPEED_UNITS.items() if f == column.factor), "m/s")
     return (
@@ -205,31 +243,6 @@ def undecided(column: Column) -> str:
     )
 
 
-def _is_moving(speed: Array) -> bool:
+def is_moving(speed: Array) -> bool:
     """Whether a speed, which may be in any unit, is of something that moves."""
     return bool((np.abs(speed) > _MOVING).any())
-
-
-def in_metres_per_second(columns: Columns, first: Ints) -> tuple[Bools, Bools]:
-    """Whether the speeds of trips, which name no unit, are taken in m/s.
-
-    Args:
-        columns: Of all trips, one after the other, by time.
-        first: (d,) where each begins.
-
-    Returns:
-        (d,) whether they are, and (d,) whether nothing shows that they should be.
-    """
-    bounds = [*first.tolist(), len(columns["time"])]
-    metres, unknown = np.ones(len(first), np.bool_), np.zeros(len(first), np.bool_)
-    for trip, (low, high) in enumerate(pairwise(bounds)):
-        time = columns["time"][low:high]
-        track = fit.Track.of(time, columns["lat"][low:high], columns["lon"][low:high])
-        windows = fit.windows_of(track)
-        speed = columns["speed"][low:high]
-        ratios = fit.speed_ratios(windows, time, speed)
-        if fit.is_telling(ratios):
-            metres[trip] = fit.speed_unit(ratios, windows.sparse) == "m/s"
-        else:
-            unknown[trip] = _is_moving(speed)
-    return metres, unknown
