@@ -122,6 +122,7 @@ class Drive:
     skipped: dict[str, int] = field(default_factory=dict)  # reason -> how many records
     notes: tuple[str, ...] = ()
     sensed: tuple[SensorReading, ...] = ()  # by further sensors, in the order of time
+    gyro: YawRates | None = None  # that stands beside no odometry
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import whichroad
-from whichroad.errors import ReadError
+from whichroad.errors import DriveError, ReadError
 from whichroad.readers import drive_from_table, read_drive
 from whichroad.readers.names import NAMES
 
@@ -237,6 +237,42 @@ def test_a_stream_splits_trips_of_several_vehicles_too(street):
     parts = whichroad.match_many(table.to_batches(max_chunksize=7), street)
     assert whole.drives["drive_id"].to_pylist() == ["x/1", "y/1"]
     assert whole.points.equals(parts.points)
+
+
+def turning(t0=T0 + 0.05, n=10 * N):
+    """Readings of a gyro, ten a second."""
+    return pd.DataFrame({"t": t0 + 0.1 * np.arange(n), "gz": 0.01})
+
+
+def test_a_yaw_rate_in_a_file_of_its_own_stands_beside_the_odometry_of_another(tmp_path):
+    own = {"yaw_rate_radps": "gz"}
+    far = pd.DataFrame({"time": T0 + np.arange(N), "odometer_m": 10.0 * np.arange(N)})
+    for name, motion in (("wheels", wheels()), ("odometer", far)):
+        paths = files(tmp_path, fixes=going(), gyro=turning(), **{name: motion})
+        for given in (paths, paths[::-1], paths[1:]):
+            (drive,) = read_drive(given, columns=own)
+            assert drive.gyro is None
+            assert len(drive.odometry.time) == N
+            assert drive.odometry.gyro.rate == pytest.approx(np.full(10 * N, 0.01))
+    half = [turning(n=5 * N), turning(T0 + 0.05 + N / 2, 5 * N)]
+    paths = files(tmp_path, fixes=going(), wheels=wheels(), g1=half[0], g2=half[1])
+    late = whichroad.Vehicle(clock_offset={"odometry": 2.0})
+    (drive,) = read_drive(paths, columns=own, vehicle=late)
+    assert drive.odometry.gyro.time == pytest.approx(T0 + 2.05 + 0.1 * np.arange(10 * N))
+
+
+def test_a_yaw_rate_that_finds_no_odometry_is_noted(tmp_path, street):
+    own = {"yaw_rate_radps": "gz"}
+    paths = files(tmp_path, fixes=going(), gyro=turning())
+    (drive,) = read_drive(paths, columns=own)
+    assert drive.odometry is None
+    assert "yaw rate not used: a speed beside it was expected, or an odometer" in drive.notes
+    with pytest.raises(DriveError, match=r"neither fixes nor odometry; .*yaw rate not used"):
+        whichroad.match(paths[1], street, columns=own)
+    turned = pd.DataFrame({"time": T0 + np.arange(N), "speed": 10.0, "yaw_rate_radps": 0.0})
+    paths = files(tmp_path, fixes=going(), gyro=turning(), turned=turned)
+    (drive,) = read_drive(paths, columns=own | {"speed_mps": "speed"})
+    assert "a second yaw rate not used: that beside the speed is" in drive.notes
 
 
 def odd():

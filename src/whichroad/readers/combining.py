@@ -69,7 +69,7 @@ def combined(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
         for drive in part.drives:
             if part.named and (_has_fixes(drive) or drive.drive_id in groups or _many(part)):
                 groups.setdefault(drive.drive_id, []).append(drive)
-            elif _has_fixes(drive) or (drive.odometry is None and not drive.sensed):
+            elif _has_fixes(drive) or _is_empty(drive):
                 loose.append(drive)
             else:
                 wheels.append(drive)
@@ -90,6 +90,11 @@ def _many(part: Part) -> bool:
 
 def _has_fixes(drive: Drive) -> bool:
     return drive.fixes is not None and len(drive.fixes) > 0
+
+
+def _is_empty(drive: Drive) -> bool:
+    """Whether a drive without fixes has nothing that could belong to another's."""
+    return drive.odometry is None and drive.gyro is None and not drive.sensed
 
 
 def _free(name: str, taken: dict[str, Any]) -> str:
@@ -221,6 +226,8 @@ def _add_odometry(
 def _share_time(group: Sequence[Drive], wheels: Drive) -> bool:
     if wheels.odometry is not None:
         time = wheels.odometry.time
+    elif wheels.gyro is not None:
+        time = wheels.gyro.time
     elif wheels.sensed:
         time = np.array([one.time for one in wheels.sensed])
     else:
@@ -261,6 +268,8 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
         odometry = _join_odometry(
             [d.odometry for d in drives if d.odometry is not None], vehicle, skipped, notes, name
         )
+        gyros = [d.gyro for d in drives if d.gyro is not None]
+        odometry, gyro = _steered(odometry, gyros, skipped)
         _same_clock(name, fixes, odometry)
         drive = Drive(
             drive_id=name,
@@ -270,6 +279,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             skipped=dict(skipped),
             notes=tuple(dict.fromkeys(notes)),
             sensed=tuple(sorted((s for d in drives for s in d.sensed), key=lambda s: s.time)),
+            gyro=gyro,
         )
     return with_speed_notes(with_fit_notes(drive, vehicle))
 
@@ -297,6 +307,28 @@ def _join_fixes(logs: list[Fixes], skipped: Skipped) -> Fixes | None:
     return Fixes(**{name: values[rows] for name, values in columns.items()})
 
 
+def _join_gyros(gyros: list[YawRates], skipped: Skipped) -> YawRates:
+    """Readings of gyros as one log."""
+    time = np.concatenate([gyro.time for gyro in gyros])
+    rows = in_order(time, skipped)
+    return YawRates(time[rows], np.concatenate([gyro.rate for gyro in gyros])[rows])
+
+
+def _steered(
+    log: OdometryLog | None, gyros: list[YawRates], skipped: Skipped
+) -> tuple[OdometryLog | None, YawRates | None]:
+    """Odometry with the gyro of files of its own beside it, and a gyro that has no place there."""
+    if not gyros:
+        return log, None
+    if isinstance(log, WithGyro):
+        return WithGyro(log.distance, _join_gyros([log.gyro, *gyros], skipped)), None
+    gyro = _join_gyros(gyros, skipped)
+    if not isinstance(log, Odometer | WheelCounts | WheelSpeeds):
+        return log, gyro
+    beside = steered(log, gyro)
+    return beside, None if isinstance(beside, WithGyro) else gyro
+
+
 def _join_odometry(
     logs: list[OdometryLog], vehicle: Vehicle, skipped: Skipped, notes: list[str], name: str
 ) -> OdometryLog | None:
@@ -311,10 +343,7 @@ def _join_odometry(
         joined = _join_odometry(plain, vehicle, skipped, notes, name)
         if not isinstance(joined, Odometer | WheelCounts | WheelSpeeds):
             return joined
-        time = np.concatenate([gyro.time for gyro in gyros])
-        rows = in_order(time, skipped)
-        rate = np.concatenate([gyro.rate for gyro in gyros])
-        return steered(joined, YawRates(time[rows], rate[rows]))
+        return steered(joined, _join_gyros(gyros, skipped))
     kind = next(k for k in _PREFERRED if any(isinstance(log, k) for log in logs))
     others = sorted({type(log).__name__ for log in logs if not isinstance(log, kind)})
     if others:

@@ -55,7 +55,9 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
     has_position = {"lat", "lon"} <= columns.keys()
     between = has_position and _speeds_between(columns)
     odometry = _odometry(columns, between or not has_position, vehicle, skipped, notes)
-    notes += unused({k for k, v in columns.items() if np.isfinite(v).any()}, odometry)
+    gyro = _gyro(columns, skipped) if odometry is None else None
+    has = {k for k, v in columns.items() if np.isfinite(v).any()}
+    notes += unused(has if gyro is None else has - {"yaw_rate"}, odometry)
     fixes = None
     if has_position:
         blank = np.isnan(columns["lat"]) & np.isnan(columns["lon"])
@@ -70,7 +72,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
         fixes = make_fixes(reported(own), settings, skipped)
-    return Drive("", fixes, odometry, notes=tuple(notes))
+    return Drive("", fixes, odometry, notes=tuple(notes), gyro=gyro)
 
 
 def reported(columns: Columns) -> Reported:

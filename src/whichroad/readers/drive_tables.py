@@ -157,7 +157,9 @@ def drives_of(
         drive = drive_of(part, reading.vehicle, reading.settings, here)
         told = (*notes, *units.notes_on(part), *drive.notes)
         sensed = sensed_by(part)
-        drives.append(Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed))
+        drives.append(
+            Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed, drive.gyro)
+        )
     return drives
 
 
@@ -300,7 +302,9 @@ def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
     has = columns.keys()
     fixes = {"lat", "lon"} <= has
     wheels = {"wheel_rl", "wheel_rr"} <= has or {"wheel_rl_ticks", "wheel_rr_ticks"} <= has
-    if fixes or wheels or "odometer" in has or "speed" in has:
+    if fixes or wheels or has & {"odometer", "speed"}:
+        return
+    if "time" in seen.found and "yaw_rate" in has:  # to stand beside the odometry of another file
         return
     if "time" in seen.found and any(name.startswith(SENSED) for name in has):
         return

@@ -326,7 +326,8 @@ def _has_rows(file: Path) -> bool:
 
 
 def _holds_anything(drive: Drive) -> bool:
-    return bool(drive.fixes is not None and len(drive.fixes)) or drive.odometry is not None
+    has_fixes = drive.fixes is not None and len(drive.fixes) > 0
+    return has_fixes or drive.odometry is not None or drive.gyro is not None
 
 
 def _later(log: OdometryLog, seconds: float) -> OdometryLog:
@@ -347,12 +348,14 @@ def _on_our_clock(part: Part, vehicle: Vehicle) -> Part:
         return part
     drives = []
     for drive in part.drives:
-        fixes, odometry = drive.fixes, drive.odometry
+        fixes, odometry, gyro = drive.fixes, drive.odometry, drive.gyro
+        if gyro is not None:
+            gyro = replace(gyro, time=gyro.time + for_odometry)
         if fixes is not None:
             fixes = replace(fixes, time=fixes.time + for_fixes)
         if odometry is not None:
             odometry = _later(odometry, for_odometry)
         more = for_odometry if part.kind == "can" or fixes is None else for_fixes
         sensed = tuple(replace(one, time=one.time + more) for one in drive.sensed)
-        drives.append(replace(drive, fixes=fixes, odometry=odometry, sensed=sensed))
+        drives.append(replace(drive, fixes=fixes, odometry=odometry, sensed=sensed, gyro=gyro))
     return part._replace(drives=drives)

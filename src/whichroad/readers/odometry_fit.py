@@ -19,6 +19,7 @@ from ..observations import (
     WithGyro,
 )
 from ..settings import Vehicle
+from .drive_columns import unused
 from .units_by_places import (
     Track,
     Windows,
@@ -29,6 +30,7 @@ from .units_by_places import (
     windows_of,
 )  # fmt: skip
 
+_SECOND = "a second yaw rate not used: that beside the speed is"
 _COVERED = 0.9  # share of the fixes' time, below which odometry is said to cover a part
 _FEWEST = 10  # fixes
 _SCALE = (0.8, 1.25)  # odometry over places, beyond which it is said
@@ -49,7 +51,7 @@ _MOST = 7200  # fixes that are looked at
 
 
 def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
-    """The drive with notes on odometry that does not fit its fixes.
+    """The drive with notes on odometry that does not fit its fixes, and on a gyro without one.
 
     Args:
         drive: A drive, in one piece.
@@ -57,6 +59,8 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
     """
     with np.errstate(over="ignore", invalid="ignore"):  # distances may be anything
         notes = _notes(drive, vehicle)
+    if drive.gyro is not None:
+        notes += unused({"yaw_rate"}, drive.odometry) or [_SECOND]
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
 
 
