@@ -18,6 +18,7 @@ from ..observations import Array, Drive, SensorReading
 from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
 from .checks import LAST, NO_TIME, Skipped, keep
+from .coarse_times import spread
 from .csv_text import no_column
 from .dates import taken_as_utc, zone_of
 from .drive_columns import Columns, drive_of
@@ -30,7 +31,7 @@ from .reading import Reading
 from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of
-from .table_units import Units, in_seconds, units_of
+from .table_units import Units, check_motion, in_seconds, units_of
 from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
@@ -139,7 +140,7 @@ def drives_of(
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
     notes: list[str] = []
     trips = trips_of(seen, np.arange(seen.table.num_rows), stem, reading.id is not None)
-    columns = _placed(seen, trips, reading, skipped, notes, where, paths)
+    columns, said = _placed(seen, trips, reading, skipped, notes, where, paths)
     with np.errstate(over="ignore", invalid="ignore"):
         units = reading.units or units_of(columns, seen.found, trips)
     units.in_si(columns)
@@ -155,7 +156,8 @@ def drives_of(
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
         drive = drive_of(part, reading.vehicle, reading.settings, here)
-        told = (*notes, *units.notes_on(part), *drive.notes)
+        cut = (said[name],) if name in said else ()
+        told = (*notes, *units.notes_on(part), *cut, *drive.notes)
         sensed = sensed_by(part)
         drives.append(
             Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed, drive.gyro)
@@ -174,7 +176,7 @@ def units_in(table: Any, first: Sequence[int], reading: Reading) -> Units:
     seen = in_memory(table, reading)
     trips = [Trip("", np.arange(low, high)) for low, high in pairwise(first)]
     try:
-        columns = _placed(seen, trips, reading, Counter(), [], "table", ())
+        columns, _ = _placed(seen, trips, reading, Counter(), [], "table", ())
     except ReadError:  # each trip will say why
         return Units()
     with np.errstate(over="ignore", invalid="ignore"):
@@ -184,8 +186,11 @@ def units_in(table: Any, first: Sequence[int], reading: Reading) -> Units:
 def _placed(
     seen: Seen, trips: list[Trip], reading: Reading, skipped: Skipped, notes: list[str],
     where: str, paths: tuple[str, ...],
-) -> Columns:  # fmt: skip
-    """All quantities, in the units of the columns' names, with places in degrees and times in s."""
+) -> tuple[Columns, dict[str, str]]:  # fmt: skip
+    """All quantities, in the units of the columns' names, with places in degrees and times in s.
+
+    Also what is said of the times of some drives, by name.
+    """
     columns = _values(seen, skipped, notes)
     if reading.crs is not None and {"lat", "lon"} <= columns.keys():
         notes.append(
@@ -196,10 +201,12 @@ def _placed(
     if "time" in seen.found:
         read = _times(seen, reading, skipped, where, notes, paths)
         with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
-            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes, where)
+            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes)
+            said = spread(columns, trips)
+            check_motion(columns, trips, notes, where)
     else:
-        columns["time"] = _invented(seen, columns, trips, notes, where)
-    return columns
+        columns["time"], said = _invented(seen, columns, trips, notes, where), {}
+    return columns, said
 
 
 def sensed_by(columns: Columns) -> tuple[SensorReading, ...]:

@@ -61,7 +61,6 @@ def in_seconds(
     trips: Sequence[Trip],
     zone: tzinfo | None,
     notes: list[str],
-    where: str,
 ) -> Array:
     """Seconds since 1970 of times whose unit and start may be open.
 
@@ -71,10 +70,6 @@ def in_seconds(
         trips: The drives of the table.
         zone: Of a spreadsheet's days; None: UTC.
         notes: Where to say what was decided.
-        where: The table, for errors.
-
-    Raises:
-        ReadError: Nothing moves from place to place so fast.
     """
     time = read.seconds
     if read.dateless:
@@ -91,6 +86,22 @@ def in_seconds(
             sizes = np.sort(np.abs(time[np.isfinite(time)]))
             if len(sizes) and sizes[len(sizes) // 2] >= EARLIEST:  # of no plausible year
                 time = np.full(len(time), np.nan)
+    return time
+
+
+def check_motion(columns: Columns, trips: Sequence[Trip], notes: list[str], where: str) -> None:
+    """Refuse times and places that no vehicle has, and rows of several vehicles as one drive.
+
+    Args:
+        columns: Gives the times, s, and the places.
+        trips: The drives of the table.
+        notes: Names drives of several that are rows of several vehicles.
+        where: The table, for errors.
+
+    Raises:
+        ReadError: It is so.
+    """
+    time = columns["time"]
     tracks = _tracks(time, columns, trips)
     if fit.is_impossible(tracks):
         raise ReadError(
@@ -99,7 +110,6 @@ def in_seconds(
             "the places in degrees?"
         )
     _check_jumps(time, columns, trips, notes, where)
-    return time
 
 
 def _check_jumps(

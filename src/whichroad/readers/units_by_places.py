@@ -67,10 +67,20 @@ class Windows(NamedTuple):
 
 def distances(lat_deg: Array, lon_deg: Array, step: int = 1) -> Array:
     """Metres from each place to the one `step` later, (n - step,)."""
+    return np.hypot(
+        *metres_between(lat_deg[:-step], lon_deg[:-step], lat_deg[step:], lon_deg[step:])
+    )
+
+
+def metres_between(
+    lat_deg: Array, lon_deg: Array, to_lat_deg: Array, to_lon_deg: Array
+) -> tuple[Array, Array]:
+    """Metres east and north from places to others, (n,) each."""
     with np.errstate(over="ignore", invalid="ignore"):  # places may be anything
-        lat, turned = radians(lat_deg), radians(wrap_degrees(lon_deg[step:] - lon_deg[:-step]))
-        east = turned * np.cos(0.5 * (lat[step:] + lat[:-step]))
-        return np.asarray(EARTH_RADIUS * np.hypot(east, lat[step:] - lat[:-step]))
+        lat, to_lat = radians(lat_deg), radians(to_lat_deg)
+        turned = radians(wrap_degrees(to_lon_deg - lon_deg))
+        east = turned * np.cos(0.5 * (to_lat + lat))
+        return EARTH_RADIUS * east, EARTH_RADIUS * (to_lat - lat)
 
 
 def windows_of(track: Track) -> Windows:

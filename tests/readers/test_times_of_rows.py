@@ -1,0 +1,99 @@
+"""What the order of rows tells of times that are not fine enough, or come twice."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whichroad.readers import drive_from_table
+
+from .driving import METRES, town
+
+MINUTE = 60.0
+
+
+def cut(frame: pd.DataFrame, unit: float) -> pd.DataFrame:
+    """The drive with times cut to a whole unit."""
+    return frame[["time", "lat", "lon"]].assign(time=np.floor(frame["time"] / unit) * unit)
+
+
+def fast() -> pd.DataFrame:
+    """A drive with five fixes a second; all receivers are in phase with their clock."""
+    frame = town(step=0.2, n=900, noise=0.0)
+    return frame.assign(time=frame["time"][0] + 0.2 * np.arange(900))
+
+
+@pytest.mark.parametrize("late", [0.0, 17.0, 43.0])
+def test_times_in_whole_minutes_are_spread_by_the_order_of_rows(late, sound):
+    frame = town(n=600)
+    frame["time"] += late
+    (drive,) = drive_from_table(cut(frame, MINUTE))
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(frame["time"].to_numpy(), abs=1e-3)
+    assert not drive.skipped
+    (note,) = drive.notes
+    assert note.startswith("times were in whole minutes; 590 rows were spread evenly")
+
+
+def test_times_in_whole_seconds_are_spread_by_the_order_of_rows(sound):
+    (drive,) = drive_from_table(cut(fast(), 1.0))
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(fast()["time"].to_numpy(), abs=1e-3)
+    assert "times were in whole seconds; 720 rows" in drive.notes[0]
+
+
+def test_rows_that_come_latest_first_are_spread_in_the_order_of_time(sound):
+    (drive,) = drive_from_table(cut(town(n=600), MINUTE)[::-1])
+    sound(drive)
+    assert drive.fixes.lat_deg == pytest.approx(town(n=600)["lat"].to_numpy())
+
+
+def test_rows_beside_a_gap_are_spread_on_its_sides():
+    frame = town(n=600).drop(index=range(200, 330))
+    (drive,) = drive_from_table(cut(frame, MINUTE))
+    assert drive.fixes.time == pytest.approx(frame["time"].to_numpy(), abs=1e-3)
+
+
+def test_rows_that_repeat_a_place_are_not_spread(sound):
+    frame = cut(fast(), 1.0)
+    (drive,) = drive_from_table(frame.loc[frame.index.repeat(2)])
+    sound(drive)
+    assert drive.skipped == {"repeated time": len(frame)}
+    assert drive.fixes.time == pytest.approx(fast()["time"].to_numpy(), abs=1e-3)
+
+
+def test_rows_of_two_receivers_at_one_time_are_dropped_and_it_is_said(sound):
+    one = cut(town(), 1.0)
+    other = one.assign(lat=one["lat"] + 2.0 * METRES)
+    both = pd.concat([one, other]).sort_values("time", kind="stable")
+    (drive,) = drive_from_table(both)
+    sound(drive)
+    assert drive.skipped == {"repeated time": len(one)}
+    assert "240 of 480 rows have the time of a row before them at another place" in drive.notes[0]
+    assert drive.fixes.lat_deg == pytest.approx(one["lat"].to_numpy())
+
+
+def test_fixes_and_odometry_of_one_time_are_left_as_they_are(sound):
+    fixes = cut(town(), 1.0)
+    wheels = pd.DataFrame({"time": fixes["time"], "wheel_rl": 8.0, "wheel_rr": 8.0})
+    both = pd.concat([wheels, fixes]).sort_values("time", kind="stable")
+    (drive,) = drive_from_table(both)
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(fixes["time"].to_numpy())
+    assert drive.odometry.time == pytest.approx(fixes["time"].to_numpy())
+    assert not drive.skipped
+
+
+def test_a_drive_too_short_to_tell_is_not_spread_and_it_is_said():
+    (drive,) = drive_from_table(cut(town(n=200), MINUTE))
+    assert drive.skipped == {"repeated time": 196}
+    assert "where times were rounded, give them with their fractions" in drive.notes[0]
+
+
+def test_each_drive_of_a_table_is_spread_on_its_own(sound):
+    coarse, fine = cut(town(n=600), MINUTE), town(seed=1)[["time", "lat", "lon"]]
+    table = pd.concat([coarse.assign(drive_id="coarse"), fine.assign(drive_id="fine")])
+    first, second = drive_from_table(table)
+    assert len(first.fixes) == 600
+    assert "590 rows" in first.notes[0]
+    assert len(second.fixes) == 240
+    assert not second.notes
