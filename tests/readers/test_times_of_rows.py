@@ -1,10 +1,16 @@
 """What the order of rows tells of times that are not fine enough, or come twice."""
 
+from zoneinfo import ZoneInfo
+
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from whichroad.readers import drive_from_table
+from whichroad.readers.regular_trips import batched_fixes
+from whichroad.readers.splitting import split_trips
+from whichroad.settings import Settings
 
 from .driving import METRES, town
 
@@ -97,3 +103,62 @@ def test_each_drive_of_a_table_is_spread_on_its_own(sound):
     assert "590 rows" in first.notes[0]
     assert len(second.fixes) == 240
     assert not second.notes
+
+
+def in_berlin(begin: str, seconds: int = 780) -> tuple[np.ndarray, pd.DataFrame]:
+    """Moments of a drive around the end of summer time, and its table with local times."""
+    moments = pd.date_range(begin, periods=seconds, freq="s", tz="UTC")
+    frame = town(n=seconds)[["lat", "lon"]]
+    local = moments.tz_convert("Europe/Berlin").tz_localize(None)
+    return moments.as_unit("ns").asi8 / 1e9, frame.assign(time=local)
+
+
+@pytest.mark.parametrize("form", [None, "%Y-%m-%d %H:%M:%S", "%d.%m.%Y %H:%M:%S"])
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_jump_back_in_local_times_is_where_the_clocks_went_back(form, turned, sound):
+    moments, frame = in_berlin("2026-10-25T00:55:00")
+    if form is not None:
+        frame["time"] = frame["time"].dt.strftime(form)
+    (drive,) = drive_from_table(frame[::turned], tz="Europe/Berlin")
+    sound(drive)
+    assert drive.fixes.time == pytest.approx(moments)
+    assert "480 rows behind the jump in the local times" in drive.notes[0]
+
+
+@pytest.mark.parametrize("begin", ["2026-10-24T23:55:00", "2026-10-25T01:55:00"])
+def test_rows_that_go_on_from_a_sure_time_are_of_that_side_of_the_change(begin):
+    moments, frame = in_berlin(begin)
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert drive.fixes.time == pytest.approx(moments)
+    assert not drive.notes
+
+
+@pytest.mark.parametrize("begin", ["2026-10-25T00:10:00", "2026-10-25T01:10:00"])
+def test_a_drive_within_the_hour_that_comes_twice_is_taken_as_of_the_first_and_it_is_said(begin):
+    _, frame = in_berlin(begin)
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert drive.fixes.time[0] == pd.Timestamp("2026-10-25T00:10:00Z").timestamp()
+    assert "780 rows have local times that come twice" in drive.notes[0]
+    assert "the first was taken" in drive.notes[0]
+
+
+def test_drives_of_one_table_go_through_the_change_on_their_own():
+    moments, frame = in_berlin("2026-10-25T00:55:00")
+    table = pd.concat([frame.assign(drive_id=name) for name in "ab"]).sort_index(kind="stable")
+    for drive in drive_from_table(table, tz="Europe/Berlin"):
+        assert drive.fixes.time == pytest.approx(moments)
+
+
+def test_a_vehicle_is_cut_into_trips_in_the_order_of_true_times():
+    table = pa.Table.from_pandas(in_berlin("2026-10-25T00:55:00")[1])
+    ordered, parts = split_trips(table, 300.0, zone=ZoneInfo("Europe/Berlin"))
+    assert len(parts) == 1
+    assert ordered["time"].to_pylist() == table["time"].to_pylist()
+
+
+def test_trips_within_the_hour_that_comes_twice_are_not_read_together():
+    table = pa.Table.from_pandas(in_berlin("2026-10-25T01:10:00")[1])
+    zone = ZoneInfo("Europe/Berlin")
+    assert not batched_fixes(table, np.array([0]), Settings(), zone=zone).regular[0]
+    later = pa.Table.from_pandas(in_berlin("2026-10-25T02:10:00")[1])
+    assert batched_fixes(later, np.array([0]), Settings(), zone=zone).regular[0]

@@ -94,6 +94,12 @@ def keep(good: Bools, reason: str, skipped: Skipped) -> Bools:
     return good
 
 
+def as_time_passes(time: NDArray[Any], rows: Ints) -> Ints:
+    """Rows in the order of the file, turned round where that has the latest first."""
+    step = np.diff(time[rows])
+    return rows[::-1] if np.count_nonzero(step < 0) > np.count_nonzero(step > 0) else rows
+
+
 def in_order(time: NDArray[Any], skipped: Skipped) -> Ints:
     """The rows by strictly increasing time.
 

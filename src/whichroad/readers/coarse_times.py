@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..observations import Array
-from .checks import LAST, Bools, Ints
+from .checks import LAST, Bools, Ints, as_time_passes
 from .drive_columns import Columns
 from .names import SENSED
 from .reported_fixes import is_place
@@ -46,11 +46,9 @@ def spread(columns: Columns, trips: Sequence[Trip]) -> dict[str, str]:
     told = {}
     for name, rows in trips:
         known = rows[np.abs(columns["time"][rows]) < LAST]
-        step = np.diff(columns["time"][known])
-        if (step > 0.0).all():
+        if (np.diff(columns["time"][known]) > 0.0).all():
             continue
-        if np.count_nonzero(step < 0.0) > np.count_nonzero(step > 0.0):  # the latest come first
-            known = known[::-1]
+        known = as_time_passes(columns["time"], known)
         known = known[np.argsort(columns["time"][known], kind="stable")]
         said = _spread(columns, known)
         if said:

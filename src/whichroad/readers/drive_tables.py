@@ -18,6 +18,7 @@ from ..observations import Array, Drive, SensorReading
 from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
 from .checks import LAST, NO_TIME, Skipped, keep
+from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
 from .dates import taken_as_utc, zone_of
@@ -156,8 +157,8 @@ def drives_of(
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
         drive = drive_of(part, reading.vehicle, reading.settings, here)
-        cut = (said[name],) if name in said else ()
-        told = (*notes, *units.notes_on(part), *cut, *drive.notes)
+        apart = (one[name] for one in said if name in one)
+        told = (*notes, *units.notes_on(part), *apart, *drive.notes)
         sensed = sensed_by(part)
         drives.append(
             Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed, drive.gyro)
@@ -186,7 +187,7 @@ def units_in(table: Any, first: Sequence[int], reading: Reading) -> Units:
 def _placed(
     seen: Seen, trips: list[Trip], reading: Reading, skipped: Skipped, notes: list[str],
     where: str, paths: tuple[str, ...],
-) -> tuple[Columns, dict[str, str]]:  # fmt: skip
+) -> tuple[Columns, list[dict[str, str]]]:  # fmt: skip
     """All quantities, in the units of the columns' names, with places in degrees and times in s.
 
     Also what is said of the times of some drives, by name.
@@ -199,13 +200,14 @@ def _placed(
     _locate(seen, columns, reading.crs, where)
     _usable(columns, seen, where, reading.crs)
     if "time" in seen.found:
-        read = _times(seen, reading, skipped, where, notes, paths)
+        read, zone = _times(seen, reading, skipped, where, notes, paths), zone_of(reading.tz)
         with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
-            columns["time"] = in_seconds(read, columns, trips, zone_of(reading.tz), notes)
-            said = spread(columns, trips)
+            columns["time"] = in_seconds(read, columns, trips, zone, notes)
+            local = zone if read.zoneless or read.counted else None
+            said = [put_apart(columns, trips, local), spread(columns, trips)]
             check_motion(columns, trips, notes, where)
     else:
-        columns["time"], said = _invented(seen, columns, trips, notes, where), {}
+        columns["time"], said = _invented(seen, columns, trips, notes, where), []
     return columns, said
 
 

@@ -16,6 +16,7 @@ from ..observations import Array, Fixes
 from ..settings import Settings
 from .arrow_columns import numbers, times
 from .checks import LAST, Bools, Ints, Skipped
+from .clock_change import clock_back
 from .dates import tick_of
 from .drive_columns import Columns, reported
 from .names import Column, find, normal
@@ -82,6 +83,9 @@ def batched_fixes(
             values = numbers(table.column(column.place), column.name, skipped)
             columns[quantity] = values * column.factor
     good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
+    back = clock_back(time, zone)
+    if back is not None:  # the order of rows tells which of two equal hours is meant
+        good &= back == 0.0
     step = np.diff(time, prepend=-np.inf)
     later = step > 0.0
     later[first] = True

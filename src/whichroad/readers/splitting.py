@@ -19,6 +19,7 @@ from ..geodesy.angles import wrap_degrees
 from ..observations import Array
 from .arrow_columns import numbers, times
 from .checks import Ints
+from .clock_change import clock_back, put_rows_apart
 from .names import Column, find
 from .reported_fixes import is_place
 from .units_by_places import distances, reachable
@@ -105,7 +106,11 @@ def in_time_order(
     meaning = found["time"]
     try:
         column = table.column(meaning.place)
-        time = times(column, meaning, "table", Counter(), zone=zone).seconds
+        read = times(column, meaning, "table", Counter(), zone=zone)
+        time = read.seconds
+        back = clock_back(time, zone) if read.zoneless else None
+        if back is not None:
+            put_rows_apart(time, np.arange(len(time)), back)
     except Exception:  # the reader of the trip will say what its times are
         return table, unknown
     time = np.where(np.isfinite(time), time, np.inf)
